@@ -1,0 +1,163 @@
+"""Elliptic integrals, Jacobi functions and theta phases in long double, for any parameter m in [0, 1].
+
+SciPy's are double precision and take m, which loses 1−m near a separatrix; here 1−m (``m1``) is what is handed over.
+Scalars are ``np.longdouble`` throughout; where that type is no wider than double, only accuracy is lost.
+"""
+
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+
+Long = np.longdouble
+LongArray = NDArray[np.longdouble]
+
+PI = Long("3.14159265358979323846264338327950288")
+EPS = np.finfo(Long).eps
+# The means below converge quadratically: two numbers this close have a mean that is good to the last bit.
+_CLOSE = np.sqrt(EPS) / 8
+_TINY = np.finfo(Long).tiny ** Long(0.25)
+# exp(−_NEGLIGIBLE) adds nothing to a sum of order one.
+_NEGLIGIBLE = 5 - np.log(EPS)
+
+
+def exact(value: float | np.floating) -> Fraction:
+    """Rational number equal to a finite floating-point number of any width."""
+    return Fraction(*value.as_integer_ratio())
+
+
+def rounded(value: Fraction) -> Long:
+    """Long double nearest to a rational number, of whatever magnitude."""
+    if value == 0:
+        return Long(0)
+    # Some bits more than the type holds, so that truncating them does not show.
+    shift = np.finfo(Long).nmant + 10 - value.numerator.bit_length() + value.denominator.bit_length()
+    return np.ldexp(Long(int(value * Fraction(2) ** shift)), -shift)
+
+
+def carlson_rf(x: Long, y: Long, z: Long) -> Long:
+    """Carlson's R_F(x, y, z) of non-negative arguments, infinite if two of them are zero (DLMF §19.36(i))."""
+    if sorted((x, y, z))[1] == 0:
+        return Long(np.inf)
+    spread = max(abs(x - z), abs(y - z), abs(x - y)) / (3 * EPS / 8) ** (Long(1) / 8)
+    while spread > abs(x + y + z) / 3:
+        step = np.sqrt(x) * np.sqrt(y) + np.sqrt(y) * np.sqrt(z) + np.sqrt(z) * np.sqrt(x)
+        x, y, z, spread = (x + step) / 4, (y + step) / 4, (z + step) / 4, spread / 4
+    mean = (x + y + z) / 3
+    x, y = 1 - x / mean, 1 - y / mean
+    z = -x - y
+    e2, e3 = x * y - z * z, x * y * z
+    # DLMF (19.36.1), whose first neglected terms have degree 8.
+    series = (
+        1
+        - e2 / 10
+        + e3 / 14
+        + e2 * e2 / 24
+        - 3 * e2 * e3 / 44
+        - 5 * e2**3 / 208
+        + 3 * e3 * e3 / 104
+        + e2 * e2 * e3 / 16
+    )
+    return series / np.sqrt(mean)
+
+
+def complete_k(m1: Long) -> Long:
+    """Complete elliptic integral K(m), given m1 = 1−m in [0, 1]; infinite at m1 = 0 (DLMF §19.2(ii))."""
+    return Long(np.inf) if m1 == 0 else complete_cel(np.sqrt(m1), Long(1), Long(1), Long(1))
+
+
+def complete_cel(kc: Long, p: Long, a: Long, b: Long) -> Long:
+    """Bulirsch's complete integral cel(kc, p, a, b) for kc, p > 0 and a, b ≥ 0: no subtraction occurs.
+
+    ∫₀^{π/2} (a cos²θ + b sin²θ) / ((cos²θ + p sin²θ) √(cos²θ + kc² sin²θ)) dθ (Bulirsch 1969; DLMF §19.2(iii)).
+    """
+    product, mean = kc, Long(1)
+    p = np.sqrt(p)
+    b = b / p
+    while True:
+        ratio = product / p
+        a, b, p = a + b / p, 2 * (b + a * ratio), p + ratio
+        before, mean = mean, mean + kc
+        if abs(before - kc) <= before * _CLOSE:
+            return PI / 2 * (b + a * mean) / (mean * (mean + p))
+        kc = 2 * np.sqrt(product)
+        product = kc * mean
+
+
+def jacobi(u: LongArray, m1: Long) -> tuple[LongArray, LongArray, LongArray]:
+    """Jacobi functions sn, cn, dn, each shape (n,), of u, shape (n,), given m1 = 1−m in [0, 1].
+
+    Descending Landen transformation in ratios (Bulirsch 1965, `sncndn`), so that cn and dn keep their relative accuracy
+    where they are small; hyperbolic functions at m1 = 0 (DLMF §22.5(ii)).
+    """
+    if m1 == 0:
+        decay = np.exp(-np.abs(u))
+        sech: LongArray = (2 * decay / (1 + decay * decay)).astype(Long)
+        return np.tanh(u), sech, sech
+    mean, other = Long(1), np.sqrt(m1)
+    ladder = []
+    while True:
+        ladder.append((mean, other))
+        if abs(mean - other) <= mean * _CLOSE:
+            mean = (mean + other) / 2
+            break
+        mean, other = (mean + other) / 2, np.sqrt(mean * other)
+    sine, cosine = np.sin(mean * u), np.cos(mean * u)
+    # cs(0) is infinite; a sine this small stands for it without overflow.
+    sine[sine == 0] = _TINY
+    ratio = cosine / sine
+    cs, dn = mean * ratio, np.ones_like(u)
+    for upper, lower in reversed(ladder):
+        ratio = ratio * cs
+        cs = cs * dn
+        dn = (lower + ratio) / (upper + ratio)
+        ratio = cs / upper
+    sn = np.copysign(1 / np.hypot(cs, Long(1)), sine)
+    return sn, cs * sn, dn
+
+
+def theta4_phase(u: LongArray, m: Long, m1: Long, n: Long) -> LongArray:
+    """Phase arg ϑ₄(πu/2K + iη, q), shape (n,), for u in [−K, K], the periodic part of the precession (`eq:prec1`).
+
+    The imaginary part is given by the characteristic −n ≤ 0 of the integral of the third kind whose periodic part this
+    is: η = π(K'−w)/2K with cs(w | m1) = √n. The factors of the product (DLMF §20.5(i)) each contribute one arctangent;
+    above m = 1/2 those of ϑ₂ in the complementary nome do (DLMF §20.7(viii)), so that a
+    few factors are enough at any m. At m1 = 0 this is arctan(√n tanh u).
+
+    Parameters
+    ----------
+    u : ndarray of long double, shape (n,)
+    m, m1 : long double
+        Parameter and complementary parameter, both to full relative accuracy.
+    n : long double
+        Non-negative; zero only where m is zero, and the phase with it, as w is infinite there.
+    """
+    w = carlson_rf(n, n + m, n + 1)
+    if m > Long(0.5):
+        return _phase_theta2(u, w, complete_k(m), complete_k(m1))
+    return _phase_theta4(u, w, complete_k(m1), complete_k(m))
+
+
+def _phase_theta4(u: LongArray, w: Long, k: Long, k_prime: Long) -> LongArray:
+    sine, sine2 = np.sin(PI * u / (2 * k)), np.sin(PI * u / k)
+    phase = np.zeros_like(u)
+    for sign, distance in ((1, w), (-1, 2 * k_prime - w)):
+        while distance < _NEGLIGIBLE * k / PI:
+            radius = np.exp(-PI * distance / k)
+            # 1 − r cos 2z, written so that it keeps its relative accuracy where r is close to 1.
+            cosine_part = -np.expm1(-PI * distance / k) + 2 * radius * sine**2
+            phase = phase + sign * np.arctan2(radius * sine2, cosine_part)
+            distance = distance + 2 * k_prime
+    return phase
+
+
+def _phase_theta2(u: LongArray, w: Long, k_prime: Long, k: Long) -> LongArray:
+    angle, stretched = PI * w / (2 * k_prime), PI * u / (2 * k_prime)
+    phase = np.arctan2(np.cos(angle) * np.tanh(stretched), np.sin(angle)) - PI * u / (2 * k) * (1 - w / k_prime)
+    for sign in (1, -1):
+        exponent = 2 * sign * stretched - 2 * PI * k / k_prime
+        while np.any(exponent > -_NEGLIGIBLE):
+            radius = np.exp(exponent)
+            phase = phase + sign * np.arctan2(radius * np.sin(2 * angle), 1 - radius * np.cos(2 * angle))
+            exponent = exponent - 2 * PI * k / k_prime
+    return phase
