@@ -1,0 +1,40 @@
+# polhode: `make bench` and `make test` set everything up by themselves.
+# `make help` lists the commands; PYTHON=/path/to/python3.12 chooses the interpreter.
+
+VENV   := .venv
+BIN    := $(VENV)/bin
+READY  := $(VENV)/.ready
+# The loader of the tests and of the bench never competes with BLAS threads.
+export OMP_NUM_THREADS := 1
+export OPENBLAS_NUM_THREADS := 1
+export NUMBA_NUM_THREADS := 1
+
+.DEFAULT_GOAL := help
+.PHONY: help setup bench test check format clean
+
+help: ## list the commands
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-18s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+setup: $(READY) ## create the virtual environment and install polhode into it
+
+$(READY): pyproject.toml constraints.txt bootstrap.sh
+	@sh bootstrap.sh $(VENV)
+	@touch $@
+
+bench: $(READY) ## the main job: cost against accuracy as St grows, into reports/bench/
+	$(BIN)/polhode bench
+
+test: check ## the checks, then all tests
+	$(BIN)/pytest
+
+check: $(READY) ## format, lint and types
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/basedpyright
+
+format: $(READY) ## format the code
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+clean: ## remove the virtual environment and caches
+	rm -rf $(VENV) .pytest_cache .ruff_cache .hypothesis .benchmarks *.egg-info
