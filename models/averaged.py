@@ -1,0 +1,135 @@
+"""Averaged form of a triaxial ellipsoid: the slow variables L and E alone, in slow time (`lxmain`–`emain`)."""
+
+from math import pi
+
+import numpy as np
+
+from polhode.models.form import Form
+from polhode.models.observables import Observables, observe_slow
+from polhode.models.operations import Field, Operations
+from polhode.models.problem import Problem
+from polhode.models.scene import Scene
+from polhode.models.shape import Ellipsoid
+
+# Ten steps of the arithmetic-geometric mean reach double precision for 1 - m down to 1e-300.
+AGM_STEPS = 10
+SEPARATRIX_WIDTH = 1e-14
+
+
+def mean_squares(ops: Operations):
+    """Means ⟨z_i²⟩ of the squared body components of L/|L| over the Euler top (`pz`), axes sorted by inertia.
+
+    With m the parameter of the elliptic functions and c_n the differences of the arithmetic-geometric mean,
+    ⟨sn²⟩ = (1 - E/K)/m = 1/2 + Σ 2ⁿ⁻¹ c_n²/m (DLMF 19.8.6); the sum has positive terms only and stays exact as
+    m → 0 and m → 1.
+    """
+    where_positive, sqrt = ops.where_positive, ops.sqrt
+
+    def means(momentum2, energy2, i1, i2, i3):
+        beyond = momentum2 - energy2 * i2
+        near, far = where_positive(beyond, i3, i1), where_positive(beyond, i1, i3)
+        short, long = energy2 * near - momentum2, momentum2 - energy2 * far
+        m = (i2 - far) * short / ((near - i2) * long)
+        complement = (near - far) * beyond / ((near - i2) * long)
+
+        mean, geometric = 1.0, sqrt(complement)
+        square = 0.25 * m / ((1 + geometric) * (1 + geometric))
+        weight, sn2 = 1.0, 0.5 + square
+        for _ in range(AGM_STEPS):
+            mean, geometric = 0.5 * (mean + geometric), sqrt(mean * geometric)
+            square = m * square * square / (16 * mean * mean)
+            weight = 2 * weight
+            sn2 = sn2 + weight * square
+
+        z_far = far * short / ((near - far) * momentum2) * (1 - sn2)
+        z_middle = i2 * short / ((near - i2) * momentum2) * sn2
+        z_near = near * long / ((near - far) * momentum2) * (1 - m * sn2)
+        return where_positive(beyond, z_far, z_near), z_middle, where_positive(beyond, z_near, z_far)
+
+    return means
+
+
+def field(ops: Operations) -> Field:
+    """Averaged rates d(L_x, L_y, L_z, E)/dt₂ (`lxmain`–`emain`); p = (I₁₋₃, a₁₋₃, b₁₋₃, c₁₋₃, d₁₋₃, f₁₋₃)."""
+    means = ops.use(mean_squares)
+
+    def rhs(y, p):
+        lx, ly, lz, energy = y[0], y[1], y[2], y[3]
+        momentum2 = lx * lx + ly * ly + lz * lz
+        z1, z2, z3 = means(momentum2, 2 * energy, p[0], p[1], p[2])
+        a = p[3] * z1 + p[4] * z2 + p[5] * z3
+        b = p[6] * z1 + p[7] * z2 + p[8] * z3
+        c = p[9] * z1 + p[10] * z2 + p[11] * z3
+        d = p[12] * z1 + p[13] * z2 + p[14] * z3
+        f = p[15] * z1 + p[16] * z2 + p[17] * z3
+        tilt = lz / (2 * momentum2)
+        return (
+            -lx * (a + tilt * (b - c)),
+            -ly * (a + tilt * (b - d)),
+            -(a * lz + (b * lz * lz + c * lx * lx + d * ly * ly) / (2 * momentum2)),
+            -(f * momentum2 + 0.5 * a * lz),
+        )
+
+    return rhs
+
+
+def coefficients(ellipsoid: Ellipsoid) -> tuple[float, ...]:
+    """Inertia sorted upwards, then 8π times the coefficients of ⟨z_i²⟩ in A, B, C, D, F (below `pz`)."""
+    axes = ellipsoid.order
+    squares = [ellipsoid.scaled_axes[axis] ** 2 for axis in axes]
+    inertia = [ellipsoid.inertia[axis] for axis in axes]
+    drag = [8 * pi * ellipsoid.resistance[axis] for axis in axes]
+    c, d = [0.0] * 3, [0.0] * 3
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1), (0, 2, 1), (2, 1, 0), (1, 0, 2)):
+        share = drag[i] * squares[k] / (squares[j] + squares[k])
+        c[j] += share
+        d[k] += share
+    a = [x / i for x, i in zip(drag, inertia, strict=True)]
+    f = [x / i for x, i in zip(a, inertia, strict=True)]
+    return *inertia, *a, *drag, *c, *d, *f
+
+
+class Averaged(Form):
+    """State (L_x, L_y, L_z, E) in slow time; its error against the full forms falls like 1/St."""
+
+    name = "averaged"
+    summary = "first-order averaged slow variables L and E of a triaxial ellipsoid"
+    valid_for = "triaxial ellipsoids at large finite St, L not 0, not started on L² = 2EI₂; no orientation"
+    state = ("Lx", "Ly", "Lz", "E")
+    orientation = "none"
+    averaged = True
+
+    def check(self, scene: Scene) -> None:
+        """Refuse equal axes, St = 0 and inf, L = 0, and a start on the separatrix L² = 2EI₂."""
+        if scene.ellipsoid.kind != "triaxial":
+            raise self.refuse(f"two semi-axes of {list(scene.ellipsoid.semi_axes)} are equal", "averaged-spheroid")
+        if scene.stokes == 0:
+            raise self.refuse("St = 0 has no slow variables", "jeffery")
+        if scene.torque_factor == 0:
+            raise self.refuse("at St = inf the slow variables are constant", "euler-top")
+        momentum2 = float(np.sum(scene.initial.angular_momentum**2))
+        if momentum2 == 0:
+            raise self.refuse("the start has L = 0, where averaging does not apply", "quaternion")
+        energy2 = 2 * float(scene.initial.energy[0])
+        i1, i2, i3 = sorted(scene.ellipsoid.inertia)
+        if not energy2 * i1 * (1 - 1e-12) <= momentum2 <= energy2 * i3 * (1 + 1e-12):
+            raise ValueError(f"start: L² / 2E = {momentum2 / energy2!r}, expected a value from {i1!r} to {i3!r}")
+        if abs(momentum2 - energy2 * i2) <= SEPARATRIX_WIDTH * momentum2:
+            raise self.refuse("the start lies on L² = 2EI₂, where averaging has no unique solution", "quaternion")
+
+    def problem(self, scene: Scene) -> Problem:
+        """Initial value problem in slow time t₂ = t/St."""
+        self.check(scene)
+        lx, ly, lz, energy = (float(value) for value in scene.initial.slow[0])
+        return Problem(
+            name=self.name,
+            field=field,
+            start=(lx, ly, lz, energy),
+            end=scene.slow_time,
+            parameters=coefficients(scene.ellipsoid),
+            time_unit=scene.stokes,
+        )
+
+    def observe(self, scene: Scene, states: np.ndarray) -> Observables:
+        """Observables without orientation."""
+        return observe_slow(states)

@@ -1,0 +1,29 @@
+"""The catalogue of forms: one line each; modules are imported on use."""
+
+from functools import cache
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from polhode.models.form import Form
+
+FORMS: dict[str, str] = {
+    "quaternion": "polhode.models.quaternion:Quaternion",
+    "averaged": "polhode.models.averaged:Averaged",
+}
+
+
+@cache
+def form(name: str) -> "Form":
+    """Form of the given catalogue name, or of a ``"module:class"`` outside the catalogue.
+
+    Raises
+    ------
+    ValueError
+        If there is no form of that name.
+    """
+    target = FORMS.get(name, name)
+    module, _, attribute = target.partition(":")
+    if not attribute:
+        raise ValueError(f"form: got {name!r}, expected one of {', '.join(FORMS)}")
+    return getattr(import_module(module), attribute)()

@@ -1,0 +1,77 @@
+"""The one vector equation (`ultima`), resolved along the body axes: what every full form shares.
+
+Parameters p of a full form: (alpha, beta, gyro₁₋₃, damping₁₋₃, share₁₋₆). Mass alpha stands on the angular
+velocity, factor beta on the torque: (1, 1/St) is the explicit form, (St, 1) the implicit one.
+"""
+
+from collections.abc import Callable
+
+from polhode.models.operations import Operations
+from polhode.models.problem import MassForm
+from polhode.models.scene import Scene
+from polhode.models.shape import Ellipsoid
+
+
+def gyroscopic_coefficients(ellipsoid: Ellipsoid) -> tuple[float, float, float]:
+    """Coefficients (I₂ - I₃)/I₁ = (c² - b²)/(b² + c²) and cyclic of Euler's equations (`eulg`)."""
+    a, b, c = ellipsoid.scaled_axes
+    return (
+        (c - b) * (c + b) / (b * b + c * c),
+        (a - c) * (a + c) / (c * c + a * a),
+        (b - a) * (b + a) / (a * a + b * b),
+    )
+
+
+def shares(ellipsoid: Ellipsoid) -> tuple[float, ...]:
+    """Shares b²/(b²+c²), c²/(b²+c²), and cyclic, of Jeffery's angular velocity (`jw1`–`jw3`)."""
+    a2, b2, c2 = (length * length for length in ellipsoid.scaled_axes)
+    return b2 / (b2 + c2), c2 / (b2 + c2), c2 / (c2 + a2), a2 / (c2 + a2), a2 / (a2 + b2), b2 / (a2 + b2)
+
+
+def explicit_parameters(scene: Scene) -> tuple[float, ...] | None:
+    """Parameters of the explicit form; None at St = 0, where there is none."""
+    if scene.stokes == 0:
+        return None
+    return 1.0, scene.torque_factor, *_shape_parameters(scene.ellipsoid)
+
+
+def mass_form(scene: Scene, inertial: tuple[bool, ...]) -> MassForm | None:
+    """The form with mass St on the inertial rows, valid down to St = 0; None at St = inf."""
+    if scene.torque_factor == 0:
+        return None
+    mass = tuple(scene.stokes if row else 1.0 for row in inertial)
+    return MassForm(mass, (scene.stokes, 1.0, *_shape_parameters(scene.ellipsoid)))
+
+
+def _shape_parameters(ellipsoid: Ellipsoid) -> tuple[float, ...]:
+    return *gyroscopic_coefficients(ellipsoid), *ellipsoid.damping, *shares(ellipsoid)
+
+
+def jeffery_angular_velocity(ops: Operations) -> Callable:
+    """Jeffery's angular velocity in body axes from x = (t₁₁, t₂₁, t₃₁) and y = (t₁₂, t₂₂, t₃₂) (`jw1`–`jw3`)."""
+
+    def spin(x, y, s):
+        return (
+            s[0] * y[1] * x[2] - s[1] * y[2] * x[1],
+            s[2] * y[2] * x[0] - s[3] * y[0] * x[2],
+            s[4] * y[0] * x[1] - s[5] * y[1] * x[0],
+        )
+
+    return spin
+
+
+def angular_acceleration(ops: Operations) -> Callable:
+    """Mass times ω̇ in body axes (`govg`), from the flow and gradient directions in body axes and ω."""
+    jeffery = ops.use(jeffery_angular_velocity)
+
+    def acceleration(x, y, w, p):
+        alpha, beta = p[0], p[1]
+        w1, w2, w3 = w
+        j1, j2, j3 = jeffery(x, y, (p[8], p[9], p[10], p[11], p[12], p[13]))
+        return (
+            alpha * p[2] * w2 * w3 - beta * p[5] * (w1 - j1),
+            alpha * p[3] * w3 * w1 - beta * p[6] * (w2 - j2),
+            alpha * p[4] * w1 * w2 - beta * p[7] * (w3 - j3),
+        )
+
+    return acceleration

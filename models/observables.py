@@ -1,0 +1,52 @@
+"""Observables: what every form gives, so that any two can be compared."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from polhode.models.rotation import matrix_from_quaternion
+from polhode.models.shape import Ellipsoid
+
+
+@dataclass(frozen=True)
+class Observables:
+    """Slow variables and orientation at n times.
+
+    Parameters
+    ----------
+    angular_momentum : ndarray, shape (n, 3)
+        L in space axes, in units of (density) l⁵ (shear rate), without St.
+    energy : ndarray, shape (n,)
+        Rotational kinetic energy E = ½ Σ I_i ω_i², without St.
+    rotation : ndarray, shape (n, 3, 3)
+        t_ij: row i is body axis i in space components; NaN in rows that the form does not know.
+    """
+
+    angular_momentum: np.ndarray
+    energy: np.ndarray
+    rotation: np.ndarray
+
+    @property
+    def slow(self) -> np.ndarray:
+        """Slow variables (L_x, L_y, L_z, E), shape (n, 4)."""
+        return np.column_stack([self.angular_momentum, self.energy])
+
+
+def observe_body(ellipsoid: Ellipsoid, rotation: np.ndarray, angular_velocity: np.ndarray) -> Observables:
+    """Observables of matrices t_ij, shape (n, 3, 3), and body angular velocities, shape (n, 3)."""
+    body_momentum = angular_velocity * np.array(ellipsoid.inertia)
+    return Observables(
+        angular_momentum=np.einsum("nij,ni->nj", rotation, body_momentum),
+        energy=0.5 * np.sum(body_momentum * angular_velocity, axis=1),
+        rotation=rotation,
+    )
+
+
+def observe_quaternion(ellipsoid: Ellipsoid, quaternion: np.ndarray, angular_velocity: np.ndarray) -> Observables:
+    """Observables of quaternions, shape (n, 4), and body angular velocities, shape (n, 3)."""
+    return observe_body(ellipsoid, matrix_from_quaternion(quaternion), angular_velocity)
+
+
+def observe_slow(slow: np.ndarray) -> Observables:
+    """Observables of slow variables (L_x, L_y, L_z, E), shape (n, 4), without orientation."""
+    return Observables(slow[:, :3], slow[:, 3], np.full((len(slow), 3, 3), np.nan))

@@ -1,0 +1,79 @@
+"""An initial value problem: what a form makes of a scene, and all that a solver needs to know."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from polhode.models.operations import Field, Operations
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class MassForm:
+    """The same problem with its masses kept: ``mass * y' = field(y, parameters)``.
+
+    Rows of mass zero are algebraic, so that the form stays valid where the explicit one does not (St = 0).
+
+    Parameters
+    ----------
+    mass : tuple of float, length d
+        The diagonal of the mass matrix.
+    parameters : tuple of float
+        What the field receives as ``p`` in this form.
+    """
+
+    mass: tuple[float, ...]
+    parameters: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """An autonomous initial value problem ``y' = field(y, p)``, ``y(0) = start``, on ``0 <= t <= end``.
+
+    Parameters
+    ----------
+    name : str
+        The form (or test problem) it comes from.
+    field : callable
+        The vector field's factory: ``field(ops) -> rhs(y, p) -> tuple``. A function of a module, so that it
+        pickles and compiled versions can be kept under it.
+    start : tuple of float, length d
+        Initial state.
+    end : float
+        End of the run in the problem's own time.
+    parameters : tuple of float, optional
+        What the field receives as ``p``; None where only `mass_form` exists (St = 0).
+    mass_form : MassForm, optional
+        The implicit form; the explicit one with unit masses if absent.
+    closed_form : callable, optional
+        ``closed_form(times) -> states`` of shapes (n,) and (n, d), where the solution is known.
+    periodic : tuple of int
+        Components that are angles of period 2π; solvers keep them wrapped between pieces of a long run.
+    invariant : callable, optional
+        ``invariant(states) -> (n,)``, a dimensionless quantity that the exact solution keeps at zero.
+    least_steps : int
+        A run of fewer steps cannot be right, whatever the library claims.
+    time_unit : float
+        One unit of the problem's time in units of the inverse shear rate (St for averaged forms).
+    """
+
+    name: str
+    field: Callable[[Operations], Field]
+    start: tuple[float, ...]
+    end: float
+    parameters: tuple[float, ...] | None = ()
+    mass_form: MassForm | None = None
+    closed_form: "Callable[[Array], Array] | None" = None
+    periodic: tuple[int, ...] = ()
+    invariant: "Callable[[Array], Array] | None" = None
+    least_steps: int = 1
+    time_unit: float = 1.0
+
+    @property
+    def dimension(self) -> int:
+        """Number of components of the state."""
+        return len(self.start)

@@ -1,0 +1,70 @@
+"""Quaternion form: orientation as a unit quaternion, angular velocity in body axes. No singularity, any scene."""
+
+import numpy as np
+
+from polhode.models.form import Form
+from polhode.models.motion import angular_acceleration, explicit_parameters, mass_form
+from polhode.models.observables import Observables, observe_quaternion
+from polhode.models.operations import Field, Operations
+from polhode.models.problem import Problem
+from polhode.models.scene import Scene, SlowStart
+
+
+def field(ops: Operations) -> Field:
+    """q̇ = ½ q∘(0, ω) and the vector equation `ultima` in body axes; p as in `polhode.models.motion`."""
+    acceleration = ops.use(angular_acceleration)
+
+    def rhs(y, p):
+        q0, q1, q2, q3, w1, w2, w3 = y[0], y[1], y[2], y[3], y[4], y[5], y[6]
+        flow = (q0 * q0 + q1 * q1 - q2 * q2 - q3 * q3, 2 * (q1 * q2 - q0 * q3), 2 * (q1 * q3 + q0 * q2))
+        gradient = (2 * (q1 * q2 + q0 * q3), q0 * q0 - q1 * q1 + q2 * q2 - q3 * q3, 2 * (q2 * q3 - q0 * q1))
+        a1, a2, a3 = acceleration(flow, gradient, (w1, w2, w3), p)
+        return (
+            -0.5 * (q1 * w1 + q2 * w2 + q3 * w3),
+            0.5 * (q0 * w1 + q2 * w3 - q3 * w2),
+            0.5 * (q0 * w2 + q3 * w1 - q1 * w3),
+            0.5 * (q0 * w3 + q1 * w2 - q2 * w1),
+            a1,
+            a2,
+            a3,
+        )
+
+    return rhs
+
+
+def norm_drift(states: np.ndarray) -> np.ndarray:
+    """|q|² - 1 of states, shape (n, 7)."""
+    return np.sum(states[:, :4] ** 2, axis=1) - 1
+
+
+class Quaternion(Form):
+    """State (q₀, q₁, q₂, q₃, ω₁, ω₂, ω₃): seven equations, four of them of unit norm."""
+
+    name = "quaternion"
+    summary = "unit quaternion and body angular velocity; no singularity"
+    valid_for = "every scene; at St = 0 in its implicit form alone"
+    state = ("q0", "q1", "q2", "q3", "w1", "w2", "w3")
+    orientation = "full"
+
+    def check(self, scene: Scene) -> None:
+        """Refuse a start without orientation."""
+        if isinstance(scene.start, SlowStart):
+            raise self.refuse("the start gives L and E but no orientation", "averaged")
+
+    def problem(self, scene: Scene) -> Problem:
+        """Initial value problem in time t."""
+        self.check(scene)
+        assert not isinstance(scene.start, SlowStart)
+        return Problem(
+            name=self.name,
+            field=field,
+            start=(*scene.start.quaternion, *scene.start.angular_velocity),
+            end=scene.time,
+            parameters=explicit_parameters(scene),
+            mass_form=mass_form(scene, (False,) * 4 + (True,) * 3),
+            invariant=norm_drift,
+        )
+
+    def observe(self, scene: Scene, states: np.ndarray) -> Observables:
+        """Observables; quaternions are normalised first."""
+        return observe_quaternion(scene.ellipsoid, states[:, :4], states[:, 4:])

@@ -1,0 +1,59 @@
+"""Orientation of the body axes: zxz Euler angles, unit quaternions, the matrix t_ij (`tiju`)."""
+
+from math import atan2, cos, hypot, sin
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    Array = np.ndarray
+
+Triple = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+
+
+def quaternion_from_euler(angles: Triple) -> Quaternion:
+    """Unit quaternion of the zxz Euler angles (θ, φ, ψ) in rad; rows of its matrix are the body axes (`tiju`)."""
+    theta, phi, psi = angles
+    c, s = cos(theta / 2), sin(theta / 2)
+    plus, minus = (phi + psi) / 2, (phi - psi) / 2
+    return c * cos(plus), s * cos(minus), s * sin(minus), c * sin(plus)
+
+
+def euler_from_quaternion(q: Quaternion) -> Triple:
+    """Euler angles (θ, φ, ψ) in rad of a unit quaternion; φ = 0 is chosen where θ = 0 or π leaves one free."""
+    q0, q1, q2, q3 = q
+    c, s = hypot(q0, q3), hypot(q1, q2)
+    plus = atan2(q3, q0) if c > 0 else 0.0
+    minus = atan2(q2, q1) if s > 0 else -plus
+    if c == 0:
+        plus = -minus
+    return 2 * atan2(s, c), plus + minus, plus - minus
+
+
+def angular_velocity_from_euler(angles: Triple, rates: Triple) -> Triple:
+    """Body angular velocity (ω₁, ω₂, ω₃) of Euler angles and their rates (θ̇, φ̇, ψ̇) (`omg1def`–`omg3def`)."""
+    theta, _, psi = angles
+    dtheta, dphi, dpsi = rates
+    return (
+        dphi * sin(theta) * sin(psi) + dtheta * cos(psi),
+        dphi * sin(theta) * cos(psi) - dtheta * sin(psi),
+        dphi * cos(theta) + dpsi,
+    )
+
+
+def matrix_from_quaternion(q: "Array") -> "Array":
+    """Matrices t_ij, shape (..., 3, 3), of quaternions, shape (..., 4); row i is body axis i in space components.
+
+    The quaternions are normalised first, so that the rows stay unit vectors where a solver let the norm drift.
+    """
+    import numpy as np
+
+    q = q / np.linalg.norm(q, axis=-1, keepdims=True)
+    q0, q1, q2, q3 = np.moveaxis(q, -1, 0)
+    rows = [
+        [q0 * q0 + q1 * q1 - q2 * q2 - q3 * q3, 2 * (q1 * q2 + q0 * q3), 2 * (q1 * q3 - q0 * q2)],
+        [2 * (q1 * q2 - q0 * q3), q0 * q0 - q1 * q1 + q2 * q2 - q3 * q3, 2 * (q2 * q3 + q0 * q1)],
+        [2 * (q1 * q3 + q0 * q2), 2 * (q2 * q3 - q0 * q1), q0 * q0 - q1 * q1 - q2 * q2 + q3 * q3],
+    ]
+    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))

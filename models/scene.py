@@ -1,0 +1,121 @@
+"""A scene: all physics of one question, no numerics."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import hypot, inf, isfinite, isinf
+from typing import TYPE_CHECKING
+
+from polhode.models.rotation import (
+    Quaternion,
+    Triple,
+    angular_velocity_from_euler,
+    euler_from_quaternion,
+    quaternion_from_euler,
+)
+from polhode.models.shape import Ellipsoid
+
+if TYPE_CHECKING:
+    from polhode.models.observables import Observables
+
+
+@dataclass(frozen=True)
+class EulerStart:
+    """Start from Euler angles (θ, φ, ψ) in rad and their rates in units of the shear rate."""
+
+    angles: Triple
+    rates: Triple = (0.0, 0.0, 0.0)
+
+    @property
+    def quaternion(self) -> Quaternion:
+        """Orientation."""
+        return quaternion_from_euler(self.angles)
+
+    @property
+    def angular_velocity(self) -> Triple:
+        """Body angular velocity in units of the shear rate."""
+        return angular_velocity_from_euler(self.angles, self.rates)
+
+
+@dataclass(frozen=True)
+class BodyStart:
+    """Start from a quaternion, normalised here, and the body angular velocity in units of the shear rate."""
+
+    quaternion: Quaternion
+    angular_velocity: Triple = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        norm = hypot(*self.quaternion)
+        if not (isfinite(norm) and norm > 0):
+            raise ValueError(f"start.quaternion: got {list(self.quaternion)}, expected four numbers, not all zero")
+        if norm != 1.0:
+            q0, q1, q2, q3 = (component / norm for component in self.quaternion)
+            object.__setattr__(self, "quaternion", (q0, q1, q2, q3))
+
+    @property
+    def angles(self) -> Triple:
+        """Euler angles (θ, φ, ψ) in rad."""
+        return euler_from_quaternion(self.quaternion)
+
+
+@dataclass(frozen=True)
+class SlowStart:
+    """Start from the slow variables alone, for averaged forms: L in space axes and E."""
+
+    angular_momentum: Triple
+    energy: float
+
+
+Start = EulerStart | BodyStart | SlowStart
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One ellipsoid, its Stokes number, its start, and how long to follow it.
+
+    Parameters
+    ----------
+    ellipsoid : Ellipsoid
+    stokes : float
+        Stokes number, 0 <= St <= inf. At St = 0 the angular velocity is Jeffery's, whatever the start says.
+    start : EulerStart, BodyStart or SlowStart
+    time : float
+        Duration in units of the inverse shear rate, finite and positive.
+
+    Raises
+    ------
+    ValueError
+        If St or the duration is out of range.
+    """
+
+    ellipsoid: Ellipsoid
+    stokes: float
+    start: Start
+    time: float
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.stokes <= inf:
+            raise ValueError(f"stokes: got {self.stokes!r}, expected a number from 0 to inf")
+        if not (isfinite(self.time) and self.time > 0):
+            raise ValueError(f"time: got {self.time!r}, expected a finite positive number")
+
+    @property
+    def slow_time(self) -> float:
+        """Duration in slow time t₂ = t/St: 0 at St = inf, inf at St = 0."""
+        return self.time / self.stokes if self.stokes > 0 else inf
+
+    @property
+    def torque_factor(self) -> float:
+        """1/St: the factor of the torque in the explicit equations, inf at St = 0."""
+        return 0.0 if isinf(self.stokes) else inf if self.stokes == 0 else 1 / self.stokes
+
+    @cached_property
+    def initial(self) -> "Observables":
+        """Observables at the start, with leading dimension 1; without orientation for a `SlowStart`."""
+        import numpy as np
+
+        from polhode.models.observables import observe_quaternion, observe_slow
+
+        if isinstance(self.start, SlowStart):
+            return observe_slow(np.array([[*self.start.angular_momentum, self.start.energy]]))
+        quaternion, omega = np.array([self.start.quaternion]), np.array([self.start.angular_velocity])
+        return observe_quaternion(self.ellipsoid, quaternion, omega)

@@ -1,0 +1,120 @@
+"""The shape of the particle: semi-axes, moments of inertia, rotational resistance."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import isfinite, pi
+from typing import Literal
+
+Kind = Literal["sphere", "prolate", "oblate", "triaxial"]
+Triple = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Ellipsoid:
+    """An ellipsoid with semi-axes a, b, c along its body axes x', y', z', in any order.
+
+    Lengths are scaled by the longest semi-axis, so that inertia and resistance
+    depend on the shape alone.
+
+    Parameters
+    ----------
+    semi_axes : tuple of 3 float
+        Lengths along x', y', z' in any common unit; finite and positive.
+
+    Raises
+    ------
+    ValueError
+        If a semi-axis is not a finite positive number.
+    """
+
+    semi_axes: Triple
+
+    def __post_init__(self) -> None:
+        if len(self.semi_axes) != 3:
+            raise ValueError(f"semi_axes: got {len(self.semi_axes)} numbers, expected 3")
+        for length in self.semi_axes:
+            if not (isfinite(length) and length > 0):
+                raise ValueError(f"semi_axes: got {length!r}, expected finite positive numbers")
+
+    @cached_property
+    def scaled_axes(self) -> Triple:
+        """Semi-axes in units of the longest one, in body order."""
+        longest = max(self.semi_axes)
+        a, b, c = (length / longest for length in self.semi_axes)
+        return a, b, c
+
+    @cached_property
+    def order(self) -> tuple[int, int, int]:
+        """Body axes (0, 1, 2) from the longest to the shortest, that is from the smallest inertia to the largest."""
+        i, j, k = sorted(range(3), key=lambda axis: -self.semi_axes[axis])
+        return i, j, k
+
+    @cached_property
+    def symmetry_axis(self) -> int | None:
+        """Body axis (0, 1, 2) about which a spheroid is symmetric; None for spheres and triaxial ellipsoids."""
+        a, b, c = self.semi_axes
+        equal = (b == c, c == a, a == b)
+        return equal.index(True) if sum(equal) == 1 else None
+
+    @cached_property
+    def kind(self) -> Kind:
+        """Which symmetry the shape has, by exact comparison of the semi-axes."""
+        if len(set(self.semi_axes)) == 1:
+            return "sphere"
+        if self.symmetry_axis is None:
+            return "triaxial"
+        return "prolate" if self.aspect_ratio > 1 else "oblate"
+
+    @property
+    def aspect_ratio(self) -> float:
+        """Aspect ratio kappa = (axial length) / (equatorial length) of a spheroid; 1 for a sphere.
+
+        Raises
+        ------
+        ValueError
+            For a triaxial ellipsoid, which has two.
+        """
+        if len(set(self.semi_axes)) == 1:
+            return 1.0
+        if self.symmetry_axis is None:
+            raise ValueError(f"semi_axes: {self.semi_axes} are those of a triaxial ellipsoid, expected a spheroid")
+        axial = self.semi_axes[self.symmetry_axis]
+        equatorial = self.semi_axes[(self.symmetry_axis + 1) % 3]
+        return axial / equatorial
+
+    @cached_property
+    def inertia(self) -> Triple:
+        """Moments of inertia I_1 = (4π/15) abc (b² + c²) / l⁵ and cyclic; l is the longest semi-axis (`gove`)."""
+        a, b, c = self.scaled_axes
+        scale = 4 * pi / 15 * a * b * c
+        return scale * (b * b + c * c), scale * (c * c + a * a), scale * (a * a + b * b)
+
+    @cached_property
+    def resistance(self) -> Triple:
+        """Resistances X_1 = (2/3) abc (b² + c²) / (l³ (b²β₂ + c²β₃)) and cyclic; 1 for a sphere (`gove`).
+
+        The β_i = abc ∫ dt / ((l_i² + t) Δ) = (2/3) abc R_D(l_j², l_k², l_i²) are Carlson's
+        symmetric integrals (DLMF 19.16.5), free of cancellation for every shape.
+        """
+        from scipy.special import elliprd
+
+        a2, b2, c2 = (length * length for length in self.scaled_axes)
+        beta1, beta2, beta3 = elliprd(b2, c2, a2), elliprd(c2, a2, b2), elliprd(a2, b2, c2)
+        return (
+            float((b2 + c2) / (b2 * beta2 + c2 * beta3)),
+            float((c2 + a2) / (c2 * beta3 + a2 * beta1)),
+            float((a2 + b2) / (a2 * beta1 + b2 * beta2)),
+        )
+
+    @cached_property
+    def damping(self) -> Triple:
+        """Damping rates 8πX_i/I_i of the body angular velocity, in units of (shear rate)/St."""
+        d1, d2, d3 = (8 * pi * x / i for x, i in zip(self.resistance, self.inertia, strict=True))
+        return d1, d2, d3
+
+    @property
+    def stokes_star_per_stokes(self) -> float | None:
+        """Effective Stokes number over St, I_a/(8πX_c), of a spheroid or sphere; None for a triaxial ellipsoid."""
+        if self.kind == "triaxial":
+            return None
+        return 1 / self.damping[self.symmetry_axis or 0]
