@@ -1,0 +1,204 @@
+"""The solver contract: what a solver receives, what it returns, who counts what."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import StrEnum
+from importlib.util import find_spec
+from math import inf
+from time import perf_counter
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from polhode.models.problem import Problem
+
+Backend = Literal["compiled", "numba", "python"]
+Jacobian = Literal["exact", "difference"]
+
+
+class Status(StrEnum):
+    """How a run ended. Only `REACHED_END` counts as success; every other value keeps its row in every table."""
+
+    REACHED_END = "reached_end"
+    STEP_LIMIT = "step_limit"
+    TIME_LIMIT = "time_limit"
+    STEP_UNDERFLOW = "step_underflow"
+    NON_FINITE = "non_finite"
+    TOLERANCE_UNATTAINABLE = "tolerance_unattainable"
+    ADAPTER_MISSING = "adapter_missing"
+    FALSE_SUCCESS = "false_success"
+
+    @property
+    def success(self) -> bool:
+        """Whether the run counts."""
+        return self is Status.REACHED_END
+
+    @property
+    def meaning(self) -> str:
+        """What it means and what usually causes it."""
+        return _MEANINGS[self]
+
+
+_MEANINGS = {
+    Status.REACHED_END: "the end was reached; says nothing about the error",
+    Status.STEP_LIMIT: "stopped at the limit of steps; usually a tolerance too tight or a method unfit for stiffness",
+    Status.TIME_LIMIT: "stopped at the limit of wall time; usually a method unfit for the problem, or a long run",
+    Status.STEP_UNDERFLOW: "the step shrank to nothing; usually a singularity, or a corrector that never converges",
+    Status.NON_FINITE: "the state became infinite or NaN; usually instability, or a form left its validity",
+    Status.TOLERANCE_UNATTAINABLE: "the library refused the tolerance; usually one below its roundoff limit",
+    Status.ADAPTER_MISSING: "the solver's library is not installed",
+    Status.FALSE_SUCCESS: "the library claims success, but the end was not reached, the steps are too few, "
+    "or an invariant is broken",
+}
+
+
+class SolverNotValidError(ValueError):
+    """A problem or a setting lies outside what a solver accepts; the message names it and what was expected."""
+
+
+@dataclass
+class Work:
+    """Work done; None where the library does not tell.
+
+    Parameters
+    ----------
+    rhs_calls : int, optional
+        Evaluations of the vector field, those for finite-difference Jacobians included. Counted by the callback
+        itself, in an untimed run.
+    steps, rejected : int, optional
+        Accepted and rejected steps, as the library tells.
+    jacobians, factorizations : int, optional
+        Evaluations of the Jacobian and factorizations of the iteration matrix.
+    """
+
+    rhs_calls: int | None = None
+    steps: int | None = None
+    rejected: int | None = None
+    jacobians: int | None = None
+    factorizations: int | None = None
+
+    def add(self, other: "Work") -> None:
+        """Add the work of a further piece of the run; what one of them does not tell stays untold."""
+        for name in vars(self):
+            mine, more = getattr(self, name), getattr(other, name)
+            setattr(self, name, None if mine is None or more is None else mine + more)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a solver is asked for, besides the problem.
+
+    Parameters
+    ----------
+    tolerance : float
+        Handed to the library as its docstring says: relative and absolute tolerance alike.
+    backend : {"compiled", "numba", "python"}
+        Who evaluates the right-hand side: machine code without Python in the loop, a numba function called from
+        Python, or plain Python.
+    jacobian : {"exact", "difference"}
+        For implicit solvers: from the vector field by automatic differentiation, or the library's finite differences.
+    count : bool
+        Whether to count right-hand sides; costs time, so that timed runs leave it off.
+    max_steps : int
+        Limit of steps for the whole run.
+    """
+
+    tolerance: float
+    backend: Backend
+    jacobian: Jacobian = "exact"
+    count: bool = False
+    max_steps: int = 10**9
+
+
+@dataclass
+class Record:
+    """Where a solver writes a piece of a run, row by row, so that what is finished is never lost.
+
+    Parameters
+    ----------
+    times : ndarray, shape (n,)
+        Requested times, increasing; the first one is that of `rows[0]`.
+    rows : ndarray, shape (n, d)
+        States; the first row is the start, the solver fills the others.
+    deadline : float
+        Reading of `time.perf_counter` after which the solver stops.
+    """
+
+    times: np.ndarray
+    rows: np.ndarray
+    deadline: float = inf
+    filled: int = 1
+    work: Work = field(default_factory=Work)
+
+    @property
+    def start(self) -> np.ndarray:
+        """State at the first time."""
+        return self.rows[0]
+
+    @property
+    def expired(self) -> bool:
+        """Whether the time limit has passed."""
+        return perf_counter() > self.deadline
+
+    def put(self, states: np.ndarray) -> None:
+        """Add the states, shape (k, d), of the next k times."""
+        self.rows[self.filled : self.filled + len(states)] = states
+        self.filled += len(states)
+
+
+Outcome = tuple[Status, str]
+Integrator = Callable[[Record], Outcome]
+
+
+class Solver(ABC):
+    """One algorithm of one library.
+
+    1. `prepare` receives the problem and the settings and returns an integrator; it compiles, if need be, and keeps
+       what it compiled (in `polhode.solvers.compile`), so that a second call is cheap.
+    2. The integrator receives a record (start, times, deadline), fills its rows in order, adds its work, and returns
+       a status with the library's message. It never raises for a failed integration.
+    3. It stops by itself soon after the record's deadline and leaves the rows finished so far.
+    4. Rows lie on the requested times by the library's own interpolation wherever it has one, without changing steps.
+    5. The solver counts steps, Jacobians and factorizations as its library tells; the callbacks count right-hand
+       sides, when the settings ask for it. What nobody tells stays None.
+    6. A solver keeps no data of its own; its class says what it is.
+    """
+
+    name: ClassVar[str]
+    summary: ClassVar[str]
+    accepts: ClassVar[str]
+    library: ClassVar[str]
+    package: ClassVar[str]
+    implicit: ClassVar[bool] = False
+    backends: ClassVar[tuple[Backend, ...]] = ("numba", "python")
+    jacobians: ClassVar[tuple[Jacobian, ...]] = ()
+    error_constant: ClassVar[float] = 100.0
+
+    @property
+    def available(self) -> bool:
+        """Whether the library is installed."""
+        return find_spec(self.library) is not None
+
+    @property
+    def why_not(self) -> str | None:
+        """What is missing and how to install it; None if nothing is."""
+        return None if self.available else f"{self.package} is not installed: pip install {self.package}"
+
+    def check(self, problem: Problem) -> None:
+        """Refuse a problem that this solver cannot solve.
+
+        Raises
+        ------
+        SolverNotValidError
+            Naming the condition and what to use instead.
+        """
+        if problem.parameters is None:
+            raise SolverNotValidError(
+                f"solver {self.name!r}: {problem.name!r} has no explicit form at St = 0; "
+                "use solver 'ida' or form 'jeffery'"
+            )
+
+    @abstractmethod
+    def prepare(self, problem: Problem, settings: Settings) -> Integrator:
+        """Compile what is needed for a problem and return the integrator."""

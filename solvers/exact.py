@@ -1,0 +1,34 @@
+"""Closed forms: no integration, no error that grows with time, any times in any number."""
+
+from polhode.models.problem import Problem
+from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, SolverNotValidError, Status
+
+
+class Exact(Solver):
+    """The solution in closed form, where the form knows one.
+
+    Tolerance: ignored. Cost grows with the number of times asked for, not with where they lie.
+    """
+
+    name = "exact"
+    summary = "closed-form solution"
+    accepts = "forms with a closed form: euler-top, jeffery of a spheroid"
+    library = "numpy"
+    package = "numpy"
+    backends = ("compiled",)
+
+    def check(self, problem: Problem) -> None:
+        """Refuse a problem without a closed form."""
+        if problem.closed_form is None:
+            raise SolverNotValidError(f"solver 'exact': {problem.name!r} has no closed form here; use solver 'taylor'")
+
+    def prepare(self, problem: Problem, settings: Settings) -> Integrator:
+        """Bind the closed form."""
+        closed_form = problem.closed_form
+        assert closed_form is not None
+
+        def integrate(record: Record) -> Outcome:
+            record.put(closed_form(record.times)[1:])
+            return Status.REACHED_END, ""
+
+        return integrate

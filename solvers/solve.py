@@ -1,0 +1,209 @@
+"""`solve`: one problem, one solver, one tolerance."""
+
+from dataclasses import dataclass, replace
+from math import inf, isfinite, pi
+from time import perf_counter
+
+import numpy as np
+
+from polhode.models.operations import FLOAT
+from polhode.models.problem import Problem
+from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.contract import (
+    Backend,
+    Jacobian,
+    Record,
+    Settings,
+    Solver,
+    SolverNotValidError,
+    Status,
+    Work,
+)
+
+# Growth of an angle, in rad, after which it is wrapped: small against what a tolerance relative to it would lose.
+WRAP_AFTER = 100 * pi
+# An invariant may drift by this many tolerances, at least by roundoff, before success counts as false.
+INVARIANT_TOLERANCES = 1e6
+INVARIANT_FLOOR = 1e-6
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What a run gave, finished or not.
+
+    Parameters
+    ----------
+    problem : Problem
+    solver : str
+        Catalogue name.
+    settings : Settings
+    times : ndarray, shape (n,)
+        Times reached, in the problem's own time: all requested ones if the status is `reached_end`.
+    states : ndarray, shape (n, d)
+    status : Status
+    message : str
+        The library's own words.
+    work : Work
+    seconds : float
+        Wall time of the integrator alone, compilation left out.
+    """
+
+    problem: Problem
+    solver: str
+    settings: Settings
+    times: np.ndarray
+    states: np.ndarray
+    status: Status
+    message: str
+    work: Work
+    seconds: float
+
+    @property
+    def success(self) -> bool:
+        """Whether the run reached its end."""
+        return self.status.success
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C during a run; `solution` holds the finished part."""
+
+    def __init__(self, solution: Solution) -> None:
+        super().__init__("interrupted")
+        self.solution = solution
+
+
+def solve(
+    problem: Problem,
+    solver: str | Solver,
+    tolerance: float,
+    times: np.ndarray | None = None,
+    *,
+    backend: Backend | None = None,
+    jacobian: Jacobian | None = None,
+    count: bool = False,
+    max_seconds: float = inf,
+    max_steps: int = 10**9,
+) -> Solution:
+    """Solve a problem.
+
+    Parameters
+    ----------
+    problem : Problem
+    solver : str or Solver
+        Catalogue name, or a solver of one's own.
+    tolerance : float
+        Positive; its meaning for each library stands in the solver's docstring.
+    times : ndarray, shape (n,), optional
+        Times at which the solution is wanted, increasing from 0; by default the start and the end.
+    backend, jacobian : str, optional
+        See `Settings`; by default the first one that the solver offers.
+    count : bool
+        Count right-hand sides, which costs time.
+    max_seconds, max_steps : float and int
+        Limits of wall time and of steps.
+
+    Returns
+    -------
+    Solution
+        Failure is a status, never an exception.
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of range, or the solver does not accept the problem.
+    Interrupted
+        On Ctrl-C, with the finished part.
+    """
+    method = find_solver(solver) if isinstance(solver, str) else solver
+    settings = _settings(method, tolerance, backend, jacobian, count, max_steps)
+    times = np.array([0.0, problem.end]) if times is None else np.ascontiguousarray(times, dtype=float)
+    if times.ndim != 1 or len(times) < 2 or times[0] != 0 or not np.all(np.diff(times) > 0):
+        raise ValueError(f"times: got {times!r}, expected at least two increasing numbers from 0 on")
+    start = np.array(problem.start)
+    if not method.available:
+        nothing = Work(), Status.ADAPTER_MISSING, str(method.why_not)
+        return Solution(problem, method.name, settings, times[:1], start[None], nothing[1], nothing[2], nothing[0], 0.0)
+    method.check(problem)
+    integrate = method.prepare(problem, settings)
+    rows = np.empty((len(times), len(start)))
+    rows[0] = start
+    done, work, status, message = 1, None, Status.REACHED_END, ""
+    began = perf_counter()
+
+    def finished() -> Solution:
+        seconds = perf_counter() - began
+        return Solution(
+            problem, method.name, settings, times[:done], rows[:done], status, message, work or Work(), seconds
+        )
+
+    for first, last in _pieces(problem, times):
+        record = Record(times[first : last + 1], rows[first : last + 1], began + max_seconds)
+        try:
+            status, message = integrate(record)
+        except KeyboardInterrupt:
+            done = first + record.filled
+            raise Interrupted(finished()) from None
+        done = first + record.filled
+        if work is None:
+            work = record.work
+        else:
+            work.add(record.work)
+        if not status.success:
+            return finished()
+        if problem.periodic:
+            columns = list(problem.periodic)
+            rows[first + 1 : last + 1, columns] %= 2 * pi
+    solution = finished()
+    doubt = _doubt(solution, times)
+    return replace(solution, status=doubt[0], message=doubt[1]) if doubt else solution
+
+
+def _settings(
+    method: Solver, tolerance: float, backend: Backend | None, jacobian: Jacobian | None, count: bool, max_steps: int
+) -> Settings:
+    if not (isfinite(tolerance) and tolerance > 0):
+        raise ValueError(f"tolerance: got {tolerance!r}, expected a finite positive number")
+    if backend is not None and backend not in method.backends:
+        expected = ", ".join(method.backends)
+        raise SolverNotValidError(f"backend: got {backend!r}, expected one of {expected} for solver {method.name!r}")
+    if jacobian is not None and jacobian not in method.jacobians:
+        expected = ", ".join(method.jacobians) or "none"
+        raise SolverNotValidError(f"jacobian: got {jacobian!r}, expected one of {expected} for solver {method.name!r}")
+    return Settings(
+        tolerance,
+        backend or method.backends[0],
+        jacobian or (method.jacobians[0] if method.jacobians else "difference"),
+        count,
+        max_steps,
+    )
+
+
+def _pieces(problem: Problem, times: np.ndarray) -> list[tuple[int, int]]:
+    """Index ranges (first, last) of the pieces in which to run, so that angles can be wrapped between them."""
+    last = len(times) - 1
+    if not problem.periodic or problem.parameters is None:
+        return [(0, last)]
+    rates = problem.field(FLOAT)(problem.start, problem.parameters)
+    speed = max(1.0, *(abs(rates[i]) for i in problem.periodic))
+    marks = np.searchsorted(times, np.arange(times[0], times[-1], WRAP_AFTER / speed)[1:])
+    bounds = np.unique(np.concatenate([[0], marks, [last]]))
+    return list(zip(bounds[:-1].tolist(), bounds[1:].tolist(), strict=True))
+
+
+def _doubt(solution: Solution, times: np.ndarray) -> tuple[Status, str] | None:
+    """Why a claimed success is none, if it is none."""
+    if len(solution.times) != len(times):
+        return Status.FALSE_SUCCESS, f"the library stopped at t = {solution.times[-1]!r}, expected {times[-1]!r}"
+    if not np.all(np.isfinite(solution.states)):
+        return Status.NON_FINITE, "a state is not finite"
+    steps = solution.work.steps
+    least = solution.problem.least_steps
+    if steps is not None and steps < least:
+        return Status.FALSE_SUCCESS, f"the library claims success after {steps} steps, expected at least {least}"
+    invariant = solution.problem.invariant
+    if invariant is not None:
+        worst = float(np.max(np.abs(invariant(solution.states))))
+        allowed = max(INVARIANT_FLOOR, INVARIANT_TOLERANCES * solution.settings.tolerance)
+        if worst > allowed:
+            return Status.FALSE_SUCCESS, f"the invariant is broken by {worst:.1e}, expected at most {allowed:.1e}"
+    return None

@@ -1,0 +1,94 @@
+"""Taylor's method by heyoka: machine code, arbitrary order, dense output from the steps' own series."""
+
+from functools import cache
+from typing import Any, Literal
+
+import numpy as np
+
+from polhode.models.problem import Problem
+from polhode.solvers.compile import FieldFactory, parameter_array, traced_system
+from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status
+
+Precision = Literal["double", "long double", "quadruple"]
+
+# Deadline and Ctrl-C are looked at once per this many steps.
+CHUNK = 10_000
+
+
+@cache
+def taylor_integrator(
+    factory: FieldFactory, dimension: int, parameters: int, tolerance: float, precision: Precision = "double"
+) -> Any:
+    """heyoka's integrator of a field, kept for the life of the process; its state, time and parameters are set anew.
+
+    Quadruple precision is compiled in compact mode, which costs a little speed and saves seconds of compilation.
+    """
+    import heyoka
+
+    types = {"double": float, "long double": np.longdouble, "quadruple": heyoka.real128}
+    system = traced_system(factory, dimension, parameters)
+    return heyoka.taylor_adaptive(
+        system,
+        np.zeros(dimension, types[precision]),
+        fp_type=types[precision],
+        tol=types[precision](tolerance),
+        compact_mode=precision == "quadruple",
+    )
+
+
+def propagate(integrator: Any, record: Record, max_steps: int = 10**9) -> Outcome:
+    """Propagate a heyoka integrator, already at the record's start, over the record's times.
+
+    In chunks of steps, so that deadlines and Ctrl-C are met and finished rows are kept; the steps do not change.
+    """
+    import heyoka
+
+    outcome, steps = heyoka.taylor_outcome, 0
+    while True:
+        chunk = min(CHUNK, max_steps - steps)
+        grid = np.concatenate([[integrator.time], record.times[record.filled :].astype(integrator.state.dtype)])
+        result = integrator.propagate_grid(grid, max_steps=chunk)
+        steps += result[3]
+        record.work.steps = steps
+        record.put(result[-1][1:])
+        if result[0] == outcome.time_limit:
+            return Status.REACHED_END, str(result[0])
+        if result[0] != outcome.step_limit:
+            status = Status.NON_FINITE if result[0] == outcome.err_nf_state else Status.STEP_UNDERFLOW
+            return status, str(result[0])
+        if record.filled == len(record.times):
+            return Status.REACHED_END, str(result[0])
+        if steps >= max_steps:
+            return Status.STEP_LIMIT, f"{max_steps} steps"
+        if record.expired:
+            return Status.TIME_LIMIT, f"after {steps} steps"
+
+
+class Taylor(Solver):
+    """Taylor's method of adaptive step; order about -ln(tolerance)/2 + 1, A-stable at no order.
+
+    Tolerance: heyoka's `tol`, relative to the largest entry of the state, for truncation of the Taylor series in each
+    step; there is no tolerance per component. On stiff problems the step is bound by stability.
+    Source: Jorba and Zou, Experimental Mathematics 14 (2005) 99; Biscani and Izzo, MNRAS 504 (2021) 2614.
+    """
+
+    name = "taylor"
+    summary = "Taylor's method of adaptive order and step (heyoka)"
+    accepts = "every form with an explicit vector field"
+    library = "heyoka"
+    package = "heyoka"
+    backends = ("compiled",)
+
+    def prepare(self, problem: Problem, settings: Settings) -> Integrator:
+        """Compile the integrator, once per field and tolerance."""
+        parameters = parameter_array(problem)
+        integrator = taylor_integrator(problem.field, problem.dimension, len(parameters), settings.tolerance)
+
+        def integrate(record: Record) -> Outcome:
+            integrator.time = record.times[0]
+            integrator.state[:] = record.start
+            if len(parameters):
+                integrator.pars[:] = parameters
+            return propagate(integrator, record, settings.max_steps)
+
+        return integrate
