@@ -130,8 +130,10 @@ def theta4_phase(u: LongArray, m: Long, m1: Long, n: Long) -> LongArray:
     m, m1 : long double
         Parameter and complementary parameter, both to full relative accuracy.
     n : long double
-        Non-negative; zero only where m is zero, and the phase with it, as w is infinite there.
+        Non-negative; zero only where m is zero, and the phase with it.
     """
+    if n == 0:
+        return np.zeros_like(u)
     w = carlson_rf(n, n + m, n + 1)
     if m > Long(0.5):
         return _phase_theta2(u, w, complete_k(m), complete_k(m1))
