@@ -4,9 +4,10 @@ from math import atan2, pi
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+
 from oracle.first_principles import SHEAR, jeffery, rotation_from_euler, torque_free_angular_velocity
 from oracle.verdict import assert_misprint, assert_right
-from scipy.integrate import solve_ivp
 
 TRIAXIAL = (1.0, 0.8, 0.5)
 ORIENTATIONS = [(0.7, 0.4, 1.1), (2.2, -1.3, 0.2), (1.5, 3.0, -2.0)]

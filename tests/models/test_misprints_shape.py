@@ -4,9 +4,10 @@ from math import acos, acosh, log, pi, sqrt
 
 import numpy as np
 import pytest
+from scipy.special import elliprd
+
 from oracle.first_principles import CYCLIC, body, body_rates, jeffery, rotation_from_euler, torque_free_angular_velocity
 from oracle.verdict import assert_misprint, assert_right, deviation
-from scipy.special import elliprd
 
 ANGLES = np.array([0.7, 0.4, 1.1])
 RATES = np.array([0.6, -0.8, 0.5])

@@ -1,11 +1,11 @@
 """Rotation of a massive ellipsoid in simple shear flow, straight from the definitions.
 
 NumPy and SciPy only; nothing of the project is imported and no printed formula of the paper is used where a
-definition can be computed instead. The inputs are the vector equation (`ultima`), Stokes flow around an ellipsoid (a single
-layer of stokeslets), rotation matrices built from elementary rotations, and quadrature along the polhode.
+definition can be computed instead. The inputs are the vector equation (`ultima`), Stokes flow around an ellipsoid (a
+single layer of stokeslets), rotation matrices built from elementary rotations, and quadrature along the polhode.
 
-Conventions: flow u = y x̂, time in inverse shear rates, slow time t₂ = t/St; row i of a rotation matrix is body axis i in
-space components; L is in space axes; the semi-axes (a, b, c) belong to the body axes (x', y', z'), in any order.
+Conventions: flow u = y x̂, time in inverse shear rates, slow time t₂ = t/St; row i of a rotation matrix is body axis i
+in space components; L is in space axes; the semi-axes (a, b, c) belong to the body axes (x', y', z'), in any order.
 """
 
 from typing import NamedTuple
@@ -55,7 +55,7 @@ def inertia(axes):
 
 
 def stokeslet_gradient(axes):
-    """Tensor K[i, k, j, m] of the velocity gradient ∂_k u_i at the centre made by the force density f_j dS = A_jm y_m abc dΩ.
+    """Tensor K[i, k, j, m]: gradient ∂_k u_i at the centre made by the force density f_j dS = A_jm y_m abc dΩ.
 
     A layer of that form makes a linear flow throughout the ellipsoid, so the gradient at the centre is the gradient on
     the surface. Viscosity is one.
@@ -83,7 +83,7 @@ def resistance(axes):
 
 
 def torque_free_angular_velocity(axes, gradient):
-    """Angular velocity of the torque-free ellipsoid in the linear flow u_i = gradient_ij x_j, in body axes (Stokes flow)."""
+    """Torque-free angular velocity (3,) in the ambient linear flow u_i = gradient_ij x_j, all in body axes."""
     tensor = stokeslet_gradient(np.asarray(axes, dtype=float))
     omega = np.empty(3)
     for i, j, k in CYCLIC:
@@ -120,7 +120,7 @@ def jeffery(semi_axes, rotation):
 
 
 def rotation_from_euler(theta, phi, psi):
-    """Rotation matrix of the zxz Euler angles from three elementary rotations; complex arguments are allowed (`tiju`)."""
+    """Rotation matrix of the zxz Euler angles from three elementary rotations (`tiju`); the angles may be complex."""
 
     def about_z(angle):
         return np.array([[np.cos(angle), np.sin(angle), 0], [-np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
