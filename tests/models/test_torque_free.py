@@ -53,9 +53,6 @@ def near_separatrix(distance, signs, order):
     return TorqueFree(tuple(inertia[order]), MIXED, tuple(omega[order]))
 
 
-# --- Extended-precision integration ------------------------------------------------------------------------------
-
-
 def regular_bodies():
     """Random starts away from the separatrix: triaxial ones, then some with two equal inertias."""
     for seed in range(48):
@@ -101,9 +98,6 @@ def test_near_and_on_the_separatrix_within_ten_half_ulps(distance, signs):
     assert np.all(np.max(np.abs(omega - true_omega), axis=1) < 10 * change)
 
 
-# --- Textbook formulas with 100 digits, at any time --------------------------------------------------------------
-
-
 HARD = {
     "triaxial": random_body(1),
     "other side": random_body(2, inertia=(0.9, 0.5, 0.3), speed=0.03),
@@ -134,9 +128,6 @@ def test_within_ten_half_ulps_up_to_a_million_time_units(name):
         )
     assert np.all(off < 10 * angle)
     assert np.all(np.max(np.abs(rates), axis=1) < 10 * change)
-
-
-# --- Special motions ---------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -180,9 +171,6 @@ def test_symmetric_top(axial, equatorial):
         assert body.period == pytest.approx(2 * np.pi * equatorial / abs((axial - equatorial) * eta), rel=1e-15)
         after, _ = body.at([body.precession_period])
         assert np.max(np.abs(matrix_from_quaternion(after)[0, odd] - symmetry_axis[0])) < 1e-14
-
-
-# --- Symmetries and robustness -----------------------------------------------------------------------------------
 
 
 def hurwitz_group():
