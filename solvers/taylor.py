@@ -21,7 +21,7 @@ def taylor_integrator(
 ) -> Any:
     """heyoka's integrator of a field, kept for the life of the process; its state, time and parameters are set anew.
 
-    Quadruple precision is compiled in compact mode, which costs a little speed and saves seconds of compilation.
+    Extended precisions are compiled in compact mode, which costs speed but saves up to half a minute of compilation.
     """
     import heyoka
 
@@ -32,7 +32,7 @@ def taylor_integrator(
         np.zeros(dimension, types[precision]),
         fp_type=types[precision],
         tol=types[precision](tolerance),
-        compact_mode=precision == "quadruple",
+        compact_mode=precision != "double",
     )
 
 

@@ -1,0 +1,162 @@
+"""Scene files: TOML, checked key by key before a scene is made."""
+
+import tomllib
+from math import inf, isfinite
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart, Start
+from polhode.models.shape import Ellipsoid
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Vector = Annotated[list[Finite], Field(min_length=3, max_length=3)]
+FourVector = Annotated[list[Finite], Field(min_length=4, max_length=4)]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+
+class ShapeTable(_Table):
+    """``[shape]``."""
+
+    semi_axes: Annotated[list[Positive], Field(min_length=3, max_length=3)]
+
+
+class StartTable(_Table):
+    """``[start]``: Euler angles or a quaternion, with their motion; or the slow variables alone."""
+
+    euler_angles: Vector | None = None
+    euler_rates: Vector | None = None
+    quaternion: FourVector | None = None
+    angular_velocity: Vector | None = None
+    at_rest: bool = False
+    angular_momentum: Vector | None = None
+    energy: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None
+
+    @model_validator(mode="after")
+    def _one_way_to_start(self) -> "StartTable":
+        given = self.model_fields_set - ({"at_rest"} if not self.at_rest else set())
+        if given not in _WAYS_TO_START:
+            raise ValueError(f"got {sorted(given)}, expected one of {_WAYS_IN_WORDS}")
+        return self
+
+    def start(self) -> Start:
+        """Start of the scene."""
+        if self.angular_momentum is not None and self.energy is not None:
+            return SlowStart(_triple(self.angular_momentum), self.energy)
+        if self.euler_angles is not None:
+            return EulerStart(_triple(self.euler_angles), _triple(self.euler_rates or _REST))
+        assert self.quaternion is not None
+        q0, q1, q2, q3 = self.quaternion
+        return BodyStart((q0, q1, q2, q3), _triple(self.angular_velocity or _REST))
+
+
+_REST = [0.0, 0.0, 0.0]
+_WAYS_TO_START = (
+    {"euler_angles", "euler_rates"},
+    {"euler_angles", "at_rest"},
+    {"quaternion", "angular_velocity"},
+    {"quaternion", "at_rest"},
+    {"angular_momentum", "energy"},
+)
+_WAYS_IN_WORDS = (
+    "euler_angles + euler_rates, euler_angles + at_rest = true, quaternion + angular_velocity, "
+    "quaternion + at_rest = true, angular_momentum + energy"
+)
+
+
+class SceneTable(_Table):
+    """A whole scene file."""
+
+    stokes: Annotated[float, Field(ge=0, allow_inf_nan=True)]
+    slow_time: Positive | None = None
+    time: Positive | None = None
+    shape: ShapeTable
+    start: StartTable
+
+    @model_validator(mode="after")
+    def _one_duration(self) -> "SceneTable":
+        if (self.slow_time is None) == (self.time is None):
+            got = "both" if self.time is not None else "neither"
+            raise ValueError(f"got {got} of slow_time and time, expected exactly one")
+        if self.time is None and self.stokes in (0, inf):
+            raise ValueError(f"got slow_time at stokes = {self.stokes:g}, expected time, for slow time is t/St")
+        return self
+
+    def scene(self) -> Scene:
+        """The scene; raises ValueError if a duration in slow time overflows."""
+        a, b, c = self.shape.semi_axes
+        time = self.time if self.time is not None else (self.slow_time or 0) * self.stokes
+        if not (isfinite(time) and time > 0):
+            raise ValueError(f"slow_time: got {self.slow_time!r} at stokes = {self.stokes:g}, expected a finite time")
+        return Scene(Ellipsoid((a, b, c)), self.stokes, self.start.start(), time)
+
+
+def read_scene(path: Path) -> Scene:
+    """Read a scene file.
+
+    Parameters
+    ----------
+    path : Path
+        TOML; its keys are those of `SceneTable`.
+
+    Raises
+    ------
+    ValueError
+        In one line: the file, the key, the value and what was expected.
+    OSError
+        If the file cannot be read.
+    """
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path}: not a TOML file: {error}") from None
+    try:
+        return parse_scene(table)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def parse_scene(table: dict[str, Any]) -> Scene:
+    """Make a scene of the contents of a scene file.
+
+    Raises
+    ------
+    ValueError
+        In one line: the key, the value and what was expected.
+    """
+    try:
+        return SceneTable.model_validate(table).scene()
+    except ValidationError as error:
+        raise ValueError(first_complaint(error)) from None
+
+
+def first_complaint(error: ValidationError) -> str:
+    """The first complaint of a validation in one line, and how many more there are."""
+    complaints = error.errors(include_url=False)
+    first = complaints[0]
+    where = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in first["loc"]).lstrip(".")
+    expected = first["msg"].removeprefix("Value error, ")
+    if first["type"] == "missing":
+        text = f"{where}: missing, expected a value"
+    elif first["type"] == "extra_forbidden":
+        text = f"{where}: unknown key (its value is {first['input']!r})"
+    elif expected.startswith("got "):
+        text = f"{where}: {expected}" if where else expected
+    else:
+        text = f"{where}: got {first['input']!r}, {_in_our_words(expected)}"
+    more = len(complaints) - 1
+    return text + (f" (and {more} more)" if more else "")
+
+
+def _in_our_words(message: str) -> str:
+    return message.replace("Input should be", "expected").replace("List should have", "expected")
+
+
+def _triple(values: list[float]) -> tuple[float, float, float]:
+    x, y, z = values
+    return x, y, z
