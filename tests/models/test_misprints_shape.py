@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 from scipy.special import elliprd
 
-from oracle.first_principles import CYCLIC, body, body_rates, jeffery, rotation_from_euler, torque_free_angular_velocity
+from oracle.first_principles import (
+    CYCLIC,
+    body,
+    body_rates,
+    integrate,
+    jeffery,
+    rotation_from_euler,
+    torque_free_angular_velocity,
+)
 from oracle.verdict import assert_misprint, assert_right, deviation
 
 ANGLES = np.array([0.7, 0.4, 1.1])
@@ -219,6 +227,14 @@ def test_misprint_period_increases(kappa):
 @pytest.mark.parametrize("kappa", [0.5, 2.0])
 def test_right_period_limits(kappa):
     assert_right(2 * pi * (kappa + 1 / kappa), tumbling_period(kappa, 0.0), tolerance=1e-13)
+
+
+@pytest.mark.parametrize("kappa", [2.0, 4.0])
+def test_right_period_at_large_stokes(kappa):
+    """The tumbling period tends to 4π: two half turns from the rate −1/2."""
+    times = np.array([0.0, 4 * pi])
+    rotation, _ = integrate(body((1, 1, kappa)), 1e5, (pi / 2, 0.3, 0.0), (0.0, -0.5, 0.0), times)
+    assert_right(rotation[1], rotation[0], tolerance=2e-2)
 
 
 @pytest.mark.parametrize("kappa", [1e2, 1e4, 1e6])

@@ -8,6 +8,7 @@ Conventions: flow u = y x̂, time in inverse shear rates, slow time t₂ = t/St;
 in space components; L is in space axes; the semi-axes (a, b, c) belong to the body axes (x', y', z'), in any order.
 """
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -26,8 +27,9 @@ class Body(NamedTuple):
     resistance: np.ndarray
 
 
+@cache
 def body(semi_axes, length=None):
-    """Body with inertia and resistance in units of `length` (default: the longest semi-axis)."""
+    """Body of the semi-axes (a tuple) with inertia and resistance in units of `length` (default: the longest semi-axis)."""
     axes = np.asarray(semi_axes, dtype=float) / (max(semi_axes) if length is None else length)
     return Body(axes, inertia(axes), resistance(axes))
 
@@ -214,13 +216,13 @@ def polhode(moments, momentum, energy, nodes=512):
 
 def aligned_frame(momentum):
     """Any rotation matrix whose third column is the direction of `momentum` (the columns of `fodij` are one choice)."""
-    third = momentum / np.linalg.norm(momentum)
-    first = np.cross(np.eye(3)[np.argmin(np.abs(third))], third)
-    first /= np.linalg.norm(first)
-    return np.column_stack([first, np.cross(third, first), third])
+    third = momentum / np.linalg.norm(momentum, axis=-1, keepdims=True)
+    first = np.cross(np.eye(3)[np.argmin(np.abs(third), axis=-1)], third)
+    first /= np.linalg.norm(first, axis=-1, keepdims=True)
+    return np.stack([first, np.cross(third, first), third], axis=-1)
 
 
-def euler_top_ensemble(moments, momentum, energy, phases=16, nodes=512):
+def euler_top_ensemble(moments, momentum, energy, phases=8, nodes=512):
     """Orientations of the Euler top with the given L (3,) and E, its body rates and weights of the long-time average.
 
     Uniform in time along the polhode and uniform in the precession angle about L. Returns rotations
@@ -228,10 +230,9 @@ def euler_top_ensemble(moments, momentum, energy, phases=16, nodes=512):
     """
     size = np.linalg.norm(momentum)
     curve = polhode(moments, size, energy, nodes)
-    frames = np.array([aligned_frame(m) for m in curve.momentum])
     angle = 2 * np.pi * np.arange(phases) / phases
     turns = np.array([rotation_from_euler(0.0, value, 0.0) for value in angle])
-    in_aligned = np.einsum("nij,pjk->npik", frames, turns).reshape(-1, 3, 3)
+    in_aligned = np.einsum("nij,pjk->npik", aligned_frame(curve.momentum), turns).reshape(-1, 3, 3)
     rates = np.repeat(curve.momentum / moments, phases, axis=0)
     weights = np.repeat(curve.weight / phases, phases)
     return in_aligned @ aligned_frame(momentum).T, in_aligned, rates, weights
