@@ -160,3 +160,21 @@ def _in_our_words(message: str) -> str:
 def _triple(values: list[float]) -> tuple[float, float, float]:
     x, y, z = values
     return x, y, z
+
+
+def scene_table(scene: Scene) -> dict[str, Any]:
+    """Contents of a scene file that `parse_scene` turns into the same scene again."""
+    match scene.start:
+        case EulerStart():
+            start = {"euler_angles": list(scene.start.angles), "euler_rates": list(scene.start.rates)}
+        case BodyStart():
+            velocity = list(scene.start.angular_velocity)
+            start = {"quaternion": list(scene.start.quaternion), "angular_velocity": velocity}
+        case SlowStart():
+            start = {"angular_momentum": list(scene.start.angular_momentum), "energy": scene.start.energy}
+    return {
+        "stokes": scene.stokes,
+        "time": scene.time,
+        "shape": {"semi_axes": list(scene.ellipsoid.semi_axes)},
+        "start": start,
+    }

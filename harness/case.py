@@ -1,0 +1,177 @@
+"""A case: one scene, one form, one solver, one tolerance; its measurement is a record."""
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass, replace
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from polhode.harness.errors import Errors, errors
+from polhode.harness.reference import Reference, ReferenceFailedError, reference
+from polhode.harness.timing import seconds_of
+from polhode.models.catalogue import form as find_form
+from polhode.models.scene import Scene
+from polhode.models.scene_file import scene_table
+from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.contract import Backend, Jacobian, Status
+from polhode.solvers.solve import Solution, solve
+
+# Changes whenever a record's meaning does, so that no old record is taken for a new one.
+SCHEMA = 1
+# The form whose long double solution every full form is compared with.
+FULL_FORM = "quaternion"
+
+Record = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Case:
+    """One thing to measure.
+
+    Parameters
+    ----------
+    scene_name : str
+    scene : Scene
+    form, solver : str
+        Catalogue names.
+    tolerance : float
+    samples : int
+        Equispaced times at which errors are measured.
+    max_seconds : float
+        Time limit of each run.
+    backend, jacobian : str, optional
+        The solver's first ones by default.
+    """
+
+    scene_name: str
+    scene: Scene
+    form: str
+    solver: str
+    tolerance: float
+    samples: int
+    max_seconds: float
+    backend: Backend | None = None
+    jacobian: Jacobian | None = None
+
+    @property
+    def content(self) -> Record:
+        """The case as plain data, types coerced, with the schema and the versions it depends on."""
+        package = find_solver(self.solver).package
+        return {
+            "schema": SCHEMA,
+            "scene_name": self.scene_name,
+            "scene": scene_table(self.scene),
+            "form": self.form,
+            "solver": self.solver,
+            "tolerance": float(self.tolerance),
+            "samples": int(self.samples),
+            "max_seconds": float(self.max_seconds),
+            "backend": self.backend,
+            "jacobian": self.jacobian,
+            "versions": {name: _version(name) for name in ("polhode", package)},
+        }
+
+    @property
+    def key(self) -> str:
+        """Hash of the canonical content."""
+        return hashlib.sha256(json.dumps(self.content, sort_keys=True).encode()).hexdigest()
+
+    def solve(self, *, count: bool = False) -> Solution:
+        """Run the case once, over its samples."""
+        problem = find_form(self.form).problem(self.scene)
+        times = np.linspace(0.0, problem.end, self.samples)
+        return solve(
+            problem,
+            self.solver,
+            self.tolerance,
+            times,
+            backend=self.backend,
+            jacobian=self.jacobian,
+            count=count,
+            max_seconds=self.max_seconds,
+        )
+
+
+def examine(case: Case) -> Record:
+    """Compile, run once with counting, and measure the errors; no timing yet.
+
+    The record's columns: `slow_error` and `orientation_error` against the exact solution of the full equations,
+    `solver_*` against the exact solution of the same form, `model_*` of that exact solution against the full one.
+    A full form has no model error. An error that cannot be measured is None.
+    """
+    form = find_form(case.form)
+    prepare_seconds = _first_preparation(case)
+    solution = case.solve(count=True)
+    record: Record = {
+        "status": str(solution.status),
+        "message": solution.message,
+        "inferred": False,
+        "prepare_seconds": prepare_seconds,
+        "counted_seconds": solution.seconds,
+        "reached": float(solution.times[-1] / solution.problem.end),
+        "work": asdict(solution.work),
+    }
+    if not solution.success:
+        return record
+    try:
+        exact = reference(case.scene, form if form.averaged else FULL_FORM, case.samples)
+        full = reference(case.scene, FULL_FORM, case.samples) if form.averaged else exact
+    except ReferenceFailedError as error:
+        return {**record, "reference_failed": str(error)}
+    found = form.observe(case.scene, solution.states)
+    total = errors(case.scene.ellipsoid, found, full.observables)
+    own = errors(case.scene.ellipsoid, found, exact.observables) if form.averaged else total
+    model = errors(case.scene.ellipsoid, exact.observables, full.observables) if form.averaged else None
+    return record | _error_columns(total, own, model, full, exact)
+
+
+def time_once(case: Case) -> float:
+    """Wall time, in seconds, of one warm run of a case that `examine` has prepared in this process."""
+    return seconds_of(case.solve)
+
+
+def _first_preparation(case: Case) -> float:
+    """Wall time of a run over next to no time: compilation, unless it was compiled before in this process."""
+    import_module(find_solver(case.solver).library)
+    problem = find_form(case.form).problem(case.scene)
+    moment = replace(problem, end=problem.end * 1e-9, least_steps=0)
+    began = perf_counter()
+    solve(moment, case.solver, case.tolerance, backend=case.backend, jacobian=case.jacobian)
+    return perf_counter() - began
+
+
+def _error_columns(
+    total: Errors, own: Errors, model: Errors | None, full: Reference, exact: Reference
+) -> dict[str, float | None | dict[str, Any]]:
+    return {
+        "slow_error": total.slow,
+        "orientation_error": total.orientation,
+        "solver_slow_error": own.slow,
+        "solver_orientation_error": own.orientation,
+        "model_slow_error": model.slow if model else 0.0,
+        "model_orientation_error": model.orientation if model else 0.0,
+        "slow_uncertainty": full.slow_uncertainty,
+        "orientation_uncertainty": full.orientation_uncertainty,
+        "solver_slow_uncertainty": exact.slow_uncertainty,
+        "errors": asdict(total),
+    }
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "absent"
+
+
+def missing(case: Case) -> Record:
+    """Record of a case whose library is not installed."""
+    return {
+        "status": str(Status.ADAPTER_MISSING),
+        "message": find_solver(case.solver).why_not,
+        "inferred": True,
+    }

@@ -1,0 +1,93 @@
+"""Running a study into a store: batch by batch, so that an interrupted run is taken up where it stopped."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from tqdm import tqdm
+
+from polhode.harness.case import Case, Record, examine, missing, time_once
+from polhode.harness.machine import machine, versions
+from polhode.harness.store import Store
+from polhode.harness.study import Study
+from polhode.harness.timing import Timing, sentinel
+from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.contract import Status
+
+Group = tuple[str, float, str, str]
+
+
+@dataclass
+class Runner:
+    """Runs the batches of a study, once each.
+
+    Parameters
+    ----------
+    store : Store
+        Cases whose key it holds are skipped.
+    quiet : bool
+        Whether to show no progress on stderr.
+    """
+
+    store: Store
+    quiet: bool = False
+    _too_slow: dict[Group, Record] = field(default_factory=dict)
+
+    def run(self, study: Study) -> list[Record]:
+        """Run what the store does not hold yet and return the records of the whole study."""
+        batches = list(study.batches())
+        known, wanted = self.store.keys(), [case.key for batch in batches for case in batch]
+        surroundings = {"machine": machine(), "versions": versions()}
+        with tqdm(total=len(wanted), disable=self.quiet, unit="case", desc=study.name, leave=False) as progress:
+            for batch in batches:
+                fresh = [case for case in batch if case.key not in known]
+                self._recall(case for case in batch if case.key in known)
+                for case, record in self._measure(fresh, progress):
+                    self.store.put(case.key, case.content, {**record, **surroundings})
+                progress.update(len(batch) - len(fresh))
+        of_study = set(wanted)
+        return [record for record in self.store.records() if record["key"] in of_study]
+
+    def _measure(self, batch: list[Case], progress: tqdm) -> list[tuple[Case, Record]]:
+        steadiness = sentinel() if batch else 0.0
+        records: dict[Case, Record] = {}
+        timed: list[Case] = []
+        for case in batch:
+            progress.set_postfix_str(f"St = {case.scene.stokes:g} {case.solver} {case.tolerance:g}")
+            records[case] = self._examine(case)
+            if records[case]["status"] == Status.REACHED_END:
+                timed.append(case)
+            progress.update()
+        timings: dict[Case, Timing] = {}
+        while timed:
+            for case in timed:
+                earlier = timings[case].runs if case in timings else ()
+                timings[case] = Timing((*earlier, time_once(case)))
+            timed = [case for case in timed if timings[case].wants_more]
+        for case, timing in timings.items():
+            records[case] |= {
+                "seconds": timing.seconds,
+                "seconds_spread": timing.spread,
+                "seconds_runs": list(timing.runs),
+            }
+        return [(case, {**record, "sentinel_seconds": steadiness}) for case, record in records.items()]
+
+    def _examine(self, case: Case) -> Record:
+        if not find_solver(case.solver).available:
+            return missing(case)
+        earlier = self._too_slow.get(_group(case))
+        if earlier is not None:
+            return {"status": earlier["status"], "message": "at a looser tolerance already", "inferred": True}
+        record = examine(case)
+        if record["status"] in (Status.TIME_LIMIT, Status.STEP_LIMIT):
+            self._too_slow[_group(case)] = record
+        return record
+
+    def _recall(self, cases: Iterable[Case]) -> None:
+        known = {case.key: case for case in cases}
+        for record in self.store.records() if known else ():
+            if record["key"] in known and record["status"] in (Status.TIME_LIMIT, Status.STEP_LIMIT):
+                self._too_slow.setdefault(_group(known[record["key"]]), record)
+
+
+def _group(case: Case) -> Group:
+    return case.scene_name, case.scene.stokes, case.form, case.solver

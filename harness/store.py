@@ -1,0 +1,112 @@
+"""The store: SQLite, one row per case, its key the hash of the case, so that resume means skipping known keys."""
+
+import csv
+import json
+import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+Record = dict[str, Any]
+
+_TABLE = """
+CREATE TABLE IF NOT EXISTS cases (
+    key TEXT PRIMARY KEY,
+    "case" TEXT NOT NULL,
+    result TEXT NOT NULL,
+    written TEXT NOT NULL DEFAULT (datetime('now'))
+)
+"""
+
+
+class DamagedStoreError(RuntimeError):
+    """The file is not a store, or a damaged one; it is left as it is."""
+
+
+class Store:
+    """A store file; two runs may share one.
+
+    Parameters
+    ----------
+    path : Path
+        Made if it does not exist.
+
+    Raises
+    ------
+    DamagedStoreError
+        If the file exists and is no readable SQLite database. It is never overwritten.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._connection = sqlite3.connect(path, timeout=60.0)
+        with self._readable():
+            self._connection.execute("PRAGMA journal_mode=WAL")
+            if self._connection.execute("PRAGMA quick_check").fetchone()[0] != "ok":
+                raise DamagedStoreError(f"{path}: the store is damaged; move it away or name another one")
+            with self._connection:
+                self._connection.execute(_TABLE)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._connection.close()
+
+    def __enter__(self) -> "Store":
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def keys(self) -> set[str]:
+        """Keys of all cases."""
+        with self._readable():
+            return {key for (key,) in self._connection.execute("SELECT key FROM cases")}
+
+    def put(self, key: str, case: Record, result: Record) -> None:
+        """Write a case once; a second writer of the same key changes nothing."""
+        row = key, json.dumps(case, sort_keys=True), json.dumps(result, sort_keys=True)
+        with self._connection:
+            self._connection.execute('INSERT OR IGNORE INTO cases (key, "case", result) VALUES (?, ?, ?)', row)
+
+    def records(self) -> list[Record]:
+        """All cases with their results, each as one flat dictionary, in the order of writing."""
+        with self._readable():
+            rows = self._connection.execute('SELECT key, "case", result FROM cases ORDER BY rowid').fetchall()
+        return [{"key": key, **json.loads(case), **json.loads(result)} for key, case, result in rows]
+
+    @contextmanager
+    def _readable(self) -> Iterator[None]:
+        try:
+            yield
+        except sqlite3.DatabaseError as error:
+            if isinstance(error, sqlite3.OperationalError) and "locked" in str(error):
+                raise
+            raise DamagedStoreError(f"{self.path}: not a readable store: {error}") from None
+
+
+def export(records: list[Record], path: Path) -> None:
+    """Write records as CSV or JSON Lines, as the file's ending says, for sharing.
+
+    Raises
+    ------
+    ValueError
+        If the ending is neither ``.csv`` nor ``.jsonl``.
+    """
+    if path.suffix == ".jsonl":
+        path.write_text("".join(json.dumps(record, sort_keys=True) + "\n" for record in records), encoding="utf-8")
+    elif path.suffix == ".csv":
+        columns = list(dict.fromkeys(name for record in records for name in record))
+        with path.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, columns)
+            writer.writeheader()
+            writer.writerows(
+                {
+                    name: json.dumps(value) if isinstance(value, dict | list) else value
+                    for name, value in record.items()
+                }
+                for record in records
+            )
+    else:
+        raise ValueError(f"{path}: expected a file name ending in .csv or .jsonl")

@@ -1,0 +1,127 @@
+"""A study: scenes × forms × solvers × tolerances, as data."""
+
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from polhode.harness.case import Case
+from polhode.models.catalogue import FORMS
+from polhode.models.catalogue import form as find_form
+from polhode.models.form import FormNotValidError
+from polhode.models.scene import Scene
+from polhode.models.scene_file import Positive, first_complaint, parse_scene
+from polhode.solvers.catalogue import SOLVERS
+from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.contract import SolverNotValidError
+
+
+class StudySceneTable(BaseModel):
+    """``[[scenes]]``: a scene file's contents with a name, and one or several Stokes numbers."""
+
+    model_config = ConfigDict(extra="allow", strict=True)
+    name: str
+    stokes: list[Annotated[float, Field(ge=0)]] | float
+    tags: list[str] = []
+
+
+class StudyTable(BaseModel):
+    """A study file."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+    name: str
+    title: str
+    samples: Annotated[int, Field(ge=2)] = 501
+    max_seconds: Positive = 10.0
+    tolerances: Annotated[list[Positive], Field(min_length=1)]
+    forms: Annotated[list[str], Field(min_length=1)]
+    solvers: list[str] = list(SOLVERS)
+    scenes: Annotated[list[StudySceneTable], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _known_names(self) -> "StudyTable":
+        for kind, names, known in (("forms", self.forms, FORMS), ("solvers", self.solvers, SOLVERS)):
+            for name in names:
+                if name not in known:
+                    raise ValueError(f"got {name!r} in {kind}, expected some of {', '.join(known)}")
+        return self
+
+
+@dataclass(frozen=True)
+class Study:
+    """What to measure: every solver on every form of every scene, from the loosest tolerance to the tightest."""
+
+    name: str
+    title: str
+    scenes: tuple[tuple[str, Scene], ...]
+    forms: tuple[str, ...]
+    solvers: tuple[str, ...]
+    tolerances: tuple[float, ...]
+    samples: int
+    max_seconds: float
+
+    def batches(self) -> Iterator[list[Case]]:
+        """Cases in batches that are timed in interleaved order: one scene, form and tolerance, all solvers."""
+        for scene_name, scene in self.scenes:
+            for form_name in self.forms:
+                try:
+                    problem = find_form(form_name).problem(scene)
+                except FormNotValidError:
+                    continue
+                accepted = []
+                for solver_name in self.solvers:
+                    try:
+                        find_solver(solver_name).check(problem)
+                    except SolverNotValidError:
+                        continue
+                    accepted.append(solver_name)
+                for tolerance in sorted(self.tolerances, reverse=True):
+                    yield [
+                        Case(scene_name, scene, form_name, solver_name, tolerance, self.samples, self.max_seconds)
+                        for solver_name in accepted
+                    ]
+
+
+def read_study(path: Path | None, default: str = "bench") -> Study:
+    """Read a study file, or the one of the given name that comes with the package.
+
+    Raises
+    ------
+    ValueError
+        In one line: the file, the key, the value and what was expected.
+    OSError
+        If the file cannot be read.
+    """
+    where = str(path) if path else f"study {default!r}"
+    text = (path or files("polhode.harness") / "studies" / f"{default}.toml").read_text(encoding="utf-8")
+    try:
+        return parse_study(tomllib.loads(text))
+    except ValueError as error:
+        raise ValueError(f"{where}: {error}") from None
+
+
+def parse_study(contents: dict[str, Any]) -> Study:
+    """Make a study of the contents of a study file."""
+    try:
+        table = StudyTable.model_validate(contents)
+    except ValidationError as error:
+        raise ValueError(first_complaint(error)) from None
+    scenes = []
+    for scene in table.scenes:
+        rest = dict(scene.model_extra or {})
+        for stokes in scene.stokes if isinstance(scene.stokes, list) else [scene.stokes]:
+            scenes.append((scene.name, parse_scene({"stokes": float(stokes), **rest})))
+    return Study(
+        table.name,
+        table.title,
+        tuple(scenes),
+        tuple(table.forms),
+        tuple(table.solvers),
+        tuple(table.tolerances),
+        table.samples,
+        table.max_seconds,
+    )
