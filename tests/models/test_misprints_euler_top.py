@@ -11,6 +11,7 @@ from oracle.first_principles import (
     aligned_frame,
     body,
     integrate,
+    momentum_and_energy,
     polhode,
     rotation_from_euler,
 )
@@ -188,19 +189,40 @@ def test_misprint_precession_angle_alone_has_no_period(exchange):
     assert deviation(gain, np.full(3, 2 * pi)) > 1e-3
 
 
-def test_right_angular_momentum_aligned_axes():
-    x, y, z = vector = np.array([0.3, -0.5, 0.9])
+def printed_aligned_axes(vector):
+    """The matrix of `fodij` for L = vector."""
+    x, y, z = vector
     size, across = np.linalg.norm(vector), np.hypot(x, y)
-    printed = np.array(
+    return np.array(
         [
             [y / across, x * z / (size * across), x / size],
             [-x / across, y * z / (size * across), y / size],
             [0, -across / size, z / size],
         ]
     )
+
+
+def test_right_angular_momentum_aligned_axes():
+    vector = np.array([0.3, -0.5, 0.9])
+    printed = printed_aligned_axes(vector)
     assert_right(printed @ printed.T, np.eye(3), tolerance=1e-14)
     assert np.linalg.det(printed) == pytest.approx(1, rel=1e-14)
-    assert_right(printed[:, 2], vector / size, tolerance=1e-14)
+    assert_right(printed[:, 2], vector / np.linalg.norm(vector), tolerance=1e-14)
+
+
+@pytest.mark.parametrize("kappa", [0.5, 2.3])
+def test_right_axis_of_the_symmetric_top_in_space(kappa):
+    """`alphatranss` with `fodij`: α·(h̄ sin χ, −h̄ cos χ, h), χ = Lt/I_e + φ₀, for L in a general direction."""
+    shape = body((1, 1, kappa))
+    times = np.linspace(0.0, 6.0, 7)
+    rotation, omega = integrate(shape, np.inf, (0.8, 0.2, 0.0), (0.6, -0.8, 0.5), times)
+    momentum, _ = momentum_and_energy(shape, rotation[0], omega[0])
+    size, alpha = np.linalg.norm(momentum), printed_aligned_axes(momentum)
+    start = rotation[0, 2] @ alpha
+    h, chi = shape.inertia[2] * omega[0, 2] / size, size * times / shape.inertia[0] + np.arctan2(start[0], -start[1])
+    across = np.sqrt(1 - h * h)
+    printed = alpha @ [across * np.sin(chi), -across * np.cos(chi), np.full_like(chi, h)]
+    assert_right(printed.T, rotation[:, 2], tolerance=1e-9)
 
 
 @pytest.mark.parametrize("kappa", [0.5, 2.3])

@@ -29,7 +29,7 @@ class Body(NamedTuple):
 
 @cache
 def body(semi_axes, length=None):
-    """Body of the semi-axes (a tuple) with inertia and resistance in units of `length` (default: the longest semi-axis)."""
+    """Body of the semi-axes (a tuple), all in units of `length` (default: the longest semi-axis)."""
     axes = np.asarray(semi_axes, dtype=float) / (max(semi_axes) if length is None else length)
     return Body(axes, inertia(axes), resistance(axes))
 
