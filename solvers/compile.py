@@ -3,6 +3,7 @@
 Every function here keeps what it compiled, under the field's factory, for the life of the process.
 """
 
+import os
 from collections.abc import Callable
 from functools import cache
 from typing import Any
@@ -11,9 +12,13 @@ import numpy as np
 
 from polhode.models.operations import FLOAT, Field, Operations
 from polhode.models.problem import Problem
+from polhode.solvers.contract import Backend
 
 FieldFactory = Callable[[Operations], Field]
-Callback = Callable[[np.ndarray, np.ndarray, np.ndarray], None]
+Callback = Callable[[np.ndarray, Any, np.ndarray], None]
+
+# Environment variable that names the folder for caches.
+CACHE_VARIABLE = "POLHODE_CACHE"
 
 
 @cache
@@ -57,6 +62,31 @@ def numba_residual(factory: FieldFactory, dimension: int) -> Callable[..., None]
     return residual
 
 
+def array_callback(problem: Problem, backend: Backend, values: np.ndarray) -> tuple[Callback, Any]:
+    """The field as ``callback(y, p, out)`` of a back end, and the parameters as it wants them."""
+    if backend == "numba":
+        return numba_callback(problem.field, problem.dimension), values
+    field = plain_field(problem.field)
+
+    def callback(y: np.ndarray, p: Any, out: np.ndarray) -> None:
+        out[:] = field(y.tolist(), p)
+
+    return callback, values.tolist()
+
+
+def array_residual(problem: Problem, backend: Backend, values: np.ndarray) -> tuple[Callable[..., None], Callback, Any]:
+    """The mass form as ``residual(y, rates, mass, p, out)``, the field as ``callback(y, p, out)``, and p."""
+    callback, parameters = array_callback(problem, backend, values)
+    if backend == "numba":
+        return numba_residual(problem.field, problem.dimension), callback, parameters
+
+    def residual(y: np.ndarray, rates: np.ndarray, mass: np.ndarray, p: Any, out: np.ndarray) -> None:
+        callback(y, p, out)
+        np.subtract(mass * rates, out, out=out)
+
+    return residual, callback, parameters
+
+
 @cache
 def c_callback(factory: FieldFactory, dimension: int, parameters: int) -> Any:
     """The field as a numba ``cfunc`` of signature ``void(double *dy, double t, double *y, double *p)``."""
@@ -76,10 +106,26 @@ def c_callback(factory: FieldFactory, dimension: int, parameters: int) -> Any:
 
 
 @cache
-def traced_system(factory: FieldFactory, dimension: int, parameters: int) -> list[tuple[Any, Any]]:
-    """The field as heyoka expressions ``[(variable, rate), …]`` with p in ``heyoka.par``."""
+def load_heyoka() -> Any:
+    """Import heyoka, the one way that everybody here does: quiet, and with its cache where the user wants it.
+
+    heyoka keeps compiled code on disk, in ``$XDG_CACHE_HOME/heyoka`` or ``~/.cache/heyoka``. The environment
+    variable ``POLHODE_CACHE`` names another folder, of which it gets the part ``heyoka``. What heyoka has to say about
+    a cache that it cannot write, it says on standard output, where tables go: so it is told to be silent.
+    """
     import heyoka
 
+    heyoka.set_logger_level_critical()
+    place = os.environ.get(CACHE_VARIABLE)
+    if place:
+        heyoka.llvm_state.set_diskcache_path(os.path.join(os.path.abspath(place), "heyoka"))
+    return heyoka
+
+
+@cache
+def traced_system(factory: FieldFactory, dimension: int, parameters: int) -> list[tuple[Any, Any]]:
+    """The field as heyoka expressions ``[(variable, rate), …]`` with p in ``heyoka.par``."""
+    heyoka = load_heyoka()
     names = heyoka.make_vars(*(f"y{i:02d}" for i in range(dimension)))
     variables = list(names) if dimension > 1 else [names]
     rates = factory(_heyoka_operations())(variables, [heyoka.par[i] for i in range(parameters)])
@@ -90,8 +136,7 @@ def traced_system(factory: FieldFactory, dimension: int, parameters: int) -> lis
 @cache
 def exact_jacobian(factory: FieldFactory, dimension: int, parameters: int) -> Callable[..., np.ndarray]:
     """The Jacobian ``jacobian(y, p) -> (d, d)`` by automatic differentiation of the traced field."""
-    import heyoka
-
+    heyoka = load_heyoka()
     system = traced_system(factory, dimension, parameters)
     variables = [variable for variable, _ in system]
     tensors = heyoka.diff_tensors([rate for _, rate in system], diff_args=variables, diff_order=1)
@@ -128,8 +173,7 @@ def _numba_field(factory: FieldFactory) -> Field:
 
 @cache
 def _heyoka_operations() -> Operations:
-    import heyoka
-
+    heyoka = load_heyoka()
     return Operations(
         heyoka.sin,
         heyoka.cos,

@@ -1,13 +1,14 @@
 """The solver contract: what a solver receives, what it returns, who counts what."""
 
+import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import StrEnum
 from importlib.util import find_spec
-from math import inf
+from math import inf, isfinite
 from time import perf_counter
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -15,6 +16,17 @@ from polhode.models.problem import Problem
 
 Backend = Literal["compiled", "numba", "python"]
 Jacobian = Literal["exact", "difference"]
+
+# More steps than any run takes.
+UNLIMITED = 10**9
+
+# What a choice needs besides the solver's own library; module and package are of one name.
+_NEEDS = {"numba": "numba", "exact": "heyoka"}
+
+
+def installed(library: str) -> bool:
+    """Whether a library can be imported."""
+    return library in sys.modules or find_spec(library) is not None
 
 
 class Status(StrEnum):
@@ -100,15 +112,12 @@ class Settings:
         For implicit solvers: from the vector field by automatic differentiation, or the library's finite differences.
     count : bool
         Whether to count right-hand sides; costs time, so that timed runs leave it off.
-    max_steps : int
-        Limit of steps for the whole run.
     """
 
     tolerance: float
     backend: Backend
     jacobian: Jacobian = "exact"
     count: bool = False
-    max_steps: int = 10**9
 
 
 @dataclass
@@ -123,11 +132,14 @@ class Record:
         States; the first row is the start, the solver fills the others.
     deadline : float
         Reading of `time.perf_counter` after which the solver stops.
+    max_steps : int
+        Limit of steps for this piece.
     """
 
     times: np.ndarray
     rows: np.ndarray
     deadline: float = inf
+    max_steps: int = UNLIMITED
     filled: int = 1
     work: Work = field(default_factory=Work)
 
@@ -178,12 +190,34 @@ class Solver(ABC):
     @property
     def available(self) -> bool:
         """Whether the library is installed."""
-        return find_spec(self.library) is not None
+        return installed(self.library)
 
     @property
     def why_not(self) -> str | None:
         """What is missing and how to install it; None if nothing is."""
         return None if self.available else f"{self.package} is not installed: pip install {self.package}"
+
+    def settings(
+        self,
+        tolerance: float,
+        backend: Backend | None = None,
+        jacobian: Jacobian | None = None,
+        count: bool = False,
+    ) -> Settings:
+        """Settings for this solver; a backend or Jacobian not named is the first offered one that is installed.
+
+        Raises
+        ------
+        SolverNotValidError
+            If the tolerance is not a finite positive number, or the solver does not offer a choice, or what the
+            choice needs is not installed.
+        """
+        if not (isfinite(tolerance) and tolerance > 0):
+            raise SolverNotValidError(f"tolerance: got {tolerance!r}, expected a finite positive number")
+        chosen = (
+            _choose(self.name, "jacobian", jacobian, self.jacobians) if self.jacobians or jacobian else "difference"
+        )
+        return Settings(tolerance, _choose(self.name, "backend", backend, self.backends), chosen, count)
 
     def check(self, problem: Problem) -> None:
         """Refuse a problem that this solver cannot solve.
@@ -202,3 +236,19 @@ class Solver(ABC):
     @abstractmethod
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         """Compile what is needed for a problem and return the integrator."""
+
+
+def _choose(solver: str, kind: str, choice: Any, offered: tuple[Any, ...]) -> Any:
+    if choice is None:
+        return next((each for each in offered if _usable(each)), offered[-1])
+    if choice not in offered:
+        expected = ", ".join(offered) or "none"
+        raise SolverNotValidError(f"{kind}: got {choice!r}, expected one of {expected} for solver {solver!r}")
+    if not _usable(choice):
+        needed = _NEEDS[choice]
+        raise SolverNotValidError(f"{kind}: got {choice!r}, expected {needed!r} installed: pip install {needed}")
+    return choice
+
+
+def _usable(choice: str) -> bool:
+    return choice not in _NEEDS or installed(_NEEDS[choice])

@@ -1,7 +1,8 @@
 """CyRK's C++ solvers, fed with a numba ``cfunc``: no Python in the loop.
 
 Tolerance: `rtol` = `atol` = tolerance, for the error of a step in the root-mean-square norm. Rows come from each
-method's own dense output. Implicit methods use finite differences: the library's C entry takes no Jacobian.
+method's own dense output. Implicit methods use finite differences: the library's C entry takes no Jacobian. Nothing is
+told but steps.
 
 The library's C entry is called through ctypes, as its own numba bridge does; compiling that bridge anew in every
 process would take six seconds. It cannot be interrupted, so that a long run goes in pieces of a bounded number of
@@ -16,11 +17,11 @@ import numpy as np
 from polhode.models.problem import Problem
 from polhode.solvers.compile import c_callback, parameter_array
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status
+from polhode.solvers.interrupt import deferred_interrupt
 
-# Deadline and Ctrl-C are looked at once per this many steps.
-CHUNK = 200_000
+# Deadline and Ctrl-C are looked at once per this many steps: a tenth of a second at most.
+CHUNK = 20_000
 MAX_RAM_MB = 2000
-DOUBLE = 8
 
 _RIGHT_HAND_SIDE = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
 # CyrkErrorCodes of the library's c_common.hpp.
@@ -44,95 +45,135 @@ class _Cyrk(Solver):
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         """Compile the callback, once per field."""
-        from CyRK.cy.pyhelpers import find_ode_method_int
-
         parameters = parameter_array(problem)
-        compiled = c_callback(problem.field, problem.dimension, len(parameters))
-        method = find_ode_method_int(self.method)
-        calls = [0]
-        address, keep = compiled.address, None
-        if settings.count:
-            keep = _counted(address, calls)
-            address = ctypes.cast(keep, ctypes.c_void_p).value
+        address = c_callback(problem.field, problem.dimension, len(parameters)).address
+        call = Call(address, method_number(self.method), parameters, settings.tolerance)
+        if not settings.count:
+            return lambda record: _run(call, record)
 
         def integrate(record: Record) -> Outcome:
-            calls[0] = 0
-            outcome = _run(address, method, parameters, settings, record)
-            record.work.rhs_calls = calls[0] if keep else None
+            counter = _Counter(address, problem.dimension)
+            counting = Call(counter.address, call.method, parameters, settings.tolerance)
+            with deferred_interrupt(counter.close):
+                outcome = _run(counting, record)
+            record.work.rhs_calls = counter.calls
             return outcome
 
         return integrate
 
 
-def _counted(address: int, calls: list[int]) -> Any:
-    call = _RIGHT_HAND_SIDE(address)
+def method_number(name: str) -> int:
+    """The library's number of a method."""
+    from CyRK.cy.pyhelpers import find_ode_method_int
 
-    @_RIGHT_HAND_SIDE
-    def counted(dy: Any, t: float, y: Any, p: Any) -> None:
-        calls[0] += 1
-        call(dy, t, y, p)
-
-    return counted
+    return find_ode_method_int(name)
 
 
-def _run(address: int | None, method: int, parameters: np.ndarray, settings: Settings, record: Record) -> Outcome:
-    from CyRK.nb import numba_solver as library
+class _Counter:
+    """A callback that counts in Python, and turns NaN after Ctrl-C, which ctypes would swallow."""
 
-    end, dimension = float(record.times[-1]), len(record.start)
-    tolerance = np.array([settings.tolerance])
-    time, state = float(record.times[0]), record.start.copy()
-    steps = 0
-    while True:
-        wanted = np.ascontiguousarray(record.times[record.filled :])
-        result = library.c_numba_cysolve_ivp(
-            address,
-            time,
+    def __init__(self, address: int, dimension: int) -> None:
+        self.calls, self.closed = 0, False
+        call = _RIGHT_HAND_SIDE(address)
+
+        def counted(dy: int, t: float, y: int, p: int) -> None:
+            self.calls += 1
+            call(dy, t, y, p)
+            if self.closed:
+                (ctypes.c_double * dimension).from_address(dy)[:] = [np.nan] * dimension
+
+        self._keep = _RIGHT_HAND_SIDE(counted)
+        self.address = ctypes.cast(self._keep, ctypes.c_void_p).value
+
+    def close(self) -> None:
+        """Stop the run at its next right-hand side."""
+        self.closed = True
+
+
+class Call:
+    """The library's C entry with everything bound but the piece to run.
+
+    Parameters
+    ----------
+    address : int
+        Of the right-hand side, ``void(double *dy, double t, double *y, double *p)``.
+    method : int
+        The library's number of the method.
+    parameters : ndarray
+    tolerance : float
+    """
+
+    def __init__(self, address: int | None, method: int, parameters: np.ndarray, tolerance: float) -> None:
+        from CyRK.nb import numba_solver
+
+        self.library = numba_solver
+        self.address, self.method = address, method
+        self.parameters, self.tolerance = parameters, np.array([tolerance])
+
+    def __call__(self, start: float, end: float, state: np.ndarray, times: np.ndarray, max_steps: int) -> Any:
+        """Run; the pointer returned is to be freed by ``library.c_free``."""
+        tolerance = self.tolerance.ctypes.data
+        return self.library.c_numba_cysolve_ivp(
+            self.address,
+            start,
             end,
             state.ctypes.data,
-            dimension,
-            method,
-            0,
-            0,
-            parameters.ctypes.data,
-            parameters.size * DOUBLE,
-            min(CHUNK, settings.max_steps - steps),
+            state.size,
+            self.method,
+            0,  # expected size: the library's guess
+            0,  # extra outputs
+            self.parameters.ctypes.data,
+            self.parameters.nbytes,
+            max_steps,
             MAX_RAM_MB,
-            False,
-            wanted.ctypes.data,
-            wanted.size,
-            None,
-            None,
+            False,  # dense output is used, not kept
+            times.ctypes.data,
+            times.size,
+            None,  # no function before the right-hand side
+            None,  # no events
             0,
-            tolerance.ctypes.data,
+            tolerance,
             1,
-            tolerance.ctypes.data,
+            tolerance,
             1,
-            np.inf,
-            0.0,
-            True,
+            np.inf,  # largest step
+            0.0,  # first step: the library's guess
+            True,  # keep what `c_get_y_now` reads
         )
+
+
+def _run(call: Call, record: Record) -> Outcome:
+    library, dimension, work = call.library, len(record.start), record.work
+    end, time, state = float(record.times[-1]), float(record.times[0]), record.start
+    steps = 0
+    while True:
+        wanted = record.times[record.filled :]
+        result = call(time, end, state, wanted, min(CHUNK, record.max_steps - steps))
         try:
             size, code = library.c_get_size(result), library.c_get_status(result)
             steps += library.c_get_steps(result)
-            record.work.steps = steps
+            work.steps = steps
             if size:
-                rows = np.ctypeslib.as_array(library.c_get_y_ptr(result), (size, dimension))
-                record.put(rows[: len(wanted)])
-            reached = library.c_get_t_now(result)
-            state = np.ctypeslib.as_array(library.c_get_y_now(result), (dimension,)).copy()
+                record.put(_array(library.c_get_y_ptr(result), size * dimension).reshape(size, dimension))
+            time = library.c_get_t_now(result)
+            state = _array(library.c_get_y_now(result), dimension)
         finally:
             library.c_free(result)
         if code > 0:
             return Status.REACHED_END, f"code {code}"
-        if not np.all(np.isfinite(state)):
+        if not np.isfinite(state).all():
             return Status.NON_FINITE, f"code {code}"
         if code not in _STEPS_EXCEEDED:
             return _STATUS.get(code, Status.NON_FINITE), f"code {code}"
-        if steps >= settings.max_steps:
-            return Status.STEP_LIMIT, f"{settings.max_steps} steps"
+        if steps >= record.max_steps:
+            return Status.STEP_LIMIT, f"{steps} steps"
         if record.expired:
             return Status.TIME_LIMIT, f"after {steps} steps"
-        time = float(reached)
+
+
+def _array(pointer: Any, size: int) -> np.ndarray:
+    """Copy of the library's memory, which lives no longer than its result."""
+    return np.array((ctypes.c_double * size).from_address(ctypes.addressof(pointer.contents)))
 
 
 class Vern8(_Cyrk):

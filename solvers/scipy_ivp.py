@@ -11,100 +11,108 @@ from typing import Any, ClassVar
 import numpy as np
 
 from polhode.models.problem import Problem
-from polhode.solvers.compile import exact_jacobian, numba_callback, parameter_array, plain_field
+from polhode.solvers.compile import array_callback, exact_jacobian, parameter_array
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status
 
-RightHandSide = Callable[[float, np.ndarray], Any]
+Callback = Callable[[float, np.ndarray], np.ndarray]
 
 
-def right_hand_side(problem: Problem, settings: Settings, calls: list[int]) -> RightHandSide:
-    """The field as ``fun(t, y)``; counts into ``calls[0]`` if the settings ask for it."""
-    parameters = parameter_array(problem)
-    if settings.backend == "python":
-        field, values = plain_field(problem.field), parameters.tolist()
-
-        def fun(t: float, y: np.ndarray) -> Any:
-            return field(y.tolist(), values)
-    else:
-        callback, dimension = numba_callback(problem.field, problem.dimension), problem.dimension
-
-        def fun(t: float, y: np.ndarray) -> Any:
-            out = np.empty(dimension)
-            callback(y, parameters, out)
-            return out
-
-    if not settings.count:
-        return fun
-
-    def counted(t: float, y: np.ndarray) -> Any:
-        calls[0] += 1
-        return fun(t, y)
-
-    return counted
+# Right-hand sides with which an explicit method chooses its first step.
+START_CALLS = 2
 
 
-class _ScipySolver(Solver):
+class ScipySolver(Solver):
     """One of SciPy's `OdeSolver` classes."""
 
     accepts = "every form with an explicit vector field"
     library = "scipy"
     package = "scipy"
     method: ClassVar[str]
+    # Right-hand sides per attempted step of an explicit method, and per step that is interpolated.
+    attempt: ClassVar[int | None] = None
+    interpolation: ClassVar[int] = 0
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         """Bind the callbacks; numba compiles them once per field."""
         import scipy.integrate
 
         method = getattr(scipy.integrate, self.method)
-        calls = [0]
-        fun = right_hand_side(problem, settings, calls)
-        options: dict[str, Any] = {"rtol": settings.tolerance, "atol": settings.tolerance}
-        if self.implicit and settings.jacobian == "exact":
-            parameters = parameter_array(problem)
-            jacobian = exact_jacobian(problem.field, problem.dimension, len(parameters))
-            options["jac"] = lambda t, y: jacobian(y, parameters)
+        fun, options = self.bind(problem, settings)
 
         def integrate(record: Record) -> Outcome:
-            calls[0] = 0
+            calls = [0]
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                stepper = method(fun, record.times[0], record.start.copy(), record.times[-1], **options)
-                outcome = _step_through(stepper, record, settings.max_steps)
-            record.work.rhs_calls = calls[0] if settings.count else None
+                counting = _counted(fun, calls) if settings.count else fun
+                stepper = method(counting, record.times[0], record.start.copy(), record.times[-1], **options)
+                outcome, interpolated = _step_through(stepper, record)
+            work = record.work
+            work.rhs_calls = calls[0] if settings.count else None
             if self.implicit:
-                record.work.jacobians, record.work.factorizations = int(stepper.njev), int(stepper.nlu)
+                work.jacobians, work.factorizations = int(stepper.njev), int(stepper.nlu)
+            if self.attempt and work.steps:
+                attempts = (stepper.nfev - START_CALLS - self.interpolation * interpolated) // self.attempt
+                work.rejected = attempts - work.steps
             return outcome
 
         return integrate
 
+    def bind(self, problem: Problem, settings: Settings) -> tuple[Callback, dict[str, Any]]:
+        """The field as ``fun(t, y)``, and the options of SciPy's solver class."""
+        values = parameter_array(problem)
+        callback, parameters = array_callback(problem, settings.backend, values)
+        dimension = problem.dimension
 
-def _step_through(stepper: Any, record: Record, max_steps: int) -> Outcome:
+        def fun(t: float, y: np.ndarray) -> np.ndarray:
+            out = np.empty(dimension)
+            callback(y, parameters, out)
+            return out
+
+        options: dict[str, Any] = {"rtol": settings.tolerance, "atol": settings.tolerance}
+        if self.implicit and settings.jacobian == "exact":
+            jacobian = exact_jacobian(problem.field, dimension, len(values))
+            options["jac"] = lambda t, y: jacobian(y, values)
+        return fun, options
+
+
+def _counted(fun: Callback, calls: list[int]) -> Callback:
+    def counted(t: float, y: np.ndarray) -> np.ndarray:
+        calls[0] += 1
+        return fun(t, y)
+
+    return counted
+
+
+def _step_through(stepper: Any, record: Record) -> tuple[Outcome, int]:
+    """Step to the end; the outcome, and how many steps were interpolated."""
     times, work = record.times, record.work
-    work.steps = 0
+    work.steps, interpolated = 0, 0
     while stepper.status == "running":
         try:
             message = stepper.step()
         except (ArithmeticError, np.linalg.LinAlgError) as error:
-            return Status.NON_FINITE, str(error)
+            return (Status.NON_FINITE, str(error)), interpolated
         except ValueError as error:
             if "infs or NaNs" not in str(error):
                 raise
-            return Status.NON_FINITE, str(error)
+            return (Status.NON_FINITE, str(error)), interpolated
         if stepper.status == "failed":
-            status = Status.STEP_UNDERFLOW if np.all(np.isfinite(stepper.y)) else Status.NON_FINITE
-            return status, message or ""
+            status = Status.STEP_UNDERFLOW if np.isfinite(stepper.y).all() else Status.NON_FINITE
+            return (status, message or ""), interpolated
         work.steps += 1
-        last = int(np.searchsorted(times, stepper.t, side="right"))
-        if last > record.filled:
+        reached = stepper.t
+        if record.filled < len(times) and times[record.filled] <= reached:
+            last = int(np.searchsorted(times, reached, side="right"))
             record.put(stepper.dense_output()(times[record.filled : last]).T)
-        if stepper.status == "running" and work.steps >= max_steps:
-            return Status.STEP_LIMIT, f"{max_steps} steps"
+            interpolated += 1
+        if stepper.status == "running" and work.steps >= record.max_steps:
+            return (Status.STEP_LIMIT, f"{work.steps} steps"), interpolated
         if stepper.status == "running" and record.expired:
-            return Status.TIME_LIMIT, f"after {work.steps} steps"
-    return Status.REACHED_END, ""
+            return (Status.TIME_LIMIT, f"after {work.steps} steps"), interpolated
+    return (Status.REACHED_END, ""), interpolated
 
 
-class Rk45(_ScipySolver):
+class Rk45(ScipySolver):
     """Dormand and Prince's explicit Runge-Kutta pair of order 5(4); not for stiff problems.
 
     Source: Dormand and Prince, J. Comput. Appl. Math. 6 (1980) 19.
@@ -113,9 +121,10 @@ class Rk45(_ScipySolver):
     name = "rk45"
     summary = "explicit Runge-Kutta 5(4) (SciPy)"
     method = "RK45"
+    attempt = 6
 
 
-class Dop853(_ScipySolver):
+class Dop853(ScipySolver):
     """Explicit Runge-Kutta of order 8(5,3); not for stiff problems.
 
     Source: Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I, section II.5.
@@ -124,9 +133,11 @@ class Dop853(_ScipySolver):
     name = "dop853"
     summary = "explicit Runge-Kutta 8(5,3) (SciPy)"
     method = "DOP853"
+    attempt = 12
+    interpolation = 3
 
 
-class Radau(_ScipySolver):
+class Radau(ScipySolver):
     """Implicit Runge-Kutta of Radau IIA type, order 5, L-stable; its dense output is of order 3.
 
     Source: Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.8.
@@ -139,7 +150,7 @@ class Radau(_ScipySolver):
     method = "Radau"
 
 
-class Bdf(_ScipySolver):
+class Bdf(ScipySolver):
     """Backward differentiation formulas of order 1 to 5 with quasi-constant steps; for stiff problems.
 
     Source: Shampine and Reichelt, SIAM J. Sci. Comput. 18 (1997) 1.
@@ -152,7 +163,7 @@ class Bdf(_ScipySolver):
     method = "BDF"
 
 
-class Lsoda(_ScipySolver):
+class Lsoda(ScipySolver):
     """Adams methods or backward differentiation, chosen as stiffness comes and goes (ODEPACK).
 
     Source: Petzold, SIAM J. Sci. Stat. Comput. 4 (1983) 136.

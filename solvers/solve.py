@@ -1,7 +1,7 @@
 """`solve`: one problem, one solver, one tolerance."""
 
 from dataclasses import dataclass, replace
-from math import inf, isfinite, pi
+from math import inf, pi
 from time import perf_counter
 
 import numpy as np
@@ -10,12 +10,12 @@ from polhode.models.operations import FLOAT
 from polhode.models.problem import Problem
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import (
+    UNLIMITED,
     Backend,
     Jacobian,
     Record,
     Settings,
     Solver,
-    SolverNotValidError,
     Status,
     Work,
 )
@@ -82,7 +82,7 @@ def solve(
     jacobian: Jacobian | None = None,
     count: bool = False,
     max_seconds: float = inf,
-    max_steps: int = 10**9,
+    max_steps: int = UNLIMITED,
 ) -> Solution:
     """Solve a problem.
 
@@ -115,9 +115,9 @@ def solve(
         On Ctrl-C, with the finished part.
     """
     method = find_solver(solver) if isinstance(solver, str) else solver
-    settings = _settings(method, tolerance, backend, jacobian, count, max_steps)
+    settings = method.settings(tolerance, backend, jacobian, count)
     times = np.array([0.0, problem.end]) if times is None else np.ascontiguousarray(times, dtype=float)
-    if times.ndim != 1 or len(times) < 2 or times[0] != 0 or not np.all(np.diff(times) > 0):
+    if times.ndim != 1 or len(times) < 2 or times[0] != 0 or not (times[1:] > times[:-1]).all():
         raise ValueError(f"times: got {times!r}, expected at least two increasing numbers from 0 on")
     start = np.array(problem.start)
     if not method.available:
@@ -127,24 +127,23 @@ def solve(
     integrate = method.prepare(problem, settings)
     rows = np.empty((len(times), len(start)))
     rows[0] = start
-    done, work, status, message = 1, None, Status.REACHED_END, ""
+    done, work, status, message = 1, Work(), Status.REACHED_END, ""
     began = perf_counter()
 
     def finished() -> Solution:
         seconds = perf_counter() - began
-        return Solution(
-            problem, method.name, settings, times[:done], rows[:done], status, message, work or Work(), seconds
-        )
+        return Solution(problem, method.name, settings, times[:done], rows[:done], status, message, work, seconds)
 
     for first, last in _pieces(problem, times):
-        record = Record(times[first : last + 1], rows[first : last + 1], began + max_seconds)
+        steps_left = max_steps - (work.steps or 0)
+        record = Record(times[first : last + 1], rows[first : last + 1], began + max_seconds, steps_left)
         try:
             status, message = integrate(record)
         except KeyboardInterrupt:
             done = first + record.filled
             raise Interrupted(finished()) from None
         done = first + record.filled
-        if work is None:
+        if first == 0:
             work = record.work
         else:
             work.add(record.work)
@@ -156,26 +155,6 @@ def solve(
     solution = finished()
     doubt = _doubt(solution, times)
     return replace(solution, status=doubt[0], message=doubt[1]) if doubt else solution
-
-
-def _settings(
-    method: Solver, tolerance: float, backend: Backend | None, jacobian: Jacobian | None, count: bool, max_steps: int
-) -> Settings:
-    if not (isfinite(tolerance) and tolerance > 0):
-        raise ValueError(f"tolerance: got {tolerance!r}, expected a finite positive number")
-    if backend is not None and backend not in method.backends:
-        expected = ", ".join(method.backends)
-        raise SolverNotValidError(f"backend: got {backend!r}, expected one of {expected} for solver {method.name!r}")
-    if jacobian is not None and jacobian not in method.jacobians:
-        expected = ", ".join(method.jacobians) or "none"
-        raise SolverNotValidError(f"jacobian: got {jacobian!r}, expected one of {expected} for solver {method.name!r}")
-    return Settings(
-        tolerance,
-        backend or method.backends[0],
-        jacobian or (method.jacobians[0] if method.jacobians else "difference"),
-        count,
-        max_steps,
-    )
 
 
 def _pieces(problem: Problem, times: np.ndarray) -> list[tuple[int, int]]:
@@ -194,7 +173,7 @@ def _doubt(solution: Solution, times: np.ndarray) -> tuple[Status, str] | None:
     """Why a claimed success is none, if it is none."""
     if len(solution.times) != len(times):
         return Status.FALSE_SUCCESS, f"the library stopped at t = {solution.times[-1]!r}, expected {times[-1]!r}"
-    if not np.all(np.isfinite(solution.states)):
+    if not np.isfinite(solution.states).all():
         return Status.NON_FINITE, "a state is not finite"
     steps = solution.work.steps
     least = solution.problem.least_steps
@@ -202,7 +181,7 @@ def _doubt(solution: Solution, times: np.ndarray) -> tuple[Status, str] | None:
         return Status.FALSE_SUCCESS, f"the library claims success after {steps} steps, expected at least {least}"
     invariant = solution.problem.invariant
     if invariant is not None:
-        worst = float(np.max(np.abs(invariant(solution.states))))
+        worst = float(np.abs(invariant(solution.states)).max())
         allowed = max(INVARIANT_FLOOR, INVARIANT_TOLERANCES * solution.settings.tolerance)
         if worst > allowed:
             return Status.FALSE_SUCCESS, f"the invariant is broken by {worst:.1e}, expected at most {allowed:.1e}"

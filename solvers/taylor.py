@@ -6,7 +6,7 @@ from typing import Any, Literal
 import numpy as np
 
 from polhode.models.problem import Problem
-from polhode.solvers.compile import FieldFactory, parameter_array, traced_system
+from polhode.solvers.compile import FieldFactory, load_heyoka, parameter_array, traced_system
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status
 
 Precision = Literal["double", "long double", "quadruple"]
@@ -23,8 +23,7 @@ def taylor_integrator(
 
     Extended precisions are compiled in compact mode, which costs speed but saves up to half a minute of compilation.
     """
-    import heyoka
-
+    heyoka = load_heyoka()
     types = {"double": float, "long double": np.longdouble, "quadruple": heyoka.real128}
     system = traced_system(factory, dimension, parameters)
     return heyoka.taylor_adaptive(
@@ -36,32 +35,29 @@ def taylor_integrator(
     )
 
 
-def propagate(integrator: Any, record: Record, max_steps: int = 10**9) -> Outcome:
+def propagate(integrator: Any, record: Record) -> Outcome:
     """Propagate a heyoka integrator, already at the record's start, over the record's times.
 
     In chunks of steps, so that deadlines and Ctrl-C are met and finished rows are kept; the steps do not change.
     """
-    import heyoka
-
-    outcome, steps = heyoka.taylor_outcome, 0
+    outcome = load_heyoka().taylor_outcome
+    number, work = integrator.state.dtype, record.work
+    steps, grid = 0, record.times.astype(number, copy=False)
     while True:
-        chunk = min(CHUNK, max_steps - steps)
-        grid = np.concatenate([[integrator.time], record.times[record.filled :].astype(integrator.state.dtype)])
-        result = integrator.propagate_grid(grid, max_steps=chunk)
-        steps += result[3]
-        record.work.steps = steps
-        record.put(result[-1][1:])
-        if result[0] == outcome.time_limit:
-            return Status.REACHED_END, str(result[0])
-        if result[0] != outcome.step_limit:
-            status = Status.NON_FINITE if result[0] == outcome.err_nf_state else Status.STEP_UNDERFLOW
-            return status, str(result[0])
-        if record.filled == len(record.times):
-            return Status.REACHED_END, str(result[0])
-        if steps >= max_steps:
-            return Status.STEP_LIMIT, f"{max_steps} steps"
+        result = integrator.propagate_grid(grid, max_steps=min(CHUNK, record.max_steps - steps))
+        reason, steps = result[0], steps + result[3]
+        work.steps = steps
+        rows = result[-1][1:]
+        record.put(rows if reason != outcome.err_nf_state else rows[np.isfinite(rows).all(axis=1)])
+        if reason == outcome.time_limit or record.filled == len(record.times):
+            return Status.REACHED_END, str(reason)
+        if reason != outcome.step_limit:
+            return Status.NON_FINITE if reason == outcome.err_nf_state else Status.STEP_UNDERFLOW, str(reason)
+        if steps >= record.max_steps:
+            return Status.STEP_LIMIT, f"{steps} steps"
         if record.expired:
             return Status.TIME_LIMIT, f"after {steps} steps"
+        grid = np.concatenate([[integrator.time], record.times[record.filled :].astype(number)])
 
 
 class Taylor(Solver):
@@ -89,6 +85,6 @@ class Taylor(Solver):
             integrator.state[:] = record.start
             if len(parameters):
                 integrator.pars[:] = parameters
-            return propagate(integrator, record, settings.max_steps)
+            return propagate(integrator, record)
 
         return integrate
