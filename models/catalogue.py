@@ -8,8 +8,15 @@ if TYPE_CHECKING:
     from polhode.models.form import Form
 
 FORMS: dict[str, str] = {
+    "euler-angles": "polhode.models.euler_angles:EulerAngles",
+    "spheroid-angles": "polhode.models.spheroid_angles:SpheroidAngles",
     "quaternion": "polhode.models.quaternion:Quaternion",
+    "spheroid-axis": "polhode.models.spheroid_axis:SpheroidAxis",
+    "tumbling": "polhode.models.tumbling:Tumbling",
+    "jeffery": "polhode.models.jeffery:Jeffery",
+    "euler-top": "polhode.models.euler_top:EulerTop",
     "averaged": "polhode.models.averaged:Averaged",
+    "averaged-spheroid": "polhode.models.averaged_spheroid:AveragedSpheroid",
 }
 
 

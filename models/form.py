@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from polhode.models.observables import Observables
-    from polhode.models.scene import Scene
+    from polhode.models.scene import BodyStart, EulerStart, Scene
 
 Orientation = Literal["full", "axis", "none"]
 
@@ -60,6 +60,21 @@ class Form(ABC):
     @abstractmethod
     def observe(self, scene: "Scene", states: "np.ndarray") -> "Observables":
         """Observables of the states, shape (n, d), of a solution of `problem`."""
+
+    def require_orientation(self, scene: "Scene") -> "EulerStart | BodyStart":
+        """The scene's start, if it has an orientation.
+
+        Raises
+        ------
+        FormNotValidError
+            If it gives L and E alone.
+        """
+        from polhode.models.scene import SlowStart
+
+        if isinstance(scene.start, SlowStart):
+            instead = "averaged" if scene.ellipsoid.kind == "triaxial" else "averaged-spheroid"
+            raise self.refuse("the start gives L and E but no orientation", instead)
+        return scene.start
 
     def refuse(self, condition: str, instead: str) -> FormNotValidError:
         """Make the error that says which condition failed and which form to use instead."""

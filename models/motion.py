@@ -1,7 +1,8 @@
 """The one vector equation (`ultima`), resolved along the body axes: what every full form shares.
 
-Parameters p of a full form: (alpha, beta, gyro₁₋₃, damping₁₋₃, share₁₋₆). Mass alpha stands on the angular
-velocity, factor beta on the torque: (1, 1/St) is the explicit form, (St, 1) the implicit one.
+Parameters p of a full form: (alpha, beta, *shape), for a triaxial one (alpha, beta, gyro₁₋₃, damping₁₋₃, share₁₋₆).
+Mass alpha stands on the angular velocity, factor beta on the torque: (1, 1/St) is the explicit form, (St, 1) the
+implicit one.
 """
 
 from collections.abc import Callable
@@ -28,23 +29,24 @@ def shares(ellipsoid: Ellipsoid) -> tuple[float, ...]:
     return b2 / (b2 + c2), c2 / (b2 + c2), c2 / (c2 + a2), a2 / (c2 + a2), a2 / (a2 + b2), b2 / (a2 + b2)
 
 
-def explicit_parameters(scene: Scene) -> tuple[float, ...] | None:
-    """Parameters of the explicit form; None at St = 0, where there is none."""
+def body_parameters(ellipsoid: Ellipsoid) -> tuple[float, ...]:
+    """Shape parameters of `angular_acceleration`: gyroscopic coefficients, damping rates, shares."""
+    return *gyroscopic_coefficients(ellipsoid), *ellipsoid.damping, *shares(ellipsoid)
+
+
+def explicit_parameters(scene: Scene, shape: tuple[float, ...]) -> tuple[float, ...] | None:
+    """Parameters (1, 1/St, *shape) of the explicit form; None at St = 0, where there is none."""
     if scene.stokes == 0:
         return None
-    return 1.0, scene.torque_factor, *_shape_parameters(scene.ellipsoid)
+    return 1.0, scene.torque_factor, *shape
 
 
-def mass_form(scene: Scene, inertial: tuple[bool, ...]) -> MassForm | None:
-    """The form with mass St on the inertial rows, valid down to St = 0; None at St = inf."""
+def mass_form(scene: Scene, inertial: tuple[bool, ...], shape: tuple[float, ...]) -> MassForm | None:
+    """The form with mass St on the inertial rows, p = (St, 1, *shape), valid down to St = 0; None at St = inf."""
     if scene.torque_factor == 0:
         return None
     mass = tuple(scene.stokes if row else 1.0 for row in inertial)
-    return MassForm(mass, (scene.stokes, 1.0, *_shape_parameters(scene.ellipsoid)))
-
-
-def _shape_parameters(ellipsoid: Ellipsoid) -> tuple[float, ...]:
-    return *gyroscopic_coefficients(ellipsoid), *ellipsoid.damping, *shares(ellipsoid)
+    return MassForm(mass, (scene.stokes, 1.0, *shape))
 
 
 def jeffery_angular_velocity(ops: Operations) -> Callable:

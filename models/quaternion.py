@@ -3,11 +3,11 @@
 import numpy as np
 
 from polhode.models.form import Form
-from polhode.models.motion import angular_acceleration, explicit_parameters, mass_form
+from polhode.models.motion import angular_acceleration, body_parameters, explicit_parameters, mass_form
 from polhode.models.observables import Observables, observe_quaternion
 from polhode.models.operations import Field, Operations
 from polhode.models.problem import Problem
-from polhode.models.scene import Scene, SlowStart
+from polhode.models.scene import Scene
 
 
 def field(ops: Operations) -> Field:
@@ -48,20 +48,19 @@ class Quaternion(Form):
 
     def check(self, scene: Scene) -> None:
         """Refuse a start without orientation."""
-        if isinstance(scene.start, SlowStart):
-            raise self.refuse("the start gives L and E but no orientation", "averaged")
+        self.require_orientation(scene)
 
     def problem(self, scene: Scene) -> Problem:
         """Initial value problem in time t."""
-        self.check(scene)
-        assert not isinstance(scene.start, SlowStart)
+        start = self.require_orientation(scene)
+        shape = body_parameters(scene.ellipsoid)
         return Problem(
             name=self.name,
             field=field,
-            start=(*scene.start.quaternion, *scene.start.angular_velocity),
+            start=(*start.quaternion, *scene.angular_velocity),
             end=scene.time,
-            parameters=explicit_parameters(scene),
-            mass_form=mass_form(scene, (False,) * 4 + (True,) * 3),
+            parameters=explicit_parameters(scene, shape),
+            mass_form=mass_form(scene, (False,) * 4 + (True,) * 3, shape),
             invariant=norm_drift,
         )
 

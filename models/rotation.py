@@ -42,6 +42,38 @@ def angular_velocity_from_euler(angles: Triple, rates: Triple) -> Triple:
     )
 
 
+def euler_rates_from_angular_velocity(angles: Triple, omega: Triple) -> Triple:
+    """Rates (θ̇, φ̇, ψ̇) of Euler angles with sin θ ≠ 0 from the body angular velocity; inverts `omg1def`–`omg3def`."""
+    theta, _, psi = angles
+    across = omega[0] * sin(psi) + omega[1] * cos(psi)
+    precession = across / sin(theta)
+    return omega[0] * cos(psi) - omega[1] * sin(psi), precession, omega[2] - precession * cos(theta)
+
+
+def make_third(q: Quaternion, axis: int) -> Quaternion:
+    """Quaternion after the cyclic renaming of the body axes that makes `axis` (0, 1, 2) the third one."""
+    if axis == 2:
+        return q
+    q0, q1, q2, q3 = (component / 2 for component in q)
+    if axis == 0:
+        return q0 - q1 - q2 - q3, q1 + q0 + q2 - q3, q2 + q0 + q3 - q1, q3 + q0 + q1 - q2
+    return q0 + q1 + q2 + q3, q1 - q0 - q2 + q3, q2 - q0 - q3 + q1, q3 - q0 - q1 + q2
+
+
+def matrix_from_euler(angles: "Array") -> "Array":
+    """Matrices t_ij, shape (..., 3, 3), of zxz Euler angles (θ, φ, ψ) in rad, shape (..., 3) (`tiju`)."""
+    import numpy as np
+
+    st, sf, ss = np.moveaxis(np.sin(angles), -1, 0)
+    ct, cf, cs = np.moveaxis(np.cos(angles), -1, 0)
+    rows = [
+        [cs * cf - sf * ss * ct, sf * cs + ss * cf * ct, st * ss],
+        [-ss * cf - sf * cs * ct, -sf * ss + cs * cf * ct, st * cs],
+        [st * sf, -st * cf, ct],
+    ]
+    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+
+
 def matrix_from_quaternion(q: "Array") -> "Array":
     """Matrices t_ij, shape (..., 3, 3), of quaternions, shape (..., 4); row i is body axis i in space components.
 

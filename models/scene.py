@@ -15,6 +15,8 @@ from polhode.models.rotation import (
 from polhode.models.shape import Ellipsoid
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from polhode.models.observables import Observables
 
 
@@ -24,6 +26,10 @@ class EulerStart:
 
     angles: Triple
     rates: Triple = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        _require_finite("start.euler_angles", self.angles, 3)
+        _require_finite("start.euler_rates", self.rates, 3)
 
     @property
     def quaternion(self) -> Quaternion:
@@ -44,6 +50,8 @@ class BodyStart:
     angular_velocity: Triple = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
+        _require_finite("start.angular_velocity", self.angular_velocity, 3)
+        _require_finite("start.quaternion", self.quaternion, 4)
         norm = hypot(*self.quaternion)
         if not (isfinite(norm) and norm > 0):
             raise ValueError(f"start.quaternion: got {list(self.quaternion)}, expected four numbers, not all zero")
@@ -63,6 +71,18 @@ class SlowStart:
 
     angular_momentum: Triple
     energy: float
+
+    def __post_init__(self) -> None:
+        _require_finite("start.angular_momentum", self.angular_momentum, 3)
+        if not (isfinite(self.energy) and self.energy >= 0):
+            raise ValueError(f"start.energy: got {self.energy!r}, expected a finite number, not negative")
+
+
+def _require_finite(name: str, numbers: tuple[float, ...], length: int) -> None:
+    if len(numbers) != length:
+        raise ValueError(f"{name}: got {len(numbers)} numbers, expected {length}")
+    if not all(isfinite(number) for number in numbers):
+        raise ValueError(f"{name}: got {list(numbers)}, expected finite numbers")
 
 
 Start = EulerStart | BodyStart | SlowStart
@@ -109,13 +129,42 @@ class Scene:
         return 0.0 if isinf(self.stokes) else inf if self.stokes == 0 else 1 / self.stokes
 
     @cached_property
+    def angular_velocity(self) -> Triple:
+        """Body angular velocity at the start in units of the shear rate; Jeffery's at St = 0.
+
+        Raises
+        ------
+        ValueError
+            For a `SlowStart`, which has none.
+        """
+        if isinstance(self.start, SlowStart):
+            raise ValueError("start: L and E alone determine no angular velocity, expected an orientation")
+        if self.stokes > 0:
+            return self.start.angular_velocity
+        from polhode.models.motion import jeffery_angular_velocity, shares
+        from polhode.models.operations import FLOAT
+
+        columns = self.initial_rotation.T.tolist()
+        return jeffery_angular_velocity(FLOAT)(columns[0], columns[1], shares(self.ellipsoid))
+
+    @cached_property
+    def initial_rotation(self) -> "np.ndarray":
+        """Matrix t_ij at the start, shape (3, 3); NaN for a `SlowStart`."""
+        import numpy as np
+
+        from polhode.models.rotation import matrix_from_quaternion
+
+        if isinstance(self.start, SlowStart):
+            return np.full((3, 3), np.nan)
+        return matrix_from_quaternion(np.array(self.start.quaternion))
+
+    @cached_property
     def initial(self) -> "Observables":
         """Observables at the start, with leading dimension 1; without orientation for a `SlowStart`."""
         import numpy as np
 
-        from polhode.models.observables import observe_quaternion, observe_slow
+        from polhode.models.observables import observe_body, observe_slow
 
         if isinstance(self.start, SlowStart):
             return observe_slow(np.array([[*self.start.angular_momentum, self.start.energy]]))
-        quaternion, omega = np.array([self.start.quaternion]), np.array([self.start.angular_velocity])
-        return observe_quaternion(self.ellipsoid, quaternion, omega)
+        return observe_body(self.ellipsoid, self.initial_rotation[None], np.array([self.angular_velocity]))

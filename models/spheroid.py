@@ -1,0 +1,73 @@
+"""What the forms of a spheroid share: its symmetry axis, two moments of inertia, two damping rates."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from polhode.models.form import Form
+from polhode.models.scene import Scene
+from polhode.models.shape import Ellipsoid
+
+
+@dataclass(frozen=True)
+class Spheroid:
+    """A spheroid, or a sphere with z' as its symmetry axis, in the paper's names for its coefficients.
+
+    Parameters
+    ----------
+    axis : int
+        Body axis (0, 1, 2) of symmetry, p̂.
+    axial_inertia, equatorial_inertia : float
+        I_a and I_e.
+    axial_damping, equatorial_damping : float
+        8πX_c/I_a and 8πY_c/I_e, in units of (shear rate)/St.
+    inertia_ratio : float
+        I_a/I_e = 2/(κ² + 1).
+    anisotropy : float
+        Λ = (κ² - 1)/(κ² + 1), free of cancellation near κ = 1.
+    """
+
+    axis: int
+    axial_inertia: float
+    equatorial_inertia: float
+    axial_damping: float
+    equatorial_damping: float
+    inertia_ratio: float
+    anisotropy: float
+
+    @classmethod
+    def of(cls, ellipsoid: Ellipsoid) -> "Spheroid":
+        """The spheroid that an ellipsoid with two or three equal semi-axes is."""
+        axis = 2 if ellipsoid.symmetry_axis is None else ellipsoid.symmetry_axis
+        across = (axis + 1) % 3
+        axial, equatorial = ellipsoid.scaled_axes[axis], ellipsoid.scaled_axes[across]
+        sum_of_squares = axial * axial + equatorial * equatorial
+        return cls(
+            axis=axis,
+            axial_inertia=ellipsoid.inertia[axis],
+            equatorial_inertia=ellipsoid.inertia[across],
+            axial_damping=ellipsoid.damping[axis],
+            equatorial_damping=ellipsoid.damping[across],
+            inertia_ratio=2 * equatorial * equatorial / sum_of_squares,
+            anisotropy=(axial - equatorial) * (axial + equatorial) / sum_of_squares,
+        )
+
+
+def require_spheroid(form: Form, scene: Scene, instead: str) -> Spheroid:
+    """The scene's spheroid or sphere.
+
+    Raises
+    ------
+    FormNotValidError
+        If the ellipsoid is triaxial.
+    """
+    if scene.ellipsoid.kind == "triaxial":
+        raise form.refuse(f"the semi-axes {list(scene.ellipsoid.semi_axes)} are all different", instead)
+    return Spheroid.of(scene.ellipsoid)
+
+
+def axis_rotation(axis: int, direction: np.ndarray) -> np.ndarray:
+    """Matrices t_ij, shape (n, 3, 3), that know row `axis` alone, from directions, shape (n, 3)."""
+    rotation = np.full((len(direction), 3, 3), np.nan, dtype=direction.dtype)
+    rotation[:, axis] = direction
+    return rotation
