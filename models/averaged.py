@@ -32,8 +32,9 @@ def mean_squares(ops: Operations):
         m = (i2 - far) * short / ((near - i2) * long)
         complement = (near - far) * beyond / ((near - i2) * long)
 
-        mean, geometric = 1.0, sqrt(complement)
-        square = 0.25 * m / ((1 + geometric) * (1 + geometric))
+        root = sqrt(complement)
+        mean, geometric = 0.5 * (1 + root), sqrt(root)
+        square = m / (16 * mean * mean)
         weight, sn2 = 1.0, 0.5 + square
         for _ in range(AGM_STEPS):
             mean, geometric = 0.5 * (mean + geometric), sqrt(mean * geometric)
@@ -74,11 +75,15 @@ def field(ops: Operations) -> Field:
 
 
 def coefficients(ellipsoid: Ellipsoid) -> tuple[float, ...]:
-    """Inertia sorted upwards, then 8π times the coefficients of ⟨z_i²⟩ in A, B, C, D, F (below `pz`)."""
+    """Inertia sorted upwards, then 8π times the coefficients of ⟨z_i²⟩ in A, B, C, D, F (below `pz`).
+
+    Inertia and resistance are in units of the largest moment of inertia.
+    """
+    unit = max(ellipsoid.inertia)
     axes = ellipsoid.order
     squares = [ellipsoid.scaled_axes[axis] ** 2 for axis in axes]
-    inertia = [ellipsoid.inertia[axis] for axis in axes]
-    drag = [8 * pi * ellipsoid.resistance[axis] for axis in axes]
+    inertia = [ellipsoid.inertia[axis] / unit for axis in axes]
+    drag = [8 * pi * ellipsoid.resistance[axis] / unit for axis in axes]
     c, d = [0.0] * 3, [0.0] * 3
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1), (0, 2, 1), (2, 1, 0), (1, 0, 2)):
         share = drag[i] * squares[k] / (squares[j] + squares[k])
@@ -90,12 +95,15 @@ def coefficients(ellipsoid: Ellipsoid) -> tuple[float, ...]:
 
 
 class Averaged(Form):
-    """State (L_x, L_y, L_z, E) in slow time; its error against the full forms falls like 1/St."""
+    """State (L_x, L_y, L_z, E) in slow time, in units of the largest moment of inertia, so that it is of order one.
+
+    Its error against the full forms falls like 1/St.
+    """
 
     name = "averaged"
     summary = "first-order averaged slow variables L and E of a triaxial ellipsoid"
     valid_for = "triaxial ellipsoids at large finite St, L not 0, not started on L² = 2EI₂; no orientation"
-    state = ("Lx", "Ly", "Lz", "E")
+    state = ("Lx/Imax", "Ly/Imax", "Lz/Imax", "E/Imax")
     orientation = "none"
     averaged = True
 
@@ -120,11 +128,11 @@ class Averaged(Form):
     def problem(self, scene: Scene) -> Problem:
         """Initial value problem in slow time t₂ = t/St."""
         self.check(scene)
-        lx, ly, lz, energy = (float(value) for value in scene.initial.slow[0])
+        start = scene.initial.slow[0] / max(scene.ellipsoid.inertia)
         return Problem(
             name=self.name,
             field=field,
-            start=(lx, ly, lz, energy),
+            start=tuple(start.tolist()),
             end=scene.slow_time,
             parameters=coefficients(scene.ellipsoid),
             time_unit=scene.stokes,
@@ -132,4 +140,4 @@ class Averaged(Form):
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         """Observables without orientation."""
-        return observe_slow(states)
+        return observe_slow(states * max(scene.ellipsoid.inertia))
