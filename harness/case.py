@@ -3,6 +3,7 @@
 import hashlib
 import json
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from time import perf_counter
@@ -14,6 +15,7 @@ from polhode.harness.errors import Errors, errors
 from polhode.harness.reference import Reference, ReferenceFailedError, reference
 from polhode.harness.timing import seconds_of
 from polhode.models.catalogue import form as find_form
+from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 from polhode.models.scene_file import scene_table
 from polhode.solvers.catalogue import solver as find_solver
@@ -80,15 +82,23 @@ class Case:
         """Hash of the canonical content."""
         return hashlib.sha256(json.dumps(self.content, sort_keys=True).encode()).hexdigest()
 
+    @cached_property
+    def problem(self) -> Problem:
+        """The scene's initial value problem in the case's form."""
+        return find_form(self.form).problem(self.scene)
+
+    @cached_property
+    def times(self) -> np.ndarray:
+        """Sample times in the problem's own time."""
+        return np.linspace(0.0, self.problem.end, self.samples)
+
     def solve(self, *, count: bool = False) -> Solution:
         """Run the case once, over its samples."""
-        problem = find_form(self.form).problem(self.scene)
-        times = np.linspace(0.0, problem.end, self.samples)
         return solve(
-            problem,
+            self.problem,
             self.solver,
             self.tolerance,
-            times,
+            self.times,
             backend=self.backend,
             jacobian=self.jacobian,
             count=count,
@@ -115,14 +125,15 @@ def examine(case: Case) -> Record:
         "reached": float(solution.times[-1] / solution.problem.end),
         "work": asdict(solution.work),
     }
-    if not solution.success:
-        return record
     try:
         exact = reference(case.scene, form if form.averaged else FULL_FORM, case.samples)
         full = reference(case.scene, FULL_FORM, case.samples) if form.averaged else exact
     except ReferenceFailedError as error:
         return {**record, "reference_failed": str(error)}
     found = form.observe(case.scene, solution.states)
+    if not solution.success:
+        so_far = errors(case.scene.ellipsoid, found, full.observables.first(len(solution.times)))
+        return {**record, "slow_error_so_far": so_far.slow}
     total = errors(case.scene.ellipsoid, found, full.observables)
     own = errors(case.scene.ellipsoid, found, exact.observables) if form.averaged else total
     model = errors(case.scene.ellipsoid, exact.observables, full.observables) if form.averaged else None
@@ -131,22 +142,20 @@ def examine(case: Case) -> Record:
 
 def time_once(case: Case) -> float:
     """Wall time, in seconds, of one warm run of a case that `examine` has prepared in this process."""
+    _ = case.times
     return seconds_of(case.solve)
 
 
 def _first_preparation(case: Case) -> float:
     """Wall time of a run over next to no time: compilation, unless it was compiled before in this process."""
     import_module(find_solver(case.solver).library)
-    problem = find_form(case.form).problem(case.scene)
-    moment = replace(problem, end=problem.end * 1e-9, least_steps=0)
+    moment = replace(case.problem, end=case.problem.end * 1e-9, least_steps=0)
     began = perf_counter()
     solve(moment, case.solver, case.tolerance, backend=case.backend, jacobian=case.jacobian)
     return perf_counter() - began
 
 
-def _error_columns(
-    total: Errors, own: Errors, model: Errors | None, full: Reference, exact: Reference
-) -> dict[str, float | None | dict[str, Any]]:
+def _error_columns(total: Errors, own: Errors, model: Errors | None, full: Reference, exact: Reference) -> Record:
     return {
         "slow_error": total.slow,
         "orientation_error": total.orientation,

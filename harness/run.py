@@ -1,5 +1,6 @@
 """Running a study into a store: batch by batch, so that an interrupted run is taken up where it stopped."""
 
+import gc
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
@@ -12,6 +13,9 @@ from polhode.harness.study import Study
 from polhode.harness.timing import Timing, sentinel
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Status
+
+# A stopped run that was further off than this had gone wrong: a tighter tolerance may well be faster.
+SANE_ERROR = 1.0
 
 Group = tuple[str, float, str, str]
 
@@ -48,6 +52,7 @@ class Runner:
         return [record for record in self.store.records() if record["key"] in of_study]
 
     def _measure(self, batch: list[Case], progress: tqdm) -> list[tuple[Case, Record]]:
+        gc.collect()
         steadiness = sentinel() if batch else 0.0
         records: dict[Case, Record] = {}
         timed: list[Case] = []
@@ -78,15 +83,21 @@ class Runner:
         if earlier is not None:
             return {"status": earlier["status"], "message": "at a looser tolerance already", "inferred": True}
         record = examine(case)
-        if record["status"] in (Status.TIME_LIMIT, Status.STEP_LIMIT):
+        if _too_slow(record):
             self._too_slow[_group(case)] = record
         return record
 
     def _recall(self, cases: Iterable[Case]) -> None:
         known = {case.key: case for case in cases}
         for record in self.store.records() if known else ():
-            if record["key"] in known and record["status"] in (Status.TIME_LIMIT, Status.STEP_LIMIT):
+            if record["key"] in known and _too_slow(record):
                 self._too_slow.setdefault(_group(known[record["key"]]), record)
+
+
+def _too_slow(record: Record) -> bool:
+    """Whether tighter tolerances would be too slow as well: the run was stopped, and not because it had gone wrong."""
+    stopped = record["status"] in (Status.TIME_LIMIT, Status.STEP_LIMIT)
+    return stopped and record.get("slow_error_so_far", 0.0) < SANE_ERROR
 
 
 def _group(case: Case) -> Group:

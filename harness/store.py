@@ -102,10 +102,7 @@ def export(records: list[Record], path: Path) -> None:
             writer = csv.DictWriter(file, columns)
             writer.writeheader()
             writer.writerows(
-                {
-                    name: json.dumps(value) if isinstance(value, dict | list) else value
-                    for name, value in record.items()
-                }
+                {name: json.dumps(value) if isinstance(value, dict | list) else value for name, value in record.items()}
                 for record in records
             )
     else:

@@ -2,7 +2,7 @@
 
 import tomllib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any
@@ -18,6 +18,8 @@ from polhode.models.scene_file import Positive, first_complaint, parse_scene
 from polhode.solvers.catalogue import SOLVERS
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import SolverNotValidError
+
+QUICK_SECONDS = 0.2
 
 
 class StudySceneTable(BaseModel):
@@ -104,6 +106,11 @@ def read_study(path: Path | None, default: str = "bench") -> Study:
         raise ValueError(f"{where}: {error}") from None
 
 
+def quick_study(study: Study) -> Study:
+    """The same study with every other tolerance and short time limits, for a look."""
+    return replace(study, tolerances=study.tolerances[::2], max_seconds=min(study.max_seconds, QUICK_SECONDS))
+
+
 def parse_study(contents: dict[str, Any]) -> Study:
     """Make a study of the contents of a study file."""
     try:
@@ -113,8 +120,8 @@ def parse_study(contents: dict[str, Any]) -> Study:
     scenes = []
     for scene in table.scenes:
         rest = dict(scene.model_extra or {})
-        for stokes in scene.stokes if isinstance(scene.stokes, list) else [scene.stokes]:
-            scenes.append((scene.name, parse_scene({"stokes": float(stokes), **rest})))
+        numbers = scene.stokes if isinstance(scene.stokes, list) else [scene.stokes]
+        scenes += [(scene.name, parse_scene({"stokes": float(stokes), **rest})) for stokes in numbers]
     return Study(
         table.name,
         table.title,

@@ -37,7 +37,6 @@ class Timing:
 def collector_off() -> Iterator[None]:
     """Keep Python's garbage collector out of a timed run."""
     enabled = gc.isenabled()
-    gc.collect()
     gc.disable()
     try:
         yield

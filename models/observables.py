@@ -31,6 +31,10 @@ class Observables:
         """Slow variables (L_x, L_y, L_z, E), shape (n, 4)."""
         return np.column_stack([self.angular_momentum, self.energy])
 
+    def first(self, samples: int) -> "Observables":
+        """The first samples alone."""
+        return Observables(self.angular_momentum[:samples], self.energy[:samples], self.rotation[:samples])
+
 
 def observe_body(ellipsoid: Ellipsoid, rotation: np.ndarray, angular_velocity: np.ndarray) -> Observables:
     """Observables of matrices t_ij, shape (n, 3, 3), and body angular velocities, shape (n, 3)."""

@@ -1,0 +1,95 @@
+"""The command line: `polhode COMMAND …`."""
+
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from importlib import import_module
+
+import click
+
+COMMANDS = {
+    "shape": "polhode.harness.commands.shape:shape",
+    "solve": "polhode.harness.commands.solve:solve",
+    "forms": "polhode.harness.commands.catalogues:forms",
+    "solvers": "polhode.harness.commands.catalogues:solvers",
+    "bench": "polhode.harness.commands.bench:bench",
+    "export": "polhode.harness.commands.export:export",
+}
+
+
+class BadInput(click.ClickException):
+    """Bad input: one line with the value and what was expected, exit code 2."""
+
+    exit_code = 2
+
+
+class RunFailed(click.ClickException):
+    """A run failed: one line that says how, exit code 1."""
+
+    exit_code = 1
+
+
+@contextmanager
+def bad_input() -> Iterator[None]:
+    """Turn what a caller's values raise into `BadInput`."""
+    try:
+        yield
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        raise BadInput(f"{where}{error.strerror or error}") from None
+    except ValueError as error:
+        raise BadInput(str(error)) from None
+
+
+class _Commands(click.Group):
+    """Commands that are imported when they are called, so that `polhode --help` stays fast."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        target = COMMANDS.get(cmd_name)
+        if target is None:
+            return None
+        module, _, attribute = target.partition(":")
+        return getattr(import_module(module), attribute)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, SUMMARIES[name]) for name in COMMANDS])
+
+
+SUMMARIES = {
+    "shape": "inertia, resistance and kind of an ellipsoid",
+    "solve": "solve one scene and write its observables",
+    "forms": "the forms of the equations",
+    "solvers": "the solvers, and what is missing",
+    "bench": "the main job: cost against accuracy",
+    "export": "a store as CSV or JSON Lines",
+}
+
+
+@click.group(cls=_Commands)
+@click.version_option(package_name="polhode")
+def polhode() -> None:
+    """Which equations and which solver for a massive ellipsoid in shear flow.
+
+    A SCENE is a scene file (TOML) or the name of a built-in scene. Every command has --help with an example.
+    """
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line and exit: 0 on success, 2 on bad input, 1 when a run failed."""
+    try:
+        result = polhode.main(args=arguments, standalone_mode=False)
+        code = result if isinstance(result, int) else 0
+    except click.ClickException as error:
+        command = error.ctx.command_path if isinstance(error, click.UsageError) and error.ctx else "polhode"
+        click.echo(f"{command}: {' '.join(error.format_message().split())}", err=True)
+        code = error.exit_code
+    except (KeyboardInterrupt, click.Abort):
+        click.echo("polhode: interrupted", err=True)
+        code = 1
+    except BrokenPipeError:
+        code = 0
+    sys.exit(code)

@@ -1,0 +1,1 @@
+"""The commands of `polhode`, one module each, imported on use."""

@@ -1,0 +1,26 @@
+"""`polhode export`: a store as CSV or JSON Lines."""
+
+from pathlib import Path
+
+import click
+
+from polhode.harness.cli import bad_input
+
+
+@click.command(epilog="Example: polhode export reports/bench/store.sqlite bench.csv")
+@click.argument("store", type=click.Path(path_type=Path))
+@click.argument("out", type=click.Path(path_type=Path))
+def export(store: Path, out: Path) -> None:
+    """Write the records of STORE to OUT, as CSV or JSON Lines by its ending."""
+    from polhode.harness.cli import BadInput
+    from polhode.harness.store import DamagedStoreError, Store
+    from polhode.harness.store import export as write
+
+    if not store.is_file():
+        raise BadInput(f"{store}: no such store")
+    with bad_input():
+        try:
+            with Store(store) as opened:
+                write(opened.records(), out)
+        except DamagedStoreError as error:
+            raise BadInput(str(error)) from None

@@ -1,0 +1,65 @@
+"""`polhode solve`: one scene, written as CSV."""
+
+from pathlib import Path
+
+import click
+
+from polhode.harness.cli import BadInput, RunFailed, bad_input
+
+
+@click.command(epilog="Example: polhode solve paper --samples 501 --out paper.csv")
+@click.argument("scene")
+@click.option("--form", "form_name", help="Form of the equations (`polhode forms`); by default what fits the scene.")
+@click.option("--solver", "solver_name", help="Solver (`polhode solvers`); by default what fits the scene.")
+@click.option("--tolerance", type=float, help="The solver's tolerance; by default what meets --error.")
+@click.option("--error", type=float, default=1e-6, show_default=True, help="Error wanted, where no tolerance is given.")
+@click.option("--want", type=click.Choice(["slow", "orientation"]), default="slow", show_default=True)
+@click.option("--samples", type=int, default=201, show_default=True, help="Equispaced times, start and end included.")
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="CSV file to write.")
+def solve(
+    scene: str,
+    form_name: str | None,
+    solver_name: str | None,
+    tolerance: float | None,
+    error: float,
+    want: str,
+    samples: int,
+    out: Path,
+) -> None:
+    """Solve SCENE and write t, t2, L, E and the rotation matrix at equispaced times.
+
+    Until it is complete the file is called FILE.partial; a run that fails or is interrupted leaves that behind.
+    """
+    import numpy as np
+
+    from polhode.harness.choose import choose
+    from polhode.harness.output import PartialFile, write_rows
+    from polhode.harness.scenes import find_scene
+    from polhode.models.catalogue import form as find_form
+    from polhode.solvers.catalogue import solver as find_solver
+    from polhode.solvers.solve import Interrupted
+    from polhode.solvers.solve import solve as run
+
+    if samples < 2:
+        raise BadInput(f"--samples: got {samples}, expected at least 2")
+    with bad_input():
+        what = find_scene(scene)
+        choice = choose(what, form_name, solver_name, tolerance, error, want)
+        form = find_form(choice.form)
+        problem = form.problem(what)
+        method = find_solver(choice.solver)
+        if not method.available:
+            raise BadInput(f"--solver: {method.why_not}")
+        method.check(problem)
+        target = PartialFile(out)
+    click.echo(f"{choice.form} by {choice.solver} at tolerance {choice.tolerance:g}", err=True)
+    with target as file:
+        how = ""
+        try:
+            solution = run(problem, method, choice.tolerance, np.linspace(0.0, problem.end, samples))
+        except Interrupted as interruption:
+            solution, how = interruption.solution, "interrupted"
+        write_rows(file, what, solution.times * problem.time_unit, form.observe(what, solution.states))
+        if how or not solution.success:
+            rows = f"{len(solution.times)} of {samples} rows are in {out}.partial"
+            raise RunFailed(f"{how or solution.status}: {rows}. {solution.message}".strip())
