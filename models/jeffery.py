@@ -7,6 +7,7 @@ from math import hypot, pi
 import numpy as np
 
 from polhode.models.form import Form
+from polhode.models.kinematics import directions, norm_drift, quaternion_rates
 from polhode.models.motion import jeffery_angular_velocity, shares
 from polhode.models.observables import Observables, observe_body
 from polhode.models.operations import Field, Operations, numpy_operations
@@ -17,26 +18,14 @@ from polhode.models.scene import Scene
 
 def field(ops: Operations) -> Field:
     """q̇ = ½ q∘(0, Ω_J); p = shares of Jeffery's angular velocity, as in `polhode.models.motion`."""
-    jeffery = ops.use(jeffery_angular_velocity)
+    directions_of, rates, jeffery = ops.use(directions), ops.use(quaternion_rates), ops.use(jeffery_angular_velocity)
 
     def rhs(y, p):
-        q0, q1, q2, q3 = y[0], y[1], y[2], y[3]
-        flow = (q0 * q0 + q1 * q1 - q2 * q2 - q3 * q3, 2 * (q1 * q2 - q0 * q3), 2 * (q1 * q3 + q0 * q2))
-        gradient = (2 * (q1 * q2 + q0 * q3), q0 * q0 - q1 * q1 + q2 * q2 - q3 * q3, 2 * (q2 * q3 - q0 * q1))
+        flow, gradient = directions_of(y[0], y[1], y[2], y[3])
         w1, w2, w3 = jeffery(flow, gradient, p)
-        return (
-            -0.5 * (q1 * w1 + q2 * w2 + q3 * w3),
-            0.5 * (q0 * w1 + q2 * w3 - q3 * w2),
-            0.5 * (q0 * w2 + q3 * w1 - q1 * w3),
-            0.5 * (q0 * w3 + q1 * w2 - q2 * w1),
-        )
+        return rates(y[0], y[1], y[2], y[3], w1, w2, w3)
 
     return rhs
-
-
-def norm_drift(states: np.ndarray) -> np.ndarray:
-    """|q|² - 1 of states, shape (n, 4)."""
-    return np.sum(states**2, axis=1) - 1
 
 
 @dataclass(frozen=True)

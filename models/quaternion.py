@@ -3,6 +3,7 @@
 import numpy as np
 
 from polhode.models.form import Form
+from polhode.models.kinematics import directions, norm_drift, quaternion_rates
 from polhode.models.motion import angular_acceleration, body_parameters, explicit_parameters, mass_form
 from polhode.models.observables import Observables, observe_quaternion
 from polhode.models.operations import Field, Operations
@@ -12,29 +13,15 @@ from polhode.models.scene import Scene
 
 def field(ops: Operations) -> Field:
     """q̇ = ½ q∘(0, ω) and the vector equation `ultima` in body axes; p as in `polhode.models.motion`."""
-    acceleration = ops.use(angular_acceleration)
+    directions_of, rates, acceleration = ops.use(directions), ops.use(quaternion_rates), ops.use(angular_acceleration)
 
     def rhs(y, p):
-        q0, q1, q2, q3, w1, w2, w3 = y[0], y[1], y[2], y[3], y[4], y[5], y[6]
-        flow = (q0 * q0 + q1 * q1 - q2 * q2 - q3 * q3, 2 * (q1 * q2 - q0 * q3), 2 * (q1 * q3 + q0 * q2))
-        gradient = (2 * (q1 * q2 + q0 * q3), q0 * q0 - q1 * q1 + q2 * q2 - q3 * q3, 2 * (q2 * q3 - q0 * q1))
-        a1, a2, a3 = acceleration(flow, gradient, (w1, w2, w3), p)
-        return (
-            -0.5 * (q1 * w1 + q2 * w2 + q3 * w3),
-            0.5 * (q0 * w1 + q2 * w3 - q3 * w2),
-            0.5 * (q0 * w2 + q3 * w1 - q1 * w3),
-            0.5 * (q0 * w3 + q1 * w2 - q2 * w1),
-            a1,
-            a2,
-            a3,
-        )
+        flow, gradient = directions_of(y[0], y[1], y[2], y[3])
+        a1, a2, a3 = acceleration(flow, gradient, (y[4], y[5], y[6]), p)
+        r0, r1, r2, r3 = rates(y[0], y[1], y[2], y[3], y[4], y[5], y[6])
+        return r0, r1, r2, r3, a1, a2, a3
 
     return rhs
-
-
-def norm_drift(states: np.ndarray) -> np.ndarray:
-    """|q|² - 1 of states, shape (n, 7)."""
-    return np.sum(states[:, :4] ** 2, axis=1) - 1
 
 
 class Quaternion(Form):
