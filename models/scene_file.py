@@ -96,12 +96,12 @@ class SceneTable(_Table):
         return Scene(Ellipsoid((a, b, c)), self.stokes, self.start.start(), time)
 
 
-def read_scene(path: Path) -> Scene:
+def read_scene(path: str | Path) -> Scene:
     """Read a scene file.
 
     Parameters
     ----------
-    path : Path
+    path : str or Path
         TOML; its keys are those of `SceneTable`.
 
     Raises
@@ -112,7 +112,7 @@ def read_scene(path: Path) -> Scene:
         If the file cannot be read.
     """
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        table = tomllib.loads(Path(path).read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ValueError(f"{path}: not a TOML file: {error}") from None
     try:
