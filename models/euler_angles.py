@@ -84,7 +84,8 @@ class EulerAngles(Form):
     1e-15/δ rad (measured: torque-free tops, median; at worst twenty times that). Smaller steps do not help, for the
     error is in the state, and nothing shows it afterwards, for with viscous torque neither L nor E is conserved. Hence
     the vector field itself ends at |sin θ| = `POLE_LIMIT`: there it is NaN, and every solver stops with a failure
-    (`non_finite` or `step_underflow`) instead of going on with digits lost.
+    (`non_finite` or `step_underflow`) instead of going on with digits lost. A run at a tolerance looser than the limit
+    may step over it, and is then wrong by its tolerance anyway.
     """
 
     name = "euler-angles"

@@ -44,7 +44,7 @@ def _from_the_paper() -> Iterator[tuple[str, str, Scene]]:
     yield (
         "paper-saddle",
         "ellipsoid started close to the rotation about its longest axis, where it lingers",
-        _scene(PAPER_ELLIPSOID, EulerStart((1.57, 0.0, pi / 2), (0.0, -0.61, 0.0003)), 1e3, slow_time=0.5),
+        _scene(PAPER_ELLIPSOID, EulerStart((1.57, 0.0, pi / 2), (0.0, -0.61, 0.0003)), 1e3, slow_time=1.0),
     )
     yield "spheroid", "prolate spheroid, kappa = 2", _scene(PROLATE, SPHEROID_START, 1e3, slow_time=0.5)
     yield (
