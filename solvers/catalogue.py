@@ -1,8 +1,9 @@
 """The catalogue of solvers: one line each; modules and libraries are imported on use."""
 
 from functools import cache
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from polhode.models.loading import load
 
 if TYPE_CHECKING:
     from polhode.solvers.contract import Solver
@@ -37,8 +38,6 @@ def solver(name: str) -> "Solver":
     ValueError
         If there is no solver of that name.
     """
-    target = SOLVERS.get(name, name)
-    module, _, attribute = target.partition(":")
-    if not attribute:
-        raise ValueError(f"solver: got {name!r}, expected one of {', '.join(SOLVERS)}")
-    return getattr(import_module(module), attribute)()
+    from polhode.solvers.contract import Solver
+
+    return load("solver", name, SOLVERS, Solver)

@@ -179,50 +179,59 @@ def _array(pointer: Any, size: int) -> np.ndarray:
 class Vern8(_Cyrk):
     """Verner's explicit Runge-Kutta pair of order 8(7), the "efficient" one; not for stiff problems.
 
+    Error per rotation over tolerance: at most 600; 193 measured.
     Source: Verner, Numerical Algorithms 53 (2010) 383.
     """
 
     name = "cyrk-vern8"
     summary = "Verner's explicit Runge-Kutta 8(7), compiled (CyRK)"
     method = "Vern8"
+    error_constant = 600.0
 
 
 class Vern7(_Cyrk):
     """Verner's explicit Runge-Kutta pair of order 7(6), the "efficient" one; not for stiff problems.
 
+    Error per rotation over tolerance: at most 200; 65 measured.
     Source: Verner, Numerical Algorithms 53 (2010) 383.
     """
 
     name = "cyrk-vern7"
     summary = "Verner's explicit Runge-Kutta 7(6), compiled (CyRK)"
     method = "Vern7"
+    error_constant = 200.0
 
 
 class Dop853(_Cyrk):
     """Explicit Runge-Kutta of order 8(5,3), compiled; not for stiff problems.
 
+    Error per rotation over tolerance: at most 150; 59 measured.
     Source: Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I, section II.5.
     """
 
     name = "cyrk-dop853"
     summary = "explicit Runge-Kutta 8(5,3), compiled (CyRK)"
     method = "DOP853"
+    error_constant = 150.0
 
 
 class Tsit5(_Cyrk):
     """Tsitouras' explicit Runge-Kutta pair of order 5(4), compiled; not for stiff problems.
 
+    Error per rotation over tolerance: at most 400; 106 measured.
     Source: Tsitouras, Comput. Math. Appl. 62 (2011) 770.
     """
 
     name = "cyrk-tsit5"
     summary = "Tsitouras' explicit Runge-Kutta 5(4), compiled (CyRK)"
     method = "Tsit5"
+    error_constant = 400.0
 
 
 class Lsoda(_Cyrk):
     """Adams methods or backward differentiation, chosen as stiffness comes and goes, compiled.
 
+    Error per rotation over tolerance: at most 300; 86 measured.
     Source: Petzold, SIAM J. Sci. Stat. Comput. 4 (1983) 136.
     """
 
@@ -231,11 +240,13 @@ class Lsoda(_Cyrk):
     implicit = True
     jacobians = ("difference",)
     method = "LSODA"
+    error_constant = 300.0
 
 
 class Bdf(_Cyrk):
     """Backward differentiation formulas of order 1 to 5 with quasi-constant steps, compiled; for stiff problems.
 
+    Error per rotation over tolerance: at most 2500; 833 measured.
     Source: Shampine and Reichelt, SIAM J. Sci. Comput. 18 (1997) 1.
     """
 
@@ -244,11 +255,13 @@ class Bdf(_Cyrk):
     implicit = True
     jacobians = ("difference",)
     method = "BDF"
+    error_constant = 2500.0
 
 
 class Radau(_Cyrk):
     """Implicit Runge-Kutta of Radau IIA type, order 5, L-stable, compiled; its dense output is of order 3.
 
+    Error per rotation over tolerance: at most 10; 2 measured.
     Source: Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.8.
     """
 
@@ -257,3 +270,4 @@ class Radau(_Cyrk):
     implicit = True
     jacobians = ("difference",)
     method = "RADAU"
+    error_constant = 10.0

@@ -16,6 +16,7 @@ class Exact(Solver):
     library = "numpy"
     package = "numpy"
     backends = ("compiled",)
+    error_constant = 0.0
 
     def check(self, problem: Problem) -> None:
         """Refuse a problem without a closed form."""

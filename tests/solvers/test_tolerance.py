@@ -1,0 +1,44 @@
+"""Every solver in every form, to its tolerance: the error falls with it, and stays below the stated constant."""
+
+import numpy as np
+import pytest
+
+from oracle.runs import Run, runs
+from polhode.solvers.catalogue import SOLVERS, solver
+from polhode.solvers.contract import SolverNotValidError
+from polhode.solvers.solve import solve
+
+TOLERANCES = 10.0 ** -np.arange(4.0, 10.5)
+# Below this the reference's and double precision's own errors take part.
+FLOOR = 2e-12
+
+
+@pytest.mark.parametrize("name", [name for name in SOLVERS if name != "exact"])
+@pytest.mark.parametrize("run", runs(), ids=str)
+def test_error_follows_the_tolerance(run: Run, name: str):
+    try:
+        solver(name).check(run.problem)
+    except SolverNotValidError as refusal:
+        pytest.skip(str(refusal))
+    solutions = [solve(run.problem, name, float(tolerance), run.times) for tolerance in TOLERANCES]
+    assert all(solution.success for solution in solutions)
+    errors = np.array([run.error(solution.states) for solution in solutions])
+    above = errors > FLOOR
+    assert above.sum() >= 5
+    slope = np.polyfit(np.log(TOLERANCES[above]), np.log(errors[above]), 1)[0]
+    assert 0.7 <= slope <= 1.3
+    worst = np.max(errors[above] / TOLERANCES[above]) / run.rotations
+    assert worst <= solver(name).error_constant
+
+
+@pytest.mark.parametrize("run", runs(closed=True), ids=str)
+def test_the_closed_form_meets_the_integrated_field(run: Run):
+    solution = solve(run.problem, "exact", 1e-3, run.times)
+    assert solution.success
+    assert run.error(solution.states) < FLOOR * max(1.0, run.rotations)
+
+
+def test_every_form_of_the_catalogue_takes_part():
+    from polhode.models.catalogue import FORMS
+
+    assert {run.form for run in runs()} == set(FORMS)
