@@ -1,0 +1,129 @@
+"""Slow motion near the singular fixed point, rotation about the middle axis along the vorticity, L_x = L_y = 0.
+
+Coordinates: y = 1 - m, the complementary parameter of the elliptic functions of the polhode, which is μ'δ of the
+paper, and L_z' = L_z + I₂/2. There E(m)/K(m) = 2/ln(16/y) up to terms of relative order y ln y, so that the local
+equations (`lzasymp`, `muasymp`) are good to powers of y and L_z', not of logarithms.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import e, exp, log, pi
+from typing import Literal
+
+from polhode.models.shape import Ellipsoid
+
+Side = Literal["long", "short"]
+
+
+@dataclass(frozen=True)
+class Separatrix:
+    """Local solution on one side of L² = 2EI₂.
+
+    Every run that passes goes from the "long" side, where the polhodes encircle the longest axis (L² < 2EI₂), to the
+    "short" side (L² > 2EI₂). One on each side, the critical trajectory, meets the singular point.
+
+    Parameters
+    ----------
+    ellipsoid : Ellipsoid
+        Triaxial.
+    side : {"long", "short"}
+
+    Raises
+    ------
+    ValueError
+        If the ellipsoid is not triaxial or the side neither of the two.
+    """
+
+    ellipsoid: Ellipsoid
+    side: Side
+
+    def __post_init__(self) -> None:
+        if self.ellipsoid.kind != "triaxial":
+            raise ValueError(
+                f"semi_axes: {self.ellipsoid.semi_axes} are those of a {self.ellipsoid.kind}, "
+                "expected a triaxial ellipsoid"
+            )
+        if self.side not in ("long", "short"):
+            raise ValueError(f"side: got {self.side!r}, expected 'long' or 'short'")
+
+    @cached_property
+    def _inertia(self) -> tuple[float, ...]:
+        return tuple(self.ellipsoid.inertia[axis] for axis in self.ellipsoid.order)
+
+    @cached_property
+    def _resistance(self) -> tuple[float, ...]:
+        return tuple(self.ellipsoid.resistance[axis] for axis in self.ellipsoid.order)
+
+    @cached_property
+    def growth(self) -> float:
+        """Rate 2W of y ln(16/y) + y, per unit of slow time: negative on the long side, positive on the short one."""
+        (i1, i2, i3), (x1, _, x3) = self._inertia, self._resistance
+        size = 32 * pi / i2 * (x1 * (i2 - i1) / i1 + x3 * (i3 - i2) / i3)
+        return size if self.side == "short" else -size
+
+    @cached_property
+    def decay(self) -> float:
+        """Rate 8πX₂/I₂ at which L_z' decays, per unit of slow time."""
+        return 8 * pi * self._resistance[1] / self._inertia[1]
+
+    @cached_property
+    def push(self) -> float:
+        """Ŵ of `lzassol`: -Ŵ/ln(16/y) drives L_z'. The same on both sides, as the exchange 1 ↔ 3 leaves it alone."""
+        (i1, i2, i3), (x1, _, x3) = self._inertia, self._resistance
+        return 8 * pi * (x3 - x1) * (i3 - i2) * (i2 - i1) / (i2 * (i3 - i1))
+
+    def rates(self, complement: float, shift: float) -> tuple[float, float]:
+        """Rates of y and of L_z' in slow time at y > 0 and L_z' (`muasymp`, `lzasymp`)."""
+        logarithm = log(16 / complement)
+        return self.growth / logarithm, -self.decay * shift - self.push / logarithm
+
+    def time(self, complement: float) -> float:
+        """Slow time since the separatrix at y ≥ 0; negative on the long side, which comes before it.
+
+        From `muasymp`, exactly: 2W t₂ = y ln(16/y) + y; `muassol` keeps the first term alone. It is finite: the
+        singular point is reached, and left, in a finite time.
+        """
+        return _passed(complement) / self.growth
+
+    def complement(self, time: float) -> float:
+        """The y at a slow time since the separatrix, the inverse of `time`, by Lambert's function (DLMF 4.13).
+
+        Raises
+        ------
+        ValueError
+            If the time has the wrong sign for the side, or lies beyond y = 1.
+        """
+        from scipy.special import lambertw
+
+        passed = self.growth * time
+        if not 0 <= passed <= _passed(1.0):
+            low, high = sorted((0.0, self.time(1.0)))
+            raise ValueError(f"time: got {time!r}, expected a number from {low!r} to {high!r} on the {self.side} side")
+        if passed == 0:
+            return 0.0
+        return 16 * e * exp(float(lambertw(-passed / (16 * e), k=-1).real))
+
+    def shift(self, complement: float, complement_start: float, shift_start: float) -> float:
+        """L_z' where y has the given value, from its value at a start (`lzassol` with the exact y of `time`)."""
+        from scipy.integrate import quad
+
+        rate, here = self.decay / self.growth, _passed(complement)
+        pushed = quad(lambda y: exp(rate * (_passed(y) - here)), complement_start, complement, epsabs=0, epsrel=1e-13)
+        start = exp(rate * (_passed(complement_start) - here))
+        return start * shift_start - self.push / self.growth * pushed[0]
+
+    def critical(self, complement: float) -> float:
+        """L_z' at y on the critical trajectory, the only one that meets the singular point y = L_z' = 0."""
+        return self.shift(complement, 0.0, 0.0) if complement > 0 else 0.0
+
+    def slow_state(self, complement: float, shift: float) -> tuple[float, float, float, float]:
+        """Slow variables (L_x, L_y, L_z, E) with L_x = L_y = 0 of y and L_z', without approximation."""
+        i1, i2, i3 = self._inertia
+        near, far = (i3, i1) if self.side == "short" else (i1, i3)
+        share = complement * (near - i2) / (near - far)
+        momentum = shift - i2 / 2
+        return 0.0, 0.0, momentum, momentum * momentum * (1 - share) / (2 * (i2 - share * far))
+
+
+def _passed(complement: float) -> float:
+    return complement * (log(16 / complement) + 1) if complement > 0 else 0.0
