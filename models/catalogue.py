@@ -17,6 +17,7 @@ FORMS: dict[str, str] = {
     "euler-top": "polhode.models.euler_top:EulerTop",
     "averaged": "polhode.models.averaged:Averaged",
     "averaged-spheroid": "polhode.models.averaged_spheroid:AveragedSpheroid",
+    "averaged-second-order": "polhode.models.second_order:SecondOrder",
 }
 
 

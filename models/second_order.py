@@ -1,0 +1,122 @@
+"""Form `averaged-second-order`: slow variables to O(1/St²) and orientation to O(1/St), at a cost free of St."""
+
+from functools import lru_cache
+
+import numpy as np
+
+from polhode.models import second_order_spheroid as spheroidal
+from polhode.models.form import Form
+from polhode.models.observables import Observables
+from polhode.models.problem import Problem
+from polhode.models.scene import Scene
+from polhode.models.second_order_error import Estimate, estimate
+from polhode.models.spheroid import Spheroid, axis_rotation, require_spheroid
+
+# The slow start x solves x = z - u(x)/St; each pass gains a factor of the correction's size.
+START_PASSES = 60
+START_CLOSE = 1e-15
+# Above this estimated slow error, over I_max, the expansion in 1/St means nothing.
+MEANINGLESS = 1.0
+
+
+class SecondOrder(Form):
+    """State (L, q, σ) in slow time: L in units of I_e, the symmetry axis without its fast turning, that angle over St.
+
+    Caveat: the angle St σ carries St times the tolerance, and at best St times rounding, so that the orientation stops
+    gaining accuracy near St = 1e8.
+    """
+
+    name = "averaged-second-order"
+    summary = "second-order averaged spheroid: L and E to O(1/St²), symmetry axis to O(1/St), at a cost free of St"
+    valid_for = "spheroids at large finite St, L away from 0; its `estimate` says how large its errors are"
+    state = ("Lx/Ie", "Ly/Ie", "Lz/Ie", "qx", "qy", "qz", "sigma")
+    orientation = "axis"
+    averaged = True
+
+    def check(self, scene: Scene) -> None:
+        """Refuse other shapes, St = 0 and inf, a start without orientation, and St too small for the start's L."""
+        ellipsoid = scene.ellipsoid
+        require_spheroid(self, scene, "averaged")
+        if ellipsoid.kind == "sphere":
+            raise self.refuse("a sphere has no symmetry axis, and L obeys a linear equation", "spheroid-axis")
+        if scene.stokes == 0:
+            raise self.refuse("St = 0 has no slow variables", "jeffery")
+        if scene.torque_factor == 0:
+            raise self.refuse("at St = inf the slow variables are constant", "euler-top")
+        self.require_orientation(scene)
+        if not np.any(scene.initial.angular_momentum):
+            raise self.refuse("the start has L = 0, where averaging does not apply", "spheroid-axis")
+        if slow_start(scene) is None or not estimated(scene).slow < MEANINGLESS:
+            raise self.refuse(f"St = {scene.stokes:g} is too small for the run's least |L|", "spheroid-axis")
+
+    def problem(self, scene: Scene) -> Problem:
+        """Initial value problem in slow time t₂ = t/St."""
+        self.check(scene)
+        start = slow_start(scene)
+        assert start is not None
+        return Problem(
+            name=self.name,
+            field=spheroidal.field,
+            start=(*start, 0.0),
+            end=scene.slow_time,
+            parameters=spheroidal.parameters(Spheroid.of(scene.ellipsoid), scene.torque_factor),
+            invariant=axis_drift,
+            time_unit=scene.stokes,
+        )
+
+    def observe(self, scene: Scene, states: np.ndarray) -> Observables:
+        """Observables with the row of the symmetry axis alone: the fast turning and the O(1/St) swing put back."""
+        spheroid = Spheroid.of(scene.ellipsoid)
+        axis = spheroidal.turned(states[:, :3], spheroidal.unit(states[:, 3:6]), scene.stokes * states[:, 6])
+        momentum, axis = spheroidal.swung(spheroid, scene.torque_factor, states[:, :3], axis)
+        along = np.sum(momentum * axis, axis=1)
+        across = np.sum((momentum - along[:, None] * axis) ** 2, axis=1)
+        energy = 0.5 * spheroid.equatorial_inertia * (along**2 / spheroid.inertia_ratio + across)
+        return Observables(spheroid.equatorial_inertia * momentum, energy, axis_rotation(spheroid.axis, axis))
+
+    def estimate(self, scene: Scene) -> Estimate:
+        """Largest model errors over the run, slow and orientation, from the size of the expansion's next term.
+
+        Raises
+        ------
+        FormNotValidError
+            As `check` does.
+        """
+        self.check(scene)
+        return estimated(scene)
+
+    def error_estimate(self, scene: Scene) -> float:
+        """Slow model error over I_max, as `estimate` gives it."""
+        return self.estimate(scene).slow
+
+
+@lru_cache(maxsize=256)
+def slow_start(scene: Scene) -> tuple[float, ...] | None:
+    """Slow L over I_e and p, whose image under the transformation is the scene's start; None if none is found."""
+    spheroid = Spheroid.of(scene.ellipsoid)
+    momentum = scene.initial.angular_momentum[0] / spheroid.equatorial_inertia
+    exact = np.concatenate([momentum, scene.initial_rotation[spheroid.axis]])
+    slow = exact
+    for _ in range(START_PASSES):
+        image = np.concatenate(spheroidal.swung(spheroid, scene.torque_factor, slow[None, :3], slow[None, 3:]), axis=1)
+        excess = image[0] - exact
+        slow = slow - excess
+        slow[3:] = spheroidal.unit(slow[3:])
+        if np.max(np.abs(excess)) <= START_CLOSE * max(1.0, float(np.linalg.norm(momentum))):
+            return tuple(slow.tolist())
+        if not np.all(np.abs(slow) < 1e3 * np.max(np.abs(exact))):
+            return None
+    return None
+
+
+@lru_cache(maxsize=256)
+def estimated(scene: Scene) -> Estimate:
+    """Estimated model errors of a scene that has a slow start."""
+    start = slow_start(scene)
+    assert start is not None
+    return estimate(Spheroid.of(scene.ellipsoid), scene.torque_factor, start, scene.slow_time)
+
+
+def axis_drift(states: np.ndarray) -> np.ndarray:
+    """|q|² - 1 of states, shape (n, 7)."""
+    return np.sum(states[:, 3:6] ** 2, axis=1) - 1
