@@ -1,5 +1,6 @@
 """The command line: `polhode COMMAND …`."""
 
+import errno
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -14,6 +15,7 @@ COMMANDS = {
     "solvers": "polhode.harness.commands.catalogues:solvers",
     "bench": "polhode.harness.commands.bench:bench",
     "export": "polhode.harness.commands.export:export",
+    "paper": "polhode.harness.commands.paper:paper",
 }
 
 
@@ -29,6 +31,16 @@ class RunFailed(click.ClickException):
     exit_code = 1
 
 
+_EXPECTED = {
+    errno.ENOENT: ", expected an existing one",
+    errno.EISDIR: ", expected a file",
+    errno.ENOTDIR: ", expected a folder above it",
+    errno.EACCES: ", expected one that you may read and write",
+    errno.EPERM: ", expected one that you may read and write",
+    errno.EROFS: ", expected a place that can be written",
+}
+
+
 @contextmanager
 def bad_input() -> Iterator[None]:
     """Turn what a caller's values raise into `BadInput`."""
@@ -36,7 +48,9 @@ def bad_input() -> Iterator[None]:
         yield
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
-        raise BadInput(f"{where}{error.strerror or error}") from None
+        expected = _EXPECTED.get(error.errno or 0, "")
+        reason = str(error.strerror or error)
+        raise BadInput(where + (reason if "expected" in reason else reason + expected)) from None
     except ValueError as error:
         raise BadInput(str(error)) from None
 
@@ -54,6 +68,19 @@ class _Commands(click.Group):
         module, _, attribute = target.partition(":")
         return getattr(import_module(module), attribute)
 
+    def invoke(self, ctx: click.Context) -> object:
+        try:
+            return super().invoke(ctx)
+        except click.UsageError as error:
+            name = ctx.invoked_subcommand
+            command = self.get_command(ctx, name) if name else None
+            # The parser's own complaints do not say which command they are about.
+            if error.ctx is None and command is not None:
+                error.ctx = click.Context(command, info_name=name, parent=ctx)
+            raise
+        except KeyboardInterrupt:
+            raise RunFailed("interrupted") from None
+
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):
             formatter.write_dl([(name, SUMMARIES[name]) for name in COMMANDS])
@@ -66,10 +93,11 @@ SUMMARIES = {
     "solvers": "the solvers, and what is missing",
     "bench": "the main job: cost against accuracy",
     "export": "a store as CSV or JSON Lines",
+    "paper": "the paper's figures and tables, each with a verdict",
 }
 
 
-@click.group(cls=_Commands)
+@click.group(cls=_Commands, no_args_is_help=False)
 @click.version_option(package_name="polhode")
 def polhode() -> None:
     """Which equations and which solver for a massive ellipsoid in shear flow.
@@ -84,8 +112,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         result = polhode.main(args=arguments, standalone_mode=False)
         code = result if isinstance(result, int) else 0
     except click.ClickException as error:
+        from polhode.harness.usage import complaint
+
         command = error.ctx.command_path if isinstance(error, click.UsageError) and error.ctx else "polhode"
-        click.echo(f"{command}: {' '.join(error.format_message().split())}", err=True)
+        click.echo(f"{command}: {complaint(error)}", err=True)
         code = error.exit_code
     except (KeyboardInterrupt, click.Abort):
         click.echo("polhode: interrupted", err=True)

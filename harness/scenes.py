@@ -16,8 +16,8 @@ def find_scene(word: str) -> Scene:
         If there is neither, or the file is no scene.
     """
     path = Path(word)
-    if path.exists():
+    if path.exists() and not path.is_dir():
         return read_scene(path)
     if word in SCENES:
         return named_scene(word)
-    raise ValueError(f"{word}: no such file, and no built-in scene; expected a file or one of {', '.join(SCENES)}")
+    raise ValueError(f"scene: got {word!r}, expected a file or one of {', '.join(SCENES)}")

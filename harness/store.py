@@ -8,6 +8,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from polhode.harness.partial_file import PartialFile
+
 Record = dict[str, Any]
 
 _TABLE = """
@@ -21,7 +23,7 @@ CREATE TABLE IF NOT EXISTS cases (
 
 
 class DamagedStoreError(RuntimeError):
-    """The file is not a store, or a damaged one; it is left as it is."""
+    """The file is not a store, or a damaged one; its contents are left as they are."""
 
 
 class Store:
@@ -41,11 +43,14 @@ class Store:
     def __init__(self, path: Path) -> None:
         self.path = path
         path.parent.mkdir(parents=True, exist_ok=True)
-        self._connection = sqlite3.connect(path, timeout=60.0)
         with self._readable():
+            self._connection = sqlite3.connect(path, timeout=60.0)
             self._connection.execute("PRAGMA journal_mode=WAL")
             if self._connection.execute("PRAGMA quick_check").fetchone()[0] != "ok":
-                raise DamagedStoreError(f"{path}: the store is damaged; move it away or name another one")
+                raise DamagedStoreError(f"{path}: the store is damaged")
+            tables = {name for (name,) in self._connection.execute("SELECT name FROM sqlite_master")}
+            if tables and "cases" not in tables:
+                raise DamagedStoreError(f"{path}: a database of something else")
             with self._connection:
                 self._connection.execute(_TABLE)
 
@@ -94,16 +99,16 @@ def export(records: list[Record], path: Path) -> None:
     ValueError
         If the ending is neither ``.csv`` nor ``.jsonl``.
     """
-    if path.suffix == ".jsonl":
-        path.write_text("".join(json.dumps(record, sort_keys=True) + "\n" for record in records), encoding="utf-8")
-    elif path.suffix == ".csv":
-        columns = list(dict.fromkeys(name for record in records for name in record))
-        with path.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, columns)
-            writer.writeheader()
-            writer.writerows(
-                {name: json.dumps(value) if isinstance(value, dict | list) else value for name, value in record.items()}
-                for record in records
-            )
-    else:
+    if path.suffix not in (".csv", ".jsonl"):
         raise ValueError(f"{path}: expected a file name ending in .csv or .jsonl")
+    with PartialFile(path) as file:
+        if path.suffix == ".jsonl":
+            file.writelines(json.dumps(record, sort_keys=True) + "\n" for record in records)
+            return
+        columns = list(dict.fromkeys(name for record in records for name in record))
+        writer = csv.DictWriter(file, columns)
+        writer.writeheader()
+        writer.writerows(
+            {name: json.dumps(value) if isinstance(value, dict | list) else value for name, value in record.items()}
+            for record in records
+        )

@@ -7,7 +7,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from polhode.harness.case import Case
 from polhode.models.catalogue import FORMS
@@ -22,26 +22,34 @@ from polhode.solvers.contract import SolverNotValidError
 QUICK_SECONDS = 0.2
 
 
+def _as_list(value: Any) -> Any:
+    return value if isinstance(value, list) else [value]
+
+
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
+Stokes = Annotated[float, Field(ge=0)]
+
+
 class StudySceneTable(BaseModel):
     """``[[scenes]]``: a scene file's contents with a name, and one or several Stokes numbers."""
 
     model_config = ConfigDict(extra="allow", strict=True)
-    name: str
-    stokes: list[Annotated[float, Field(ge=0)]] | float
+    name: Name
+    stokes: Annotated[list[Stokes], Field(min_length=1), BeforeValidator(_as_list)]
     tags: list[str] = []
 
 
 class StudyTable(BaseModel):
-    """A study file."""
+    """A study file; its name is that of the folder of its results."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
-    name: str
+    name: Name
     title: str
     samples: Annotated[int, Field(ge=2)] = 501
     max_seconds: Positive = 10.0
     tolerances: Annotated[list[Positive], Field(min_length=1)]
     forms: Annotated[list[str], Field(min_length=1)]
-    solvers: list[str] = list(SOLVERS)
+    solvers: Annotated[list[str], Field(min_length=1)] = list(SOLVERS)
     scenes: Annotated[list[StudySceneTable], Field(min_length=1)]
 
     @model_validator(mode="after")
@@ -50,6 +58,16 @@ class StudyTable(BaseModel):
             for name in names:
                 if name not in known:
                     raise ValueError(f"got {name!r} in {kind}, expected some of {', '.join(known)}")
+        return self
+
+    @model_validator(mode="after")
+    def _nothing_twice(self) -> "StudyTable":
+        scenes = [(scene.name, stokes) for scene in self.scenes for stokes in scene.stokes]
+        lists = {"forms": self.forms, "solvers": self.solvers, "tolerances": self.tolerances, "scenes": scenes}
+        for kind, values in lists.items():
+            for value in values:
+                if values.count(value) > 1:
+                    raise ValueError(f"got {value!r} {values.count(value)} times in {kind}, expected it once")
         return self
 
 
@@ -99,9 +117,13 @@ def read_study(path: Path | None, default: str = "bench") -> Study:
         If the file cannot be read.
     """
     where = str(path) if path else f"study {default!r}"
-    text = (path or files("polhode.harness") / "studies" / f"{default}.toml").read_text(encoding="utf-8")
+    source = path or files("polhode.harness") / "studies" / f"{default}.toml"
     try:
-        return parse_study(tomllib.loads(text))
+        contents = tomllib.loads(source.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ValueError(f"{where}: expected a TOML file: {error}") from None
+    try:
+        return parse_study(contents)
     except ValueError as error:
         raise ValueError(f"{where}: {error}") from None
 
@@ -112,23 +134,35 @@ def quick_study(study: Study) -> Study:
 
 
 def parse_study(contents: dict[str, Any]) -> Study:
-    """Make a study of the contents of a study file."""
+    """Make a study of the contents of a study file.
+
+    Raises
+    ------
+    ValueError
+        In one line: the key, the value and what was expected; or that no form and solver fit any scene.
+    """
     try:
         table = StudyTable.model_validate(contents)
     except ValidationError as error:
-        raise ValueError(first_complaint(error)) from None
-    scenes = []
-    for scene in table.scenes:
-        rest = dict(scene.model_extra or {})
-        numbers = scene.stokes if isinstance(scene.stokes, list) else [scene.stokes]
-        scenes += [(scene.name, parse_scene({"stokes": float(stokes), **rest})) for stokes in numbers]
-    return Study(
+        raise ValueError(first_complaint(error, StudyTable)) from None
+    study = Study(
         table.name,
         table.title,
-        tuple(scenes),
+        tuple(scene for position, scenes in enumerate(table.scenes) for scene in _scenes(position, scenes)),
         tuple(table.forms),
         tuple(table.solvers),
         tuple(table.tolerances),
         table.samples,
         table.max_seconds,
     )
+    if not any(study.batches()):
+        raise ValueError(f"forms: got {list(study.forms)}, expected one that some scene and solver accept")
+    return study
+
+
+def _scenes(position: int, table: StudySceneTable) -> Iterator[tuple[str, Scene]]:
+    for stokes in table.stokes:
+        try:
+            yield table.name, parse_scene({"stokes": stokes, **(table.model_extra or {})})
+        except ValueError as error:
+            raise ValueError(f"scenes[{position}]: {error}") from None

@@ -1,8 +1,9 @@
 """The catalogue of forms: one line each; modules are imported on use."""
 
 from functools import cache
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from polhode.models.loading import load
 
 if TYPE_CHECKING:
     from polhode.models.form import Form
@@ -30,8 +31,6 @@ def form(name: str) -> "Form":
     ValueError
         If there is no form of that name.
     """
-    target = FORMS.get(name, name)
-    module, _, attribute = target.partition(":")
-    if not attribute:
-        raise ValueError(f"form: got {name!r}, expected one of {', '.join(FORMS)}")
-    return getattr(import_module(module), attribute)()
+    from polhode.models.form import Form
+
+    return load("form", name, FORMS, Form)

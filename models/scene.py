@@ -85,6 +85,20 @@ def _require_finite(name: str, numbers: tuple[float, ...], length: int) -> None:
         raise ValueError(f"{name}: got {list(numbers)}, expected finite numbers")
 
 
+# L² / 2E may lie outside by roundoff.
+SLACK = 1e-12
+
+
+def _require_possible(ellipsoid: Ellipsoid, start: SlowStart) -> None:
+    """Refuse L and E that no rotation of an ellipsoid has: L² / 2E lies between the extreme moments of inertia."""
+    momentum, low, high = hypot(*start.angular_momentum), min(ellipsoid.inertia), max(ellipsoid.inertia)
+    if momentum == 0 and start.energy == 0:
+        return
+    ratio = momentum / (2 * start.energy) * momentum if start.energy > 0 else inf
+    if not low * (1 - SLACK) <= ratio <= high * (1 + SLACK):
+        raise ValueError(f"start: got L² / 2E = {ratio!r}, expected a value from {low!r} to {high!r}")
+
+
 Start = EulerStart | BodyStart | SlowStart
 
 
@@ -104,7 +118,7 @@ class Scene:
     Raises
     ------
     ValueError
-        If St or the duration is out of range.
+        If St or the duration is out of range, or the shape cannot have the L and E of a `SlowStart`.
     """
 
     ellipsoid: Ellipsoid
@@ -117,6 +131,8 @@ class Scene:
             raise ValueError(f"stokes: got {self.stokes!r}, expected a number from 0 to inf")
         if not (isfinite(self.time) and self.time > 0):
             raise ValueError(f"time: got {self.time!r}, expected a finite positive number")
+        if isinstance(self.start, SlowStart):
+            _require_possible(self.ellipsoid, self.start)
 
     @property
     def slow_time(self) -> float:

@@ -1,9 +1,10 @@
 """Scene files: TOML, checked key by key before a scene is made."""
 
+import reprlib
 import tomllib
 from math import inf, isfinite
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -92,7 +93,8 @@ class SceneTable(_Table):
         a, b, c = self.shape.semi_axes
         time = self.time if self.time is not None else (self.slow_time or 0) * self.stokes
         if not (isfinite(time) and time > 0):
-            raise ValueError(f"slow_time: got {self.slow_time!r} at stokes = {self.stokes:g}, expected a finite time")
+            got = f"{self.slow_time!r} at stokes = {self.stokes:g}"
+            raise ValueError(f"slow_time: got {got}, expected a finite positive time t = slow_time * stokes")
         return Scene(Ellipsoid((a, b, c)), self.stokes, self.start.start(), time)
 
 
@@ -114,7 +116,7 @@ def read_scene(path: str | Path) -> Scene:
     try:
         table = tomllib.loads(Path(path).read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: not a TOML file: {error}") from None
+        raise ValueError(f"{path}: expected a TOML file: {error}") from None
     try:
         return parse_scene(table)
     except ValueError as error:
@@ -132,29 +134,58 @@ def parse_scene(table: dict[str, Any]) -> Scene:
     try:
         return SceneTable.model_validate(table).scene()
     except ValidationError as error:
-        raise ValueError(first_complaint(error)) from None
+        raise ValueError(first_complaint(error, SceneTable)) from None
 
 
-def first_complaint(error: ValidationError) -> str:
-    """The first complaint of a validation in one line, and how many more there are."""
+def first_complaint(error: ValidationError, model: type[BaseModel]) -> str:
+    """The first complaint about the contents of a `model` in one line, and how many more there are."""
     complaints = error.errors(include_url=False)
     first = complaints[0]
-    where = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in first["loc"]).lstrip(".")
+    *above, last = first["loc"] or ("",)
+    where = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in (*above, last)).lstrip(".")
     expected = first["msg"].removeprefix("Value error, ")
     if first["type"] == "missing":
         text = f"{where}: missing, expected a value"
     elif first["type"] == "extra_forbidden":
-        text = f"{where}: unknown key (its value is {first['input']!r})"
+        text = f"{where}: unknown key, expected one of {', '.join(_keys(model, above))}"
     elif expected.startswith("got "):
         text = f"{where}: {expected}" if where else expected
     else:
-        text = f"{where}: got {first['input']!r}, {_in_our_words(expected)}"
+        text = f"{where}: got {reprlib.repr(first['input'])}, {_in_our_words(expected)}"
     more = len(complaints) - 1
     return text + (f" (and {more} more)" if more else "")
 
 
+def _keys(model: Any, path: list[int | str]) -> list[str]:
+    """Keys that the table at a path inside a model may have."""
+    for part in path:
+        if isinstance(part, str):
+            model = model.model_fields[part].annotation
+        while not hasattr(model, "model_fields"):
+            model = get_args(model)[0]
+    return list(model.model_fields)
+
+
+_OUR_WORDS = (
+    ("Input should be a valid number", "expected a number"),
+    ("Input should be a valid integer", "expected a whole number"),
+    ("Input should be a valid string", "expected a string"),
+    ("Input should be a valid boolean", "expected true or false"),
+    ("Input should be a valid list", "expected a list"),
+    ("Input should be a valid dictionary", "expected a table"),
+    ("Input should be a finite number", "expected a finite number"),
+    ("Input should be", "expected a number"),
+    ("List should have", "expected"),
+    ("String should", "expected a string that should"),
+)
+
+
 def _in_our_words(message: str) -> str:
-    return message.replace("Input should be", "expected").replace("List should have", "expected")
+    message = message.replace(" after validation", "").split(" or instance of")[0]
+    for theirs, ours in _OUR_WORDS:
+        if message.startswith(theirs):
+            return ours + message.removeprefix(theirs)
+    return message
 
 
 def _triple(values: list[float]) -> tuple[float, float, float]:
@@ -163,18 +194,28 @@ def _triple(values: list[float]) -> tuple[float, float, float]:
 
 
 def scene_table(scene: Scene) -> dict[str, Any]:
-    """Contents of a scene file that `parse_scene` turns into the same scene again."""
+    """Contents of a scene file that `parse_scene` turns into the same scene again; equal scenes give equal contents."""
     match scene.start:
         case EulerStart():
-            start = {"euler_angles": list(scene.start.angles), "euler_rates": list(scene.start.rates)}
+            start = {"euler_angles": _floats(scene.start.angles), "euler_rates": _floats(scene.start.rates)}
         case BodyStart():
-            velocity = list(scene.start.angular_velocity)
-            start = {"quaternion": list(scene.start.quaternion), "angular_velocity": velocity}
+            velocity = _floats(scene.start.angular_velocity)
+            start = {"quaternion": _floats(scene.start.quaternion), "angular_velocity": velocity}
         case SlowStart():
-            start = {"angular_momentum": list(scene.start.angular_momentum), "energy": scene.start.energy}
+            momentum = _floats(scene.start.angular_momentum)
+            start = {"angular_momentum": momentum, "energy": _float(scene.start.energy)}
     return {
-        "stokes": scene.stokes,
-        "time": scene.time,
-        "shape": {"semi_axes": list(scene.ellipsoid.semi_axes)},
+        "stokes": _float(scene.stokes),
+        "time": _float(scene.time),
+        "shape": {"semi_axes": _floats(scene.ellipsoid.semi_axes)},
         "start": start,
     }
+
+
+def _float(value: float) -> float:
+    """A plain float, whatever number it was; -0.0 becomes 0.0."""
+    return float(value) + 0.0
+
+
+def _floats(values: tuple[float, ...]) -> list[float]:
+    return [_float(value) for value in values]

@@ -8,6 +8,9 @@ from typing import Literal
 Kind = Literal["sphere", "prolate", "oblate", "triaxial"]
 Triple = tuple[float, float, float]
 
+# Below it the moments of inertia, of fourth order in the semi-axes, lose digits to underflow.
+LEAST_RATIO = 1e-70
+
 
 @dataclass(frozen=True)
 class Ellipsoid:
@@ -24,7 +27,7 @@ class Ellipsoid:
     Raises
     ------
     ValueError
-        If a semi-axis is not a finite positive number.
+        If a semi-axis is not a finite positive number, or the shortest too short beside the longest.
     """
 
     semi_axes: Triple
@@ -35,6 +38,9 @@ class Ellipsoid:
         for length in self.semi_axes:
             if not (isfinite(length) and length > 0):
                 raise ValueError(f"semi_axes: got {length!r}, expected finite positive numbers")
+        ratio = min(self.semi_axes) / max(self.semi_axes)
+        if ratio < LEAST_RATIO:
+            raise ValueError(f"semi_axes: got shortest / longest = {ratio:g}, expected at least {LEAST_RATIO:g}")
 
     @cached_property
     def scaled_axes(self) -> Triple:

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import click
 
-from polhode.harness.cli import bad_input
+from polhode.harness.cli import BadInput, RunFailed, bad_input
 
 
-@click.command(epilog="Example: polhode bench --quick --out /tmp/bench")
+@click.command(epilog="Example: polhode bench --quick --out look")
 @click.argument("study_file", metavar="[STUDY.toml]", required=False, type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path, file_okay=False), help="Folder; by default reports/NAME.")
+@click.option("--out", type=click.Path(path_type=Path), help="Folder; by default reports/NAME.")
 @click.option("--quick", is_flag=True, help="Fewer tolerances and short time limits: a look, not a result.")
 @click.option("--resume", is_flag=True, help="Take up an interrupted run instead of starting afresh.")
 @click.option("--quiet", is_flag=True, help="No progress.")
@@ -17,7 +17,8 @@ def bench(study_file: Path | None, out: Path | None, quick: bool, resume: bool, 
     """Run a work-precision study and write its page, figures and records.
 
     Without a study file: the paper's triaxial ellipsoid at St = 1e2 to 1e5, by every solver, with the averaged form.
-    An interrupted run keeps its finished cases in FOLDER/store.sqlite and goes on with --resume.
+    An interrupted run keeps its finished cases in FOLDER/store.sqlite and goes on with --resume; a run that starts
+    afresh moves them to FOLDER/previous.sqlite.
     """
     from polhode.harness.bench_page import write_page
     from polhode.harness.run import Runner
@@ -29,15 +30,27 @@ def bench(study_file: Path | None, out: Path | None, quick: bool, resume: bool, 
         study = quick_study(study) if quick else study
         folder = out or Path("reports") / study.name
         folder.mkdir(parents=True, exist_ok=True)
-        path = folder / "store.sqlite"
         if not resume:
-            for leftover in folder.glob("store.sqlite*"):
-                leftover.unlink()
-    try:
-        with Store(path) as store:
+            _move_aside(folder)
+        try:
+            store = Store(folder / "store.sqlite")
+        except DamagedStoreError as error:
+            raise BadInput(f"{error}, expected one of an earlier run or none") from None
+    with store:
+        try:
             records = Runner(store, quiet).run(study)
-    except DamagedStoreError as error:
-        raise click.ClickException(str(error)) from None
+        except KeyboardInterrupt:
+            raise RunFailed(f"interrupted: finished cases are in {store.path}, --resume goes on") from None
+        except DamagedStoreError as error:
+            raise RunFailed(str(error)) from None
     words = ["polhode bench", *([str(study_file)] if study_file else []), *(["--quick"] if quick else [])]
     page = write_page(study, records, folder, " ".join(words))
     click.echo(f"{page}")
+
+
+def _move_aside(folder: Path) -> None:
+    """Keep the last run's store, with what SQLite has put beside it, under another name."""
+    for ending in ("", "-wal", "-shm"):
+        (folder / f"previous.sqlite{ending}").unlink(missing_ok=True)
+        if (folder / f"store.sqlite{ending}").exists():
+            (folder / f"store.sqlite{ending}").rename(folder / f"previous.sqlite{ending}")

@@ -16,8 +16,8 @@ def export(store: Path, out: Path) -> None:
     from polhode.harness.store import DamagedStoreError, Store
     from polhode.harness.store import export as write
 
-    if not store.is_file():
-        raise BadInput(f"{store}: no such store")
+    if not store.is_file() or store.stat().st_size == 0:
+        raise BadInput(f"{store}: no such store, expected a file of `polhode bench`")
     with bad_input():
         try:
             with Store(store) as opened:

@@ -4,7 +4,7 @@ import json
 
 import click
 
-from polhode.harness.cli import bad_input
+from polhode.harness.cli import BadInput, bad_input
 
 
 @click.command(
@@ -12,14 +12,17 @@ from polhode.harness.cli import bad_input
     # Negative numbers are values here, to be refused as such.
     context_settings={"ignore_unknown_options": True},
 )
-@click.argument("semi_axes", nargs=3, type=float, metavar="A B C")
+@click.argument("semi_axes", nargs=-1, type=float, metavar="A B C")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-def shape(semi_axes: tuple[float, float, float], as_json: bool) -> None:
+def shape(semi_axes: tuple[float, ...], as_json: bool) -> None:
     """Print inertia, resistance and kind of the ellipsoid with semi-axes A, B, C, in any unit and order."""
     from polhode.models.shape import Ellipsoid
 
+    if len(semi_axes) != 3:
+        raise BadInput(f"A B C: got {len(semi_axes)} numbers, expected 3")
+    a, b, c = semi_axes
     with bad_input():
-        ellipsoid = Ellipsoid(semi_axes)
+        ellipsoid = Ellipsoid((a, b, c))
     content = {
         "semi_axes": list(ellipsoid.semi_axes),
         "inertia": list(ellipsoid.inertia),
@@ -31,5 +34,10 @@ def shape(semi_axes: tuple[float, float, float], as_json: bool) -> None:
         click.echo(json.dumps(content))
         return
     for name, value in content.items():
-        text = "  ".join(f"{number:.15g}" for number in value) if isinstance(value, list) else value
-        click.echo(f"{name:24}{text}")
+        click.echo(f"{name:24}{_text(value)}")
+
+
+def _text(value: object) -> str:
+    if isinstance(value, list):
+        return "  ".join(map(_text, value))
+    return "–" if value is None else f"{value:.15g}" if isinstance(value, float) else str(value)

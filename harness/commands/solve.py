@@ -6,6 +6,9 @@ import click
 
 from polhode.harness.cli import BadInput, RunFailed, bad_input
 
+# A CSV file of more rows would hold gigabytes.
+MOST_SAMPLES = 10_000_000
+
 
 @click.command(epilog="Example: polhode solve paper --samples 501 --out paper.csv")
 @click.argument("scene")
@@ -33,15 +36,16 @@ def solve(
     import numpy as np
 
     from polhode.harness.choose import choose
-    from polhode.harness.output import PartialFile, write_rows
+    from polhode.harness.output import write_header, write_rows
+    from polhode.harness.partial_file import PartialFile
     from polhode.harness.scenes import find_scene
     from polhode.models.catalogue import form as find_form
     from polhode.solvers.catalogue import solver as find_solver
     from polhode.solvers.solve import Interrupted
     from polhode.solvers.solve import solve as run
 
-    if samples < 2:
-        raise BadInput(f"--samples: got {samples}, expected at least 2")
+    if not 2 <= samples <= MOST_SAMPLES:
+        raise BadInput(f"--samples: got {samples}, expected a number from 2 to {MOST_SAMPLES}")
     with bad_input():
         what = find_scene(scene)
         choice = choose(what, form_name, solver_name, tolerance, error, want)
@@ -53,13 +57,17 @@ def solve(
         method.check(problem)
         target = PartialFile(out)
     click.echo(f"{choice.form} by {choice.solver} at tolerance {choice.tolerance:g}", err=True)
-    with target as file:
-        how = ""
-        try:
-            solution = run(problem, method, choice.tolerance, np.linspace(0.0, problem.end, samples))
-        except Interrupted as interruption:
-            solution, how = interruption.solution, "interrupted"
-        write_rows(file, what, solution.times * problem.time_unit, form.observe(what, solution.states))
-        if how or not solution.success:
-            rows = f"{len(solution.times)} of {samples} rows are in {out}.partial"
-            raise RunFailed(f"{how or solution.status}: {rows}. {solution.message}".strip())
+    how = ""
+    try:
+        with target as file:
+            write_header(file)
+            try:
+                solution = run(problem, method, choice.tolerance, np.linspace(0.0, problem.end, samples))
+            except Interrupted as interruption:
+                solution, how = interruption.solution, "interrupted"
+            write_rows(file, what, solution.times * problem.time_unit, form.observe(what, solution.states))
+            if how or not solution.success:
+                rows = f"{len(solution.times)} of {samples} rows are in {target.partial}"
+                raise RunFailed(f"{how or solution.status}: {rows}. {solution.message}".strip())
+    except OSError as full:
+        raise RunFailed(f"{out}: {full.strerror or full}, expected room for {samples} rows") from None

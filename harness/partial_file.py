@@ -1,0 +1,40 @@
+"""Files that appear under their name only when they are complete; until then, and else, they are FILE.partial."""
+
+import os
+from pathlib import Path
+from typing import IO
+
+
+class PartialFile:
+    """A text file written as FILE.partial and renamed when the block succeeds.
+
+    Devices and pipes, which cannot be renamed, are written to at once.
+
+    Parameters
+    ----------
+    path : Path
+        An earlier file of this name stays as it is until the new one is complete.
+
+    Raises
+    ------
+    OSError
+        At once, if the file cannot be written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        if path.is_dir():
+            raise IsADirectoryError(21, "is a folder, expected a file name", str(path))
+        if not path.parent.is_dir():
+            raise FileNotFoundError(2, "no such folder, expected an existing one", str(path.parent))
+        self._path = path
+        self._atomic = path.is_file() or not path.exists()
+        self.partial = path.with_name(path.name + ".partial") if self._atomic else path
+        self._file = self.partial.open("w", encoding="utf-8", newline="")
+
+    def __enter__(self) -> IO[str]:
+        return self._file
+
+    def __exit__(self, failure: type[BaseException] | None, *details: object) -> None:
+        self._file.close()
+        if failure is None and self._atomic:
+            os.replace(self.partial, self._path)

@@ -1,0 +1,41 @@
+"""Objects by their catalogue names, or as "module:class" from outside the catalogue."""
+
+from collections.abc import Mapping
+from importlib import import_module
+from typing import TypeVar
+
+T = TypeVar("T")
+
+
+def load(kind: str, name: str, catalogue: Mapping[str, str], base: type[T]) -> T:
+    """Instance of the class that a name stands for.
+
+    Parameters
+    ----------
+    kind : str
+        What it is, for messages.
+    name : str
+        A catalogue name, or ``"module:class"``.
+    catalogue : mapping
+        Name to ``"module:class"``.
+    base : type
+        What the class must derive from.
+
+    Raises
+    ------
+    ValueError
+        If there is no class of that name, or one of another kind.
+    """
+    target = catalogue.get(name, name)
+    module, _, attribute = target.partition(":")
+    if not (module and attribute):
+        raise ValueError(f"{kind}: got {name!r}, expected one of {', '.join(catalogue)}")
+    try:
+        found = getattr(import_module(module), attribute)
+    except (ImportError, AttributeError) as error:
+        if name in catalogue:
+            raise
+        raise ValueError(f"{kind}: got {name!r}, expected an importable module:class ({error})") from None
+    if not (isinstance(found, type) and issubclass(found, base)):
+        raise ValueError(f"{kind}: got {name!r}, expected a class derived from {base.__module__}:{base.__qualname__}")
+    return found()
