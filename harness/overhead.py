@@ -105,9 +105,7 @@ def _scipy(method: Any, problem: Problem, settings: Settings, times: np.ndarray)
 
 
 def _sundials(method: Any, problem: Problem, settings: Settings, times: np.ndarray) -> Bare:
-    from polhode.solvers.sundials import Guard
-
-    library, start = method.bind(problem, settings, Guard())
+    library, start = method.bind(problem, settings, None)
     begin = start(Record(times, np.array([problem.start])))
     return lambda: library.solve(times, *begin)
 

@@ -19,6 +19,7 @@ Callback = Callable[[float, np.ndarray], np.ndarray]
 
 # Right-hand sides with which an explicit method chooses its first step.
 START_CALLS = 2
+STALLED = 1000
 
 
 class ScipySolver(Solver):
@@ -86,8 +87,9 @@ def _counted(fun: Callback, calls: list[int]) -> Callback:
 def _step_through(stepper: Any, record: Record) -> tuple[Outcome, int]:
     """Step to the end; the outcome, and how many steps were interpolated."""
     times, work = record.times, record.work
-    work.steps, interpolated = 0, 0
+    work.steps, interpolated, stalled = 0, 0, 0
     while stepper.status == "running":
+        before = stepper.t
         try:
             message = stepper.step()
         except (ArithmeticError, np.linalg.LinAlgError) as error:
@@ -101,6 +103,10 @@ def _step_through(stepper: Any, record: Record) -> tuple[Outcome, int]:
             return (status, message or ""), interpolated
         work.steps += 1
         reached = stepper.t
+        # LSODA takes steps too small to advance the time for no error.
+        stalled = stalled + 1 if reached == before else 0
+        if stalled > STALLED:
+            return (Status.STEP_UNDERFLOW, f"stalled at t = {reached!r}"), interpolated
         if record.filled < len(times) and times[record.filled] <= reached:
             last = int(np.searchsorted(times, reached, side="right"))
             record.put(stepper.dense_output()(times[record.filled : last]).T)

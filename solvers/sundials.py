@@ -11,6 +11,7 @@ each: so it runs when counts or a limit of steps are asked for, over the very sa
 """
 
 import io
+import os
 from collections.abc import Callable
 from contextlib import redirect_stdout
 from time import perf_counter
@@ -32,6 +33,8 @@ from polhode.solvers.contract import (
 )
 from polhode.solvers.interrupt import deferred_interrupt
 
+Callback = Callable[..., None]
+
 # SUNDIALS return values (cvode.h, ida.h; both libraries share these).
 _STATUS = {
     -1: Status.STEP_LIMIT,
@@ -40,16 +43,45 @@ _STATUS = {
     -4: Status.STEP_UNDERFLOW,
 }
 
+# Seconds between two looks at the deadline, and looks at one and the same time that make a stall.
+INTERVAL = 1e-3
+STALLED = 100
+
 
 class Guard:
-    """What every right-hand side looks at before it works: the deadline, brought forward by Ctrl-C; and its count."""
+    """What stops a run from within its right-hand side, which looks at the clock and, at every alarm, here.
+
+    A step too small to advance the time is no error to the library: it "will continue anyway". Here it is.
+    """
 
     def __init__(self) -> None:
-        self.calls, self.deadline = 0, np.inf
+        self.open(np.inf)
+
+    def open(self, deadline: float) -> None:
+        """Begin a run."""
+        self.calls, self.alarm, self.deadline = 0, 0.0, deadline
+        self.time, self.repeats = -np.inf, 0
 
     def close(self) -> None:
         """Stop the run at its next right-hand side."""
-        self.deadline = -np.inf
+        self.alarm = self.deadline = 0.0
+
+    def closed(self, time: float) -> bool:
+        """Whether the right-hand side at a time is to turn NaN, from now on."""
+        if self.alarm == 0.0 == self.deadline:
+            return True
+        now = perf_counter()
+        self.repeats = self.repeats + 1 if time == self.time else 0
+        self.time, self.alarm = time, now + INTERVAL
+        if now > self.deadline or self.stalled:
+            self.close()
+            return True
+        return False
+
+    @property
+    def stalled(self) -> bool:
+        """Whether the time stands still."""
+        return self.repeats >= STALLED
 
 
 class _Sundials(Solver):
@@ -62,23 +94,28 @@ class _Sundials(Solver):
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         """Bind the callbacks; numba compiles them once per field."""
+        # The library prints its warnings on standard output, where tables go.
+        os.environ.setdefault("SUNLOGGER_WARNING_FILENAME", os.devnull)
         guard = Guard()
         library, start = self.bind(problem, settings, guard)
 
         def integrate(record: Record) -> Outcome:
-            guard.calls, guard.deadline = 0, record.deadline
+            guard.open(record.deadline)
             run = _step_by_step if settings.count or record.max_steps < UNLIMITED else _at_once
-            # The library prints its complaints.
+            # The wrapper prints the library's errors.
             with deferred_interrupt(guard.close), redirect_stdout(io.StringIO()):
                 outcome = run(library, start(record), record)
             record.work.rhs_calls = guard.calls if settings.count else None
-            stopped = not outcome[0].success and record.expired
-            return (Status.TIME_LIMIT, "stopped inside a right-hand side") if stopped else outcome
+            if not outcome[0].success and guard.stalled:
+                return Status.STEP_UNDERFLOW, f"stalled at t = {guard.time!r}"
+            if not outcome[0].success and record.expired:
+                return Status.TIME_LIMIT, f"stopped at t = {guard.time!r}"
+            return outcome
 
         return integrate
 
-    def bind(self, problem: Problem, settings: Settings, guard: Guard) -> tuple[Any, Callable[[Record], tuple]]:
-        """The library's solver object, and what it starts from."""
+    def bind(self, problem: Problem, settings: Settings, guard: Guard | None) -> tuple[Any, Callable[[Record], tuple]]:
+        """The library's solver object, and what it starts from; without a guard nothing stops it."""
         raise NotImplementedError
 
 
@@ -126,11 +163,39 @@ def _outcome(result: Any) -> Outcome:
     return _STATUS.get(result.status, Status.NON_FINITE), result.message
 
 
+def _guarded(callback: Callback, parameters: Any, guard: Guard, count: bool) -> Callback:
+    def rhs(t: float, y: np.ndarray, out: np.ndarray) -> None:
+        if perf_counter() > guard.alarm and guard.closed(t):
+            out[:] = np.nan
+        else:
+            callback(y, parameters, out)
+
+    def counted(t: float, y: np.ndarray, out: np.ndarray) -> None:
+        guard.calls += 1
+        rhs(t, y, out)
+
+    return counted if count else rhs
+
+
+def _guarded_residual(residual: Callback, mass: np.ndarray, parameters: Any, guard: Guard, count: bool) -> Callback:
+    def resfn(t: float, y: np.ndarray, rates: np.ndarray, out: np.ndarray) -> None:
+        if perf_counter() > guard.alarm and guard.closed(t):
+            out[:] = np.nan
+        else:
+            residual(y, rates, mass, parameters, out)
+
+    def counted(t: float, y: np.ndarray, rates: np.ndarray, out: np.ndarray) -> None:
+        guard.calls += 1
+        resfn(t, y, rates, out)
+
+    return counted if count else resfn
+
+
 class _Cvode(_Sundials):
     accepts = "every form with an explicit vector field"
     method: ClassVar[str]
 
-    def bind(self, problem: Problem, settings: Settings, guard: Guard) -> tuple[Any, Callable[[Record], tuple]]:
+    def bind(self, problem: Problem, settings: Settings, guard: Guard | None) -> tuple[Any, Callable[[Record], tuple]]:
         """CVODE with its callbacks bound, and what it starts from."""
         from sksundae.cvode import CVODE
 
@@ -138,14 +203,10 @@ class _Cvode(_Sundials):
         callback, parameters = array_callback(problem, settings.backend, values)
 
         def rhs(t: float, y: np.ndarray, out: np.ndarray) -> None:
-            if perf_counter() > guard.deadline:
-                out[:] = np.nan
-            else:
-                callback(y, parameters, out)
+            callback(y, parameters, out)
 
-        def counted(t: float, y: np.ndarray, out: np.ndarray) -> None:
-            guard.calls += 1
-            rhs(t, y, out)
+        if guard is not None:
+            rhs = _guarded(callback, parameters, guard, settings.count)
 
         options: dict[str, Any] = {}
         if settings.jacobian == "exact":
@@ -156,7 +217,7 @@ class _Cvode(_Sundials):
 
             options["jacfn"] = jacfn
         library = CVODE(
-            counted if settings.count else rhs,
+            rhs,
             method=self.method,
             rtol=settings.tolerance,
             atol=settings.tolerance,
@@ -215,7 +276,7 @@ class Ida(_Sundials):
         if problem.parameters is None and problem.mass_form is None:
             raise SolverNotValidError(f"solver 'ida': {problem.name!r} has no vector field; use solver 'exact'")
 
-    def bind(self, problem: Problem, settings: Settings, guard: Guard) -> tuple[Any, Callable[[Record], tuple]]:
+    def bind(self, problem: Problem, settings: Settings, guard: Guard | None) -> tuple[Any, Callable[[Record], tuple]]:
         """IDA with its callbacks bound, and what it starts from."""
         from sksundae.ida import IDA
 
@@ -225,14 +286,10 @@ class Ida(_Sundials):
         residual, callback, parameters = array_residual(problem, settings.backend, values)
 
         def resfn(t: float, y: np.ndarray, rates: np.ndarray, out: np.ndarray) -> None:
-            if perf_counter() > guard.deadline:
-                out[:] = np.nan
-            else:
-                residual(y, rates, mass, parameters, out)
+            residual(y, rates, mass, parameters, out)
 
-        def counted(t: float, y: np.ndarray, rates: np.ndarray, out: np.ndarray) -> None:
-            guard.calls += 1
-            resfn(t, y, rates, out)
+        if guard is not None:
+            resfn = _guarded_residual(residual, mass, parameters, guard, settings.count)
 
         options: dict[str, Any] = {}
         if settings.jacobian == "exact":
@@ -246,7 +303,7 @@ class Ida(_Sundials):
         if len(algebraic):
             options |= {"algebraic_idx": algebraic.tolist(), "calc_initcond": "yp0"}
         library = IDA(
-            counted if settings.count else resfn,
+            resfn,
             rtol=settings.tolerance,
             atol=settings.tolerance,
             max_num_steps=UNLIMITED,
