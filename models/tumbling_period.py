@@ -35,7 +35,8 @@ def tumbling_period(ellipsoid: Ellipsoid, stokes: float, axis: int) -> float:
     Raises
     ------
     ValueError
-        If St is not finite or negative, or a/b too far from one (beyond about 1e4) to be resolved.
+        If St is not finite or negative, or a/b too far from one to be resolved: 100 is at any St, 1000 not at every one,
+        and takes seconds.
     """
     if not (isfinite(stokes) and stokes >= 0):
         raise ValueError(f"stokes: got {stokes!r}, expected a finite number from 0 on")
