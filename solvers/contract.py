@@ -26,7 +26,7 @@ _NEEDS = {"numba": "numba", "exact": "heyoka"}
 
 def installed(library: str) -> bool:
     """Whether a library can be imported."""
-    return library in sys.modules or find_spec(library) is not None
+    return sys.modules.get(library) is not None or find_spec(library) is not None
 
 
 class Status(StrEnum):

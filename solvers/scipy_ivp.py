@@ -69,11 +69,15 @@ class ScipySolver(Solver):
             callback(y, parameters, out)
             return out
 
+        def contiguous(t: float, y: np.ndarray) -> np.ndarray:
+            return fun(t, np.ascontiguousarray(y))
+
         options: dict[str, Any] = {"rtol": settings.tolerance, "atol": settings.tolerance}
         if self.implicit and settings.jacobian == "exact":
             jacobian = exact_jacobian(problem.field, dimension, len(values))
             options["jac"] = lambda t, y: jacobian(y, values)
-        return fun, options
+        # SciPy's finite differences pass columns of a matrix.
+        return (contiguous if self.implicit and settings.jacobian == "difference" else fun), options
 
 
 def _counted(fun: Callback, calls: list[int]) -> Callback:

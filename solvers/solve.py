@@ -172,7 +172,7 @@ def _examined(solution: Solution, times: np.ndarray) -> Solution:
     finite = np.isfinite(solution.states)
     if not finite.all():
         kept = int(np.argmin(finite.all(axis=1)))
-        message = f"a state is not finite at t = {times[kept]!r}"
+        message = f"a state is not finite at t = {float(times[kept])!r}"
         return replace(
             solution,
             times=solution.times[:kept],
@@ -187,7 +187,7 @@ def _examined(solution: Solution, times: np.ndarray) -> Solution:
 def _doubt(solution: Solution, times: np.ndarray) -> str | None:
     """Why a claimed success is none, if it is none."""
     if len(solution.times) != len(times):
-        return f"the library stopped at t = {solution.times[-1]!r}, expected {times[-1]!r}"
+        return f"the library stopped at t = {float(solution.times[-1])!r}, expected {float(times[-1])!r}"
     steps, least = solution.work.steps, solution.problem.least_steps
     if steps is not None and steps < least:
         return f"the library claims success after {steps} steps, expected at least {least}"

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from oracle.classical import CLASSICAL, ROBERTSON_DAE, Classical
 
+from oracle.classical import CLASSICAL, ROBERTSON_DAE, Classical
 from polhode.solvers.catalogue import SOLVERS, solver
 from polhode.solvers.compile import plain_field
 from polhode.solvers.solve import solve

@@ -1,0 +1,212 @@
+"""Every status, provoked for real."""
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from oracle.runs import Run
+from polhode.models.operations import Field, Operations
+from polhode.models.problem import Problem
+from polhode.solvers import contract
+from polhode.solvers.catalogue import SOLVERS, solver
+from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, SolverNotValidError, Status
+from polhode.solvers.solve import solve
+
+INTEGRATORS = tuple(name for name in SOLVERS if name != "exact")
+RUN = Run("triaxial", "quaternion")
+
+
+def square_field(ops: Operations) -> Field:
+    def rhs(y, p):
+        return (y[0] * y[0],)
+
+    return rhs
+
+
+def growth_field(ops: Operations) -> Field:
+    def rhs(y, p):
+        return (1.0 * y[0],)
+
+    return rhs
+
+
+# y = 1/(1 - t) is infinite at t = 1, y = exp(t) exceeds double precision at t = 709.8.
+BLOW_UP = Problem("blow-up", square_field, (1.0,), 2.0)
+GROWTH = Problem("growth", growth_field, (1.0,), 1000.0)
+
+
+def assert_finished_rows(solution, exact):
+    """Rows are those of the requested times up to the failure, and right."""
+    assert len(solution.states) == len(solution.times) >= 1
+    assert np.all(np.isfinite(solution.states))
+    assert solution.states[:, 0] == pytest.approx(exact(solution.times), rel=1e-2)
+
+
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_blow_up_in_finite_time(name: str):
+    times = np.linspace(0.0, 2.0, 21)
+    solution = solve(BLOW_UP, name, 1e-6, times)
+    assert solution.status in (Status.STEP_UNDERFLOW, Status.NON_FINITE)
+    assert (solution.status is Status.NON_FINITE) == (name == "taylor")
+    assert len(solution.times) in (10, 11)
+    assert_finished_rows(replace(solution, times=times[:9], states=solution.states[:9]), lambda t: 1 / (1 - t))
+
+
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_growth_beyond_double_precision(name: str):
+    solution = solve(GROWTH, name, 1e-7, np.linspace(0.0, 1000.0, 101))
+    assert solution.status in (Status.STEP_UNDERFLOW, Status.NON_FINITE)
+    assert len(solution.times) == 71
+    assert_finished_rows(solution, np.exp)
+
+
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_step_limit_keeps_the_rows_before_it(name: str):
+    full = solve(RUN.problem, name, 1e-6, RUN.times, count=True)
+    solution = solve(RUN.problem, name, 1e-6, RUN.times, max_steps=20)
+    assert solution.status is Status.STEP_LIMIT
+    assert solution.work.steps == 20
+    assert 1 <= len(solution.times) < len(RUN.times)
+    # A closer end makes a first step of its own; rows are the same to the tolerance.
+    assert np.abs(solution.states - full.states[: len(solution.states)]).max() < 1e-3
+
+
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_time_limit_keeps_the_rows_before_it(name: str):
+    long = replace(RUN.problem, end=1e7)
+    times = np.concatenate([[0.0, 1.0], np.linspace(1e3, 1e7, 1000)])
+    solve(RUN.problem, name, 1e-9)
+    solution = solve(long, name, 1e-9, times, max_seconds=0.1)
+    assert solution.status is Status.TIME_LIMIT
+    assert 0.1 <= solution.seconds < 1.0
+    assert 2 <= len(solution.times) < len(times)
+    assert solution.times[1] == 1.0
+    assert solution.states[1] == pytest.approx(solve(replace(long, end=1.0), name, 1e-9).states[-1], abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ["cvode-adams", "cvode-bdf", "ida"])
+def test_sundials_refuses_a_tolerance_below_roundoff(name: str):
+    solution = solve(RUN.problem, name, 1e-17, RUN.times)
+    assert solution.status is Status.TOLERANCE_UNATTAINABLE
+    assert len(solution.times) == 1
+
+
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_absent_library(name: str, monkeypatch):
+    library = solver(name).library
+    monkeypatch.setattr(contract, "installed", lambda other: other != library)
+    solution = solve(RUN.problem, name, 1e-6)
+    assert solution.status is Status.ADAPTER_MISSING
+    assert "pip install" in solution.message
+    assert solution.times.tolist() == [0.0]
+
+
+@pytest.mark.parametrize("name", [name for name in INTEGRATORS if "exact" in solver(name).jacobians])
+def test_without_heyoka_jacobians_are_differences(name: str, monkeypatch):
+    monkeypatch.setattr(contract, "installed", lambda library: library != "heyoka")
+    solution = solve(RUN.problem, name, 1e-6)
+    assert solution.success
+    assert solution.settings.jacobian == "difference"
+    with pytest.raises(SolverNotValidError, match="pip install heyoka"):
+        solve(RUN.problem, name, 1e-6, jacobian="exact")
+
+
+@pytest.mark.parametrize("name", ["dop853", "cvode-bdf", "ida"])
+def test_without_numba_the_field_is_plain_python(name: str, monkeypatch):
+    monkeypatch.setattr(contract, "installed", lambda library: library != "numba")
+    assert solve(RUN.problem, name, 1e-6).settings.backend == "python"
+
+
+def test_the_other_solvers_work_without_the_optional_libraries():
+    """In a fresh process in which nothing but NumPy and SciPy can be imported."""
+    program = """
+import sys
+for absent in ("heyoka", "numba", "CyRK", "sksundae"):
+    sys.modules[absent] = None
+from polhode.models.problem import Problem
+from polhode.solvers.catalogue import SOLVERS
+from polhode.solvers.solve import solve
+def field(ops):
+    return lambda y, p: (-1.0 * y[0],)
+problem = Problem("decay", field, (1.0,), 1.0)
+statuses = {name: solve(problem, name, 1e-6).status.value for name in SOLVERS if name != "exact"}
+print(sorted(name for name, status in statuses.items() if status == "reached_end"))
+print(sorted(set(statuses.values())))
+"""
+    output = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
+    assert output.splitlines() == [
+        "['bdf', 'dop853', 'lsoda', 'radau', 'rk45']",
+        "['adapter_missing', 'reached_end']",
+    ]
+
+
+class Liar(Solver):
+    """Claims success, whatever it did."""
+
+    name, summary, accepts = "liar", "", ""
+    library = package = "numpy"
+    error_constant = 0.0
+
+    def __init__(self, rows: int, steps: int, states: np.ndarray):
+        self.rows, self.steps, self.states = rows, steps, states
+
+    def prepare(self, problem: Problem, settings: Settings) -> Integrator:
+        def integrate(record: Record) -> Outcome:
+            record.put(self.states[1 : self.rows])
+            record.work.steps = self.steps
+            return Status.REACHED_END, "done"
+
+        return integrate
+
+
+@pytest.mark.parametrize(
+    ("rows", "steps", "spoil", "status", "message"),
+    [
+        (41, 30, 1.0, Status.REACHED_END, "done"),
+        (30, 30, 1.0, Status.FALSE_SUCCESS, "stopped at t ="),
+        (1, 30, 1.0, Status.FALSE_SUCCESS, "stopped at t = 0.0"),
+        (41, 2, 1.0, Status.FALSE_SUCCESS, "after 2 steps, expected at least 12"),
+        (41, 30, 1.01, Status.FALSE_SUCCESS, "invariant is broken by 2.0e-02"),
+        (41, 30, np.nan, Status.NON_FINITE, "not finite at t ="),
+    ],
+)
+def test_false_success(rows, steps, spoil, status, message):
+    states = solve(RUN.problem, "taylor", 1e-12, RUN.times).states.copy()
+    states[35, :4] *= spoil
+    problem = replace(RUN.problem, least_steps=12)
+    solution = solve(problem, Liar(rows, steps, states), 1e-9, RUN.times)
+    assert solution.status is status
+    assert message in solution.message
+    assert solution.success == (status is Status.REACHED_END)
+
+
+@pytest.mark.parametrize(("problem", "limit"), [(BLOW_UP, 10**9), (RUN.problem, 2)])
+def test_two_failed_taylor_runs_do_not_agree(problem: Problem, limit: int):
+    """heyoka reports err_nf_state and step_limit as values, so that two failed runs would differ by nothing."""
+    times = np.linspace(0.0, problem.end, 5)
+    loose, tight = (solve(problem, "taylor", tolerance, times, max_steps=limit) for tolerance in (1e-6, 1e-12))
+    for solution in (loose, tight):
+        assert not solution.success
+        assert len(solution.states) == len(solution.times) < len(times)
+        assert np.all(np.isfinite(solution.states))
+    assert solve(BLOW_UP, "taylor", 1e-6, times).message == "taylor_outcome.err_nf_state"
+
+
+@pytest.mark.parametrize("tolerance", [0.0, -1e-6, np.nan, np.inf])
+def test_impossible_tolerances_are_refused(tolerance: float):
+    with pytest.raises(ValueError, match="tolerance: got"):
+        solve(RUN.problem, "taylor", tolerance)
+
+
+@pytest.mark.parametrize("times", [[0.0], [1.0, 2.0], [0.0, 1.0, 1.0], [0.0, np.nan], [[0.0, 1.0]]])
+def test_impossible_times_are_refused(times):
+    with pytest.raises(ValueError, match="times: got"):
+        solve(RUN.problem, "taylor", 1e-6, np.array(times))
+
+
+def test_every_status_explains_itself():
+    assert all(len(status.meaning) > 20 for status in Status)
+    assert [status for status in Status if status.success] == [Status.REACHED_END]
