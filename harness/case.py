@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from polhode.harness.errors import Errors, errors
+from polhode.harness.errors import Errors, errors, statistics_distance
 from polhode.harness.reference import Reference, ReferenceFailedError, reference
 from polhode.harness.timing import seconds_of
 from polhode.models.catalogue import form as find_form
@@ -23,7 +23,7 @@ from polhode.solvers.contract import Backend, Jacobian, Status
 from polhode.solvers.solve import Solution, solve
 
 # Changes whenever a record's meaning does, so that no old record is taken for a new one.
-SCHEMA = 1
+SCHEMA = 2
 # The form whose long double solution every full form is compared with.
 FULL_FORM = "quaternion"
 
@@ -111,7 +111,8 @@ def examine(case: Case) -> Record:
 
     The record's columns: `slow_error` and `orientation_error` against the exact solution of the full equations,
     `solver_*` against the exact solution of the same form, `model_*` of that exact solution against the full one.
-    A full form has no model error. An error that cannot be measured is None.
+    A full form has no model error. An error that cannot be measured is None. Where the motion is chaotic, errors are
+    those up to `meaningful_until`, and `statistics_distance` compares the distributions over the whole run.
     """
     form = find_form(case.form)
     prepare_seconds = _first_preparation(case)
@@ -134,10 +135,13 @@ def examine(case: Case) -> Record:
     if not solution.success:
         so_far = errors(case.scene.ellipsoid, found, full.observables.first(len(solution.times)))
         return {**record, "slow_error_so_far": so_far.slow}
-    total = errors(case.scene.ellipsoid, found, full.observables)
-    own = errors(case.scene.ellipsoid, found, exact.observables) if form.averaged else total
-    model = errors(case.scene.ellipsoid, exact.observables, full.observables) if form.averaged else None
-    return record | _error_columns(total, own, model, full, exact)
+    ellipsoid, n = case.scene.ellipsoid, full.meaningful
+    truth, own_truth, early = full.observables.first(n), exact.observables.first(n), found.first(n)
+    total = errors(ellipsoid, early, truth, case.scene if n == case.samples else None)
+    own = errors(ellipsoid, early, own_truth) if form.averaged else total
+    model = errors(ellipsoid, own_truth, truth) if form.averaged else None
+    distance = None if n == case.samples else statistics_distance(ellipsoid, found, full.observables)
+    return record | _error_columns(total, own, model, full, exact) | {"statistics_distance": distance}
 
 
 def time_once(case: Case) -> float:
@@ -166,6 +170,10 @@ def _error_columns(total: Errors, own: Errors, model: Errors | None, full: Refer
         "slow_uncertainty": full.slow_uncertainty,
         "orientation_uncertainty": full.orientation_uncertainty,
         "solver_slow_uncertainty": exact.slow_uncertainty,
+        "statistics_uncertainty": full.statistics_uncertainty,
+        "meaningful_until": full.meaningful_until,
+        "worst_time": float(full.times[total.worst_sample]),
+        "certified_pieces": full.certificate.pieces,
         "errors": asdict(total),
     }
 
