@@ -5,21 +5,20 @@ import json
 from dataclasses import astuple, dataclass, replace
 from importlib.metadata import version
 from math import isfinite, isnan
-from typing import Any
 
 import numpy as np
 
 from polhode.harness import cache, certify
 from polhode.harness.chaos import Growth, growth
 from polhode.harness.errors import errors, statistics_distance
+from polhode.harness.extended import ReferenceFailedError, extended_integrator, extended_run
 from polhode.models.catalogue import form as find_form
 from polhode.models.form import Form
 from polhode.models.observables import Observables
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 from polhode.solvers.compile import load_heyoka
-from polhode.solvers.contract import Record
-from polhode.solvers.taylor import Precision, propagate, taylor_integrator
+from polhode.solvers.taylor import Precision
 
 Run = tuple[Precision, float]
 
@@ -42,10 +41,6 @@ ROUNDING_RUN: Run = ("long double", 1e-17)
 # Spread from half an ulp, in rad or over I_max, from which on a reference is examined for chaos.
 SUSPICIOUS = 1e-9
 SCHEMA = 6
-
-
-class ReferenceFailedError(RuntimeError):
-    """There is no reference; the message says why."""
 
 
 @dataclass(frozen=True)
@@ -134,10 +129,12 @@ def _compute(scene: Scene, form: Form, problem: Problem, samples: int) -> dict[s
     every = np.union1d(times, extra)
     wanted = np.searchsorted(every, times)
     (precision, tight_tolerance), loose_run, seeds = _runs(scene, form)
-    states = _run(problem, every, precision, tight_tolerance)
+    states = extended_run(problem, every, precision, tight_tolerance)
     tight = form.observe(scene, states[wanted])
-    loose = form.observe(scene, _run(problem, every, *loose_run)[wanted])
-    moved = [form.observe(scene, _run(_rounded_otherwise(problem, seed), times, *ROUNDING_RUN)) for seed in seeds]
+    loose = form.observe(scene, extended_run(problem, every, *loose_run)[wanted])
+    moved = [
+        form.observe(scene, extended_run(_rounded_otherwise(problem, seed), times, *ROUNDING_RUN)) for seed in seeds
+    ]
     at = dict(zip(extra, states[np.searchsorted(every, extra)], strict=True))
     try:
         certificate = certify.certify(scene, form, at, _flow(problem))
@@ -201,24 +198,9 @@ def _runs(scene: Scene, form: Form) -> tuple[Run, Run, tuple[int, ...]]:
     return *runs, ROUNDING_SEEDS if cost <= TWO_MOVED_UP_TO else ROUNDING_SEEDS[:1]
 
 
-def _run(problem: Problem, times: np.ndarray, precision: Precision, tolerance: float) -> np.ndarray:
-    """States in long double, shape (n, d), of a Taylor run in a precision that holds at least as much."""
-    integrator = _integrator(problem, precision, tolerance)
-    number = integrator.state.dtype
-    integrator.time = number.type(0)
-    integrator.state[:] = np.array(problem.start).astype(number)
-    integrator.pars[:] = np.array(problem.parameters).astype(number)
-    rows = np.empty((len(times), problem.dimension), dtype=number)
-    rows[0] = integrator.state
-    status, message = propagate(integrator, Record(times, rows))
-    if not status.success:
-        raise ReferenceFailedError(f"the reference of form {problem.name!r} ended with {status}: {message}")
-    return _long_double(rows)
-
-
 def _flow(problem: Problem) -> certify.Flow:
     """The reference's own method, in long double, over a piece, backwards too."""
-    integrator = _integrator(problem, *ROUNDING_RUN)
+    integrator = extended_integrator(problem, *ROUNDING_RUN)
 
     def flow(state: np.ndarray, time: float, duration: float) -> np.ndarray:
         integrator.time = np.longdouble(time)
@@ -230,18 +212,6 @@ def _flow(problem: Problem) -> certify.Flow:
         return integrator.state.copy()
 
     return flow
-
-
-def _integrator(problem: Problem, precision: Precision, tolerance: float) -> Any:
-    return taylor_integrator(problem.field, problem.dimension, len(problem.parameters or ()), tolerance, precision)
-
-
-def _long_double(rows: np.ndarray) -> np.ndarray:
-    """Rows in long double; NumPy knows no cast from quadruple, so that it goes by two doubles."""
-    if rows.dtype == np.longdouble:
-        return rows
-    high = rows.astype(float)
-    return high.astype(np.longdouble) + (rows - high.astype(rows.dtype)).astype(float)
 
 
 def _rounded_otherwise(problem: Problem, seed: int) -> Problem:

@@ -1,0 +1,41 @@
+"""Runs in extended precision: Taylor's method in long double or quadruple, from the problem's own doubles."""
+
+from typing import Any
+
+import numpy as np
+
+from polhode.models.problem import Problem
+from polhode.solvers.contract import Record
+from polhode.solvers.taylor import Precision, propagate, taylor_integrator
+
+
+class ReferenceFailedError(RuntimeError):
+    """There is no reference; the message says why."""
+
+
+def extended_run(problem: Problem, times: np.ndarray, precision: Precision, tolerance: float) -> np.ndarray:
+    """States in long double, shape (n, d), of a Taylor run in a precision that holds at least as much."""
+    integrator = extended_integrator(problem, precision, tolerance)
+    number = integrator.state.dtype
+    integrator.time = number.type(0)
+    integrator.state[:] = np.array(problem.start).astype(number)
+    integrator.pars[:] = np.array(problem.parameters).astype(number)
+    rows = np.empty((len(times), problem.dimension), dtype=number)
+    rows[0] = integrator.state
+    status, message = propagate(integrator, Record(times, rows))
+    if not status.success:
+        raise ReferenceFailedError(f"the reference of form {problem.name!r} ended with {status}: {message}")
+    return _long_double(rows)
+
+
+def extended_integrator(problem: Problem, precision: Precision, tolerance: float) -> Any:
+    """Heyoka's integrator of a problem in an extended precision."""
+    return taylor_integrator(problem.field, problem.dimension, len(problem.parameters or ()), tolerance, precision)
+
+
+def _long_double(rows: np.ndarray) -> np.ndarray:
+    """Rows in long double; NumPy knows no cast from quadruple, so that it goes by two doubles."""
+    if rows.dtype == np.longdouble:
+        return rows
+    high = rows.astype(float)
+    return high.astype(np.longdouble) + (rows - high.astype(rows.dtype)).astype(float)

@@ -1,0 +1,127 @@
+"""Cost against accuracy of several solvers on one problem, whatever it describes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from polhode.harness.extended import extended_run
+from polhode.harness.figures import EXPLICIT, IMPLICIT, MARKERS, library_of
+from polhode.harness.timing import time_runs
+from polhode.models.problem import Problem
+from polhode.solvers.catalogue import SOLVERS
+from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.contract import Solver, SolverNotValidError
+from polhode.solvers.solve import Solution, solve
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+SAFETY = 10.0
+
+
+@dataclass(frozen=True)
+class WorkPrecision:
+    """A work-precision study of one problem.
+
+    The error is the largest deviation of any component at any sample from a Taylor solution in long double, over that
+    component's largest magnitude; the reference's own uncertainty is ten times the difference of two tolerances.
+
+    Parameters
+    ----------
+    problem : Problem
+        A form's (`form("quaternion").problem(scene)`) or one's own.
+    solvers : sequence of str or Solver, optional
+        Catalogue names or solvers of one's own; by default every solver that accepts the problem.
+    tolerances : sequence of float
+    samples : int
+        Equispaced times at which the error is measured.
+    max_seconds : float
+        Time limit of a run. A solver stopped by it does not run at tighter tolerances; the row stays.
+    """
+
+    problem: Problem
+    solvers: Sequence[str | Solver] | None = None
+    tolerances: Sequence[float] = (1e-4, 1e-6, 1e-8, 1e-10)
+    samples: int = 101
+    max_seconds: float = 10.0
+
+    @cached_property
+    def reference(self) -> tuple[np.ndarray, float]:
+        """States in long double, shape (samples, d), and their uncertainty in the same measure as the errors."""
+        states = extended_run(self.problem, self.times, "long double", 1e-19)
+        return states, SAFETY * _error(extended_run(self.problem, self.times, "long double", 1e-17), states)
+
+    @property
+    def times(self) -> np.ndarray:
+        """Sample times in the problem's own time."""
+        return np.linspace(0.0, self.problem.end, self.samples)
+
+    @cached_property
+    def frame(self) -> pd.DataFrame:
+        """One row per solver and tolerance; computed at the first look."""
+        exact, uncertainty = self.reference
+        rows = []
+        for method in self._accepted():
+            for tolerance in sorted(self.tolerances, reverse=True):
+                row = self._measure(method, tolerance, exact)
+                rows.append({**row, "uncertainty": uncertainty})
+                if row["status"] == "time_limit":
+                    break
+        return pd.DataFrame(rows)
+
+    def plot(self, axes: "Axes") -> "Axes":
+        """Draw wall time against error, one line per solver, and return the axes."""
+        counts: dict[str, int] = {}
+        done = self.frame.dropna(subset=["seconds"])
+        for name in dict.fromkeys(done["solver"]):
+            own = done.loc[done["solver"] == name]
+            library = library_of(name)
+            colours = IMPLICIT if own["implicit"].iloc[0] else EXPLICIT
+            marker = MARKERS[counts.get(library, 0) % len(MARKERS)]
+            counts[library] = counts.get(library, 0) + 1
+            axes.loglog(own["error"], own["seconds"], marker=marker, color=colours[library], label=name, linewidth=1.1)
+        axes.xaxis.set_inverted(True)
+        axes.set_xlabel("largest relative error; more accurate to the right")
+        axes.set_ylabel("wall time of a warm run, s")
+        axes.grid(True, linewidth=0.4, alpha=0.5)
+        return axes
+
+    def _accepted(self) -> list[Solver]:
+        methods = [find_solver(name) if isinstance(name, str) else name for name in self.solvers or SOLVERS]
+        if self.solvers is not None:
+            return methods
+        return [method for method in methods if _accepts(method, self.problem)]
+
+    def _measure(self, method: Solver, tolerance: float, exact: np.ndarray) -> dict[str, Any]:
+        def run(*, count: bool = False) -> Solution:
+            return solve(self.problem, method, tolerance, self.times, count=count, max_seconds=self.max_seconds)
+
+        solution = run(count=True)
+        timing = time_runs(run) if solution.success else None
+        return {
+            "solver": method.name,
+            "tolerance": tolerance,
+            "status": str(solution.status),
+            "error": _error(solution.states, exact) if solution.success else None,
+            "seconds": timing.seconds if timing else None,
+            "spread": timing.spread if timing else None,
+            "implicit": method.implicit,
+            **vars(solution.work),
+        }
+
+
+def _accepts(method: Solver, problem: Problem) -> bool:
+    try:
+        method.check(problem)
+    except SolverNotValidError:
+        return False
+    return method.available
+
+
+def _error(states: np.ndarray, exact: np.ndarray) -> float:
+    size = np.max(np.abs(exact), axis=0)
+    return float(np.max(np.abs(states - exact) / np.where(size > 0, size, 1)))
