@@ -40,6 +40,7 @@ class Status(StrEnum):
     TOLERANCE_UNATTAINABLE = "tolerance_unattainable"
     ADAPTER_MISSING = "adapter_missing"
     FALSE_SUCCESS = "false_success"
+    CRASHED = "crashed"
 
     @property
     def success(self) -> bool:
@@ -62,6 +63,7 @@ _MEANINGS = {
     Status.ADAPTER_MISSING: "the solver's library is not installed",
     Status.FALSE_SUCCESS: "the library claims success, but the end was not reached, the steps are too few, "
     "or an invariant is broken",
+    Status.CRASHED: "the library crashed and took its process with it, or raised; usually a bug",
 }
 
 

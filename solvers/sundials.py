@@ -1,7 +1,8 @@
 """SUNDIALS' CVODE and IDA through scikit-sundae.
 
 Tolerance: `rtol` = `atol` = tolerance, for the error of a step in the weighted root-mean-square norm. Rows come from
-the library's own interpolation, of the order of the step. The order and the step change seldom and by large factors
+the library's own interpolation, of the order of the step; of the requested times the first alone has a say in the
+steps, the first one being at most a tenth of it (CVODE). The order and the step change seldom and by large factors
 (a step grows by half or not at all), so that the error falls with the tolerance on the average only: by a factor of
 ten up or down between neighbours, whatever the Jacobian or the corrector.
 
@@ -140,7 +141,8 @@ def _step_by_step(library: Any, start: tuple, record: Record) -> Outcome:
     work.steps = 0
     library.init_step(times[0], *start)
     while True:
-        result = library.step(end, method="onestep", tstop=end)
+        # The first step is guessed from the first time wanted.
+        result = library.step(end if work.steps else times[1], method="onestep", tstop=end)
         work.jacobians = result.njev
         if not result.success:
             return _outcome(result)
