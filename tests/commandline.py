@@ -1,0 +1,37 @@
+"""What tests of the command line share: the installed script, a scene, a study."""
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+SCRIPT = str(Path(sys.executable).with_name("polhode"))
+# The scene file of the manual.
+SCENE = """\
+stokes = 1000.0
+slow_time = 0.5
+[shape]
+semi_axes = [1.0, 0.8, 0.5]
+[start]
+euler_angles = [1.0471975511965976, 0.5235987755982988, 0.0]
+euler_rates  = [1.0, 1.0, -1.0]
+"""
+# Two solvers at three tolerances on one short scene: seconds, not minutes.
+STUDY = """\
+name = "small"
+title = "A small study"
+samples = 11
+max_seconds = 5.0
+tolerances = [1e-4, 1e-6, 1e-8]
+forms = ["quaternion", "averaged"]
+solvers = ["taylor", "cyrk-dop853"]
+[[scenes]]
+name = "paper"
+stokes = [50.0, 100.0]
+slow_time = 0.02
+shape.semi_axes = [1.0, 0.8, 0.5]
+start.euler_angles = [1.0471975511965976, 0.5235987755982988, 0.0]
+start.euler_rates = [1.0, 1.0, -1.0]
+"""
+
+Run = Callable[..., subprocess.CompletedProcess[str]]

@@ -1,0 +1,36 @@
+"""The command line as a user runs it: the installed script, an empty home, a folder of its own."""
+
+import os
+import subprocess
+from pathlib import Path
+
+import pytest
+from commandline import SCENE, SCRIPT, Run
+
+
+@pytest.fixture(scope="session")
+def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Environment with a home and a cache of its own, so that nothing of the user's is read or written."""
+    home = tmp_path_factory.mktemp("home")
+    return {**os.environ, "HOME": str(home), "XDG_CACHE_HOME": str(home / ".cache"), "POLHODE_CACHE": str(home / "p")}
+
+
+@pytest.fixture
+def polhode(tmp_path: Path, environment: dict[str, str]) -> Run:
+    """`polhode ARGUMENTS`, run to its end in an empty folder."""
+
+    def run(*arguments: object, folder: Path = tmp_path) -> subprocess.CompletedProcess[str]:
+        words = [SCRIPT, *map(str, arguments)]
+        return subprocess.run(
+            words, cwd=folder, env=environment, capture_output=True, text=True, timeout=120, check=False
+        )
+
+    return run
+
+
+@pytest.fixture
+def scene_file(tmp_path: Path) -> Path:
+    """The manual's scene file, alone in the folder where `polhode` runs."""
+    path = tmp_path / "scene.toml"
+    path.write_text(SCENE, encoding="utf-8")
+    return path

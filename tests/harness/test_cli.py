@@ -1,0 +1,172 @@
+"""The command line through a subprocess: answers, and one clear line about whatever it cannot take."""
+
+import json
+import subprocess
+from pathlib import Path
+
+import pytest
+from commandline import SCENE, Run
+
+from polhode.harness.cli import COMMANDS, SUMMARIES
+from polhode.models.catalogue import FORMS
+from polhode.solvers.catalogue import SOLVERS
+
+# What a folder holds when a scene file is all that there was: nothing half-written.
+UNTOUCHED = ["scene.toml"]
+
+
+def refusal(done: subprocess.CompletedProcess[str], folder: Path) -> str:
+    """The one line of a refusal: exit code 2, nothing on stdout, nothing written."""
+    assert done.returncode == 2, done.stderr
+    assert done.stdout == ""
+    assert done.stderr.count("\n") == 1
+    assert done.stderr.startswith("polhode")
+    assert sorted(path.name for path in folder.iterdir()) == UNTOUCHED
+    return done.stderr
+
+
+def test_help_lists_every_command(polhode: Run):
+    text = polhode("--help").stdout
+    assert [line.split()[0] for line in text.partition("Commands:")[2].splitlines() if line] == list(COMMANDS)
+    assert list(SUMMARIES) == list(COMMANDS)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_of_a_command_has_an_example(polhode: Run, command: str):
+    done = polhode(command, "--help")
+    assert done.returncode == 0
+    assert f"Example: polhode {command}" in " ".join(done.stdout.split())
+
+
+@pytest.mark.parametrize("command", ["forms", "solvers"])
+def test_json_of_a_catalogue(polhode: Run, command: str):
+    done = polhode(command, "--json")
+    rows = json.loads(done.stdout)
+    assert done.stderr == ""
+    assert [row["name"] for row in rows] == list(FORMS if command == "forms" else SOLVERS)
+    last = "valid_for" if command == "forms" else "accepts"
+    assert all(list(row) == ["name", "summary", "available", "why_not", last] for row in rows)
+    assert all(row["available"] is (row["why_not"] is None) for row in rows)
+    assert all(row["name"] in polhode(command).stdout for row in rows[:1])
+
+
+def test_shape_of_a_sphere_and_of_the_papers_ellipsoid(polhode: Run):
+    sphere = json.loads(polhode("shape", 2, 2, 2, "--json").stdout)
+    assert sphere["kind"] == "sphere"
+    assert sphere["semi_axes"] == [2, 2, 2]
+    assert sphere["inertia"] == pytest.approx(3 * [1.6755160819145565], rel=1e-15)
+    assert sphere["resistance"] == pytest.approx([1, 1, 1], rel=1e-15)
+    assert sphere["stokes_star_per_stokes"] == pytest.approx(1 / 15, rel=1e-15)
+    paper = json.loads(polhode("shape", 1, 0.8, 0.5, "--json").stdout)
+    assert (paper["kind"], paper["stokes_star_per_stokes"]) == ("triaxial", None)
+    assert list(paper) == ["semi_axes", "inertia", "resistance", "kind", "stokes_star_per_stokes"]
+
+
+@pytest.mark.parametrize(("axes", "kind"), [((1, 1, 2), "prolate"), ((2, 1, 2), "oblate"), ((1, 1, 1e-70), "oblate")])
+def test_shape_in_words(polhode: Run, axes: tuple[float, ...], kind: str):
+    done = polhode("shape", *axes)
+    assert done.stderr == ""
+    table = dict(line.split(maxsplit=1) for line in done.stdout.splitlines())
+    assert table["kind"] == kind
+    assert "nan" not in done.stdout
+
+
+# Arguments, then what the line must say: the value, and what was expected.
+BAD_ARGUMENTS = [
+    ([], "missing command", "expected one of shape, solve"),
+    (["shap"], "'shap'", "expected one of shape, solve"),
+    (["--frobnicate"], "'--frobnicate'", "expected one of --version, --help"),
+    (["shape"], "got 0 numbers", "expected 3"),
+    (["shape", "1", "2"], "got 2 numbers", "expected 3"),
+    (["shape", "1", "2", "3", "4"], "got 4 numbers", "expected 3"),
+    (["shape", "1", "-0.8", "0.5"], "got -0.8", "expected finite positive numbers"),
+    (["shape", "-1", "-0.8", "-0.5", "--json"], "got -1.0", "expected finite positive numbers"),
+    (["shape", "1", "nan", "0.5"], "got nan", "expected finite positive numbers"),
+    (["shape", "1", "inf", "0.5"], "got inf", "expected finite positive numbers"),
+    (["shape", "1", "0", "0.5"], "got 0.0", "expected finite positive numbers"),
+    (["shape", "1", "one", "0.5"], "got 'one'", "expected a number"),
+    (["shape", "1", "2", "3", "--jason"], "got '--jason'", "expected a number"),
+    (["shape", "1", "1e-80", "1"], "1e-80", "expected at least 1e-70"),
+    (["forms", "quaternion"], "(quaternion)", "expected: polhode forms [OPTIONS]"),
+    (["solvers", "--jason"], "'--jason'", "expected one of --json, --help"),
+    (["solve"], "missing argument 'SCENE'", "expected: polhode solve [OPTIONS] SCENE"),
+    (["solve", "scene.toml"], "missing option '--out'", "expected: polhode solve [OPTIONS] SCENE"),
+    (["solve", "scene.toml", "--out"], "'--out'", "expected: polhode solve [OPTIONS] SCENE"),
+    (["solve", "no-such-scene", "--out", "a.csv"], "got 'no-such-scene'", "expected a file or one of paper,"),
+    (["solve", "", "--out", "a.csv"], "got ''", "expected a file or one of paper,"),
+    (["solve", "..", "--out", "a.csv"], "got '..'", "expected a file or one of paper,"),
+    (["solve", "scene.toml", "--out", "a.csv", "--form", "quarternion"], "got 'quarternion'", "expected one of euler"),
+    (["solve", "scene.toml", "--out", "a.csv", "--form", "os:path"], "got 'os:path'", "expected a class derived from"),
+    (
+        ["solve", "scene.toml", "--out", "a.csv", "--form", "nothing:at_all"],
+        "'nothing:at_all'",
+        "expected an importable",
+    ),
+    (["solve", "scene.toml", "--out", "a.csv", "--form", "averaged-spheroid"], "[1.0, 0.8, 0.5]", "use 'averaged'"),
+    (["solve", "scene.toml", "--out", "a.csv", "--solver", "rk4"], "got 'rk4'", "expected one of taylor, dop853"),
+    (["solve", "scene.toml", "--out", "a.csv", "--solver", "exact"], "'quaternion'", "use solver 'taylor'"),
+    (["solve", "scene.toml", "--out", "a.csv", "--tolerance", "0"], "got 0.0", "expected a finite positive number"),
+    (["solve", "scene.toml", "--out", "a.csv", "--tolerance", "-1e-6"], "got -1e-06", "expected a finite positive"),
+    (["solve", "scene.toml", "--out", "a.csv", "--tolerance", "nan"], "got nan", "expected a finite positive number"),
+    (["solve", "scene.toml", "--out", "a.csv", "--tolerance", "tight"], "got 'tight'", "expected a number"),
+    (["solve", "scene.toml", "--out", "a.csv", "--error", "-1"], "got -1.0", "expected a finite positive number"),
+    (["solve", "scene.toml", "--out", "a.csv", "--want", "all"], "got 'all'", "expected one of 'slow', 'orientation'"),
+    (["solve", "scene.toml", "--out", "a.csv", "--samples", "1"], "got 1,", "expected a number from 2 to"),
+    (["solve", "scene.toml", "--out", "a.csv", "--samples", "-5"], "got -5,", "expected a number from 2 to"),
+    (["solve", "scene.toml", "--out", "a.csv", "--samples", "1e12"], "got '1e12'", "expected a whole number"),
+    (["solve", "scene.toml", "--out", "a.csv", "--samples", "1000000000000"], "1000000000000", "from 2 to 10000000"),
+    (["solve", "scene.toml", "--out", "."], ".: is a folder", "expected a file name"),
+    (["solve", "scene.toml", "--out", "no/such/a.csv"], "no/such: no such folder", "expected an existing one"),
+    (["solve", "scene.toml", "--out", "/proc/a.csv"], "/proc/a.csv", "expected an existing one"),
+    (["solve", "scene.toml", "again", "--out", "a.csv"], "(again)", "expected: polhode solve [OPTIONS] SCENE"),
+    (["bench", "no-such-study.toml"], "no-such-study.toml", "expected an existing one"),
+    (["bench", "scene.toml"], "scene.toml: name: missing", "expected a value"),
+    (["bench", "scene.toml", "--out", "a", "--tolerance", "3"], "'--tolerance'", "expected one of --out, --quick"),
+    (["export"], "missing argument 'STORE'", "expected: polhode export [OPTIONS] STORE OUT"),
+    (["export", "no-such-store", "a.csv"], "no-such-store", "expected a file of `polhode bench`"),
+    (["export", "scene.toml", "a.csv"], "scene.toml: not a readable store", "file is not a database"),
+]
+
+
+@pytest.mark.usefixtures("scene_file")
+@pytest.mark.parametrize(
+    ("arguments", "got", "expected"),
+    BAD_ARGUMENTS,
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_bad_arguments_get_one_line(polhode: Run, tmp_path: Path, arguments: list[str], got: str, expected: str):
+    line = refusal(polhode(*arguments), tmp_path)
+    assert got in line
+    assert expected in line
+
+
+BAD_FILES = [
+    ("", "stokes: missing", "expected a value"),
+    ("stokes = [", "expected a TOML file", "Invalid value"),
+    (SCENE.replace("1000.0", "-3.0"), "stokes: got -3.0", "expected a number greater than or equal to 0"),
+    (SCENE.replace("0.8", "nan"), "shape.semi_axes[1]: got nan", "expected a finite number"),
+    (SCENE.replace("euler_rates", "euler_rate"), "start.euler_rate: unknown key", "expected one of euler_angles,"),
+]
+
+
+@pytest.mark.parametrize(("text", "got", "expected"), BAD_FILES, ids=["empty", "bad TOML", "range", "NaN", "key"])
+def test_a_bad_scene_file_gets_one_line(
+    polhode: Run, scene_file: Path, tmp_path: Path, text: str, got: str, expected: str
+):
+    scene_file.write_text(text, encoding="utf-8")
+    line = refusal(polhode("solve", "scene.toml", "--out", "a.csv"), tmp_path)
+    assert line.startswith("polhode: scene.toml: ")
+    assert got in line
+    assert expected in line
+
+
+def test_a_scene_that_is_no_text_gets_one_line(polhode: Run, scene_file: Path, tmp_path: Path):
+    scene_file.write_bytes(b"\xff\xfe\x00")
+    assert "expected a TOML file" in refusal(polhode("solve", "scene.toml", "--out", "a.csv"), tmp_path)
+
+
+def test_a_refusal_leaves_an_earlier_result_alone(polhode: Run, scene_file: Path, tmp_path: Path):
+    (tmp_path / "a.csv").write_text("earlier", encoding="utf-8")
+    assert polhode("solve", "scene.toml", "--out", "a.csv", "--solver", "rk4").returncode == 2
+    assert (tmp_path / "a.csv").read_text(encoding="utf-8") == "earlier"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.csv", scene_file.name]
