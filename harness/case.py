@@ -12,7 +12,9 @@ from typing import Any
 import numpy as np
 
 from polhode.harness.errors import Errors, errors, statistics_distance
-from polhode.harness.reference import Reference, ReferenceFailedError, reference
+from polhode.harness.extended import ReferenceFailedError
+from polhode.harness.reference import Reference, full_form, reference
+from polhode.harness.rotations import rotations
 from polhode.harness.timing import seconds_of
 from polhode.models.catalogue import form as find_form
 from polhode.models.problem import Problem
@@ -24,8 +26,10 @@ from polhode.solvers.solve import Solution, solve
 
 # Changes whenever a record's meaning does, so that no old record is taken for a new one.
 SCHEMA = 2
-# The form whose long double solution every full form is compared with.
-FULL_FORM = "quaternion"
+# A run of fewer steps than one per this many rotations cannot be right.
+ROTATIONS_PER_STEP = 20.0
+# Below this St a stiff method may well step over rotations that the particle no longer makes by itself.
+OSCILLATORY_FROM = 1.0
 
 Record = dict[str, Any]
 
@@ -84,8 +88,12 @@ class Case:
 
     @cached_property
     def problem(self) -> Problem:
-        """The scene's initial value problem in the case's form."""
-        return find_form(self.form).problem(self.scene)
+        """The scene's initial value problem in the case's form, with the least number of steps it can take."""
+        form = find_form(self.form)
+        problem = form.problem(self.scene)
+        if form.averaged or self.scene.stokes < OSCILLATORY_FROM:
+            return problem
+        return replace(problem, least_steps=max(1, int(rotations(self.scene) / ROTATIONS_PER_STEP)))
 
     @cached_property
     def times(self) -> np.ndarray:
@@ -106,18 +114,20 @@ class Case:
         )
 
 
-def examine(case: Case) -> Record:
-    """Compile, run once with counting, and measure the errors; no timing yet.
+@dataclass(frozen=True)
+class Attempt:
+    """A first run of a case, with counting: its record so far, and the solution to be judged."""
 
-    The record's columns: `slow_error` and `orientation_error` against the exact solution of the full equations,
-    `solver_*` against the exact solution of the same form, `model_*` of that exact solution against the full one.
-    A full form has no model error. An error that cannot be measured is None. Where the motion is chaotic, errors are
-    those up to `meaningful_until`, and `statistics_distance` compares the distributions over the whole run.
-    """
-    form = find_form(case.form)
+    record: Record
+    times: np.ndarray
+    states: np.ndarray
+
+
+def attempt(case: Case) -> Attempt:
+    """Compile, and run once with counting; a pure function, to be called in a process that may be killed."""
     prepare_seconds = _first_preparation(case)
     solution = case.solve(count=True)
-    record: Record = {
+    record = {
         "status": str(solution.status),
         "message": solution.message,
         "inferred": False,
@@ -126,16 +136,28 @@ def examine(case: Case) -> Record:
         "reached": float(solution.times[-1] / solution.problem.end),
         "work": asdict(solution.work),
     }
+    return Attempt(record, solution.times, solution.states)
+
+
+def judge(case: Case, tried: Attempt) -> Record:
+    """Record of an attempt with its errors.
+
+    The record's columns: `slow_error` and `orientation_error` against the exact solution of the full equations,
+    `solver_*` against the exact solution of the same form, `model_*` of that exact solution against the full one.
+    A full form has no model error. An error that cannot be measured is None. Where the motion is chaotic, errors are
+    those up to `meaningful_until`, and `statistics_distance` compares the distributions over the whole run.
+    """
+    form, ellipsoid, record = find_form(case.form), case.scene.ellipsoid, tried.record
     try:
-        exact = reference(case.scene, form if form.averaged else FULL_FORM, case.samples)
-        full = reference(case.scene, FULL_FORM, case.samples) if form.averaged else exact
+        full = reference(case.scene, full_form(case.scene), case.samples)
+        exact = reference(case.scene, form, case.samples) if form.averaged else full
     except ReferenceFailedError as error:
         return {**record, "reference_failed": str(error)}
-    found = form.observe(case.scene, solution.states)
-    if not solution.success:
-        so_far = errors(case.scene.ellipsoid, found, full.observables.first(len(solution.times)))
+    found = form.observe(case.scene, tried.states)
+    if record["status"] != Status.REACHED_END:
+        so_far = errors(ellipsoid, found, full.observables.first(len(tried.times)))
         return {**record, "slow_error_so_far": so_far.slow}
-    ellipsoid, n = case.scene.ellipsoid, full.meaningful
+    n = full.meaningful
     truth, own_truth, early = full.observables.first(n), exact.observables.first(n), found.first(n)
     total = errors(ellipsoid, early, truth, case.scene if n == case.samples else None)
     own = errors(ellipsoid, early, own_truth) if form.averaged else total
@@ -145,7 +167,7 @@ def examine(case: Case) -> Record:
 
 
 def time_once(case: Case) -> float:
-    """Wall time, in seconds, of one warm run of a case that `examine` has prepared in this process."""
+    """Wall time, in seconds, of one warm run of a case that `attempt` has prepared in this process."""
     _ = case.times
     return seconds_of(case.solve)
 

@@ -6,14 +6,17 @@ from dataclasses import dataclass, field
 
 from tqdm import tqdm
 
-from polhode.harness.case import Case, Record, examine, missing, time_once
+from polhode.harness.case import Attempt, Case, Record, attempt, judge, missing, time_once
 from polhode.harness.machine import machine, versions
 from polhode.harness.store import Store
 from polhode.harness.study import Study
 from polhode.harness.timing import Timing, sentinel
+from polhode.harness.worker import Failure, Worker
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Status
 
+# Seconds that a first run may spend on compilation, beyond its time limit, before it is killed.
+COMPILATION = 60.0
 # A stopped run that was further off than this had gone wrong: a tighter tolerance may well be faster.
 SANE_ERROR = 1.0
 
@@ -22,7 +25,7 @@ Group = tuple[str, float, str, str]
 
 @dataclass
 class Runner:
-    """Runs the batches of a study, once each.
+    """Runs the batches of a study, once each, in a worker process that is killed and replaced where need be.
 
     Parameters
     ----------
@@ -34,6 +37,7 @@ class Runner:
 
     store: Store
     quiet: bool = False
+    _worker: Worker = field(default_factory=Worker)
     _too_slow: dict[Group, Record] = field(default_factory=dict)
 
     def run(self, study: Study) -> list[Record]:
@@ -41,7 +45,10 @@ class Runner:
         batches = list(study.batches())
         known, wanted = self.store.keys(), [case.key for batch in batches for case in batch]
         surroundings = {"machine": machine(), "versions": versions()}
-        with tqdm(total=len(wanted), disable=self.quiet, unit="case", desc=study.name, leave=False) as progress:
+        with (
+            self._worker,
+            tqdm(total=len(wanted), disable=self.quiet, unit="case", desc=study.name, leave=False) as progress,
+        ):
             for batch in batches:
                 fresh = [case for case in batch if case.key not in known]
                 self._recall(case for case in batch if case.key in known)
@@ -65,10 +72,13 @@ class Runner:
         timings: dict[Case, Timing] = {}
         while timed:
             for case in timed:
+                reply = self._worker.run(time_once, case, limit=case.max_seconds)
                 earlier = timings[case].runs if case in timings else ()
-                timings[case] = Timing((*earlier, time_once(case)))
-            timed = [case for case in timed if timings[case].wants_more]
+                timings[case] = Timing((*earlier, reply.value) if reply.failure is None else earlier)
+            timed = [case for case in timed if timings[case].runs and timings[case].wants_more]
         for case, timing in timings.items():
+            if not timing.runs:
+                continue
             records[case] |= {
                 "seconds": timing.seconds,
                 "seconds_spread": timing.spread,
@@ -82,7 +92,9 @@ class Runner:
         earlier = self._too_slow.get(_group(case))
         if earlier is not None:
             return {"status": earlier["status"], "message": "at a looser tolerance already", "inferred": True}
-        record = examine(case)
+        reply = self._worker.run(attempt, case, limit=case.max_seconds + COMPILATION)
+        tried: Attempt | None = reply.value
+        record = judge(case, tried) if tried else _lost(reply.failure, reply.message)
         if _too_slow(record):
             self._too_slow[_group(case)] = record
         return record
@@ -92,6 +104,12 @@ class Runner:
         for record in self.store.records() if known else ():
             if record["key"] in known and _too_slow(record):
                 self._too_slow.setdefault(_group(known[record["key"]]), record)
+
+
+def _lost(failure: Failure | None, message: str) -> Record:
+    """Record of a run that took its process with it, or raised."""
+    status = Status.TIME_LIMIT if failure is Failure.KILLED else Status.CRASHED
+    return {"status": str(status), "message": message.strip().splitlines()[-1], "inferred": False}
 
 
 def _too_slow(record: Record) -> bool:
