@@ -9,10 +9,14 @@ from scipy.integrate import solve_ivp
 from polhode.models.shape import Ellipsoid
 from polhode.models.tumbling_period import tumbling_period, weak_inertia_period_change
 
-SHAPES = pytest.mark.parametrize(
-    ("semi_axes", "axis"),
-    [((1.0, 1.0, 2.0), 0), ((0.2, 1.0, 1.0), 1), ((1.0, 0.8, 0.5), 0), ((1.0, 0.8, 0.5), 1), ((1.0, 0.8, 0.5), 2)],
-)
+SHAPE_LIST = [
+    ((1.0, 1.0, 2.0), 0),
+    ((0.2, 1.0, 1.0), 1),
+    ((1.0, 0.8, 0.5), 0),
+    ((1.0, 0.8, 0.5), 1),
+    ((1.0, 0.8, 0.5), 2),
+]
+SHAPES = pytest.mark.parametrize(("semi_axes", "axis"), SHAPE_LIST)
 
 
 def jeffery_period(ellipsoid, axis):
@@ -27,8 +31,13 @@ def test_jeffery_limit(semi_axes, axis, stokes):
     assert tumbling_period(ellipsoid, stokes, axis) == pytest.approx(jeffery_period(ellipsoid, axis), rel=1e-12)
 
 
-@SHAPES
-@pytest.mark.parametrize("stokes", [3.0, 20.0, 300.0])
+LIMIT_CYCLES = [
+    *((semi_axes, axis, stokes) for semi_axes, axis in SHAPE_LIST for stokes in (3.0, 20.0, 300.0)),
+    ((1.0, 1.0, 0.01), 0, 1e3),
+]
+
+
+@pytest.mark.parametrize(("semi_axes", "axis", "stokes"), LIMIT_CYCLES)
 def test_integration_to_the_limit_cycle(semi_axes, axis, stokes):
     """Rate and angle from `ultima` and `jw3`, over many half turns; the last one counts."""
     ellipsoid = Ellipsoid(semi_axes)
@@ -81,7 +90,7 @@ def test_large_stokes_number(semi_axes, axis):
     assert low / high == pytest.approx(4, rel=1e-3)
 
 
-@pytest.mark.parametrize("stokes", [0.1, 10.0, 1e4])
+@pytest.mark.parametrize("stokes", [0.1, 1e3, 1e4])
 def test_thin_plate(stokes):
     """κ = 0.01 in the flow-gradient plane: the rate falls to 1e-4, and T is still between its limits."""
     ellipsoid = Ellipsoid((1.0, 1.0, 0.01))
