@@ -10,6 +10,7 @@ from oracle.first_principles import body, integrate, momentum_and_energy
 from polhode.models.catalogue import FORMS, form
 from polhode.models.euler_angles import POLE_LIMIT
 from polhode.models.form import FormNotValidError
+from polhode.models.operations import FLOAT
 from polhode.models.rotation import make_third, matrix_from_quaternion
 from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart
 from polhode.models.shape import Ellipsoid
@@ -103,6 +104,20 @@ def example(name):
     if name == "tumbling":
         start = BodyStart(EulerStart((pi / 2, 0.3, 0.0)).quaternion, (0.0, 0.4, 0.0))
     return Scene(Ellipsoid(axes), stokes, start, 10.0)
+
+
+@pytest.mark.parametrize(("name", "unit"), [("quaternion", slice(0, 4)), ("spheroid-axis", slice(3, 6))])
+def test_drift_of_the_norm_does_not_reach_the_torque(name, unit):
+    problem = form(name).problem(example(name))
+    drifted = np.array(problem.start)
+    drifted[unit] *= 1.01
+    before, after = (np.array(problem.field(FLOAT)(y, problem.parameters)) for y in (problem.start, drifted))
+    kinematic = np.zeros(problem.dimension, dtype=bool)
+    kinematic[unit] = True
+    assert np.allclose(after[~kinematic], before[~kinematic], rtol=1e-14)
+    assert np.allclose(after[kinematic], 1.01 * before[kinematic], rtol=1e-14)
+    assert problem.invariant is not None
+    assert problem.invariant(drifted[None])[0] == pytest.approx(1.01**2 - 1, rel=1e-12)
 
 
 def test_odd_permutation_changes_nothing():

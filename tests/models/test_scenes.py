@@ -1,0 +1,150 @@
+"""Scenes and their starts: what is refused, what is derived, and the built-in ones."""
+
+from math import inf, nan, pi
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from oracle.first_principles import body_rates, jeffery, rotation_from_euler
+from polhode.models.catalogue import FORMS, form
+from polhode.models.form import FormNotValidError
+from polhode.models.rotation import (
+    angular_velocity_from_euler,
+    euler_from_quaternion,
+    euler_rates_from_angular_velocity,
+    make_third,
+    matrix_from_euler,
+    matrix_from_quaternion,
+    quaternion_from_euler,
+)
+from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart
+from polhode.models.scenes import SCENES, named_scene
+from polhode.models.shape import Ellipsoid
+from polhode.models.simplest import simplest
+
+TRIAXIAL = Ellipsoid((1, 0.8, 0.5))
+angles = st.tuples(*[st.floats(-10, 10)] * 3)
+
+
+@settings(max_examples=100, deadline=None, derandomize=True)
+@given(angles, angles, st.integers(0, 2))
+def test_orientations_agree_with_elementary_rotations(euler, rates, axis):
+    truth = rotation_from_euler(*euler)
+    quaternion = quaternion_from_euler(euler)
+    assert np.allclose(matrix_from_quaternion(np.array(quaternion)), truth, atol=1e-13)
+    assert np.allclose(matrix_from_euler(np.array(euler)), truth, atol=1e-13)
+    assert np.allclose(rotation_from_euler(*euler_from_quaternion(quaternion)), truth, atol=1e-12)
+    order = [(axis + shift) % 3 for shift in (1, 2, 0)]
+    assert np.allclose(matrix_from_quaternion(np.array(make_third(quaternion, axis))), truth[order], atol=1e-13)
+    omega = angular_velocity_from_euler(euler, rates)
+    assert np.allclose(omega, body_rates(euler, rates), atol=1e-12)
+    if abs(np.sin(euler[0])) > 1e-2:
+        assert np.allclose(euler_rates_from_angular_velocity(euler, omega), rates, atol=1e-9)
+
+
+def test_angular_velocity_at_stokes_zero_is_jefferys():
+    scene = Scene(TRIAXIAL, 0.0, EulerStart((0.7, 0.4, 1.1), (9.0, 9.0, 9.0)), 1.0)
+    truth = jeffery(TRIAXIAL.semi_axes, rotation_from_euler(0.7, 0.4, 1.1))
+    assert np.allclose(scene.angular_velocity, truth, atol=1e-14)
+    inertia = np.array(TRIAXIAL.inertia)
+    assert np.allclose(scene.initial.angular_momentum[0], rotation_from_euler(0.7, 0.4, 1.1).T @ (inertia * truth))
+    assert scene.initial.energy[0] == pytest.approx(np.sum(inertia * truth**2) / 2)
+
+
+def test_durations():
+    scene = Scene(TRIAXIAL, 50.0, EulerStart((0.7, 0.4, 1.1)), 100.0)
+    assert (scene.slow_time, scene.torque_factor) == (2.0, 0.02)
+    top = Scene(TRIAXIAL, inf, scene.start, 100.0)
+    assert (top.slow_time, top.torque_factor) == (0.0, 0.0)
+    inertialess = Scene(TRIAXIAL, 0.0, scene.start, 100.0)
+    assert (inertialess.slow_time, inertialess.torque_factor) == (inf, inf)
+
+
+def test_quaternions_are_normalised():
+    assert BodyStart((2.0, 0.0, 0.0, 0.0)).quaternion == (1.0, 0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Scene(TRIAXIAL, -1.0, EulerStart((0, 0, 0)), 1.0), "stokes: got -1.0"),
+        (lambda: Scene(TRIAXIAL, nan, EulerStart((0, 0, 0)), 1.0), "stokes: got nan"),
+        (lambda: Scene(TRIAXIAL, 1.0, EulerStart((0, 0, 0)), 0.0), "time: got 0.0"),
+        (lambda: Scene(TRIAXIAL, 1.0, EulerStart((0, 0, 0)), inf), "time: got inf"),
+        (lambda: EulerStart((0.0, nan, 0.0)), r"start.euler_angles: got \[0.0, nan, 0.0\]"),
+        (lambda: EulerStart((0.0, 0.0, 0.0), (inf, 0.0, 0.0)), "start.euler_rates: got"),
+        (lambda: EulerStart((0.0, 0.0)), "start.euler_angles: got 2 numbers, expected 3"),
+        (lambda: BodyStart((0.0, 0.0, 0.0, 0.0)), "start.quaternion: got"),
+        (lambda: BodyStart((1.0, 0.0, 0.0, nan)), "start.quaternion: got"),
+        (lambda: BodyStart((1.0, 0.0, 0.0)), "start.quaternion: got 3 numbers, expected 4"),
+        (lambda: BodyStart((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, nan)), "start.angular_velocity: got"),
+        (lambda: SlowStart((0.1, 0.0, nan), 0.1), "start.angular_momentum: got"),
+        (lambda: SlowStart((0.1, 0.0, 0.0), -0.1), "start.energy: got -0.1"),
+        (lambda: Scene(TRIAXIAL, 1.0, SlowStart((0.1, 0.0, 0.0), 9.0), 1.0), "start: got L² / 2E"),
+        (
+            lambda: Scene(TRIAXIAL, 1.0, SlowStart((0.1, 0.1, -0.2), 0.07), 1.0).angular_velocity,
+            "expected an orientation",
+        ),
+    ],
+)
+def test_what_has_no_meaning_is_refused_by_name(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_built_in_scene(name):
+    scene = named_scene(name)
+    assert SCENES[name].scene is scene
+    assert SCENES[name].summary
+    assert "\n" not in SCENES[name].summary
+    chosen, reason = simplest(scene, "slow")
+    assert reason
+    assert form(chosen).problem(scene).end == scene.time
+    accepting = []
+    for other in FORMS:
+        try:
+            form(other).check(scene)
+        except FormNotValidError:
+            continue
+        accepting.append(other)
+    assert chosen in accepting
+
+
+def test_every_form_has_a_built_in_scene():
+    def accepted(name):
+        for entry in SCENES.values():
+            try:
+                form(name).check(entry.scene)
+            except FormNotValidError:
+                continue
+            return True
+        return False
+
+    assert [name for name in FORMS if not accepted(name)] == []
+
+
+def test_unknown_scene_names_the_known_ones():
+    with pytest.raises(ValueError, match="scene: got 'papr', expected one of paper, paper-saddle"):
+        named_scene("papr")
+
+
+def test_paper_scene_is_the_papers():
+    scene = named_scene("paper")
+    assert scene.ellipsoid.semi_axes == (1.0, 0.8, 0.5)
+    assert scene.start == EulerStart((pi / 3, pi / 6, 0.0), (1.0, 1.0, -1.0))
+
+
+def test_scenes_are_as_hard_as_they_say():
+    start = named_scene("paper").initial
+    middle = sorted(named_scene("paper").ellipsoid.inertia)[1]
+    assert np.sum(start.angular_momentum**2) < 2 * middle * start.energy[0]
+    pinch = named_scene("pinch-point").initial.angular_momentum[0]
+    assert pinch[2] > 0
+    assert np.hypot(*pinch[:2]) < 1e-15
+    assert np.linalg.norm(named_scene("fast-spin").angular_velocity) == pytest.approx(1e3, rel=1e-3)
+    for name in SCENES:
+        if name.startswith("rest-"):
+            assert not np.any(named_scene(name).initial.slow)
