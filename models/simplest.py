@@ -32,7 +32,7 @@ def simplest(scene: Scene, want: Want) -> tuple[str, str]:
     Raises
     ------
     ValueError
-        If `want` is neither, if a sphere's orientation is wanted, or if the start has no orientation.
+        If `want` is neither, or if the start has no orientation.
     """
     if want not in ("slow", "orientation"):
         raise ValueError(f"want: got {want!r}, expected 'slow' or 'orientation'")
