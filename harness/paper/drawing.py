@@ -1,0 +1,111 @@
+"""How the figures of the reproduction look: one style, one palette, panels with labels and units."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from cycler import cycler
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from polhode.harness.paper.item import Table
+
+# Okabe and Ito's palette, safe for colour-blind readers.
+BLACK, ORANGE, SKY, GREEN, BLUE, VERMILLION, PURPLE, YELLOW = (
+    "#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7", "#F0E442",
+)  # fmt: skip
+CYCLE = (BLUE, ORANGE, GREEN, VERMILLION, PURPLE, SKY, BLACK)
+AVERAGED = BLACK
+BOUND = "0.55"
+NODE = PURPLE
+FORMATS = ("png", "svg")
+RESOLUTION = 110
+STYLE: dict[Any, Any] = {
+    "font.size": 9,
+    "axes.titlesize": 9,
+    "axes.labelsize": 9,
+    "legend.fontsize": 8,
+    "legend.frameon": False,
+    "lines.linewidth": 1.1,
+    "axes.grid": True,
+    "grid.linewidth": 0.4,
+    "grid.alpha": 0.4,
+    "axes.prop_cycle": cycler(color=CYCLE),
+    "svg.hashsalt": "polhode",
+    "mathtext.fontset": "dejavusans",
+}
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """Matplotlib with the settings of the reproduction, whatever the user's own are."""
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update(STYLE)
+        yield
+
+
+def panels(rows: int, columns: int, width: float = 3.5, height: float = 2.7, **options: Any) -> tuple[Figure, list]:
+    """A figure of equal panels, and its axes in reading order."""
+    figure = Figure(figsize=(width * columns, height * rows), layout="constrained")
+    grid = figure.subplots(rows, columns, squeeze=False, **options)
+    return figure, list(grid.flat)
+
+
+def label(axes: Axes, x: str, y: str, title: str = "") -> Axes:
+    """Label axes; units belong into the labels."""
+    axes.set_xlabel(x)
+    axes.set_ylabel(y)
+    axes.set_title(title)
+    return axes
+
+
+def logarithmic(axes: Axes, which: str = "xy") -> Axes:
+    """Logarithmic axes, with powers of ten."""
+    if "x" in which:
+        axes.set_xscale("log")
+    if "y" in which:
+        axes.set_yscale("log")
+    return axes
+
+
+def common_legend(figure: Figure, axes: Axes, columns: int = 4) -> None:
+    """One legend below all panels, from the entries of one of them."""
+    handles, names = axes.get_legend_handles_labels()
+    figure.legend(handles, names, loc="outside lower center", ncols=columns)
+
+
+def unit_sphere(axes: Axes) -> Axes:
+    """Prepare three-dimensional axes for paths on the unit sphere."""
+    u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 25), np.linspace(0, np.pi, 13))
+    axes.plot_wireframe(  # pyright: ignore[reportAttributeAccessIssue]
+        np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v), color="0.85", linewidth=0.4
+    )
+    axes.set_box_aspect((1, 1, 1))  # pyright: ignore[reportArgumentType]
+    axes.set(xlabel="flow $x$", ylabel="gradient $y$", zlabel="vorticity $z$", xticks=(-1, 0, 1), yticks=(-1, 0, 1))
+    axes.set_zticks((-1, 0, 1))  # pyright: ignore[reportAttributeAccessIssue]
+    axes.grid(visible=False)
+    return axes
+
+
+def power(value: float) -> str:
+    """A number for a label: powers of ten from 1e4 on as powers, others as they are."""
+    exponent = round(float(np.log10(value)))
+    return f"$10^{{{exponent}}}$" if exponent >= 4 and np.isclose(value, 10.0**exponent) else f"{value:g}"
+
+
+def groups(table: Table, key: str) -> Iterator[tuple[float, dict[str, np.ndarray]]]:
+    """The parts of a table with equal values in a column, in the order in which they come."""
+    for value in dict.fromkeys(table[key].tolist()):
+        chosen = table[key] == value
+        yield value, {name: column[chosen] for name, column in table.items()}
+
+
+def save(figure: Figure, folder: Path, name: str, formats: Sequence[str] = FORMATS) -> None:
+    """Save a figure; the same figure gives the same files."""
+    for ending in formats:
+        metadata = {"Date": None} if ending == "svg" else {"Software": None}
+        figure.savefig(folder / f"{name}.{ending}", dpi=RESOLUTION, metadata=metadata)

@@ -1,0 +1,158 @@
+"""What an item of the paper's reproduction is: a claim, the data that test it, a figure, a verdict."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from math import inf
+from typing import TYPE_CHECKING, TypeVar
+
+if TYPE_CHECKING:
+    import numpy as np
+    from matplotlib.figure import Figure
+
+T = TypeVar("T")
+
+Table = Mapping[str, "np.ndarray"]
+"""Columns of equal length, numbers or words."""
+Data = Mapping[str, Table]
+"""Tables by name; the name "" is that of an item with one table."""
+
+
+class Grid(StrEnum):
+    """How fine to compute: in full for the report, reduced for the tests and for a first look."""
+
+    FULL = "full"
+    REDUCED = "reduced"
+
+    def of(self, full: T, reduced: T) -> T:
+        """The choice that belongs to this grid."""
+        return full if self is Grid.FULL else reduced
+
+
+class Word(StrEnum):
+    """What became of a claim."""
+
+    CONFIRMED = "confirmed"
+    SHARPENED = "sharpened"
+    CORRECTED = "corrected"
+    MEASURED = "measured"
+    NOT_CONFIRMED = "not confirmed"
+
+    @property
+    def meaning(self) -> str:
+        """In a sentence."""
+        return _MEANINGS[self]
+
+
+_MEANINGS = {
+    Word.CONFIRMED: "the computation agrees with what the paper says",
+    Word.SHARPENED: "it agrees, and a number now stands where the paper has words",
+    Word.CORRECTED: "it contradicts what is printed; the number says what holds instead",
+    Word.MEASURED: "the paper leaves the question open; this is the answer of the computation",
+    Word.NOT_CONFIRMED: "a measured number lies outside the range that the verdict needs",
+}
+
+
+@dataclass(frozen=True)
+class Number:
+    """A measured number and the range in which the verdict holds.
+
+    Parameters
+    ----------
+    what : str
+        What is measured.
+    value : float
+    low, high : float
+        Range, both ends included.
+    unit : str
+        Empty for pure numbers.
+    interval : tuple of 2 float, optional
+        95 % interval of the measurement, where it has one.
+    """
+
+    what: str
+    value: float
+    low: float = -inf
+    high: float = inf
+    unit: str = ""
+    interval: tuple[float, float] | None = None
+
+    @property
+    def holds(self) -> bool:
+        """Whether the value lies in the range; NaN does not."""
+        return self.low <= self.value <= self.high
+
+    @classmethod
+    def near(cls, what: str, value: float, expected: float, tolerance: float, unit: str = "") -> "Number":
+        """A number expected within a tolerance of another."""
+        return cls(what, value, expected - tolerance, expected + tolerance, unit)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What the data say about a claim.
+
+    Parameters
+    ----------
+    earned : Word
+        What the claim earns if every number lies in its range.
+    sentence : str
+        What was found, made from the data.
+    numbers : tuple of Number
+    """
+
+    earned: Word
+    sentence: str
+    numbers: tuple[Number, ...]
+
+    @property
+    def word(self) -> Word:
+        """The verdict."""
+        return self.earned if all(number.holds for number in self.numbers) else Word.NOT_CONFIRMED
+
+
+@dataclass(frozen=True)
+class Item:
+    """A figure or table of the paper, or a question beyond it.
+
+    Parameters
+    ----------
+    name : str
+        As the command line calls it.
+    title : str
+    claim : str
+        What the paper says, in our words.
+    compute : callable
+        ``compute(grid) -> Data``.
+    figure : callable
+        ``figure(data) -> Figure``.
+    verdict : callable
+        ``verdict(data) -> Verdict``.
+    caption : callable
+        ``caption(data) -> str``.
+    """
+
+    name: str
+    title: str
+    claim: str
+    compute: Callable[[Grid], Data]
+    figure: "Callable[[Data], Figure]"
+    verdict: Callable[[Data], Verdict]
+    caption: Callable[[Data], str]
+
+
+@dataclass(frozen=True)
+class Section:
+    """A section of the paper: one page.
+
+    Parameters
+    ----------
+    name : str
+        File name of the page and its folder.
+    title : str
+    items : tuple of Item
+    """
+
+    name: str
+    title: str
+    items: tuple[Item, ...]

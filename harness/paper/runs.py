@@ -1,0 +1,149 @@
+"""What several items need: full and averaged solutions, starts with L along the vorticity, fitted exponents."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import cos, sqrt
+
+import numpy as np
+from scipy import stats
+
+from polhode.models.catalogue import form as find_form
+from polhode.models.observables import Observables
+from polhode.models.scene import EulerStart, Scene, SlowStart
+from polhode.models.shape import Ellipsoid
+from polhode.models.spheroid import Spheroid
+from polhode.solvers.solve import solve
+
+TOLERANCE = 1e-12
+SOLVER = "taylor"
+
+
+@dataclass(frozen=True)
+class Run:
+    """A solution at n times.
+
+    Parameters
+    ----------
+    scene : Scene
+    times : ndarray, shape (n,)
+        In the form's own time: slow time for averaged forms.
+    states : ndarray, shape (n, d)
+    observables : Observables
+    """
+
+    scene: Scene
+    times: np.ndarray
+    states: np.ndarray
+    observables: Observables
+
+    @property
+    def slow(self) -> np.ndarray:
+        """Slow variables (L_x, L_y, L_z, E) over the largest moment of inertia, shape (n, 4)."""
+        return self.observables.slow / max(self.scene.ellipsoid.inertia)
+
+
+def full_run(scene: Scene, times: np.ndarray, tolerance: float = TOLERANCE) -> Run:
+    """Solution of the full equations at times in units of the inverse shear rate, increasing from 0."""
+    return _run(scene, "quaternion" if scene.ellipsoid.kind == "triaxial" else "spheroid-axis", times, tolerance)
+
+
+def averaged_run(scene: Scene, slow_times: np.ndarray) -> Run:
+    """Solution of the averaged equations at slow times."""
+    return _run(scene, _averaged_form(scene), slow_times, TOLERANCE)
+
+
+def averaged_run_to_pinch(scene: Scene, slow_times: np.ndarray) -> tuple[Run, float]:
+    """The same from L_z > 0, L_x = L_y = 0, as far as the pinch point L = 0, and the slow time at which it is met.
+
+    The equations end there. A Taylor step may jump over the singularity, so that this is done by a solver that fails
+    at it; the time is extrapolated from the last rows, as the speed there is finite. NaN if the point is not met.
+    """
+    run = _run(scene, _averaged_form(scene), slow_times, TOLERANCE, solver="cyrk-vern8", partial=True)
+    gone = run.slow[:, 2] <= 0
+    rows = int(np.argmax(gone)) if gone.any() else len(run.times)
+    kept = Run(scene, run.times[:rows], run.states[:rows], run.observables.first(rows))
+    (t1, t2), (z1, z2) = kept.times[-2:], kept.slow[-2:, 2]
+    return kept, float(t2 + z2 * (t2 - t1) / (z1 - z2)) if rows < len(slow_times) else np.nan
+
+
+def _averaged_form(scene: Scene) -> str:
+    return "averaged" if scene.ellipsoid.kind == "triaxial" else "averaged-spheroid"
+
+
+def _run(
+    scene: Scene, name: str, times: np.ndarray, tolerance: float, *, solver: str = SOLVER, partial: bool = False
+) -> Run:
+    form = find_form(name)
+    solution = solve(form.problem(scene), solver, tolerance, times, max_seconds=120.0)
+    if not (solution.success or partial):
+        raise RuntimeError(f"form {name!r} ended with {solution.status} at t = {solution.times[-1]:g}")
+    return Run(scene, solution.times, solution.states, form.observe(scene, solution.states))
+
+
+def aligned_start(ellipsoid: Ellipsoid, momentum: float, theta: float, phi: float = 0.0) -> EulerStart:
+    """Start with L = `momentum` ẑ: θ = theta, φ = phi, ψ = 0.
+
+    With ψ = 0 the axis y' stands in the plane of z' and ẑ: φ̇₀ = L_z/I₂, ψ̇₀ = L_z cos θ₀ (1/I₃ - 1/I₂). The captions
+    of the paper print 1/I₁, which belongs to ψ₀ = π/2, and for spheroids the other sign of ψ̇₀.
+    """
+    _, i2, i3 = ellipsoid.inertia
+    return EulerStart((theta, phi, 0.0), (0.0, momentum / i2, momentum * cos(theta) * (1 / i3 - 1 / i2)))
+
+
+def slow_scene(ellipsoid: Ellipsoid, slow: Sequence[float], slow_time: float) -> Scene:
+    """Scene from slow variables (L_x, L_y, L_z, E) over the largest moment of inertia, for averaged forms.
+
+    The Stokes number does not matter to them.
+    """
+    unit = max(ellipsoid.inertia)
+    x, y, z, energy = (float(value) * unit for value in slow)
+    return Scene(ellipsoid, 1.0, SlowStart((x, y, z), energy), slow_time)
+
+
+def spheroid(kappa: float) -> Ellipsoid:
+    """Spheroid with symmetry axis z'."""
+    return Ellipsoid((1.0, 1.0, kappa))
+
+
+def spheroid_of(kappa: float) -> Spheroid:
+    """Coefficients of the same."""
+    return Spheroid.of(spheroid(kappa))
+
+
+def graded(end: float, points: int) -> np.ndarray:
+    """Times from 0 to the end, dense at first, where slow motion is fastest."""
+    return end * np.linspace(0.0, 1.0, points) ** 2.5
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A power law y = c x^exponent, and the 95 % interval of its exponent."""
+
+    exponent: float
+    low: float
+    high: float
+    factor: float
+
+
+def power_law(x: np.ndarray, y: np.ndarray) -> Fit:
+    """Least squares of log y on log x, with Student's interval."""
+    x, y = np.log(np.asarray(x, float)), np.log(np.asarray(y, float))
+    line = stats.linregress(x, y)
+    width = stats.t.ppf(0.975, len(x) - 2) * line.stderr if len(x) > 2 else np.inf  # pyright: ignore
+    return Fit(line.slope, line.slope - width, line.slope + width, float(np.exp(line.intercept)))  # pyright: ignore
+
+
+def share_interval(count: int, total: int) -> tuple[float, float]:
+    """Wilson's 95 % interval of a share."""
+    interval = stats.binomtest(count, total).proportion_ci(method="wilson")
+    return float(interval.low), float(interval.high)
+
+
+def largest_difference(first: np.ndarray, second: np.ndarray) -> float:
+    """Largest absolute difference of slow variables along a run."""
+    return float(np.max(np.abs(first - second)))
+
+
+def square_root_times(stokes: float, scaled: np.ndarray) -> np.ndarray:
+    """Times of scaled times t/√St."""
+    return sqrt(stokes) * scaled

@@ -1,0 +1,153 @@
+"""Slow variables in time, full against averaged: the figures of one start at several Stokes numbers."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from polhode.harness.paper.drawing import AVERAGED, CYCLE, groups, label, logarithmic, panels, power
+from polhode.harness.paper.item import Data, Grid, Number, Table, Verdict, Word
+from polhode.harness.paper.planes import distance_from_node, node, path_table
+from polhode.harness.paper.runs import averaged_run, full_run, largest_difference, power_law
+from polhode.models.scene import EulerStart, Scene
+from polhode.models.shape import Ellipsoid
+
+NAMES = {"Lx": "$L_x/I_{max}$", "Ly": "$L_y/I_{max}$", "Lz": "$L_z/I_{max}$", "E": "$E/I_{max}$"}
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One start, several Stokes numbers.
+
+    Parameters
+    ----------
+    ellipsoid : Ellipsoid
+    start : EulerStart
+    shown : tuple of float
+        Stokes numbers of the figure.
+    measured : tuple of float
+        Stokes numbers at which the error is measured besides.
+    slow_time : float
+    asymptotic : float
+        Smallest St of the fit.
+    constant : tuple of 2 float
+        Range for (largest slow error) × St at the largest St.
+    at_100 : tuple of 2 float
+        Range for the largest slow error at St = 100.
+    earned : Word
+        What the claim earns.
+    """
+
+    ellipsoid: Ellipsoid
+    start: EulerStart
+    shown: tuple[float, ...]
+    measured: tuple[float, ...]
+    slow_time: float
+    asymptotic: float
+    constant: tuple[float, float]
+    at_100: tuple[float, float]
+    earned: Word
+
+    def compute(self, grid: Grid) -> Data:
+        """Runs of the figure, and the largest error at each St."""
+        points, dense = grid.of(601, 201), grid.of(8, 4)
+        slow_times = np.linspace(0.0, self.slow_time, dense * (points - 1) + 1)
+        averaged = averaged_run(Scene(self.ellipsoid, 1.0, self.start, self.slow_time), slow_times).slow
+        paths = [(np.inf, slow_times[::dense], averaged[::dense])]
+        measured = self.measured if grid is Grid.FULL else self.measured[-2:]
+        errors = []
+        for stokes in sorted({*self.shown, *measured}):
+            scene = Scene(self.ellipsoid, stokes, self.start, stokes * self.slow_time)
+            full = full_run(scene, stokes * slow_times).slow
+            errors.append((stokes, largest_difference(full, averaged), self._end(full)))
+            if stokes in self.shown:
+                paths.append((stokes, slow_times[::dense], full[::dense]))
+        stokes, error, distance = np.array(errors).T
+        end = self._end(averaged)
+        return {
+            "": path_table(paths),
+            "errors": {"stokes": stokes, "error": error, "end": distance},
+            "averaged": {"end": np.array([end]), "crossing": np.array([self._crossing(slow_times, averaged)])},
+        }
+
+    def _end(self, slow: np.ndarray) -> float:
+        """Distance from the node of the mean over the last tenth of a run."""
+        return float(distance_from_node(self.ellipsoid, slow[-len(slow) // 10 :].mean(axis=0)))
+
+    def _crossing(self, slow_times: np.ndarray, slow: np.ndarray) -> float:
+        """Slow time at which L² = 2EI₂; NaN if it is not met."""
+        inertia = sorted(self.ellipsoid.inertia)
+        beyond = np.sum(slow[:, :3] ** 2, axis=1) - 2 * slow[:, 3] * inertia[1] / inertia[2]
+        if self.ellipsoid.kind != "triaxial" or not beyond[0] < 0 < beyond[-1]:
+            return np.nan
+        return float(np.interp(0.0, beyond, slow_times))
+
+    def figure(self, data: Data) -> Figure:
+        """L_x, L_y, L_z and E against slow time; the error against St."""
+        figure, axes = panels(2, 3, 3.2, 2.4)
+        crossing = data["averaged"]["crossing"][0]
+        for place, (name, text) in zip((0, 1, 3, 4), NAMES.items(), strict=True):
+            own = axes[place]
+            for number, (stokes, part) in enumerate(groups(data[""], "path")):
+                averaged = np.isinf(stokes)
+                color = AVERAGED if averaged else CYCLE[(number - 1) % len(CYCLE)]
+                style = {"linewidth": 1.4, "zorder": 5} if averaged else {"linewidth": 0.7}
+                text_ = "averaged" if averaged else f"St = {power(stokes)}"
+                own.plot(part["t2"], part[name], color=color, label=text_, **style)
+            if np.isfinite(crossing):
+                own.axvline(crossing, color="0.4", linestyle=":", label="$L^2 = 2EI_2$ (averaged)")
+            label(own, "slow time $t_2 = t\\dot\\gamma/\\mathrm{St}$", text)
+        found = data["errors"]
+        axes[2].plot(found["stokes"], found["error"], "o-", color=CYCLE[0], markersize=3.5, label="measured")
+        last = found["stokes"][-1], found["error"][-1]
+        axes[2].plot(found["stokes"], last[1] * last[0] / found["stokes"], "k:", label="slope -1")
+        logarithmic(label(axes[2], "Stokes number St", "largest slow error$/I_{max}$")).legend()
+        handles, names = axes[0].get_legend_handles_labels()
+        axes[5].axis("off")
+        axes[5].legend(handles, names, loc="center")
+        return figure
+
+    def verdict(self, data: Data) -> Verdict:
+        """Where it ends, and how the error falls with St."""
+        found = data["errors"]
+        large = found["stokes"] >= self.asymptotic
+        fit = power_law(found["stokes"][large], found["error"][large])
+        constant = float(found["error"][-1] * found["stokes"][-1])
+        at_100 = float(found["error"][found["stokes"] == 100.0][0])
+        settled = found["stokes"] >= 500
+        numbers = (
+            Number(
+                f"exponent of the slow error in St, St ≥ {self.asymptotic:g}",
+                fit.exponent,
+                -1.15,
+                -0.85,
+                interval=(fit.low, fit.high),
+            ),
+            Number(f"slow error × St at St = {found['stokes'][-1]:g}", constant, *self.constant, unit="I_max"),
+            Number("slow error at St = 100", at_100, *self.at_100, unit="I_max"),
+            Number("distance of the averaged end from the node", float(data["averaged"]["end"][0]), high=2e-3),
+            Number("the same of the mean full end, St ≥ 500", float(found["end"][settled].max()), high=1e-2),
+        )
+        momentum, energy = node(self.ellipsoid)
+        sentence = (
+            f"Averaged run and full runs from St = 500 on end at (L_z, E)/I_max = ({momentum:.3g}, {energy:.3g}). The "
+            f"largest slow error along the run is {constant:.2g}/St at large St, and "
+            f"{', '.join(f'{error:.2g} at St = {stokes:g}' for stokes, error in self._shown(found))}."
+        )
+        return Verdict(self.earned, sentence, numbers)
+
+    def _shown(self, found: Table) -> list[tuple[float, float]]:
+        pairs = zip(found["stokes"].tolist(), found["error"].tolist(), strict=True)
+        return [pair for pair in pairs if pair[0] in self.shown]
+
+    def caption(self, data: Data) -> str:
+        """What the figure shows."""
+        axes = ", ".join(f"{length:g}" for length in self.ellipsoid.semi_axes)
+        angles = ", ".join(f"{value:.4g}" for value in (*self.start.angles, *self.start.rates))
+        text = (
+            f"Slow variables of the ellipsoid with semi-axes ({axes}) from (θ, φ, ψ, θ̇, φ̇, ψ̇) = ({angles}), full at "
+            f"St = {', '.join(f'{stokes:g}' for stokes in self.shown)} and averaged; right, the largest difference "
+            "along the run."
+        )
+        crossing = data["averaged"]["crossing"][0]
+        return text + (f" L² = 2EI₂ at t₂ = {crossing:.3g}." if np.isfinite(crossing) else "")
