@@ -45,14 +45,21 @@ class Store:
         path.parent.mkdir(parents=True, exist_ok=True)
         with self._readable():
             self._connection = sqlite3.connect(path, timeout=60.0)
-            self._connection.execute("PRAGMA journal_mode=WAL")
-            if self._connection.execute("PRAGMA quick_check").fetchone()[0] != "ok":
-                raise DamagedStoreError(f"{path}: the store is damaged")
-            tables = {name for (name,) in self._connection.execute("SELECT name FROM sqlite_master")}
-            if tables and "cases" not in tables:
-                raise DamagedStoreError(f"{path}: a database of something else")
-            with self._connection:
-                self._connection.execute(_TABLE)
+            try:
+                self._prepare()
+            except BaseException:
+                self.close()
+                raise
+
+    def _prepare(self) -> None:
+        self._connection.execute("PRAGMA journal_mode=WAL")
+        if self._connection.execute("PRAGMA quick_check").fetchone()[0] != "ok":
+            raise DamagedStoreError(f"{self.path}: the store is damaged")
+        tables = {name for (name,) in self._connection.execute("SELECT name FROM sqlite_master")}
+        if tables and "cases" not in tables:
+            raise DamagedStoreError(f"{self.path}: a database of something else")
+        with self._connection:
+            self._connection.execute(_TABLE)
 
     def close(self) -> None:
         """Close the file."""
