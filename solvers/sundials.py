@@ -123,12 +123,13 @@ class _Sundials(Solver):
 def _at_once(library: Any, start: tuple, record: Record) -> Outcome:
     if len(record.times) == 2:
         # Two times would mean "every step" to the library.
-        library.init_step(record.times[0], *start)
+        record.rows[0] = library.init_step(record.times[0], *start).y
         result = library.step(record.times[1], tstop=record.times[1])
         rows = result.y[None]
     else:
         result = library.solve(record.times, *start)
-        rows = result.y[1:]
+        # IDA may have computed consistent initial values.
+        record.rows[0], rows = result.y[0], result.y[1:]
     # The row at which it failed comes with the others.
     record.put(rows if result.success else rows[:-1])
     record.work.jacobians = result.njev
@@ -139,7 +140,7 @@ def _step_by_step(library: Any, start: tuple, record: Record) -> Outcome:
     times, work = record.times, record.work
     end, reached = float(times[-1]), float(times[0])
     work.steps = 0
-    library.init_step(times[0], *start)
+    record.rows[0] = library.init_step(times[0], *start).y
     while True:
         # The first step is guessed from the first time wanted.
         result = library.step(end if work.steps else times[1], method="onestep", tstop=end)
