@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from polhode.harness.balance import complete
 from polhode.harness.errors import errors
 from polhode.models.catalogue import form as find_form
 from polhode.models.form import Form, FormNotValidError
 from polhode.models.observables import Observables
-from polhode.models.scene import BodyStart, Scene, SlowStart, Start
+from polhode.models.problem import Problem
+from polhode.models.scene import BodyStart, Scene
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.solve import solve
 
@@ -23,7 +23,9 @@ LARGEST_EXPONENT = 5.0
 # The other method's own error at the tight tolerance: what the loose one makes, ten times what an ulp in the start
 # makes, and rounding of the numbers compared.
 TOLERANCES = {"cyrk-vern8": (1e-13, 1e-12), "ida": (1e-12, 1e-11), "exact": (1e-15, 1e-15)}
-ULPS, ROUNDING = 10.0, 2e-15
+ULPS, ROUNDING = 10.0, 1e-14
+# Ways to move the numbers of a start by an ulp, up and down.
+SIGNS = np.array([[1.0, 1, 1, 1], [1, -1, 1, -1], [1, 1, -1, -1], [1, -1, -1, 1]])
 
 # Takes a state, its time and a duration, negative to go back, to the state then.
 Flow = Callable[[np.ndarray, float, float], np.ndarray]
@@ -101,7 +103,11 @@ def certify(scene: Scene, form: Form, states: dict[float, np.ndarray], flow: Flo
     seen = {time: form.observe(scene, state[None]) for time, state in states.items()}
     agreed, back, worst = 0, 0, np.zeros(3)
     for piece in pieces(scene, form, end):
-        outcome = _forward(scene, form, (other, solver), seen[piece.start], seen[piece.end], piece.end - piece.start)
+        length = piece.end - piece.start
+        if form.averaged:
+            outcome = _same_form(scene, form, solver, states[piece.start], seen[piece.end], length)
+        else:
+            outcome = _other_form(scene, (other, solver), seen[piece.start], seen[piece.end], length)
         if outcome is not None:
             agreed += 1
             worst = np.maximum(worst, outcome)
@@ -128,56 +134,77 @@ def opposite(scene: Scene, form: Form) -> tuple[str, str]:
     return "spheroid-axis" if spheroidal else "euler-angles", "cyrk-vern8"
 
 
-def restart(scene: Scene, observables: Observables, *, ulps: int = 0) -> Start:
-    """Start from observables at one time; `ulps` moves the angular velocity, or L and E, by so many ulps."""
-    moved = 1 + ulps * np.finfo(float).eps
-    momentum = observables.angular_momentum[0].astype(float)
-    rotation = complete(scene, observables)
-    if rotation is None:
-        x, y, z = (momentum * moved).tolist()
-        return SlowStart((x, y, z), float(observables.energy[0]) * moved)
-    w1, w2, w3 = (rotation[0] @ momentum / np.array(scene.ellipsoid.inertia) * moved).tolist()
-    return BodyStart(_quaternion(rotation[0]), (w1, w2, w3))
+def restart(scene: Scene, observables: Observables, ulps: np.ndarray) -> BodyStart:
+    """Start from observables at one time; `ulps`, shape (4,), moves quaternion and L by so many ulps."""
+    from scipy.spatial.transform import Rotation
+
+    rotation, ulp = observables.rotation[0].astype(float), np.finfo(float).eps * ulps
+    momentum = observables.angular_momentum[0].astype(float) * (1 + ulp[1:])
+    w1, w2, w3 = (rotation @ momentum / np.array(scene.ellipsoid.inertia)).tolist()
+    quaternion = Rotation.from_matrix(rotation.T).as_quat(scalar_first=True)
+    q0, q1, q2, q3 = (quaternion + 0.5 * ulp).tolist()
+    return BodyStart((q0, q1, q2, q3), (w1, w2, w3))
 
 
-def _forward(
-    scene: Scene, form: Form, by: tuple[str, str], before: Observables, after: Observables, length: float
+def _other_form(
+    scene: Scene, by: tuple[str, str], before: Observables, after: Observables, length: float
 ) -> np.ndarray | None:
     """Ratio of difference to own error, and differences, of a piece solved again; None where it cannot be solved.
 
     Euler angles are taken about the three body axes in turn, from the one farthest from their pole on.
     """
+    form = find_form(by[0])
     axes = [2] if by[0] != "euler-angles" else np.argsort(np.abs(before.rotation[0, :, 2].astype(float))).tolist()
     best = None
     for axis in axes:
-        turned = Scene(Ellipsoid(_turn(scene.ellipsoid.semi_axes, axis)), scene.stokes, scene.start, scene.time)
-        time = length * form.problem(scene).time_unit
-        starts = [restart(turned, _turned(before, axis), ulps=ulps) for ulps in (0, 1)]
-        tight, loose = TOLERANCES[by[1]]
+        turned = replace(scene, ellipsoid=Ellipsoid(_turn(scene.ellipsoid.semi_axes, axis)), time=length)
+        starts = (restart(turned, _turned(before, axis), ulps) for ulps in (np.zeros(4), *SIGNS))
         try:
-            runs = [
-                _end(replace(turned, start=start, time=time), by, tolerance)
-                for start, tolerance in ((starts[0], tight), (starts[1], tight), (starts[0], loose))
-            ]
+            problems = [form.problem(replace(turned, start=start)) for start in starts]
         except FormNotValidError:
             continue
-        if any(run is None for run in runs):
-            continue
-        outcome = _compare(turned.ellipsoid, runs, _turned(after, axis))
-        best = outcome if best is None or outcome[0] < best[0] else best
-        if outcome[0] <= 1:
+        outcome = _tried(turned, form, by[1], problems, _turned(after, axis))
+        if outcome is not None and (best is None or outcome[0] < best[0]):
+            best = outcome
+        if best is not None and best[0] <= 1:
             break
     return best
 
 
-def _compare(ellipsoid: Ellipsoid, runs: list, true: Observables) -> np.ndarray:
-    """Ratio of difference to own error, slow difference, orientation difference."""
-    tight, moved, *loose = runs
+def _same_form(
+    scene: Scene, form: Form, solver: str, before: np.ndarray, after: Observables, length: float
+) -> np.ndarray | None:
+    """As `_other_form`, from the very state."""
+    state = before.astype(float)
+    ulps = np.finfo(float).eps * np.resize(SIGNS, (len(SIGNS), len(state)))
+    starts = (tuple((state * (1 + ulp)).tolist()) for ulp in (np.zeros(len(state)), *ulps))
+    problem = replace(form.problem(scene), end=length)
+    return _tried(scene, form, solver, [replace(problem, start=start) for start in starts], after)
+
+
+def _tried(scene: Scene, form: Form, solver: str, problems: list[Problem], after: Observables) -> np.ndarray | None:
+    """Outcome of solving a piece from its start, at two tolerances, and from starts moved by an ulp."""
+    (exact, *moved), (tight, loose) = problems, TOLERANCES[solver]
+    solutions = [
+        solve(problem, solver, tolerance)
+        for problem, tolerance in ((exact, tight), (exact, loose), *((each, tight) for each in moved))
+    ]
+    if not all(solution.success for solution in solutions):
+        return None
+    return _compare(scene.ellipsoid, [form.observe(scene, each.states[-1:]) for each in solutions], after)
+
+
+def _compare(ellipsoid: Ellipsoid, runs: list[Observables], true: Observables) -> np.ndarray:
+    """Ratio of difference to own error, slow difference, orientation difference.
+
+    Of the runs the first is compared; the second is looser, and the others start elsewhere by an ulp.
+    """
+    tight, loose, *moved = runs
     found = errors(ellipsoid, tight, true)
-    own = [(ULPS, errors(ellipsoid, moved, tight)), *((1.0, errors(ellipsoid, other, tight)) for other in loose)]
-    size = max(1.0, float(np.max(np.abs(true.slow))) / max(ellipsoid.inertia))
-    slow = sum(times * each.slow for times, each in own) + ROUNDING * size
-    angle = sum(times * (each.orientation or 0.0) for times, each in own) + ROUNDING * size
+    own, spread = errors(ellipsoid, loose, tight), [errors(ellipsoid, other, tight) for other in moved]
+    rounding = ROUNDING * max(1.0, float(np.max(np.abs(true.slow))) / max(ellipsoid.inertia))
+    slow = own.slow + ULPS * max(each.slow for each in spread) + rounding
+    angle = (own.orientation or 0.0) + ULPS * max(each.orientation or 0.0 for each in spread) + rounding
     ratio = max(found.slow / slow, (found.orientation or 0.0) / angle)
     return np.array([ratio, found.slow, found.orientation or 0.0])
 
@@ -189,13 +216,7 @@ def _backward(scene: Scene, form: Form, states: dict[float, np.ndarray], piece: 
     ulp = np.abs(at_end.astype(float)) * np.finfo(float).eps
     returned, moved = (flow(state, piece.back, -length) for state in (at_end, at_end + ulp))
     true, found, other = (form.observe(scene, state[None]) for state in (states[piece.start], returned, moved))
-    return float(_compare(scene.ellipsoid, [found, other], true)[0])
-
-
-def _end(scene: Scene, by: tuple[str, str], tolerance: float) -> Observables | None:
-    form = find_form(by[0])
-    solution = solve(form.problem(scene), by[1], tolerance)
-    return form.observe(scene, solution.states[-1:]) if solution.success else None
+    return float(_compare(scene.ellipsoid, [found, found, other], true)[0])
 
 
 def _turn(items: tuple, axis: int) -> tuple:
@@ -206,13 +227,6 @@ def _turn(items: tuple, axis: int) -> tuple:
 def _turned(observables: Observables, axis: int) -> Observables:
     order = list(_turn((0, 1, 2), axis))
     return replace(observables, rotation=observables.rotation[:, order])
-
-
-def _quaternion(rotation: np.ndarray) -> tuple[float, float, float, float]:
-    from scipy.spatial.transform import Rotation
-
-    q0, q1, q2, q3 = Rotation.from_matrix(rotation.T).as_quat(scalar_first=True).tolist()
-    return q0, q1, q2, q3
 
 
 def expected_times(scene: Scene, form: Form, end: float) -> Iterator[float]:

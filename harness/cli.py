@@ -11,11 +11,13 @@ import click
 COMMANDS = {
     "shape": "polhode.harness.commands.shape:shape",
     "solve": "polhode.harness.commands.solve:solve",
+    "pick": "polhode.harness.commands.pick:pick",
     "forms": "polhode.harness.commands.catalogues:forms",
     "solvers": "polhode.harness.commands.catalogues:solvers",
     "bench": "polhode.harness.commands.bench:bench",
     "export": "polhode.harness.commands.export:export",
     "paper": "polhode.harness.commands.paper:paper",
+    "accuracy": "polhode.harness.commands.accuracy:accuracy",
 }
 
 
@@ -89,11 +91,13 @@ class _Commands(click.Group):
 SUMMARIES = {
     "shape": "inertia, resistance and kind of an ellipsoid",
     "solve": "solve one scene and write its observables",
+    "pick": "what to run for a scene, and what it will cost",
     "forms": "the forms of the equations",
     "solvers": "the solvers, and what is missing",
     "bench": "the main job: cost against accuracy",
     "export": "a store as CSV or JSON Lines",
     "paper": "the paper's figures and tables, each with a verdict",
+    "accuracy": "the averaged equations against the full ones",
 }
 
 
