@@ -98,7 +98,7 @@ def certify(scene: Scene, form: Form, states: dict[float, np.ndarray], flow: Flo
     UncertifiedError
         If a piece disagrees by more than the other method's own error, or fewer than `REQUIRED` could be tried.
     """
-    end = max(states)
+    end = form.problem(scene).end
     other, solver = opposite(scene, form)
     seen = {time: form.observe(scene, state[None]) for time, state in states.items()}
     agreed, back, worst = 0, 0, np.zeros(3)
