@@ -235,6 +235,7 @@ class CvodeAdams(_Cvode):
 
     Functional iteration, the cheaper corrector where there is no stiffness, is not offered by scikit-sundae; a Jacobian
     of zeros, which amounts to it, takes as many steps and scatters as much.
+    Tolerance: relative and absolute alike, for the rms norm of a step's error.
     Error per rotation over tolerance: at most 2000; 439 measured.
     Source: Hindmarsh et al., ACM Trans. Math. Software 31 (2005) 363.
     """
@@ -249,6 +250,7 @@ class CvodeBdf(_Cvode):
     """Backward differentiation formulas of order 1 to 5 with variable coefficients; for stiff problems.
 
     Orders 3 to 5 are stable in a wedge about the negative axis alone: a fast undamped rotation costs order and steps.
+    Tolerance: relative and absolute alike, for the rms norm of a step's error.
     Error per rotation over tolerance: at most 6000; 1862 measured.
     Source: Hindmarsh et al., ACM Trans. Math. Software 31 (2005) 363.
     """
@@ -265,6 +267,7 @@ class Ida(_Sundials):
     At St = 0 the angular velocity is algebraic; the library computes consistent initial values. For St > 0 the
     initial rates are the field's own. Fixed leading coefficients: the step doubles or stays, so that the error and the
     number of steps scatter more than CVODE's.
+    Tolerance: relative and absolute alike, for the rms norm of a step's error.
     Error per rotation over tolerance: at most 2500; 667 measured.
     Source: Brown, Hindmarsh, Petzold, SIAM J. Sci. Comput. 15 (1994) 1467 and 19 (1998) 1495.
     """
