@@ -113,8 +113,9 @@ def work_precision_panels(records: pd.DataFrame, error: str, label: str) -> "Fig
         axes.set_visible(False)
     values = records[error].dropna().to_numpy(float)
     values = values[(values > 0) & (values < LARGEST_ERROR)]
-    grid[0, 0].set_xlim(values.max() * 3, values.min() / 3)
-    grid[0, 0].set_ylim(top=10 * records["seconds"].dropna().to_numpy(float).max())
+    if values.size:
+        grid[0, 0].set_xlim(values.max() * 3, values.min() / 3)
+        grid[0, 0].set_ylim(top=10 * records["seconds"].dropna().to_numpy(float).max())
     for axes in grid[-1]:
         axes.set_xlabel(f"{label}; more accurate to the right")
     for axes in grid[:, 0]:

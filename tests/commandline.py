@@ -23,7 +23,7 @@ title = "A small study"
 samples = 11
 max_seconds = 5.0
 tolerances = [1e-4, 1e-6, 1e-8]
-forms = ["quaternion", "averaged"]
+forms = ["quaternion"]
 solvers = ["taylor", "cyrk-dop853"]
 [[scenes]]
 name = "paper"

@@ -85,14 +85,14 @@ def test_references_are_certified_by_another_form_and_method(scene: Scene, form:
 
 @pytest.mark.parametrize("component", range(7))
 def test_a_certificate_notices_a_wrong_state(component: int, monkeypatch):
-    honest = module._run
+    honest = module.extended_run
 
     def lying(problem, times, precision, tolerance):
         rows = honest(problem, times, precision, tolerance)
         rows[len(rows) // 2 :, component] += 1e-9
         return rows
 
-    monkeypatch.setattr(module, "_run", lying)
+    monkeypatch.setattr(module, "extended_run", lying)
     with pytest.raises(ReferenceFailedError, match="differs from form 'euler-angles' by cyrk-vern8"):
         reference(replace(PAPER, time=49.0), "quaternion", 11)
 
@@ -102,7 +102,7 @@ def test_a_certificate_notices_wrong_equations():
     form = find_form("quaternion")
     wrong = form.problem(replace(scene, stokes=scene.stokes * (1 + 1e-7)))
     times = np.unique(list(certify.expected_times(scene, form, wrong.end)))
-    states = module._run(wrong, times, "long double", 1e-19)
+    states = module.extended_run(wrong, times, "long double", 1e-19)
     with pytest.raises(certify.UncertifiedError, match="times the method's error"):
         certify.certify(scene, form, dict(zip(times.tolist(), states, strict=True)), module._flow(wrong))
 

@@ -1,0 +1,199 @@
+"""Solvers with planted errors, delays and lies, called by their names ``planted:Class``."""
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from math import cos, sin
+from typing import Any
+
+import numpy as np
+
+from polhode.models.operations import FLOAT
+from polhode.models.problem import Problem
+from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status
+from polhode.solvers.taylor import Taylor
+
+NAP, LONG_NAP = 0.03, 0.2
+# What the exact solution is taken to be.
+TIGHT = 1e-16
+
+
+class _Disturbed(Taylor):
+    """The exact solution of the quaternion form, but for what `disturb` does to it after the start."""
+
+    def disturb(self, states: np.ndarray, tolerance: float) -> np.ndarray:
+        raise NotImplementedError
+
+    def prepare(self, problem: Problem, settings: Settings) -> Integrator:
+        exact = super().prepare(problem, replace(settings, tolerance=TIGHT))
+
+        def integrate(record: Record) -> Outcome:
+            outcome = exact(record)
+            record.rows[1 : record.filled] = self.disturb(record.rows[1 : record.filled], settings.tolerance)
+            return outcome
+
+        return integrate
+
+
+def _too_fast(factor: float, states: np.ndarray) -> np.ndarray:
+    return np.column_stack([states[:, :4], states[:, 4:] * (1 + factor)])
+
+
+class FirstOrder(_Disturbed):
+    """Angular velocities too large by the tolerance."""
+
+    name = "planted:FirstOrder"
+
+    def disturb(self, states: np.ndarray, tolerance: float) -> np.ndarray:
+        return _too_fast(tolerance, states)
+
+
+class SecondOrder(_Disturbed):
+    """Angular velocities too large by the square of the tolerance."""
+
+    name = "planted:SecondOrder"
+
+    def disturb(self, states: np.ndarray, tolerance: float) -> np.ndarray:
+        return _too_fast(tolerance**2, states)
+
+
+class Askew(_Disturbed):
+    """Turned by the tolerance, in rad, about an axis fixed in the body."""
+
+    name = "planted:Askew"
+
+    def disturb(self, states: np.ndarray, tolerance: float) -> np.ndarray:
+        c, s = cos(tolerance / 2), sin(tolerance / 2)
+        x, y, z = s * 2 / 3, s / 3, -s * 2 / 3
+        right = np.array([[c, -x, -y, -z], [x, c, z, -y], [y, -z, c, x], [z, y, -x, c]])
+        return np.column_stack([states[:, :4] @ right.T, states[:, 4:]])
+
+
+class Opposite(_Disturbed):
+    """Quaternions of the other sign, which are the same orientation."""
+
+    name = "planted:Opposite"
+
+    def disturb(self, states: np.ndarray, tolerance: float) -> np.ndarray:
+        return np.column_stack([-states[:, :4], states[:, 4:]])
+
+
+class Midpoint(Solver):
+    """The explicit midpoint rule with the tolerance as its step: a genuine method of second order."""
+
+    name = "planted:Midpoint"
+    summary = "explicit midpoint rule of fixed step"
+    accepts = "every form with an explicit vector field"
+    library = "numpy"
+    package = "numpy"
+    backends = ("python",)
+
+    def prepare(self, problem: Problem, settings: Settings) -> Integrator:
+        field, p = problem.field(FLOAT), problem.parameters
+
+        def integrate(record: Record) -> Outcome:
+            y, steps = record.start.copy(), 0
+            for begin, end in zip(record.times[:-1], record.times[1:], strict=True):
+                count = max(1, round((end - begin) / settings.tolerance))
+                h = (end - begin) / count
+                for _ in range(count):
+                    middle = y + 0.5 * h * np.array(field(y, p))
+                    y = y + h * np.array(field(middle, p))
+                steps += count
+                record.put(y[None])
+            record.work.steps = steps
+            record.work.rhs_calls = 2 * steps
+            return Status.REACHED_END, ""
+
+        return integrate
+
+
+class Sleeper(Taylor):
+    """Sleeps before it works: long when it is first prepared, briefly in every run."""
+
+    name = "planted:Sleeper"
+
+    def prepare(self, problem: Problem, settings: Settings) -> Integrator:
+        exact = super().prepare(problem, settings)
+        if problem.end < 1e-3:
+            time.sleep(LONG_NAP)
+
+        def integrate(record: Record) -> Outcome:
+            time.sleep(NAP)
+            return exact(record)
+
+        return integrate
+
+
+class _Liar(Taylor):
+    """Claims success whatever it did."""
+
+    lie: Callable[[Any, Record], None]
+
+    def prepare(self, problem: Problem, settings: Settings) -> Integrator:
+        exact = super().prepare(problem, settings)
+
+        def integrate(record: Record) -> Outcome:
+            if record.times[-1] > 1e-3:
+                self.lie(record)
+            else:
+                exact(record)
+            return Status.REACHED_END, "all is well"
+
+        return integrate
+
+
+class Quitter(_Liar):
+    """Stops half way."""
+
+    name = "planted:Quitter"
+
+    def lie(self, record: Record) -> None:
+        half = len(record.times) // 2
+        record.put(np.tile(record.start, (half, 1)))
+
+
+class Idler(_Liar):
+    """Reaches the end without a step."""
+
+    name = "planted:Idler"
+
+    def lie(self, record: Record) -> None:
+        record.put(np.tile(record.start, (len(record.times) - 1, 1)))
+        record.work.steps = 0
+
+
+class Breaker(_Liar):
+    """Leaves the unit quaternions."""
+
+    name = "planted:Breaker"
+
+    def lie(self, record: Record) -> None:
+        record.put(np.tile(record.start * 1e3, (len(record.times) - 1, 1)))
+
+
+class Dreamer(_Liar):
+    """Stays where it was, and keeps every invariant; nobody counts its steps."""
+
+    name = "planted:Dreamer"
+
+    def lie(self, record: Record) -> None:
+        record.put(np.tile(record.start, (len(record.times) - 1, 1)))
+
+
+class Blower(_Liar):
+    """Blows up."""
+
+    name = "planted:Blower"
+
+    def lie(self, record: Record) -> None:
+        record.put(np.full((len(record.times) - 1, len(record.start)), np.nan))
+
+
+class Raiser(_Liar):
+    """Raises in the middle of a run."""
+
+    name = "planted:Raiser"
+
+    def lie(self, record: Record) -> None:
+        raise RuntimeError("planted failure")
