@@ -224,8 +224,7 @@ def _rounded_otherwise(problem: Problem, seed: int) -> Problem:
         signs = generator.choice([-0.5, 0.5], len(values))
         return tuple(np.where(exact == 0, exact, exact + signs * ulp))
 
-    mass, *others = problem.parameters or (0.0,)
-    return replace(problem, start=moved(problem.start), parameters=(mass, *moved(tuple(others))))
+    return replace(problem, start=moved(problem.start), parameters=moved(problem.parameters or ()))
 
 
 def _key(problem: Problem, samples: int) -> str:
