@@ -4,13 +4,15 @@ from functools import lru_cache
 
 import numpy as np
 
+from polhode.models import second_order_run as triaxial_run
 from polhode.models import second_order_spheroid as spheroidal
+from polhode.models import second_order_triaxial
 from polhode.models.form import Form
 from polhode.models.observables import Observables
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 from polhode.models.second_order_error import Estimate, estimate
-from polhode.models.spheroid import Spheroid, axis_rotation, require_spheroid
+from polhode.models.spheroid import Spheroid, axis_rotation
 
 # The slow start x solves x = z - u(x)/St; each pass gains a factor of the correction's size.
 START_PASSES = 60
@@ -20,38 +22,59 @@ MEANINGLESS = 1.0
 
 
 class SecondOrder(Form):
-    """State (L, q, σ) in slow time: L in units of I_e, the symmetry axis without its fast turning, that angle over St.
+    """State (L, q, σ) of a spheroid in slow time: L over I_e, its axis without fast turning, that angle over St.
 
-    Caveat: the angle St σ carries St times the tolerance, and at best St times rounding, so that the orientation stops
-    gaining accuracy near St = 1e8.
+    A triaxial ellipsoid has the state of `polhode.models.second_order_triaxial` instead, and its complete orientation;
+    it is followed on one side of L² = 2EI₂ alone. Caveat: the angle St σ carries St times the tolerance, and at best St
+    times rounding, so that the orientation stops gaining accuracy near St = 1e8.
     """
 
     name = "averaged-second-order"
-    summary = "second-order averaged spheroid: L and E to O(1/St²), symmetry axis to O(1/St), at a cost free of St"
-    valid_for = "spheroids at large finite St, L away from 0; its `estimate` says how large its errors are"
+    summary = "second-order averaging: L and E to O(1/St²), orientation to O(1/St), at a cost free of St"
+    valid_for = (
+        "large finite St, L away from 0: spheroids; triaxial ellipsoids on one side of L² = 2EI₂, away from resonances"
+    )
     state = ("Lx/Ie", "Ly/Ie", "Lz/Ie", "qx", "qy", "qz", "sigma")
     orientation = "axis"
     averaged = True
 
     def check(self, scene: Scene) -> None:
-        """Refuse other shapes, St = 0 and inf, a start without orientation, and St too small for the start's L."""
-        ellipsoid = scene.ellipsoid
-        require_spheroid(self, scene, "averaged")
-        if ellipsoid.kind == "sphere":
-            raise self.refuse("a sphere has no symmetry axis, and L obeys a linear equation", "spheroid-axis")
+        """Refuse spheres, St = 0 and inf, starts without orientation, St too small, and what `prepared` refuses."""
+        triaxial = scene.ellipsoid.kind == "triaxial"
+        full = "quaternion" if triaxial else "spheroid-axis"
+        if scene.ellipsoid.kind == "sphere":
+            raise self.refuse("a sphere has no symmetry axis, and L obeys a linear equation", full)
         if scene.stokes == 0:
             raise self.refuse("St = 0 has no slow variables", "jeffery")
         if scene.torque_factor == 0:
             raise self.refuse("at St = inf the slow variables are constant", "euler-top")
         self.require_orientation(scene)
         if not np.any(scene.initial.angular_momentum):
-            raise self.refuse("the start has L = 0, where averaging does not apply", "spheroid-axis")
-        if slow_start(scene) is None or not estimated(scene).slow < MEANINGLESS:
-            raise self.refuse(f"St = {scene.stokes:g} is too small for the run's least |L|", "spheroid-axis")
+            raise self.refuse("the start has L = 0, where averaging does not apply", full)
+        if triaxial:
+            try:
+                triaxial_run.prepared(scene)
+            except triaxial_run.NotAveragedError as error:
+                raise self.refuse(str(error), full) from None
+        elif slow_start(scene) is None:
+            raise self.refuse(f"St = {scene.stokes:g} is too small for the start's |L|", full)
+        if not estimated(scene).slow < MEANINGLESS:
+            raise self.refuse(f"St = {scene.stokes:g} is too small for the run's least |L|", full)
 
     def problem(self, scene: Scene) -> Problem:
         """Initial value problem in slow time t₂ = t/St."""
         self.check(scene)
+        if scene.ellipsoid.kind == "triaxial":
+            run = triaxial_run.prepared(scene)
+            return Problem(
+                name=self.name,
+                field=second_order_triaxial.field,
+                start=run.state,
+                end=scene.slow_time,
+                parameters=second_order_triaxial.parameters(scene.ellipsoid, scene.torque_factor, run.table),
+                invariant=frame_drift,
+                time_unit=scene.stokes,
+            )
         start = slow_start(scene)
         assert start is not None
         return Problem(
@@ -65,7 +88,9 @@ class SecondOrder(Form):
         )
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
-        """Observables with the row of the symmetry axis alone: the fast turning and the O(1/St) swing put back."""
+        """Observables, the fast motion and the O(1/St) swing put back; of a spheroid with the axis' row alone."""
+        if scene.ellipsoid.kind == "triaxial":
+            return triaxial_run.observe(scene, states)
         spheroid = Spheroid.of(scene.ellipsoid)
         axis = spheroidal.turned(states[:, :3], spheroidal.unit(states[:, 3:6]), scene.stokes * states[:, 6])
         momentum, axis = spheroidal.swung(spheroid, scene.torque_factor, states[:, :3], axis)
@@ -112,6 +137,8 @@ def slow_start(scene: Scene) -> tuple[float, ...] | None:
 @lru_cache(maxsize=256)
 def estimated(scene: Scene) -> Estimate:
     """Estimated model errors of a scene that has a slow start."""
+    if scene.ellipsoid.kind == "triaxial":
+        return triaxial_run.estimated(scene)
     start = slow_start(scene)
     assert start is not None
     return estimate(Spheroid.of(scene.ellipsoid), scene.torque_factor, start, scene.slow_time)
@@ -120,3 +147,8 @@ def estimated(scene: Scene) -> Estimate:
 def axis_drift(states: np.ndarray) -> np.ndarray:
     """|q|² - 1 of states, shape (n, 7)."""
     return np.sum(states[:, 3:6] ** 2, axis=1) - 1
+
+
+def frame_drift(states: np.ndarray) -> np.ndarray:
+    """|e₁|² - 1 of states, shape (n, 9)."""
+    return np.sum(states[:, 4:7] ** 2, axis=1) - 1

@@ -7,23 +7,22 @@ the transformation. The linearised slow equations carry the first along, the sec
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import inf, pi
 
 import numpy as np
 
 from polhode.models import second_order_spheroid as spheroidal
 from polhode.models.operations import FLOAT, numpy_operations
+from polhode.models.slow_path import slow_path
 from polhode.models.spheroid import Spheroid
 
 Array = np.ndarray
 
-ANGLES = 2 * np.pi * np.arange(12) / 12
+ANGLES = 2 * pi * np.arange(12) / 12
 # The next term is found at 1/St no smaller than this and scaled as (1/St)², lest it drown in rounding.
 LEAST_TORQUE_FACTOR = 1e-4
 # Relative step of differences of fourth order: truncation and rounding are both near 1e-12.
 STEP = 1e-3
-# The slow solution along which the estimate is made need not be better than the estimate.
-SOLUTION_TOLERANCE = 1e-4
-MOST_STEPS = 2000
 
 
 @dataclass(frozen=True)
@@ -61,6 +60,8 @@ def estimate(spheroid: Spheroid, torque_factor: float, start: tuple[float, ...],
     """
     p = spheroidal.parameters(spheroid, torque_factor)
     times, states = slow_solution(p, np.array(start[:6]), end)
+    if times[-1] < end:
+        return Estimate(inf, pi)
     factor = max(torque_factor, LEAST_TORQUE_FACTOR)
     term = next_term(spheroid, factor, states)
     shrink = torque_factor / factor
@@ -73,7 +74,7 @@ def estimate(spheroid: Spheroid, torque_factor: float, start: tuple[float, ...],
     h = np.sum(momentum * axis, axis=1) / size
     # A wrong clock shifts the fast angle, and with it the swing that the form puts back.
     delay = np.ptp(swing[:, :, 5], axis=1) + np.abs(swing[:, 0, 5] - swing[0, 0, 5])
-    shift = np.minimum(np.abs(angle) + delay * size / torque_factor, np.pi)
+    shift = np.minimum(np.abs(angle) + delay * size / torque_factor, pi)
     beside = np.abs(swing[:, :, :4]).max(axis=1) + shift[:, None] * shrink * term.ripple
     beside[:, :3] += delay[:, None] * np.abs(_rates(p, states)[:, :3])
     loss = np.abs(error[:, :3]) + beside[:, :3]
@@ -133,34 +134,16 @@ def next_term(spheroid: Spheroid, torque_factor: float, states: Array) -> NextTe
 
 
 def slow_solution(p: tuple[float, ...], start: Array, end: float) -> tuple[Array, Array]:
-    """Times, shape (m,), and states (L, q), shape (m, 6), along the slow solution.
-
-    By the pair of Bogacki and Shampine (Hairer, Nørsett & Wanner, Solving Ordinary Differential Equations I, §II.5),
-    which stops after a bounded number of steps: stiff damping is over by then.
-    """
+    """Times, shape (m,), and states (L, q), shape (m, 6), along the slow solution, or as far as it gets."""
     rhs = spheroidal.field(FLOAT)
 
     def rates(y: Array) -> Array:
         return np.array(rhs((*y.tolist(), 0.0), p)[:6])
 
-    times, states = [0.0], [start]
-    first, step = rates(start), end / 100
-    while times[-1] < end and len(times) < MOST_STEPS:
-        y, step = states[-1], min(step, end - times[-1])
-        second = rates(y + step / 2 * first)
-        third = rates(y + 3 / 4 * step * second)
-        new = y + step * (2 * first + 3 * second + 4 * third) / 9
-        fourth = rates(new)
-        error = np.abs(step * (-5 * first + 6 * second + 8 * third - 9 * fourth) / 72)
-        size = np.linalg.norm(new[:3])
-        worst = max(error[:3].max() / size, error[3:].max()) / SOLUTION_TOLERANCE
-        if worst <= 1:
-            times.append(end if step == end - times[-1] else times[-1] + step)
-            new[3:] /= np.linalg.norm(new[3:])
-            states.append(new)
-            first = fourth
-        step *= min(3.0, max(0.2, 0.9 * (worst + 1e-12) ** (-1 / 3)))
-    return np.array(times), np.array(states)
+    def tidy(y: Array) -> Array:
+        return np.concatenate([y[:3], spheroidal.unit(y[3:])])
+
+    return slow_path(rates, start, end, tidy)
 
 
 def _carry(

@@ -1,0 +1,37 @@
+"""A slow solution of modest accuracy, along which estimates are made before any solver is asked."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+Array = np.ndarray
+
+TOLERANCE = 1e-4
+MOST_STEPS = 2000
+
+
+def slow_path(
+    rates: Callable[[Array], Array], start: Array, end: float, tidy: Callable[[Array], Array] = lambda y: y
+) -> tuple[Array, Array]:
+    """Times, shape (m,), and states, shape (m, d), from 0 to `end`, or to where `MOST_STEPS` steps lead.
+
+    By the pair of Bogacki and Shampine (Hairer, Nørsett & Wanner, Solving Ordinary Differential Equations I, §II.5),
+    to a tolerance relative to the largest entry of the first three and of the others; `tidy` keeps invariants.
+    """
+    times, states = [0.0], [start]
+    first, step = rates(start), end / 100
+    while times[-1] < end and len(times) < MOST_STEPS:
+        y, step = states[-1], min(step, end - times[-1])
+        second = rates(y + step / 2 * first)
+        third = rates(y + 3 / 4 * step * second)
+        new = y + step * (2 * first + 3 * second + 4 * third) / 9
+        fourth = rates(new)
+        error = np.abs(step * (-5 * first + 6 * second + 8 * third - 9 * fourth) / 72)
+        sizes = max(np.abs(new[:3])), max(np.abs(new[3:]))
+        worst = max(error[:3].max() / sizes[0], error[3:].max() / sizes[1]) / TOLERANCE
+        if worst <= 1:
+            times.append(end if step == end - times[-1] else times[-1] + step)
+            states.append(tidy(new))
+            first = fourth
+        step *= min(3.0, max(0.2, 0.9 * (worst + 1e-12) ** (-1 / 3))) if np.isfinite(worst) else 0.2
+    return np.array(times), np.array(states)
