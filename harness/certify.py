@@ -16,8 +16,9 @@ from polhode.solvers.solve import solve
 
 # Pieces of a run, evenly spread over it; so many of them must be decided, none against the reference.
 PIECES, REQUIRED = 24, 20
-# Longest piece, in units of the inverse shear rate for full forms, and in slow time for averaged ones.
-LONGEST = 500.0
+# Longest piece that a solver is given, in units of the inverse shear rate for full forms, in slow time for averaged
+# ones: those of low order are slow.
+LONGEST = {"cyrk-vern8": 500.0, "exact": 500.0, "ida": 20.0}
 # Going back amplifies by exp(max(8πX/I) Δt/St): pieces that go back keep the exponent below this.
 LARGEST_EXPONENT = 5.0
 # The other method's own error at the tight tolerance: what the loose one makes, ten times what an ulp in the start
@@ -73,7 +74,7 @@ class Piece:
 
 def pieces(scene: Scene, form: Form, end: float) -> list[Piece]:
     """Pieces evenly spread over a run from 0 to `end` in the form's own time."""
-    length = min(end / PIECES, LONGEST)
+    length = min(end / PIECES, LONGEST[opposite(scene, form)[1]])
     damping = max(scene.ellipsoid.damping) * (1.0 if form.averaged else min(scene.torque_factor, 1e300))
     short = length if damping * length < LARGEST_EXPONENT else 0.9 * LARGEST_EXPONENT / damping
     starts = np.arange(PIECES) * (end / PIECES)
