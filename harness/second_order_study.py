@@ -56,7 +56,7 @@ class Case:
     @property
     def names(self) -> tuple[str, str]:
         """Shape and start in words."""
-        names = {PAPER: "paper", AGAINST: "against", GENTLE: "gentle"}
+        names: dict[Start, str] = {PAPER: "paper", AGAINST: "against", GENTLE: "gentle"}
         spin = ", ".join(f"{rate:g}" for rate in getattr(self.start, "angular_velocity", ()))
         return ":".join(f"{axis:g}" for axis in self.axes), names.get(self.start, f"ω = ({spin})")
 
@@ -270,14 +270,15 @@ def page(rows: Sequence[Row], fitted: Sequence[Slope], cost: Sequence[Cost]) -> 
             "# Second-order averaging: orders and cost\n",
             "Written by `python -m polhode.harness.second_order_study`; the data stand beside it.\n",
             f"Errors are maxima over {SAMPLES} samples, slow ones over I_max, orientation in rad, against the full "
-            f"form in long double. Slopes: slow where the error lies below {LARGEST_ERROR:g} and above {FLOORS:g} times "
+            f"form in long double. Slopes: slow where the error lies below {LARGEST_ERROR:g} and above "
+            f"{FLOORS:g} times "
             "the reference's uncertainty, orientation over the top two decades.\n",
             "## Orders\n",
             orders,
             "## Errors and the form's own estimates\n",
             table,
             "## Cost\n",
-            "κ = 2, t₂ = 0.5, eleven output times; integration and observables, best of several.\n",
+            "Axes 1:1:2, t₂ = 0.5, eleven output times; integration and observables, best of several.\n",
             times,
         )
     )
