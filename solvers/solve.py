@@ -116,9 +116,7 @@ def solve(
     """
     method = find_solver(solver) if isinstance(solver, str) else solver
     settings = method.settings(tolerance, backend, jacobian, count)
-    times = np.array([0.0, problem.end]) if times is None else np.ascontiguousarray(times, dtype=float)
-    if times.ndim != 1 or len(times) < 2 or times[0] != 0 or not (times[1:] > times[:-1]).all():
-        raise ValueError(f"times: got {times!r}, expected at least two increasing numbers from 0 on")
+    times = _wanted(problem, times)
     start = np.array(problem.start)
     if not method.available:
         nothing = Work(), Status.ADAPTER_MISSING, str(method.why_not)
@@ -136,6 +134,9 @@ def solve(
 
     for first, last in _pieces(problem, times):
         steps_left = max_steps - (work.steps or 0)
+        if steps_left < 1:
+            status, message = Status.STEP_LIMIT, f"{work.steps} steps"
+            break
         record = Record(times[first : last + 1], rows[first : last + 1], began + max_seconds, steps_left)
         try:
             status, message = integrate(record)
@@ -148,11 +149,21 @@ def solve(
         else:
             work.add(record.work)
         if not status.success:
-            return finished()
+            break
         if problem.periodic:
             columns = list(problem.periodic)
             rows[first + 1 : last + 1, columns] %= 2 * pi
     return _examined(finished(), times)
+
+
+def _wanted(problem: Problem, times: np.ndarray | None) -> np.ndarray:
+    """The requested times, checked."""
+    if times is None:
+        return np.array([0.0, problem.end])
+    times = np.ascontiguousarray(times, dtype=float)
+    if times.ndim != 1 or len(times) < 2 or times[0] != 0 or not (times[1:] > times[:-1]).all():
+        raise ValueError(f"times: got {times!r}, expected at least two increasing numbers from 0 on")
+    return times
 
 
 def _pieces(problem: Problem, times: np.ndarray) -> list[tuple[int, int]]:
@@ -172,15 +183,11 @@ def _examined(solution: Solution, times: np.ndarray) -> Solution:
     finite = np.isfinite(solution.states)
     if not finite.all():
         kept = int(np.argmin(finite.all(axis=1)))
-        message = f"a state is not finite at t = {float(times[kept])!r}"
-        return replace(
-            solution,
-            times=solution.times[:kept],
-            states=solution.states[:kept],
-            status=Status.NON_FINITE,
-            message=message,
-        )
-    doubt = _doubt(solution, times)
+        cut = replace(solution, times=solution.times[:kept], states=solution.states[:kept])
+        if not solution.success:
+            return cut
+        return replace(cut, status=Status.NON_FINITE, message=f"a state is not finite at t = {float(times[kept])!r}")
+    doubt = _doubt(solution, times) if solution.success else None
     return replace(solution, status=Status.FALSE_SUCCESS, message=doubt) if doubt else solution
 
 

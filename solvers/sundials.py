@@ -15,7 +15,6 @@ import io
 import os
 from collections.abc import Callable
 from contextlib import redirect_stdout
-from time import perf_counter
 from typing import Any, ClassVar
 
 import numpy as np
@@ -32,9 +31,8 @@ from polhode.solvers.contract import (
     SolverNotValidError,
     Status,
 )
+from polhode.solvers.guard import Guard, guarded, guarded_residual
 from polhode.solvers.interrupt import deferred_interrupt
-
-Callback = Callable[..., None]
 
 # SUNDIALS return values (cvode.h, ida.h; both libraries share these).
 _STATUS = {
@@ -43,46 +41,6 @@ _STATUS = {
     -3: Status.STEP_UNDERFLOW,
     -4: Status.STEP_UNDERFLOW,
 }
-
-# Seconds between two looks at the deadline, and looks at one and the same time that make a stall.
-INTERVAL = 1e-3
-STALLED = 100
-
-
-class Guard:
-    """What stops a run from within its right-hand side, which looks at the clock and, at every alarm, here.
-
-    A step too small to advance the time is no error to the library: it "will continue anyway". Here it is.
-    """
-
-    def __init__(self) -> None:
-        self.open(np.inf)
-
-    def open(self, deadline: float) -> None:
-        """Begin a run."""
-        self.calls, self.alarm, self.deadline = 0, 0.0, deadline
-        self.time, self.repeats = -np.inf, 0
-
-    def close(self) -> None:
-        """Stop the run at its next right-hand side."""
-        self.alarm = self.deadline = 0.0
-
-    def closed(self, time: float) -> bool:
-        """Whether the right-hand side at a time is to turn NaN, from now on."""
-        if self.alarm == 0.0 == self.deadline:
-            return True
-        now = perf_counter()
-        self.repeats = self.repeats + 1 if time == self.time else 0
-        self.time, self.alarm = time, now + INTERVAL
-        if now > self.deadline or self.stalled:
-            self.close()
-            return True
-        return False
-
-    @property
-    def stalled(self) -> bool:
-        """Whether the time stands still."""
-        return self.repeats >= STALLED
 
 
 class _Sundials(Solver):
@@ -166,34 +124,6 @@ def _outcome(result: Any) -> Outcome:
     return _STATUS.get(result.status, Status.NON_FINITE), result.message
 
 
-def _guarded(callback: Callback, parameters: Any, guard: Guard, count: bool) -> Callback:
-    def rhs(t: float, y: np.ndarray, out: np.ndarray) -> None:
-        if perf_counter() > guard.alarm and guard.closed(t):
-            out[:] = np.nan
-        else:
-            callback(y, parameters, out)
-
-    def counted(t: float, y: np.ndarray, out: np.ndarray) -> None:
-        guard.calls += 1
-        rhs(t, y, out)
-
-    return counted if count else rhs
-
-
-def _guarded_residual(residual: Callback, mass: np.ndarray, parameters: Any, guard: Guard, count: bool) -> Callback:
-    def resfn(t: float, y: np.ndarray, rates: np.ndarray, out: np.ndarray) -> None:
-        if perf_counter() > guard.alarm and guard.closed(t):
-            out[:] = np.nan
-        else:
-            residual(y, rates, mass, parameters, out)
-
-    def counted(t: float, y: np.ndarray, rates: np.ndarray, out: np.ndarray) -> None:
-        guard.calls += 1
-        resfn(t, y, rates, out)
-
-    return counted if count else resfn
-
-
 class _Cvode(_Sundials):
     accepts = "every form with an explicit vector field"
     method: ClassVar[str]
@@ -209,7 +139,7 @@ class _Cvode(_Sundials):
             callback(y, parameters, out)
 
         if guard is not None:
-            rhs = _guarded(callback, parameters, guard, settings.count)
+            rhs = guarded(callback, parameters, guard, settings.count)
 
         options: dict[str, Any] = {}
         if settings.jacobian == "exact":
@@ -295,7 +225,7 @@ class Ida(_Sundials):
             residual(y, rates, mass, parameters, out)
 
         if guard is not None:
-            resfn = _guarded_residual(residual, mass, parameters, guard, settings.count)
+            resfn = guarded_residual(residual, mass, parameters, guard, settings.count)
 
         options: dict[str, Any] = {}
         if settings.jacobian == "exact":

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from oracle.runs import Run
+from oracle.runs import SCENES, Run
 from polhode.models.operations import Field, Operations
 from polhode.models.problem import Problem
 from polhode.solvers import contract
@@ -210,3 +210,16 @@ def test_impossible_times_are_refused(times):
 def test_every_status_explains_itself():
     assert all(len(status.meaning) > 20 for status in Status)
     assert [status for status in Status if status.success] == [Status.REACHED_END]
+
+
+def test_a_limit_of_steps_holds_for_all_pieces_of_a_run():
+    """Angles are wrapped between pieces; a limit met at the very end of one is no licence for the next."""
+    from polhode.models.catalogue import form
+
+    problem = replace(form("spheroid-angles").problem(SCENES["prolate"]), end=2000.0)
+    times = np.linspace(0.0, problem.end, 401)
+    assert solve(problem, "taylor", 1e-9, times).work.steps > 1500
+    for limit in (1, 100, 700, 701, 702):
+        solution = solve(problem, "taylor", 1e-9, times, max_steps=limit)
+        assert solution.status is Status.STEP_LIMIT
+        assert solution.work.steps == limit

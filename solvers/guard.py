@@ -1,0 +1,81 @@
+"""What stops a SUNDIALS run from within: a right-hand side that turns NaN, upon which the library gives up."""
+
+from collections.abc import Callable
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+Callback = Callable[..., None]
+
+# Seconds between two looks at the deadline, and looks at one and the same time that make a stall.
+INTERVAL = 1e-3
+STALLED = 100
+
+
+class Guard:
+    """What stops a run from within its right-hand side, which looks at the clock and, at every alarm, here.
+
+    A step too small to advance the time is no error to the library: it "will continue anyway". Here it is.
+    """
+
+    def __init__(self) -> None:
+        self.open(np.inf)
+
+    def open(self, deadline: float) -> None:
+        """Begin a run."""
+        self.calls, self.alarm, self.deadline = 0, 0.0, deadline
+        self.time, self.repeats = -np.inf, 0
+
+    def close(self) -> None:
+        """Stop the run at its next right-hand side."""
+        self.alarm = self.deadline = 0.0
+
+    def closed(self, time: float) -> bool:
+        """Whether the right-hand side at a time is to turn NaN, from now on."""
+        if self.alarm == 0.0 == self.deadline:
+            return True
+        now = perf_counter()
+        self.repeats = self.repeats + 1 if time == self.time else 0
+        self.time, self.alarm = time, now + INTERVAL
+        if now > self.deadline or self.stalled:
+            self.close()
+            return True
+        return False
+
+    @property
+    def stalled(self) -> bool:
+        """Whether the time stands still."""
+        return self.repeats >= STALLED
+
+
+def guarded(callback: Callback, parameters: Any, guard: Guard, count: bool) -> Callback:
+    """CVODE's right-hand side: NaN once the guard is closed, and counting if asked."""
+
+    def rhs(t: float, y: np.ndarray, out: np.ndarray) -> None:
+        if perf_counter() > guard.alarm and guard.closed(t):
+            out[:] = np.nan
+        else:
+            callback(y, parameters, out)
+
+    def counted(t: float, y: np.ndarray, out: np.ndarray) -> None:
+        guard.calls += 1
+        rhs(t, y, out)
+
+    return counted if count else rhs
+
+
+def guarded_residual(residual: Callback, mass: np.ndarray, parameters: Any, guard: Guard, count: bool) -> Callback:
+    """IDA's residual, as `guarded`."""
+
+    def resfn(t: float, y: np.ndarray, rates: np.ndarray, out: np.ndarray) -> None:
+        if perf_counter() > guard.alarm and guard.closed(t):
+            out[:] = np.nan
+        else:
+            residual(y, rates, mass, parameters, out)
+
+    def counted(t: float, y: np.ndarray, rates: np.ndarray, out: np.ndarray) -> None:
+        guard.calls += 1
+        resfn(t, y, rates, out)
+
+    return counted if count else resfn
