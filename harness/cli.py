@@ -18,6 +18,8 @@ COMMANDS = {
     "export": "polhode.harness.commands.export:export",
     "paper": "polhode.harness.commands.paper:paper",
     "accuracy": "polhode.harness.commands.accuracy:accuracy",
+    "laws": "polhode.harness.commands.laws:laws",
+    "heldout": "polhode.harness.commands.laws:heldout",
 }
 
 
@@ -98,6 +100,8 @@ SUMMARIES = {
     "export": "a store as CSV or JSON Lines",
     "paper": "the paper's figures and tables, each with a verdict",
     "accuracy": "the averaged equations against the full ones",
+    "laws": "measure and fit what pick goes by",
+    "heldout": "how good pick is, on scenes held out",
 }
 
 

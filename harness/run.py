@@ -9,7 +9,7 @@ from tqdm import tqdm
 from polhode.harness.case import Attempt, Case, Record, attempt, judge, missing, time_once
 from polhode.harness.machine import machine, versions
 from polhode.harness.store import Store
-from polhode.harness.study import Study
+from polhode.harness.study import Batches
 from polhode.harness.timing import Timing, sentinel
 from polhode.harness.worker import Failure, Worker
 from polhode.solvers.catalogue import solver as find_solver
@@ -40,7 +40,7 @@ class Runner:
     _worker: Worker = field(default_factory=Worker)
     _too_slow: dict[Group, Record] = field(default_factory=dict)
 
-    def run(self, study: Study) -> list[Record]:
+    def run(self, study: Batches) -> list[Record]:
         """Run what the store does not hold yet and return the records of the whole study."""
         batches = list(study.batches())
         known, wanted = self.store.keys(), [case.key for batch in batches for case in batch]

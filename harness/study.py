@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Protocol
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
@@ -14,7 +14,8 @@ from polhode.models.catalogue import FORMS
 from polhode.models.catalogue import form as find_form
 from polhode.models.form import FormNotValidError
 from polhode.models.scene import Scene
-from polhode.models.scene_file import Positive, first_complaint, parse_scene
+from polhode.models.scene_file import Positive, first_complaint, parse_scene, scene_table
+from polhode.models.scenes import named_scene
 from polhode.solvers.catalogue import SOLVERS
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import SolverNotValidError
@@ -31,7 +32,10 @@ Stokes = Annotated[float, Field(ge=0)]
 
 
 class StudySceneTable(BaseModel):
-    """``[[scenes]]``: a scene file's contents with a name, and one or several Stokes numbers."""
+    """``[[scenes]]``: a scene file's contents with a name, and one or several Stokes numbers.
+
+    ``{name = "pinch-point", builtin = true}`` stands for a built-in scene.
+    """
 
     model_config = ConfigDict(extra="allow", strict=True)
     name: Name
@@ -69,6 +73,19 @@ class StudyTable(BaseModel):
                 if values.count(value) > 1:
                     raise ValueError(f"got {value!r} {values.count(value)} times in {kind}, expected it once")
         return self
+
+
+class Batches(Protocol):
+    """What can be run into a store: a study, or several in one go."""
+
+    @property
+    def name(self) -> str:
+        """What progress is shown under."""
+        ...
+
+    def batches(self) -> Iterator[list[Case]]:
+        """Cases in batches that are timed in interleaved order."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -141,6 +158,7 @@ def parse_study(contents: dict[str, Any]) -> Study:
     ValueError
         In one line: the key, the value and what was expected; or that no form and solver fit any scene.
     """
+    contents = _with_builtin_scenes(contents)
     try:
         table = StudyTable.model_validate(contents)
     except ValidationError as error:
@@ -158,6 +176,25 @@ def parse_study(contents: dict[str, Any]) -> Study:
     if not any(study.batches()):
         raise ValueError(f"forms: got {list(study.forms)}, expected one that some scene and solver accept")
     return study
+
+
+def _with_builtin_scenes(contents: dict[str, Any]) -> dict[str, Any]:
+    """The contents with every ``{name = "…", builtin = true}`` among the scenes spelled out."""
+    scenes = contents.get("scenes")
+    if not isinstance(scenes, list):
+        return contents
+    return {**contents, "scenes": [_spelled_out(position, scene) for position, scene in enumerate(scenes)]}
+
+
+def _spelled_out(position: int, scene: Any) -> Any:
+    if not (isinstance(scene, dict) and scene.get("builtin") is True):
+        return scene
+    if set(scene) != {"name", "builtin"}:
+        raise ValueError(f"scenes[{position}]: got {sorted(scene)}, expected name and builtin alone")
+    try:
+        return {"name": scene["name"], **scene_table(named_scene(scene["name"]))}
+    except ValueError as error:
+        raise ValueError(f"scenes[{position}]: {error}") from None
 
 
 def _scenes(position: int, table: StudySceneTable) -> Iterator[tuple[str, Scene]]:

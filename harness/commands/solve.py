@@ -48,7 +48,7 @@ def solve(
         raise BadInput(f"--samples: got {samples}, expected a number from 2 to {MOST_SAMPLES}")
     with bad_input():
         what = find_scene(scene)
-        choice = choose(what, form_name, solver_name, tolerance, error, want)
+        choice = choose(what, form_name, solver_name, tolerance, error, want, samples)
         form = find_form(choice.form)
         problem = form.problem(what)
         method = find_solver(choice.solver)

@@ -1,0 +1,68 @@
+"""`polhode laws` and `polhode heldout`: what `pick` goes by, and how good it is."""
+
+from pathlib import Path
+
+import click
+
+from polhode.harness.cli import RunFailed, bad_input
+
+FOLDER = Path("reports/pick")
+
+
+@click.command(epilog="Example: polhode laws --resume")
+@click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=FOLDER, show_default=True)
+@click.option(
+    "--to", type=click.Path(path_type=Path, dir_okay=False), help="File for the laws; by default this user's."
+)
+@click.option("--scenes", type=int, default=100, show_default=True, help="Training scenes.")
+@click.option("--resume", is_flag=True, help="Take up an interrupted run instead of starting afresh.")
+@click.option("--quiet", is_flag=True, help="No progress.")
+def laws(out: Path, to: Path | None, scenes: int, resume: bool, quiet: bool) -> None:
+    """Measure the training scenes on this machine, some ten minutes, and fit the laws that `polhode pick` goes by."""
+    from polhode.harness.laws import own_laws_path
+    from polhode.harness.laws_fit import fit_laws
+    from polhode.harness.laws_training import train
+    from polhode.harness.machine import machine, versions
+
+    with bad_input():
+        store = _store(out, "training", resume)
+    records = train(store, scenes, quiet)
+    path = to or own_laws_path()
+    fitted = fit_laws(records, {"machine": machine(), "versions": versions()})
+    fitted.save(path)
+    click.echo(f"{path}: laws of {len(fitted.methods)} methods from {len(records)} runs")
+
+
+@click.command(epilog="Example: polhode heldout --out /tmp/pick")
+@click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=FOLDER, show_default=True)
+@click.option("--scenes", type=int, default=40, show_default=True, help="Held-out scenes.")
+@click.option("--resume", is_flag=True, help="Take up an interrupted run instead of starting afresh.")
+@click.option("--quiet", is_flag=True, help="No progress.")
+def heldout(out: Path, scenes: int, resume: bool, quiet: bool) -> None:
+    """Ask `pick` about scenes that no law was fitted on, measure them, print how good it was, and write the page.
+
+    Exit code 1 if it does not reach what it promises.
+    """
+    from polhode.harness.heldout import evaluate
+    from polhode.harness.laws import load_laws
+    from polhode.harness.laws_page import summary, write_pages
+
+    with bad_input():
+        known = load_laws()
+        store = _store(out, "heldout", resume)
+    evaluation = evaluate(store, known, scenes, quiet)
+    page = write_pages(out, known, evaluation, f"polhode heldout --scenes {scenes}")
+    for sentence in summary(evaluation):
+        click.echo(sentence)
+    click.echo(str(page))
+    if not evaluation.reached:
+        raise RunFailed("pick did not reach what it promises")
+
+
+def _store(folder: Path, name: str, resume: bool) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{name}.sqlite"
+    if not resume:
+        for leftover in folder.glob(f"{name}.sqlite*"):
+            leftover.unlink()
+    return path

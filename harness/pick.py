@@ -1,0 +1,287 @@
+"""`pick`: which form, which solver, at what tolerance, and what it will cost, before anything is run in earnest."""
+
+from dataclasses import dataclass, replace
+from math import floor, inf, isfinite, log10
+
+from polhode.harness.errors import attainable
+from polhode.harness.laws import EPS, WANTS, Interval, Laws, MethodLaws, Sensitivity, load_laws
+from polhode.harness.laws_model import NotApplicableError, causes, model_errors
+from polhode.harness.laws_pilot import STIFF, Pilot, PilotFailedError, form_sensitivity, held_back, load_of, pilot
+from polhode.harness.text import scientific
+from polhode.models.catalogue import FORMS
+from polhode.models.catalogue import form as find_form
+from polhode.models.form import Form, FormNotValidError
+from polhode.models.scene import Scene, SlowStart
+from polhode.solvers.catalogue import SOLVERS
+from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.contract import SolverNotValidError
+
+# Laws were fitted between these tolerances.
+LOOSEST, TIGHTEST = 1e-3, 1e-15
+# So much tighter than its tightest measured run a method may be asked to be.
+BEYOND = 1e3
+# An averaged form whose model error leaves its solver less than this share of the error asked for is excluded.
+SHARE = 0.05
+DEFAULT_SAMPLES = 201
+
+
+class NotAttainableError(ValueError):
+    """No run in double precision holds the error asked for."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One way to run a scene.
+
+    Parameters
+    ----------
+    form, solver : str
+    tolerance : float
+        Positive: as `polhode solve` takes it.
+    error : Interval
+        Predicted error of the kind wanted, model error included.
+    seconds : Interval
+        Predicted time of a warm run.
+    first_run_seconds : float
+        The same with the compilation that a first run in a process pays.
+    tied : bool
+        Whether it is among the first ones between whose times there is no significant difference.
+    reason : str
+    """
+
+    form: str
+    solver: str
+    tolerance: float
+    error: Interval
+    seconds: Interval
+    first_run_seconds: float
+    tied: bool
+    reason: str
+
+
+@dataclass(frozen=True)
+class Excluded:
+    """A way that will not do, and why."""
+
+    form: str
+    solver: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class Recommendation:
+    """What `pick` answers: rows from the cheapest to the dearest, and what was excluded.
+
+    Parameters
+    ----------
+    want : str
+    error : float
+    rotations, damping_times : float
+        N = ∫|ω|dt/2π and T max(8πX/I)/St of the scene.
+    ranking : tuple of Row
+    excluded : tuple of Excluded
+    """
+
+    want: str
+    error: float
+    rotations: float
+    damping_times: float
+    ranking: tuple[Row, ...]
+    excluded: tuple[Excluded, ...]
+
+
+class _UnfitError(Exception):
+    """A method will not do; the message says why."""
+
+
+def pick(
+    scene: Scene, error: float, want: str = "slow", samples: int = DEFAULT_SAMPLES, laws: Laws | None = None
+) -> Recommendation:
+    """Rank the ways to run a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    error : float
+        Largest error allowed along the run: of L and E over I_max, or of the orientation in rad.
+    want : {"slow", "orientation"}
+    samples : int
+        Equispaced times of the output, which cost time too.
+    laws : Laws, optional
+        By default those of this machine, else those that come with the package.
+
+    Returns
+    -------
+    Recommendation
+        Its ranking is not empty.
+
+    Raises
+    ------
+    NotAttainableError
+        If the error is below what double precision, or every method, can hold.
+    ValueError
+        If the error or `want` is out of range, or the scene has no orientation to want.
+    """
+    _check(scene, error, want)
+    try:
+        found = pilot(scene)
+    except PilotFailedError as failure:
+        raise NotAttainableError(f"error: got {error!r}, not attainable: {failure}") from None
+    least = attainable(scene.ellipsoid, found.observables) if want == "slow" else EPS
+    if error < least:
+        raise NotAttainableError(
+            f"error: got {error!r}, not attainable in double precision, expected at least {least:.2g}"
+        )
+    rows, excluded = _candidates(scene, found, error, want, samples, laws or load_laws())
+    if not rows:
+        raise NotAttainableError(f"error: got {error!r}, not attainable: {_why_nothing(found, want)}")
+    rows.sort(key=lambda row: row.seconds.predicted)
+    tied = [row for row in rows if row.seconds.overlaps(rows[0].seconds)]
+    ranking = tuple(_tied(row) if len(tied) > 1 and row in tied else row for row in rows)
+    return Recommendation(want, error, found.rotations, found.damping_times, ranking, tuple(excluded))
+
+
+def _check(scene: Scene, error: float, want: str) -> None:
+    if not (isfinite(error) and error > 0):
+        raise ValueError(f"error: got {error!r}, expected a finite positive number")
+    if want not in WANTS:
+        raise ValueError(f"want: got {want!r}, expected 'slow' or 'orientation'")
+    if want == "orientation" and isinstance(scene.start, SlowStart):
+        raise ValueError("want: got 'orientation' for a start by L and E alone, expected 'slow'")
+    if want == "orientation" and scene.ellipsoid.kind == "sphere":
+        raise ValueError("want: got 'orientation' for a sphere, which has none, expected 'slow'")
+    if want == "slow" and error < (least := attainable(scene.ellipsoid, scene.initial)):
+        raise NotAttainableError(
+            f"error: got {error!r}, not attainable in double precision, expected at least {least:.2g}"
+        )
+
+
+def _candidates(
+    scene: Scene, found: Pilot, error: float, want: str, samples: int, laws: Laws
+) -> tuple[list[Row], list[Excluded]]:
+    rows, excluded = [], []
+    for form_name in FORMS:
+        form = find_form(form_name)
+        try:
+            problem = form.problem(scene)
+            budget, model = _budget(form, found, error, want)
+        except (FormNotValidError, _UnfitError) as refusal:
+            excluded += [Excluded(form_name, solver, _plain(refusal)) for solver in SOLVERS]
+            continue
+        sensitivity = form_sensitivity(form, found)[WANTS.index(want)]
+        for solver in SOLVERS:
+            try:
+                find_solver(solver).check(problem)
+                law = _law(laws, form_name, solver, scene)
+                rows.append(_row(law, form, found, samples, (error, budget, model), want, sensitivity))
+            except (SolverNotValidError, _UnfitError) as refusal:
+                excluded.append(Excluded(form_name, solver, _plain(refusal)))
+    return rows, excluded
+
+
+def _budget(form: Form, found: Pilot, error: float, want: str) -> tuple[float, Interval | None]:
+    """Error left for the solver, and the model error; none for a full form."""
+    if want == "orientation" and form.orientation == "none":
+        raise _UnfitError("gives no orientation")
+    if not form.averaged:
+        return error, None
+    try:
+        model = model_errors(form, found)[want]
+    except (NotApplicableError, PilotFailedError) as refusal:
+        raise _UnfitError(str(refusal)) from None
+    if model is None:
+        raise _UnfitError("gives no orientation")
+    budget = error - model.high
+    if budget < SHARE * error:
+        because = "; ".join(causes(form, found))
+        raise _UnfitError(
+            f"model error up to {scientific(model.high)} exceeds {error:g}" + (f": {because}" if because else "")
+        )
+    return budget, model
+
+
+def _law(laws: Laws, form: str, solver: str, scene: Scene) -> MethodLaws:
+    method = find_solver(solver)
+    if not method.available:
+        raise _UnfitError(str(method.why_not))
+    law = laws.methods.get((form, solver))
+    if law is None:
+        raise _UnfitError("no law: not measured often enough")
+    if held_back(solver, scene):
+        raise _UnfitError(f"explicit: stability holds its steps back over more than {STIFF:g} damping times")
+    return law
+
+
+def _row(
+    law: MethodLaws,
+    form: Form,
+    found: Pilot,
+    samples: int,
+    target: tuple[float, float, Interval | None],
+    want: str,
+    sensitivity: Sensitivity | None,
+) -> Row:
+    error, budget, model = target
+    errors = law.error_law(want)
+    if errors is None or sensitivity is None:
+        raise _UnfitError("no law of the error wanted: not measured often enough")
+    if sensitivity.error == inf:
+        raise _UnfitError("the motion magnifies errors beyond all tolerances that a pilot tried: chaotic, or too long")
+    tolerance = one_digit(min(LOOSEST, errors.tolerance(sensitivity, budget)))
+    tightest = max(TIGHTEST, law.tightest / BEYOND)
+    if tolerance < tightest:
+        least = errors.predict(sensitivity, tightest).high
+        raise _UnfitError(f"meets {error:g} at no tolerance that it takes: up to {scientific(least)} at its tightest")
+    own = errors.predict(sensitivity, tolerance)
+    whole = own if model is None else Interval(*(a + b for a, b in zip(_ends(own), _ends(model), strict=True)))
+    seconds = law.cost.predict(load_of(form, found, samples), tolerance)
+    return Row(
+        form=law.form,
+        solver=law.solver,
+        tolerance=tolerance,
+        error=whole,
+        seconds=seconds,
+        first_run_seconds=law.compile_seconds + seconds.predicted,
+        tied=False,
+        reason=_reason(law, found, model, own),
+    )
+
+
+def _ends(interval: Interval) -> tuple[float, float, float]:
+    return interval.predicted, interval.low, interval.high
+
+
+def one_digit(tolerance: float) -> float:
+    """The tolerance at one digit, never looser: those who compile for a tolerance then do so for few."""
+    if not 0 < tolerance < inf:
+        return tolerance
+    power = 10.0 ** floor(log10(tolerance))
+    digit = floor(tolerance / power * (1 + 1e-9))
+    return float(f"{digit}e{floor(log10(tolerance))}")
+
+
+def _reason(law: MethodLaws, found: Pilot, model: Interval | None, own: Interval) -> str:
+    if law.solver == "exact":
+        return "closed form: neither time nor tolerance matter"
+    if model is not None:
+        return f"averaged: costs the same at every St; model error {scientific(model.predicted)}"
+    if found.damping_times > STIFF:
+        return f"implicit: {found.damping_times:.2g} damping times would hold an explicit method back"
+    return f"full equations over {found.rotations:.3g} rotations; 97.5 % of like runs stay below {scientific(own.high)}"
+
+
+def _tied(row: Row) -> Row:
+    return replace(row, tied=True, reason=f"no significant difference; {row.reason}")
+
+
+def _plain(refusal: Exception) -> str:
+    """A refusal without the words that name form or solver, which stand beside it."""
+    text = str(refusal)
+    return text.split(": ", 1)[1] if text.startswith(("form '", "solver '")) else text
+
+
+def _why_nothing(found: Pilot, want: str) -> str:
+    gain = found.slow if want == "slow" else found.orientation
+    if gain is not None and gain.error == inf:
+        return "the motion is chaotic or too long: errors grow to its own size at every tolerance tried"
+    return "rounding along the run makes more, whatever the method"
