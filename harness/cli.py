@@ -15,11 +15,15 @@ COMMANDS = {
     "forms": "polhode.harness.commands.catalogues:forms",
     "solvers": "polhode.harness.commands.catalogues:solvers",
     "bench": "polhode.harness.commands.bench:bench",
+    "compare": "polhode.harness.commands.compare:compare",
     "export": "polhode.harness.commands.export:export",
     "paper": "polhode.harness.commands.paper:paper",
     "accuracy": "polhode.harness.commands.accuracy:accuracy",
+    "report": "polhode.harness.commands.report:report",
+    "doctor": "polhode.harness.commands.doctor:doctor",
     "laws": "polhode.harness.commands.laws:laws",
     "heldout": "polhode.harness.commands.laws:heldout",
+    "regimes": "polhode.harness.commands.regimes:regimes",
 }
 
 
@@ -97,11 +101,15 @@ SUMMARIES = {
     "forms": "the forms of the equations",
     "solvers": "the solvers, and what is missing",
     "bench": "the main job: cost against accuracy",
+    "compare": "two saved runs, and what got worse",
     "export": "a store as CSV or JSON Lines",
     "paper": "the paper's figures and tables, each with a verdict",
     "accuracy": "the averaged equations against the full ones",
+    "report": "everything found so far as one offline web site",
+    "doctor": "versions, libraries, caches, and whether the machine is steady",
     "laws": "measure and fit what pick goes by",
     "heldout": "how good pick is, on scenes held out",
+    "regimes": "the map of who wins, over St and error",
 }
 
 

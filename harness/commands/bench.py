@@ -31,7 +31,7 @@ def bench(study_file: Path | None, out: Path | None, quick: bool, resume: bool, 
         folder = out or Path("reports") / study.name
         folder.mkdir(parents=True, exist_ok=True)
         if not resume:
-            _move_aside(folder)
+            start_afresh(folder)
         try:
             store = Store(folder / "store.sqlite")
         except DamagedStoreError as error:
@@ -48,7 +48,7 @@ def bench(study_file: Path | None, out: Path | None, quick: bool, resume: bool, 
     click.echo(f"{page}")
 
 
-def _move_aside(folder: Path) -> None:
+def start_afresh(folder: Path) -> None:
     """Keep the last run's store, with what SQLite has put beside it, under another name."""
     for ending in ("", "-wal", "-shm"):
         (folder / f"previous.sqlite{ending}").unlink(missing_ok=True)

@@ -1,0 +1,51 @@
+"""`polhode regimes`: the map of who wins over St and error."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import click
+
+from polhode.harness.cli import BadInput, RunFailed, bad_input
+
+
+@click.command(epilog="Example: polhode regimes --quick --out look")
+@click.argument("study_file", metavar="[STUDY.toml]", required=False, type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), help="Folder; by default reports/NAME.")
+@click.option("--quick", is_flag=True, help="Fewer tolerances, short time limits, St from 0.1 to 1e4: a look.")
+@click.option("--resume", is_flag=True, help="Take up an interrupted run; a finished one is drawn again.")
+@click.option("--quiet", is_flag=True, help="No progress.")
+def regimes(study_file: Path | None, out: Path | None, quick: bool, resume: bool, quiet: bool) -> None:
+    """Measure and draw who wins over St and error: one map for the full solution, one for the slow variables.
+
+    An interrupted run keeps its finished cases in FOLDER/store.sqlite and goes on with --resume.
+    """
+    from polhode.harness.commands.bench import start_afresh
+    from polhode.harness.regime_page import write_page
+    from polhode.harness.regimes import parts
+    from polhode.harness.run import Runner
+    from polhode.harness.store import DamagedStoreError, Store
+    from polhode.harness.study import quick_study, read_study
+
+    with bad_input():
+        study = read_study(study_file, "regimes")
+        if quick:
+            some = tuple((name, scene) for name, scene in study.scenes if 0.1 <= scene.stokes <= 1e4)
+            study = replace(quick_study(study), scenes=some or study.scenes)
+        folder = out or Path("reports") / study.name
+        folder.mkdir(parents=True, exist_ok=True)
+        if not resume:
+            start_afresh(folder)
+        try:
+            store = Store(folder / "store.sqlite")
+        except DamagedStoreError as error:
+            raise BadInput(f"{error}, expected one of an earlier run or none") from None
+    with store:
+        try:
+            runner = Runner(store, quiet)
+            records = [record for part in parts(study) for record in runner.run(part)]
+        except KeyboardInterrupt:
+            raise RunFailed(f"interrupted: finished cases are in {store.path}, --resume goes on") from None
+        except DamagedStoreError as error:
+            raise RunFailed(str(error)) from None
+    words = ["polhode regimes", *([str(study_file)] if study_file else []), *(["--quick"] if quick else [])]
+    click.echo(f"{write_page(study, records, folder, ' '.join(words))}")

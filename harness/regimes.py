@@ -1,0 +1,169 @@
+"""The regime map: over St and error, which form and solver wins, by how much, and where it is a tie."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from math import isnan
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+
+from polhode.harness.study import Study
+from polhode.harness.tables import where
+from polhode.harness.verdict import TIE
+from polhode.models.catalogue import form as find_form
+from polhode.solvers.catalogue import solver as find_solver
+
+Side = Literal["implicit", "explicit", "averaged"]
+
+# Errors of the map, from the loosest to the tightest.
+TARGETS = tuple(float(f"1e-{exponent}") for exponent in range(2, 13))
+# Averaged equations are not tried over more slow time than this: all is over long before.
+LONGEST_SLOW_TIME = 100.0
+# An error closer to the reference's uncertainty than this factor is not known.
+KNOWN = 10.0
+
+
+@dataclass(frozen=True)
+class Method:
+    """A form by a solver."""
+
+    form: str
+    solver: str
+
+    def __str__(self) -> str:
+        return f"{self.form}, {self.solver}"
+
+    @property
+    def side(self) -> Side:
+        """Which kind of method it is."""
+        if find_form(self.form).averaged:
+            return "averaged"
+        return "implicit" if find_solver(self.solver).implicit else "explicit"
+
+    @property
+    def label(self) -> str:
+        """What tells it apart on a map: averaged forms by their name, since any solver will do, others by solver."""
+        return self.form if self.side == "averaged" else self.solver
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One St and one error of the map.
+
+    Parameters
+    ----------
+    stokes, target : float
+    known : bool
+        Whether the reference is good enough to tell; nobody wins where it is not.
+    winner, second : Method or None
+        The cheapest, and the cheapest of another label; None where none reaches the error.
+    seconds, second_seconds : float
+        Their times, interpolated between tolerances; NaN where there is none.
+    """
+
+    stokes: float
+    target: float
+    known: bool
+    winner: Method | None
+    second: Method | None
+    seconds: float
+    second_seconds: float
+
+    @property
+    def lead(self) -> float:
+        """Time of the second over that of the winner; NaN where there is none."""
+        return self.second_seconds / self.seconds
+
+    @property
+    def tied(self) -> bool:
+        """Whether the second is within `TIE` of the winner."""
+        return self.lead <= TIE
+
+
+def parts(study: Study) -> Iterator[Study]:
+    """The study cut into what makes sense: averaged forms where the slow time is not endless."""
+    full = tuple(name for name in study.forms if not find_form(name).averaged)
+    for scene in study.scenes:
+        forms = study.forms if scene[1].slow_time <= LONGEST_SLOW_TIME else full
+        yield replace(study, scenes=(scene,), forms=forms)
+
+
+def cells(records: pd.DataFrame, error: str, targets: Sequence[float] = TARGETS) -> list[Cell]:
+    """Cells of the map of one scene, by St and then by error.
+
+    Parameters
+    ----------
+    records : DataFrame
+        Of one scene at several St (`polhode.harness.tables.frame`).
+    error : {"slow_error", "orientation_error"}
+    targets : sequence of float
+    """
+    found = []
+    for stokes in sorted(set(records["stokes"].astype(float))):
+        runs = where(records, records["stokes"] == stokes)
+        uncertainty = runs[error.replace("_error", "_uncertainty")].dropna()
+        limit = KNOWN * float(uncertainty.iloc[0]) if len(uncertainty) else float("nan")
+        fronts = {method: front(own, error) for method, own in methods(runs)}
+        for target in targets:
+            costs = {method: cost(points, target) for method, points in fronts.items()}
+            found.append(_cell(stokes, target, target > limit, costs))
+    return found
+
+
+def methods(runs: pd.DataFrame) -> Iterator[tuple[Method, pd.DataFrame]]:
+    """Runs of each form and solver."""
+    for name, own in runs.groupby(["form", "solver"], sort=False):
+        form, solver = name if isinstance(name, tuple) else (name, "")
+        yield Method(str(form), str(solver)), own
+
+
+def front(runs: pd.DataFrame, error: str) -> np.ndarray:
+    """Errors and times, shape (n, 2), of a method's runs that none of its other runs beats, times increasing."""
+    done = runs.query("status == 'reached_end' and seconds.notna()")
+    pairs = done[["seconds", error]].dropna().to_numpy(float)
+    points, best = [], float("inf")
+    for seconds, size in sorted(pairs.tolist()):
+        if size < best:
+            points.append((size, seconds))
+            best = size
+    return np.array(points).reshape(-1, 2)
+
+
+def cost(points: np.ndarray, target: float) -> float:
+    """Time at which a front reaches an error: logarithms interpolated between its runs; NaN where it never does."""
+    if not len(points) or points[-1, 0] > target:
+        return float("nan")
+    if points[0, 0] <= target:
+        return float(points[0, 1])
+    tiny = np.finfo(float).tiny
+    sizes, seconds = np.log(np.maximum(points[:, 0], tiny)), np.log(points[:, 1])
+    return float(np.exp(np.interp(-np.log(target), -sizes, seconds)))
+
+
+def _cell(stokes: float, target: float, known: bool, costs: dict[Method, float]) -> Cell:
+    ranked = sorted((seconds, str(method), method) for method, seconds in costs.items() if not isnan(seconds))
+    if not known or not ranked:
+        return Cell(stokes, target, known, None, None, float("nan"), float("nan"))
+    seconds, _, winner = ranked[0]
+    others = [entry for entry in ranked[1:] if entry[2].label != winner.label]
+    later, _, second = others[0] if others else (float("nan"), "", None)
+    return Cell(stokes, target, known, winner, second, seconds, later)
+
+
+def sentences(found: Sequence[Cell], what: str) -> list[str]:
+    """What a map shows, in sentences: which kind of method wins where, and by how much."""
+    words = {"implicit": "An implicit solver", "explicit": "An explicit solver", "averaged": "An averaged form"}
+    lines = []
+    for side, subject in words.items():
+        own = [cell for cell in found if cell.winner and cell.winner.side == side]
+        if not own:
+            lines.append(f"{subject} never wins ({what}).")
+            continue
+        low, high = min(cell.stokes for cell in own), max(cell.stokes for cell in own)
+        leads = sorted(cell.lead for cell in own if not isnan(cell.lead))
+        ties = sum(cell.tied for cell in own)
+        by = f", by a factor {leads[len(leads) // 2]:.2g} (median) to {leads[-1]:.2g}" if leads else ""
+        share = f"{len(own)} of {sum(cell.winner is not None for cell in found)}"
+        lines.append(f"{subject} wins {share} cells, from St = {low:g} to {high:g}{by}; {ties} are ties ({what}).")
+    return lines
