@@ -1,0 +1,61 @@
+"""Saved runs as one table, whichever way they were made: pytest-benchmark's JSON, a store, or its export."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from polhode.harness.store import Record, Store
+from polhode.harness.tables import frame
+
+
+def read_runs(path: Path) -> pd.DataFrame:
+    """Records of a file as a frame (`polhode.harness.tables.frame`).
+
+    Parameters
+    ----------
+    path : Path
+        ``.json`` of the benchmark suite (``pytest --benchmark-json``), ``.sqlite`` of `polhode bench`, or ``.jsonl``.
+
+    Raises
+    ------
+    ValueError
+        In one line, if the file holds no such records.
+    OSError
+        If it cannot be read.
+    """
+    records = _records(path)
+    if not records:
+        raise ValueError(f"{path}: got no records, expected at least one")
+    return frame(records)
+
+
+def _records(path: Path) -> list[Record]:
+    if path.suffix == ".sqlite" and path.is_file():
+        with Store(path) as store:
+            return store.records()
+    try:
+        text = path.read_text(encoding="utf-8")
+        if path.suffix == ".jsonl":
+            return [json.loads(line) for line in text.splitlines()]
+        return benchmark_records(json.loads(text))
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        reason = f"no {error} in it" if isinstance(error, KeyError) else str(error)
+        expected = "expected JSON of the benchmark suite, a .sqlite store, or its .jsonl export"
+        raise ValueError(f"{path}: {expected} ({reason})") from None
+
+
+def benchmark_records(contents: dict[str, Any]) -> list[Record]:
+    """Records of the benchmark suite as the store has them; failed runs have no time."""
+    surroundings = contents["machine_info"]["polhode"]
+    records = []
+    for benchmark in contents["benchmarks"]:
+        info = benchmark["extra_info"]
+        record = {"key": info["key"], **info["case"], **info["result"], **surroundings}
+        record["sentinel_seconds"] = info["sentinel_seconds"]
+        if "seconds_runs" in info:
+            shortest, longest = benchmark["stats"]["min"], benchmark["stats"]["max"]
+            record |= {"seconds": shortest, "seconds_spread": longest - shortest, "seconds_runs": info["seconds_runs"]}
+        records.append(record)
+    return records

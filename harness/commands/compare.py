@@ -1,0 +1,60 @@
+"""`polhode compare`: two saved runs, and what got worse."""
+
+import json
+from pathlib import Path
+
+import click
+
+from polhode.harness.cli import BadInput, RunFailed, bad_input
+
+ABOVE_ONE = click.FloatRange(min=1.0, min_open=True)
+
+
+@click.command(epilog="Example: polhode compare before.json after.json --slower 1.3")
+@click.argument("before", type=click.Path(path_type=Path))
+@click.argument("after", type=click.Path(path_type=Path))
+@click.option("--slower", type=ABOVE_ONE, default=1.5, show_default=True, help="Factor in time that is a regression.")
+@click.option("--less-accurate", type=ABOVE_ONE, default=3.0, show_default=True, help="The same for the errors.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def compare(before: Path, after: Path, slower: float, less_accurate: float, as_json: bool) -> None:
+    """Compare two saved runs; fail if a case of AFTER is slower or less accurate than in BEFORE, or failed.
+
+    Each is a JSON file of the benchmark suite, a store (.sqlite) of `polhode bench`, or its export (.jsonl). Cases are
+    matched by scene, form, solver and tolerance; times are corrected for the machine's drift, which a fixed piece of
+    arithmetic tells, and count as longer only beyond the scatter of the repeated runs.
+    """
+    from polhode.harness.benchmark_table import read_runs
+    from polhode.harness.comparison import compare as compare_runs
+    from polhode.harness.store import DamagedStoreError
+
+    with bad_input():
+        try:
+            tables = read_runs(before), read_runs(after)
+        except DamagedStoreError as error:
+            raise BadInput(str(error)) from None
+    found = compare_runs(*tables, slower=slower, less_accurate=less_accurate)
+    if found.shared == 0:
+        raise BadInput(f"{after}: got no case that {before} has, expected some")
+    worse = found.regressions.astype(object).where(found.regressions.notna(), None).to_dict("records")
+    if as_json:
+        numbers = {"shared": found.shared, "only_before": found.only_before, "only_after": found.only_after}
+        click.echo(json.dumps({**numbers, "drift": found.drift, "regressions": worse}))
+    else:
+        click.echo(_words(found.shared, found.only_before, found.only_after, found.drift))
+        _print(worse)
+    if worse:
+        raise RunFailed(f"regressions: {len(worse)} in {found.shared} cases")
+
+
+def _words(shared: int, only_before: int, only_after: int, drift: float) -> str:
+    return f"{shared} cases compared, {only_before} gone, {only_after} new; the machine takes {drift:.2f} times as long"
+
+
+def _print(worse: list[dict]) -> None:
+    from polhode.harness.text import aligned
+
+    if not worse:
+        return
+    header = ["scene_name", "stokes", "form", "solver", "tolerance", "what", "before", "after"]
+    rows = [[f"{row[name]:.3g}" if isinstance(row[name], float) else row[name] for name in header] for row in worse]
+    click.echo(aligned(["scene", "St", *header[2:]], rows))

@@ -1,0 +1,115 @@
+"""Two saved runs side by side: which cases became slower, less accurate, or failed."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from statistics import median
+from typing import Any
+
+import pandas as pd
+
+# What makes two records the same case, whatever the versions they were made with.
+IDENTITY = ["scene_name", "stokes", "scene.time", "form", "solver", "tolerance", "samples", "backend", "jacobian"]
+# An error below this many uncertainties of the reference, or below this, says nothing.
+UNCERTAINTIES, LEAST_ERROR = 10.0, 1e-13
+# A change in time below this, in seconds, is the clock's.
+LEAST_SECONDS = 2e-5
+ERRORS = ("slow_error", "orientation_error")
+
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What became of the cases that two runs share.
+
+    Parameters
+    ----------
+    shared : int
+        Number of them.
+    only_before, only_after : int
+        Numbers of cases that one of the runs alone has.
+    drift : float
+        How many times as long the fixed piece of arithmetic took in the second run; times are compared after division
+        by it.
+    regressions : DataFrame
+        The cases that got worse: `IDENTITY`, `what`, `before` and `after`.
+    """
+
+    shared: int
+    only_before: int
+    only_after: int
+    drift: float
+    regressions: pd.DataFrame
+
+
+def compare(before: pd.DataFrame, after: pd.DataFrame, *, slower: float, less_accurate: float) -> Comparison:
+    """Compare two frames of records.
+
+    A run that failed since counts, but for one that came near its time limit before. A time counts as longer if the
+    shortest run of the second exceeds the shortest of the first by the factor, and by more than the runs of both
+    scatter; an error as larger if it exceeds the factor, and what the references can tell.
+
+    Parameters
+    ----------
+    before, after : DataFrame
+    slower, less_accurate : float
+        Factors, above 1.
+    """
+    first, second = _by_identity(before), _by_identity(after)
+    drift = _sentinel(second) / _sentinel(first)
+    shared = first.keys() & second.keys()
+    worse = [
+        {**dict(zip(IDENTITY, case, strict=True)), **change}
+        for case in first
+        if case in shared
+        for change in _changes(first[case], second[case], drift, slower, less_accurate)
+    ]
+    return Comparison(
+        len(shared),
+        len(first) - len(shared),
+        len(second) - len(shared),
+        drift,
+        pd.DataFrame(worse, columns=pd.Index([*IDENTITY, "what", "before", "after"])),
+    )
+
+
+def _by_identity(table: pd.DataFrame) -> dict[tuple[Any, ...], Row]:
+    """Rows by what makes them the same case; of several, as of several versions, the last one counts."""
+    rows = (
+        {str(name): value if isinstance(value, list) or not pd.isna(value) else None for name, value in row.items()}
+        for row in table.to_dict(orient="records")
+    )
+    return {tuple(row.get(column) for column in IDENTITY): row for row in rows}
+
+
+def _sentinel(rows: Mapping[Any, Row]) -> float:
+    """Median time of the fixed piece of arithmetic; 1 where nothing was measured."""
+    times = [row["sentinel_seconds"] for row in rows.values() if row.get("sentinel_seconds")]
+    return median(times) if times else 1.0
+
+
+def _changes(before: Row, after: Row, drift: float, slower: float, less_accurate: float) -> list[Row]:
+    """What got worse in one case."""
+    if before["status"] == "reached_end" != after["status"]:
+        near = before["counted_seconds"] * slower * drift > after["max_seconds"]
+        told = {"what": "status", "before": before["status"], "after": after["status"]}
+        return [] if near and after["status"] == "time_limit" else [told]
+    changes = []
+    if before.get("seconds") is not None and after.get("seconds") is not None:
+        first, second = before["seconds"], after["seconds"] / drift
+        noise = _scatter(before["seconds_runs"]) + _scatter(after["seconds_runs"]) / drift
+        if second > slower * first and second - first > max(LEAST_SECONDS, noise):
+            changes.append({"what": "seconds", "before": first, "after": second})
+    for error in ERRORS:
+        first, second = before.get(error), after.get(error)
+        uncertainty = after.get(error.replace("_error", "_uncertainty")) or 0.0
+        if first is None or second is None:
+            continue
+        if second > less_accurate * first and second > max(LEAST_ERROR, UNCERTAINTIES * uncertainty):
+            changes.append({"what": error.replace("_", " "), "before": first, "after": second})
+    return changes
+
+
+def _scatter(runs: list[float]) -> float:
+    """How far repeated runs lie above their shortest, by the median: one disturbed run does not count."""
+    return median(runs) - min(runs)

@@ -1,0 +1,101 @@
+"""Every solver on every form of the paper's ellipsoid, across St and tolerance, as pytest-benchmark cases.
+
+Run by ``pytest tests/benchmarks -o python_files='bench_*.py' --benchmark-json=FILE``. Errors, work and status are in
+`extra_info`; `polhode compare` reads the file. A run that failed keeps its row, with its status and without a time.
+"""
+
+import json
+from collections.abc import Iterator
+from functools import cache
+
+import pytest
+
+from polhode.harness.case import Attempt, Case, Record, attempt, judge
+from polhode.harness.timing import sentinel
+from polhode.models.catalogue import FORMS
+from polhode.models.catalogue import form as find_form
+from polhode.models.form import FormNotValidError
+from polhode.models.scene import Scene
+from polhode.models.scenes import PAPER_ELLIPSOID, PAPER_START
+from polhode.models.shape import Ellipsoid
+from polhode.solvers.catalogue import SOLVERS
+from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.contract import SolverNotValidError, Status
+
+# Duration in units of the inverse shear rate, by St: t₂ = 0.5, and some thousand relaxation times on the stiff side.
+TIMES = {1e2: 50.0, 1e3: 500.0, 1e4: 5e3, 1e-3: 20.0}
+TOLERANCES = (1e-4, 1e-7, 1e-10)
+SAMPLES = 201
+# Limit of each run, and of the repeated runs of a case together, in seconds.
+MAX_SECONDS, REPEATED_SECONDS = 0.3, 0.3
+MOST_ROUNDS = 5
+# Below it averaged forms describe nothing.
+AVERAGED_FROM = 1.0
+
+
+def cases() -> Iterator[Case]:
+    """All cases that forms and solvers accept, each method from its loosest tolerance to its tightest."""
+    for stokes, time in TIMES.items():
+        scene = Scene(Ellipsoid(PAPER_ELLIPSOID), stokes, PAPER_START, time)
+        for form in FORMS:
+            for solver in SOLVERS:
+                if _accepted(scene, form, solver):
+                    for tolerance in TOLERANCES:
+                        yield Case("paper", scene, form, solver, tolerance, SAMPLES, MAX_SECONDS)
+
+
+def _accepted(scene: Scene, form: str, solver: str) -> bool:
+    method = find_solver(solver)
+    if not method.available or (find_form(form).averaged and scene.stokes < AVERAGED_FROM):
+        return False
+    try:
+        method.check(find_form(form).problem(scene))
+    except (FormNotValidError, SolverNotValidError):
+        return False
+    return True
+
+
+@cache
+def examined(case: Case) -> Record:
+    """Status, errors and work of a case; inferred where a looser tolerance was too slow already."""
+    position = TOLERANCES.index(case.tolerance)
+    if position:
+        looser = examined(_at(case, TOLERANCES[position - 1]))
+        if looser["status"] == Status.TIME_LIMIT:
+            return {"status": looser["status"], "message": "at a looser tolerance already", "inferred": True}
+    try:
+        tried: Attempt = attempt(case)
+    except Exception as error:
+        return {"status": str(Status.CRASHED), "message": repr(error), "inferred": False}
+    return judge(case, tried)
+
+
+def _at(case: Case, tolerance: float) -> Case:
+    return Case(case.scene_name, case.scene, case.form, case.solver, tolerance, case.samples, case.max_seconds)
+
+
+def _name(case: Case) -> str:
+    return f"{case.scene.stokes:g}-{case.form}-{case.solver}-{case.tolerance:g}"
+
+
+@pytest.mark.usefixtures("time_left")
+@pytest.mark.parametrize("case", list(cases()), ids=_name)
+def test_solve(benchmark, case: Case) -> None:
+    """Time one case; a failure is data."""
+    benchmark.group = f"St = {case.scene.stokes:g}"
+    record = examined(case)
+    # Plain numbers: the plugin writes NumPy's as strings.
+    benchmark.extra_info |= json.loads(
+        json.dumps({"key": case.key, "case": case.content, "result": record}, default=float)
+    )
+    benchmark.extra_info["sentinel_seconds"] = sentinel()
+    if record["status"] == Status.REACHED_END:
+        rounds = max(1, min(MOST_ROUNDS, int(REPEATED_SECONDS / record["counted_seconds"])))
+        benchmark.pedantic(case.solve, rounds=rounds, iterations=1, warmup_rounds=1)
+        benchmark.extra_info["seconds_runs"] = [float(seconds) for seconds in benchmark.stats.stats.data]
+    else:
+        benchmark.pedantic(_nothing, rounds=1, iterations=1, warmup_rounds=1)
+
+
+def _nothing() -> None:
+    """What is timed in place of a run that failed."""
