@@ -176,8 +176,10 @@ def predictions(records: Sequence[Record], laws: Laws) -> list[Prediction]:
     pilots, found = Pilots(), []
     for record in records:
         law = laws.methods.get((record["form"], record["solver"]))
+        if law is None or record["status"] != Status.REACHED_END or "seconds" not in record:
+            continue
         known = pilots.of(record)
-        if law is None or known is None or record["status"] != Status.REACHED_END or "seconds" not in record:
+        if known is None:
             continue
         form, tolerance = find_form(record["form"]), record["tolerance"]
         seconds = law.cost.predict(load_of(form, known, record["samples"]), tolerance)
