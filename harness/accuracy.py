@@ -34,6 +34,8 @@ QUICK_STOKES = (1e2, 10**2.5, 1e3)
 SOLVER, TOLERANCE = "taylor", 1e-9
 # The law c/St^order is fitted from this St on, where it has set in.
 FITTED_FROM = 300.0
+# Fitted orders below this are named: averaging promises 1.
+SLOW_ORDER = 0.8
 # Where the paper says that the averaged equations are good.
 GOOD_FROM = {"spheroid": 1e2, "ellipsoid": 1e3}
 
@@ -299,6 +301,18 @@ def statements(rows: Sequence[Measured]) -> list[str]:
             f'"Good from St ≈ {stokes:g} for the {family}" means a slow error, along the whole run and over I_max, '
             f"between {best.model_error:.2g} ({best.subject}) and {worst.model_error:.2g} ({worst.subject}) at that "
             f"St; 1 % is met from St ≈ {needed[0]:.0f} to {needed[-1]:.0f} on, depending on the case."
+        )
+    slower = [
+        f"{law.order:.2f} in {name} ({law.subject})"
+        for name in VARIABLES
+        for law in laws(rows, name)
+        if first_order(law.form) and law.order < SLOW_ORDER
+    ]
+    if slower:
+        sentences.append(
+            "The error does not always fall like 1/St: the fitted order is "
+            + ", ".join(slower)
+            + ". The paper allows for that where the motion passes transient resonances."
         )
     return sentences
 

@@ -83,7 +83,7 @@ def figure(rows: Sequence[Measured]) -> Any:
         _panel(axes, [law for law in laws(rows) if law.family == family])
         axes.set_title({"spheroid": "spheroids", "ellipsoid": "triaxial ellipsoids"}[family], fontsize=11)
         axes.set_xlabel("Stokes number St")
-    panels[0].set_ylabel("largest |error| of L and E along the run, over I_max")
+    panels[0].set_ylabel("largest error of L and E along the run, over $I_{max}$")
     drawing.tight_layout()
     return drawing
 
@@ -96,17 +96,19 @@ def _panel(axes: "Axes", own: Sequence[Law]) -> None:
             law.stokes,
             law.error,
             color=colors[law.subject],
-            label=law.subject + (", second order" if second else ""),
+            label=None if second else law.subject,
             linestyle="--" if second else "-",
             linewidth=1.3,
             marker="s" if second else "o",
             markersize=4,
         )
+    if any(not first_order(law.form) for law in own):
+        axes.plot([], [], color="0.3", linestyle="--", marker="s", markersize=4, label="the same, second order")
     x = [1e2, 1e6]
     axes.loglog(x, [3e1 / s for s in x], color="0.6", linewidth=0.9, linestyle=":", label="30/St")
     for target in TARGETS:
         axes.axhline(target, color="0.88", linewidth=0.8, zorder=0)
-    axes.legend(fontsize=7, frameon=False, loc="lower left")
+    axes.legend(fontsize=8, frameon=False, loc="lower left")
 
 
 def law_rows(rows: Sequence[Measured]) -> list[list[str]]:

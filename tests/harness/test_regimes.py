@@ -1,0 +1,141 @@
+"""The regime map, on records with known winners."""
+
+from math import isnan, nan
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from polhode.harness.regime_page import COLORS, draw, write_page
+from polhode.harness.regimes import Method, cells, cost, front, parts, sentences
+from polhode.harness.study import read_study
+from polhode.models.catalogue import form as find_form
+
+TOLERANCES = [10.0**-k for k in range(2, 13)]
+
+
+def runs(form: str, solver: str, stokes: float, seconds: float, slope: float, floor: float = 0.0) -> list[dict]:
+    """Records of a method whose time is seconds · error^(-slope), down to a floor of its error."""
+    return [
+        {
+            "scene_name": "ellipsoid",
+            "stokes": stokes,
+            "form": form,
+            "solver": solver,
+            "tolerance": tolerance,
+            "status": "reached_end",
+            "seconds": seconds * tolerance**-slope,
+            "slow_error": max(tolerance, floor),
+            "orientation_error": nan if floor else tolerance,
+            "slow_uncertainty": 1e-14,
+            "orientation_uncertainty": 1e-11,
+            "sentinel_seconds": 1e-3,
+        }
+        for tolerance in TOLERANCES
+    ]
+
+
+@pytest.fixture
+def table() -> pd.DataFrame:
+    stiff = runs("quaternion", "cyrk-radau", 1e-3, 1e-4, 0.2) + runs("quaternion", "taylor", 1e-3, 1e-1, 0.0)
+    middle = runs("quaternion", "cyrk-radau", 1e3, 1e-1, 0.2) + runs("quaternion", "taylor", 1e3, 1e-3, 0.02)
+    middle += runs("quaternion", "cyrk-vern8", 1e3, 1.1e-3, 0.02)
+    large = runs("averaged", "taylor", 1e6, 1e-4, 0.0, floor=1e-5) + runs("averaged", "ida", 1e6, 1e-2, 0.0, floor=1e-5)
+    large += runs("quaternion", "taylor", 1e6, 1.0, 0.02)
+    return pd.DataFrame(stiff + middle + large)
+
+
+def test_cost_is_interpolated_along_the_power_law():
+    points = front(pd.DataFrame(runs("quaternion", "taylor", 1.0, 2.0, 0.25)), "slow_error")
+    assert cost(points, 3e-6) == pytest.approx(2.0 * 3e-6**-0.25, rel=1e-12)
+    assert cost(points, 1.0) == pytest.approx(2.0 * 1e-2**-0.25)
+    assert isnan(cost(points, 1e-13))
+    assert isnan(cost(np.empty((0, 2)), 1e-3))
+
+
+def test_runs_that_another_one_beats_do_not_count():
+    spoilt = runs("quaternion", "taylor", 1.0, 2.0, 0.25)
+    spoilt.append({**spoilt[3], "seconds": 1e3, "slow_error": 2e-4})
+    spoilt.append({**spoilt[3], "seconds": 1e-9, "slow_error": 1e-9, "status": "time_limit"})
+    points = front(pd.DataFrame(spoilt), "slow_error")
+    assert len(points) == len(TOLERANCES)
+    assert points[:, 1].tolist() == sorted(points[:, 1].tolist())
+
+
+def test_winners_leads_and_ties(table: pd.DataFrame):
+    found = {(cell.stokes, cell.target): cell for cell in cells(table, "slow_error")}
+    stiff, middle, large = (found[stokes, 1e-4] for stokes in (1e-3, 1e3, 1e6))
+    assert stiff.winner == Method("quaternion", "cyrk-radau")
+    assert stiff.lead == pytest.approx(1e-1 / (1e-4 * 1e-4**-0.2))
+    assert not stiff.tied
+    assert (middle.winner, middle.second) == (Method("quaternion", "taylor"), Method("quaternion", "cyrk-vern8"))
+    assert middle.tied
+    assert middle.lead == pytest.approx(1.1)
+    assert large.winner == Method("averaged", "taylor")
+    # Another solver of the same averaged form is not another way: the lead is that over the full equations.
+    assert large.second == Method("quaternion", "taylor")
+    assert found[1e6, 1e-6].winner == Method("quaternion", "taylor")
+    assert [stiff.winner.side, middle.winner.side, large.winner.side] == ["implicit", "explicit", "averaged"]
+
+
+def test_nobody_wins_where_the_reference_cannot_tell(table: pd.DataFrame):
+    found = {(cell.stokes, cell.target): cell for cell in cells(table, "orientation_error")}
+    assert found[1e3, 1e-9].winner is not None
+    assert found[1e3, 1e-11].winner is None
+    assert not found[1e3, 1e-11].known
+    assert found[1e6, 1e-2].winner == Method("quaternion", "taylor")
+
+
+def test_sentences_name_each_side(table: pd.DataFrame):
+    implicit, explicit, averaged = sentences(cells(table, "slow_error"), "slow")
+    assert implicit.startswith("An implicit solver wins")
+    assert "from St = 0.001 to 0.001" in implicit
+    assert "from St = 1000 to 1e+06" in explicit
+    assert averaged.startswith("An averaged form wins 4 of 33 cells")
+    assert sentences([], "slow")[0] == "An implicit solver never wins (slow)."
+
+
+def test_every_cell_is_drawn_in_its_winners_colour(table: pd.DataFrame):
+    import matplotlib.pyplot as plt
+    from matplotlib.colors import to_hex
+    from matplotlib.patches import Rectangle
+
+    figure, axes = plt.subplots()
+    found = cells(table, "slow_error")
+    draw(axes, found)
+    boxes = [patch for patch in axes.patches if isinstance(patch, Rectangle)]
+    expected = [COLORS[cell.winner.label].lower() if cell.winner else None for cell in found]
+    assert [to_hex(box.get_facecolor()) for box in boxes] == expected
+    plt.close(figure)
+
+
+def test_colours_are_known_for_every_method_of_the_study():
+    study = read_study(None, "regimes")
+    labels = {Method(form, solver).label for form in study.forms for solver in study.solvers}
+    assert labels <= set(COLORS)
+
+
+def test_the_study_covers_the_range_within_the_horizon():
+    study = read_study(None, "regimes")
+    numbers = sorted({scene.stokes for _, scene in study.scenes})
+    assert (numbers[0], numbers[-1]) == (1e-4, 1e8)
+    assert np.allclose(np.diff(np.log10(numbers)), 1)
+    assert all(scene.time <= 5e6 for _, scene in study.scenes)
+
+
+def test_averaged_forms_are_left_out_where_slow_time_is_endless():
+    for part in parts(read_study(None, "regimes")):
+        ((_, scene),) = part.scenes
+        assert any(find_form(name).averaged for name in part.forms) == (scene.stokes >= 1)
+
+
+def test_the_page_is_written_from_records(table: pd.DataFrame, tmp_path):
+    study = read_study(None, "regimes")
+    from dataclasses import replace
+
+    study = replace(study, scenes=tuple(pair for pair in study.scenes if pair[0] == "ellipsoid"))
+    surroundings = {"machine": {"processor": "x", "cores": 2, "system": "y", "python": "3"}, "versions": {"numpy": "2"}}
+    records = [{**row, **surroundings} for row in table.to_dict("records")]
+    page = write_page(study, records, tmp_path, "polhode regimes").read_text(encoding="utf-8")
+    assert "An averaged form wins 4 of 33 cells" in page
+    assert {path.name for path in tmp_path.iterdir()} == {"README.md", "ellipsoid.png", "cells.csv", "runs.csv"}
