@@ -7,7 +7,11 @@ from polhode.harness.paper.item import Item, Section
 
 SECTIONS = (
     "polhode.harness.paper.periods:SECTION",
+    "polhode.harness.paper.euler_tops:SECTION",
     "polhode.harness.paper.spheroid_planes:SECTION",
+    "polhode.harness.paper.ellipsoid_planes:SECTION",
+    "polhode.harness.paper.from_rest:SECTION",
+    "polhode.harness.paper.appendix:SECTION",
 )
 
 

@@ -81,8 +81,9 @@ def common_legend(figure: Figure, axes: Axes, columns: int = 4) -> None:
 def unit_sphere(axes: Axes) -> Axes:
     """Prepare three-dimensional axes for paths on the unit sphere."""
     u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 25), np.linspace(0, np.pi, 13))
+    axes.computed_zorder = False  # pyright: ignore[reportAttributeAccessIssue]
     axes.plot_wireframe(  # pyright: ignore[reportAttributeAccessIssue]
-        np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v), color="0.85", linewidth=0.4
+        np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v), color="0.85", linewidth=0.4, zorder=0
     )
     axes.set_box_aspect((1, 1, 1))  # pyright: ignore[reportArgumentType]
     axes.set(xlabel="flow $x$", ylabel="gradient $y$", zlabel="vorticity $z$", xticks=(-1, 0, 1), yticks=(-1, 0, 1))

@@ -51,7 +51,7 @@ def energy_at(ellipsoid: Ellipsoid, momentum: float, share: float) -> float:
 
 
 def plane_full_path(ellipsoid: Ellipsoid, stokes: float, momentum: float, theta: float, slow_times: np.ndarray) -> Run:
-    """Full trajectory from L = momentum ẑ (over I_max) with θ₀ = theta, ψ₀ = 0."""
+    """Full trajectory from L = momentum ẑ (over I_max) with θ₀ = theta, ψ₀ = π/2."""
     return full_run(plane_scene(ellipsoid, stokes, momentum, theta, float(slow_times[-1])), stokes * slow_times)
 
 
@@ -165,7 +165,7 @@ def comparison_figure(data: Data, bodies: Sequence[Ellipsoid], titles: Sequence[
     """One plane per body, slow trajectories over full ones."""
     figure, axes = panels(-(-len(bodies) // 2), 2, 3.9, 2.9)
     for own, body, title, (_, part) in zip(axes, bodies, titles, groups(data[""], "body"), strict=True):
-        draw_frame(own, body, -1.0, 1.0, title=title)
+        draw_frame(own, body, -0.8, 0.8, title=title)
         for index, (stokes, runs) in enumerate(groups(part, "stokes")):
             slow = np.isinf(stokes)
             color, text = (AVERAGED, "averaged") if slow else (CYCLE[index - 1], f"full, St = {power(stokes)}")

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import cos, sqrt
+from math import cos, pi, sqrt
 
 import numpy as np
 from scipy import stats
@@ -81,13 +81,14 @@ def _run(
 
 
 def aligned_start(ellipsoid: Ellipsoid, momentum: float, theta: float, phi: float = 0.0) -> EulerStart:
-    """Start with L = `momentum` ẑ: θ = theta, φ = phi, ψ = 0.
+    """Start with L = `momentum` ẑ: θ = theta, φ = phi, ψ = π/2.
 
-    With ψ = 0 the axis y' stands in the plane of z' and ẑ: φ̇₀ = L_z/I₂, ψ̇₀ = L_z cos θ₀ (1/I₃ - 1/I₂). The captions
-    of the paper print 1/I₁, which belongs to ψ₀ = π/2, and for spheroids the other sign of ψ̇₀.
+    With ψ = π/2 the axis x' stands in the plane of z' and ẑ: φ̇₀ = L_z/I₁ and ψ̇₀ = L_z cos θ₀ (1/I₃ - 1/I₁), so that θ₀
+    from 0 to π/2 covers all energies. The captions of the paper print these rates with ψ₀ = 0, to which I₂ belongs,
+    and for spheroids the other sign of ψ̇₀.
     """
-    _, i2, i3 = ellipsoid.inertia
-    return EulerStart((theta, phi, 0.0), (0.0, momentum / i2, momentum * cos(theta) * (1 / i3 - 1 / i2)))
+    i1, _, i3 = ellipsoid.inertia
+    return EulerStart((theta, phi, pi / 2), (0.0, momentum / i1, momentum * cos(theta) * (1 / i3 - 1 / i1)))
 
 
 def slow_scene(ellipsoid: Ellipsoid, slow: Sequence[float], slow_time: float) -> Scene:

@@ -91,12 +91,12 @@ def caption_plane(data: Data) -> str:
 
 KAPPAS = (2.0, 3.33, 0.5, 0.3)
 STOKES = (1e3, 1e4)
-STARTS = ((-0.9, 0.5), (-0.9, 1.2), (0.9, 0.5), (0.9, 1.2))
+STARTS = tuple((momentum, theta) for momentum in (-0.7, 0.7) for theta in (0.4, 0.9, 1.4))
 
 
 def compute_planes(grid: Grid) -> Data:
     """Slow and full trajectories of four spheroids, and their largest difference."""
-    return comparison_data([(kappa, spheroid(kappa)) for kappa in KAPPAS], STARTS, STOKES, grid.of(301, 101))
+    return comparison_data([(kappa, spheroid(kappa)) for kappa in KAPPAS], STARTS, STOKES, grid.of(201, 101))
 
 
 def figure_planes(data: Data) -> Figure:

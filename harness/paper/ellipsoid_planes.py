@@ -1,0 +1,284 @@
+"""Section "Triaxial ellipsoids" in the phase space: L_z–E planes, the critical trajectory, 3-D projections."""
+
+from math import sqrt
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from polhode.harness.paper.drawing import BLACK, BLUE, BOUND, GREEN, NODE, ORANGE, PURPLE, groups, panels
+from polhode.harness.paper.ellipsoid_motion import ELLIPSOID, ITEMS, critical_after, critical_before
+from polhode.harness.paper.item import Data, Grid, Item, Number, Section, Table, Verdict, Word
+from polhode.harness.paper.planes import (
+    columns,
+    comparison_data,
+    comparison_figure,
+    distance_from_node,
+    draw_frame,
+    draw_paths,
+    energy_at,
+    path_table,
+    pinch_bound,
+    plane_path,
+    plane_point,
+    stacked,
+)
+from polhode.harness.paper.runs import averaged_run, graded, slow_scene
+from polhode.models.fixed_points import fixed_points
+from polhode.models.separatrix import Separatrix
+from polhode.models.shape import Ellipsoid
+
+UNIT = max(ELLIPSOID.inertia)
+MIDDLE = sorted(ELLIPSOID.inertia)[1] / UNIT
+REACHED = 1e-2
+# Where local and averaged critical trajectory are compared: L_z over I_max around the singular point.
+CLOSE = 2e-3
+
+
+def compute_plane(grid: Grid) -> Data:
+    """Slow trajectories, and the critical one: local and averaged, before and after the singular point."""
+    slow_times = graded(1.0, grid.of(501, 301))
+    shares = (0.001, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95, 0.999)
+    starts = [(momentum, share) for momentum in (-1.1, -0.08, 1.1) for share in shares[:: grid.of(1, 4)]]
+    paths, ends = [], []
+    for number, (momentum, share) in enumerate(starts):
+        run = plane_path(ELLIPSOID, momentum, energy_at(ELLIPSOID, momentum, share), slow_times)
+        paths.append((number, run.times[::4], run.slow[::4]))
+        last = float(distance_from_node(ELLIPSOID, run.slow[-1]))
+        ends.append((number, momentum, share, last, run.times[-1], pinch_bound(ELLIPSOID, momentum)))
+    return {
+        "": path_table(paths, "Lz E"),
+        "ends": columns("path Lz0 share distance end bound", ends),
+        "critical": stacked([*_local(), *_averaged()]),
+    }
+
+
+def _local() -> list[tuple[dict, dict]]:
+    """Critical trajectory of the local solution on either side, over I_max."""
+    parts = []
+    for number, side in enumerate(("long", "short")):
+        local = Separatrix(ELLIPSOID, side)
+        states = [local.slow_state(y, local.critical(y)) for y in np.geomspace(1e-6, 0.5, 41).tolist()]
+        lz, energy = np.array(states)[:, 2:].T / UNIT
+        parts.append(({"kind": 0.0, "side": number}, {"Lz": lz, "E": energy}))
+    return parts
+
+
+def _averaged() -> list[tuple[dict, dict]]:
+    """Critical trajectory of the averaged equations, to the singular point and from it on to the node."""
+    _, before = critical_before(0.8, 2001)
+    after = critical_after(graded(0.5, 401))
+    return [
+        ({"kind": 1.0, "side": side}, {"Lz": slow[:, 2], "E": slow[:, 3]})
+        for side, slow in enumerate((before[::2], after))
+    ]
+
+
+def figure_plane(data: Data) -> Figure:
+    """The plane, and the neighbourhood of the singular point."""
+    figure, (left, right) = panels(1, 2, 4.6, 3.9)
+    middle = next(point for point in fixed_points(ELLIPSOID) if point.stability == "singular")
+    x, y = plane_point(ELLIPSOID, middle)
+    for own in (left, right):
+        draw_frame(own, ELLIPSOID, -1.0, 1.0)
+        draw_paths(own, data[""])
+        for (kind, _), part in _critical(data["critical"]):
+            color, line, width = (ORANGE, "--", 2.0) if kind == 0 else (PURPLE, "-", 2.0)
+            own.plot(part["Lz"], part["E"], color=color, linestyle=line, linewidth=width, zorder=4 + (kind == 0))
+    left.set_ylim(0.0, 0.8)
+    right.set(xlim=(x - 0.09, x + 0.09), ylim=(y - 0.03, y + 0.03))
+    right.set_title("around the singular point")
+    for text, marker in (("stable node", "o"), ("saddle", "*"), ("singular point", "X")):
+        left.scatter([], [], marker=marker, color=NODE, edgecolor=BLACK, label=text)
+    left.plot([], [], color=BOUND, label="$L_z^2 = 2EI_1, 2EI_3$")
+    left.plot([], [], color=BOUND, linestyle="--", label="$L_z^2 = 2EI_2$")
+    left.plot([], [], color=GREEN, label="$L_z + 4E = 0$")
+    right.plot([], [], color=PURPLE, lw=2, label="critical, averaged")
+    right.plot([], [], color=ORANGE, lw=2, linestyle="--", label="critical, local solution")
+    left.legend(loc="upper center")
+    right.legend(loc="upper right")
+    return figure
+
+
+def _critical(table: Table) -> list[tuple[tuple[float, float], Table]]:
+    return [((kind, side), own) for kind, part in groups(table, "kind") for side, own in groups(part, "side")]
+
+
+def verdict_plane(data: Data) -> Verdict:
+    """Where trajectories end, and how well the local critical trajectory fits."""
+    ends, critical = data["ends"], dict(_critical(data["critical"]))
+    left = ends["Lz0"] < 0
+    reached = float(np.mean(ends["distance"][left] < REACHED))
+    share = float(np.max(ends["end"][~left] / ends["bound"][~left]))
+    misfits = []
+    for side in (0.0, 1.0):
+        local, averaged = critical[0.0, side], critical[1.0, side]
+        near = np.abs(local["Lz"] + MIDDLE / 2) < CLOSE
+        gap = np.hypot(*(local[name][near, None] - averaged[name][None] for name in ("Lz", "E")))
+        misfits.append(float(np.max(np.min(gap, axis=1))))
+    numbers = (
+        Number(f"share of the {int(left.sum())} starts with L_z < 0 that reach the node", reached, 1, 1),
+        Number("slow time to the pinch point from L_z > 0, over L_z/(4π min X), longest", share, 0, 1),
+        Number("local against averaged critical trajectory, before the point", misfits[0], high=2e-3, unit="I_max"),
+        Number("the same after the point", misfits[1], high=2e-3, unit="I_max"),
+    )
+    sentence = (
+        "All starts with L_z < 0 reach the node, passing the singular point without a trace; those with L_z > 0 meet "
+        "the pinch point in a finite slow time, not an infinite one. The local critical trajectory agrees with the "
+        f"averaged equations to {max(misfits):.1g} I_max while L_z is within {CLOSE:g} I_max of the point."
+    )
+    return Verdict(Word.CORRECTED, sentence, numbers)
+
+
+def caption_plane(data: Data) -> str:
+    """What the figure shows."""
+    count = len(np.unique(data[""]["path"]))
+    return f"L_z–E plane of the ellipsoid (1, 0.8, 0.5) with {count} slow trajectories of L_x = L_y = 0."
+
+
+BODIES = tuple(Ellipsoid((1.0, b, c)) for b in (0.55, 0.75, 0.95) for c in (0.5, 0.3))
+STARTS = tuple((momentum, theta) for momentum in (-0.7, 0.7) for theta in (0.4, 0.9, 1.4))
+STOKES = (1e3, 1e4)
+
+
+def compute_planes(grid: Grid) -> Data:
+    """Slow and full trajectories of six ellipsoids."""
+    return comparison_data(list(enumerate(BODIES)), STARTS, STOKES, grid.of(201, 101))
+
+
+def _title(body: Ellipsoid) -> str:
+    return f"({', '.join(f'{length:g}' for length in body.semi_axes)})"
+
+
+def figure_planes(data: Data) -> Figure:
+    """Six planes."""
+    return comparison_figure(data, BODIES, [_title(body) for body in BODIES])
+
+
+def verdict_planes(data: Data) -> Verdict:
+    """The difference falls with St, and is larger for the flatter bodies."""
+    found = data["differences"]
+    worst = np.array(
+        [[float(part["difference"].max()) for _, part in groups(own, "stokes")] for _, own in groups(found, "body")]
+    )
+    ratio = worst[:, 0] / worst[:, 1]
+    numbers = (
+        Number(f"largest difference at St = {STOKES[1]:g}, worst body", float(worst[:, 1].max()), 0, 0.1, "I_max"),
+        Number(f"difference at St = {STOKES[0]:g} over that at {STOKES[1]:g}, smallest", float(ratio.min()), low=2.0),
+        Number(
+            "difference of c/a = 0.3 over that of 0.5, smallest", float((worst[1::2, 0] / worst[::2, 0]).min()), low=1.0
+        ),
+    )
+    sentence = (
+        f"Largest difference at St = {STOKES[0]:g}: "
+        + ", ".join(f"{value:.2g} {_title(body)}" for body, value in zip(BODIES, worst[:, 0], strict=True))
+        + f" I_max; at St = {STOKES[1]:g} {ratio.min():.2g} to {ratio.max():.2g} times less."
+    )
+    return Verdict(Word.SHARPENED, sentence, numbers)
+
+
+def caption_planes(data: Data) -> str:
+    """What the figure shows."""
+    starts = ", ".join(f"({momentum:g}, {theta:g})" for momentum, theta in STARTS)
+    return (
+        f"Slow (black) and full trajectories of six ellipsoids from (L_z0/I_max, θ₀) = {starts}, ψ₀ = π/2, with L "
+        "along the vorticity."
+    )
+
+
+def compute_space(grid: Grid) -> Data:
+    """One slow trajectory with L_x = 0 throughout and one with L_y = 0, and the fixed points."""
+    slow_times = graded(1.0, grid.of(401, 101))
+    paths = []
+    for zero in (1, 0):
+        slow = np.array([0.0, 0.0, -0.2, energy_at(ELLIPSOID, 1.0, 0.7)])
+        slow[1 - zero] = sqrt(1 - 0.2**2)
+        run = averaged_run(slow_scene(ELLIPSOID, tuple(slow), slow_times[-1]), slow_times)
+        paths.append((zero, slow_times, run.slow))
+    return {"": path_table(paths)}
+
+
+def figure_space(data: Data) -> Figure:
+    """Two three-dimensional views with their projections."""
+    figure, axes = panels(1, 2, 4.4, 3.5, subplot_kw={"projection": "3d"})
+    for own, (zero, part) in zip(axes, groups(data[""], "path"), strict=True):
+        name = "Lx" if zero == 1 else "Ly"
+        u, v = np.meshgrid(np.linspace(0.0, 1.0, 16), np.linspace(-0.6, 0.6, 16))
+        own.plot_wireframe(u, v, (u**2 + v**2) / 2, color=BOUND, linewidth=0.4)
+        own.plot(part[name], part["Lz"], part["E"], color=BLUE, linewidth=1.6)
+        own.plot(part[name], part["Lz"], (part[name] ** 2 + part["Lz"] ** 2) / 2, color=BLACK, linewidth=0.8)
+        own.plot(np.zeros_like(part["E"]), part["Lz"], part["E"], color=BLACK, linewidth=0.8)
+        own.plot(part[name], np.full_like(part["E"], 0.6), part["E"], color=BLACK, linewidth=0.8)
+        for point in fixed_points(ELLIPSOID):
+            momentum, energy = plane_point(ELLIPSOID, point)
+            own.scatter(0.0, momentum, energy, color=NODE, edgecolor=BLACK, s=25)
+        own.set(xlabel=f"$L_{name[1]}/I_{{max}}$", ylabel="$L_z/I_{max}$", zlabel="$E/I_{max}$", ylim=(-0.6, 0.6))
+        own.set_title(f"$L_{'xy'[int(zero)]} = 0$")
+        own.view_init(22, 35)
+        own.set_box_aspect((1, 1, 0.8), zoom=0.95)
+    return figure
+
+
+def verdict_space(data: Data) -> Verdict:
+    """The subspaces are invariant; the trajectories end at the node."""
+    kept = [float(np.max(np.abs(part["Ly" if zero == 1 else "Lx"]))) for zero, part in groups(data[""], "path")]
+    ends = [
+        float(distance_from_node(ELLIPSOID, np.array([part[name][-1] for name in ("Lx", "Ly", "Lz", "E")])))
+        for _, part in groups(data[""], "path")
+    ]
+    numbers = (
+        Number("largest |L_x| or |L_y| that starts at zero", max(kept), high=1e-14, unit="I_max"),
+        Number("distance from the node at the end", max(ends), high=1e-3, unit="I_max"),
+    )
+    sentence = (
+        "A component L_x or L_y that is zero stays zero. The (L_x, L_z, E) space belongs to L_y = 0 and the other one "
+        "to L_x = 0: the paper's text names them the other way round."
+    )
+    return Verdict(Word.CORRECTED, sentence, numbers)
+
+
+def caption_space(data: Data) -> str:
+    """What the figure shows."""
+    return (
+        "Slow trajectories of (1, 0.8, 0.5) (blue) in the invariant subspaces L_y = 0 and L_x = 0, with projections "
+        "(black) on the bounding surfaces, the paraboloid L² = 2EI₃ among them, and the fixed points."
+    )
+
+
+SECTION = Section(
+    "ellipsoids",
+    "Triaxial ellipsoids at large St",
+    (
+        ITEMS[2],
+        *ITEMS[:2],
+        Item(
+            "ellipsoid-plane",
+            "The L_z–E plane of an ellipsoid",
+            "With L_x = L_y = 0 all slow trajectories with L_z < 0 but the critical one and the upper parabola go to "
+            "the node; those with L_z > 0 reach the pinch point in infinite time; the local solution gives the "
+            "critical trajectory.",
+            compute_plane,
+            figure_plane,
+            verdict_plane,
+            caption_plane,
+        ),
+        Item(
+            "ellipsoid-planes",
+            "Full and slow trajectories of six ellipsoids",
+            "The agreement is good for St ≳ 1000; deviations grow with eccentricity and shrink with growing St.",
+            compute_planes,
+            figure_planes,
+            verdict_planes,
+            caption_planes,
+        ),
+        Item(
+            "ellipsoid-space",
+            "Projections on three dimensions",
+            "If L_x or L_y is zero at the start it is zero for all times; starts with L_x = 0 move in (L_x, L_z, E), "
+            "those with L_y = 0 in (L_y, L_z, E).",
+            compute_space,
+            figure_space,
+            verdict_space,
+            caption_space,
+        ),
+    ),
+)
