@@ -37,8 +37,16 @@ COLORS = {
     "averaged-spheroid": "#CC79A7",
     "averaged-second-order": "#8E4585",
 }
+# Colours darker than this carry white numbers.
+DARK = 0.4
 NOBODY, UNKNOWN = "#FFFFFF", "#E4E4E4"
-HEADINGS: dict[Side, str] = {"implicit": "Implicit", "explicit": "Explicit", "averaged": "Averaged equations"}
+HEADINGS: dict[Side, tuple[str, str]] = {
+    "implicit": ("Stiff side", "implicit methods"),
+    "explicit": ("Oscillatory middle", "explicit methods"),
+    "averaged": ("Averaged side", "slow equations, any solver"),
+}
+# In inches, and in rows of the map.
+LEGEND_WIDTH, LINE = 2.5, 0.3
 ERRORS = {
     "orientation_error": "full solution: orientation error, rad",
     "slow_error": "slow variables: error over $I_{max}$",
@@ -70,14 +78,15 @@ def picture(panels: Sequence[Sequence[Cell]]) -> Any:
     import matplotlib.pyplot as plt
 
     columns = len({cell.stokes for cell in panels[0]})
-    drawing, grid = plt.subplots(2, 1, figsize=(2.6 + 0.86 * columns, 10.4), sharex=True)
+    width = LEGEND_WIDTH + 0.8 + 0.86 * columns
+    drawing, grid = plt.subplots(2, 1, figsize=(width, 10.4), sharex=True)
     for axes, found, title in zip(grid, panels, ERRORS.values(), strict=True):
         draw(axes, found)
         axes.set_title(title[0].upper() + title[1:], fontsize=12, loc="left")
         axes.set_ylabel("error asked for")
     grid[-1].set_xlabel("Stokes number St")
     _legend(drawing, [cell for found in panels for cell in found])
-    drawing.tight_layout(rect=(0, 0, 1 - 1.9 / drawing.get_size_inches()[0], 1))
+    drawing.tight_layout(rect=(0, 0, 1 - LEGEND_WIDTH / width, 1))
     return drawing
 
 
@@ -88,6 +97,7 @@ def draw(axes: "Axes", found: Sequence[Cell]) -> "Axes":
     numbers = sorted({cell.stokes for cell in found})
     targets = sorted({cell.target for cell in found}, reverse=True)
     at = {(cell.stokes, cell.target): cell for cell in found}
+    usual = usual_form(found)
     for i, stokes in enumerate(numbers):
         for j, target in enumerate(targets):
             cell = at[stokes, target]
@@ -96,7 +106,7 @@ def draw(axes: "Axes", found: Sequence[Cell]) -> "Axes":
             if cell.tied and cell.second:
                 corner = [(i + 1, j), (i + 1, j + 1), (i + 0.55, j + 1)]
                 axes.add_patch(Polygon(corner, facecolor=COLORS[cell.second.label], edgecolor="none"))
-            _write_in(axes, cell, i, j)
+            _write_in(axes, cell, i, j, usual)
     _borders(axes, [[_side(at[stokes, target]) for target in targets] for stokes in numbers])
     axes.set_xlim(0, len(numbers))
     axes.set_ylim(len(targets), 0)
@@ -108,15 +118,25 @@ def draw(axes: "Axes", found: Sequence[Cell]) -> "Axes":
     return axes
 
 
-def _write_in(axes: "Axes", cell: Cell, i: int, j: int) -> None:
+def usual_form(found: Sequence[Cell]) -> str:
+    """The full form that wins most cells."""
+    forms = [cell.winner.form for cell in found if cell.winner and cell.winner.side != "averaged"]
+    return max(dict.fromkeys(forms), key=forms.count, default="")
+
+
+def _write_in(axes: "Axes", cell: Cell, i: int, j: int, usual: str) -> None:
+    """Time and lead of the winner, and its form where that is not the usual one."""
     if cell.winner is None:
         axes.text(i + 0.5, j + 0.5, "–" if cell.known else "?", ha="center", va="center", fontsize=8, color="0.55")
         return
-    dark = _luminance(COLORS[cell.winner.label]) < 0.45
-    ink = "white" if dark else "black"
-    axes.text(i + 0.5, j + 0.36, duration(cell.seconds), ha="center", va="center", fontsize=7.5, color=ink)
+    ink = "white" if _luminance(COLORS[cell.winner.label]) < DARK else "black"
     lead = "tie" if cell.tied else "alone" if isnan(cell.lead) else f"×{_factor(cell.lead)}"
-    axes.text(i + 0.42, j + 0.73, lead, ha="center", va="center", fontsize=6.5, color=ink, alpha=0.85)
+    lines = [(duration(cell.seconds), 7.5), (lead, 6.5)]
+    if cell.winner.side != "averaged" and cell.winner.form != usual:
+        lines.append((cell.winner.form, 5.5))
+    for k, (line, size) in enumerate(lines):
+        y = j + 0.52 + LINE * (k - (len(lines) - 1) / 2)
+        axes.text(i + 0.46, y, line, ha="center", va="center", fontsize=size, color=ink)
 
 
 def _borders(axes: "Axes", sides: list[list[Side | None]]) -> None:
@@ -139,17 +159,24 @@ def _legend(drawing: Any, found: Sequence[Cell]) -> None:
             if method and method.label not in [other.label for other in shown[method.side]]:
                 shown[method.side].append(method)
     handles: list[Any] = []
-    for side, heading in HEADINGS.items():
+    for side, (heading, what) in HEADINGS.items():
         if shown[side]:
-            handles.append(Patch(facecolor="none", label=rf"$\bf{{{heading.replace(' ', '~')}}}$"))
+            title = rf"$\bf{{{heading.replace(' ', '~')}}}$"
+            handles.append(Patch(facecolor="none", label=f"{title}\n{what}"))
             own = sorted(shown[side], key=lambda method: list(COLORS).index(method.label))
             handles += [Patch(facecolor=COLORS[method.label], label=method.label) for method in own]
-    handles.append(Patch(facecolor="none", label=" "))
-    handles.append(Patch(facecolor=UNKNOWN, label="below what the\nreference can tell"))
+            handles.append(Patch(facecolor="none", label=" "))
     handles.append(Patch(facecolor=NOBODY, edgecolor="0.7", label="nobody gets there"))
-    note = f"time of a warm run;\n×  lead over the next,\ncorner: a tie (within {100 * (TIE - 1):.0f} %)"
+    handles.append(Patch(facecolor=UNKNOWN, label="below what the\nreference can tell"))
+    note = (
+        "\nNumbers: time of a warm run,\n× its lead over the next colour.\n"
+        f"Corner: who ties, within {100 * (TIE - 1):.0f} %.\n"
+        f"Full equations in the form\n{usual_form(found)}, unless\na cell names another."
+    )
     handles.append(Patch(facecolor="none", label=note))
-    drawing.legend(handles=handles, loc="center right", frameon=False, fontsize=8.5, handlelength=1.4)
+    left = 1 - LEGEND_WIDTH / drawing.get_size_inches()[0]
+    style = {"frameon": False, "fontsize": 8.5, "handlelength": 1.4, "borderaxespad": 0}
+    drawing.legend(handles=handles, loc="center left", bbox_to_anchor=(left, 0.5), **style)
 
 
 def _lines(study: Study, table: pd.DataFrame, record: Record, maps: dict, command: str) -> list[str]:
@@ -176,10 +203,16 @@ def _lines(study: Study, table: pd.DataFrame, record: Record, maps: dict, comman
         axes = ", ".join(f"{length:g}" for length in scenes[0].ellipsoid.semi_axes)
         text += [f"## The {name} ({axes})", "", f"![Winners over St and error]({name}.png)", ""]
         for error, what in (("orientation_error", "orientation"), ("slow_error", "slow variables")):
-            text += [f"- {sentence}" for sentence in sentences(maps[name, error], what)]
+            text += [f"- {sentence}" for sentence in (*sentences(maps[name, error], what), _forms(maps[name, error]))]
         rows = [[f"{scene.stokes:g}", f"{scene.time:g}"] for scene in scenes]
         text += ["", "Duration in units of the inverse shear rate:", "", markdown(["St", "time"], rows, right=(0, 1))]
     return text
+
+
+def _forms(found: Sequence[Cell]) -> str:
+    forms = [cell.winner.form for cell in found if cell.winner and cell.winner.side != "averaged"]
+    counts = ", ".join(f"{form} {forms.count(form)}" for form in dict.fromkeys(forms))
+    return f"Cells by form, where a full one wins: {counts}."
 
 
 def _write_cells(maps: dict[tuple[str, str], list[Cell]], path: Path) -> None:

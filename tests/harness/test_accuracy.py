@@ -50,7 +50,7 @@ def test_the_interval_covers_the_planted_order_and_is_the_textbooks():
     from scipy.stats import linregress, t
 
     line = linregress(np.log10(STOKES[1:]), np.log10(law.error[1:]))
-    assert (high - low) / 2 == pytest.approx(t.ppf(0.975, 2) * line.stderr)
+    assert (high - low) / 2 == pytest.approx(t.ppf(0.975, 2) * line[4])
 
 
 @pytest.mark.parametrize(

@@ -75,7 +75,8 @@ def test_winners_leads_and_ties(table: pd.DataFrame):
     # Another solver of the same averaged form is not another way: the lead is that over the full equations.
     assert large.second == Method("quaternion", "taylor")
     assert found[1e6, 1e-6].winner == Method("quaternion", "taylor")
-    assert [stiff.winner.side, middle.winner.side, large.winner.side] == ["implicit", "explicit", "averaged"]
+    sides = [cell.winner.side for cell in (stiff, middle, large) if cell.winner]
+    assert sides == ["implicit", "explicit", "averaged"]
 
 
 def test_nobody_wins_where_the_reference_cannot_tell(table: pd.DataFrame):
