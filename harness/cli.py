@@ -15,6 +15,7 @@ COMMANDS = {
     "forms": "polhode.harness.commands.catalogues:forms",
     "solvers": "polhode.harness.commands.catalogues:solvers",
     "bench": "polhode.harness.commands.bench:bench",
+    "footing": "polhode.harness.commands.footing:footing",
     "compare": "polhode.harness.commands.compare:compare",
     "export": "polhode.harness.commands.export:export",
     "paper": "polhode.harness.commands.paper:paper",
@@ -24,6 +25,7 @@ COMMANDS = {
     "laws": "polhode.harness.commands.laws:laws",
     "heldout": "polhode.harness.commands.laws:heldout",
     "regimes": "polhode.harness.commands.regimes:regimes",
+    "sweep": "polhode.harness.commands.sweep:sweep",
 }
 
 
@@ -101,6 +103,7 @@ SUMMARIES = {
     "forms": "the forms of the equations",
     "solvers": "the solvers, and what is missing",
     "bench": "the main job: cost against accuracy",
+    "footing": "every solver at equal error, and what solve itself costs",
     "compare": "two saved runs, and what got worse",
     "export": "a store as CSV or JSON Lines",
     "paper": "the paper's figures and tables, each with a verdict",
@@ -110,6 +113,7 @@ SUMMARIES = {
     "laws": "measure and fit what pick goes by",
     "heldout": "how good pick is, on scenes held out",
     "regimes": "the map of who wins, over St and error",
+    "sweep": "ensembles of many particles, on one machine or many",
 }
 
 
