@@ -76,6 +76,12 @@ class Store:
         with self._readable():
             return {key for (key,) in self._connection.execute("SELECT key FROM cases")}
 
+    def result(self, key: str) -> Record | None:
+        """Result of one case; None if the store does not hold it."""
+        with self._readable():
+            row = self._connection.execute("SELECT result FROM cases WHERE key = ?", (key,)).fetchone()
+        return None if row is None else json.loads(row[0])
+
     def put(self, key: str, case: Record, result: Record) -> None:
         """Write a case once; a second writer of the same key changes nothing."""
         row = key, json.dumps(case, sort_keys=True), json.dumps(result, sort_keys=True)

@@ -1,0 +1,84 @@
+"""`polhode sweep`: ensembles over a grid of shapes and Stokes numbers, on one machine or many."""
+
+import json
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from polhode.harness.cli import BadInput, RunFailed, bad_input
+
+if TYPE_CHECKING:
+    from polhode.harness.engines import Engine
+
+
+@click.command(epilog="Example: polhode sweep sweep.toml --workers 4 --out results")
+@click.argument("sweep_file", metavar="[SWEEP.toml]", required=False, type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), help="Folder; by default reports/NAME.")
+@click.option(
+    "--workers", type=int, help="Processes on this machine; by default one per core, 0 for none besides this."
+)
+@click.option("--dask", "address", help="Address of a Dask scheduler that runs the tasks instead.")
+@click.option("--resume", is_flag=True, help="Take up an interrupted run, or join one that is under way.")
+@click.option("--json", "as_json", is_flag=True, help="Print the ensembles as JSON.")
+@click.option("--quiet", is_flag=True, help="No progress.")
+def sweep(
+    sweep_file: Path | None,
+    out: Path | None,
+    workers: int | None,
+    address: str | None,
+    resume: bool,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Run ensembles of particles over a grid of shapes and Stokes numbers and write their statistics.
+
+    Finished tasks are kept in FOLDER/store.sqlite; whatever ends a run, it goes on with --resume, and gives the same
+    numbers. Several runs with --resume may share one store.
+    """
+    from polhode.harness.store import DamagedStoreError, Store
+    from polhode.harness.sweep import StoreFailedError, read_sweep, run_sweep
+    from polhode.harness.sweep_results import write_results
+
+    with bad_input():
+        what = read_sweep(sweep_file)
+        folder = out or Path("reports") / what.name
+        engine = _engine(workers, address)
+        path = folder / "store.sqlite"
+        if path.exists() and not resume:
+            raise BadInput(f"{path}: exists, expected --resume to go on with it, or another --out")
+        try:
+            store = Store(path)
+        except DamagedStoreError as error:
+            raise BadInput(f"{error}, expected one of an earlier run or none") from None
+    with store:
+        try:
+            tally = run_sweep(what, store, engine, quiet=quiet, spread=resume)
+        except KeyboardInterrupt:
+            raise RunFailed(f"interrupted: finished tasks are in {path}, --resume goes on") from None
+        except (DamagedStoreError, StoreFailedError) as error:
+            raise RunFailed(f"{error}; finished tasks are in {path}, --resume goes on") from None
+        except OSError as error:
+            raise RunFailed(f"{error}; finished tasks are in {path}, --resume goes on") from None
+        if tally.failed:
+            raise RunFailed(f"{tally.failed} of {what.size} tasks failed, --resume tries again: {tally.message}")
+        page, ensembles = write_results(what, store, folder)
+        click.echo(json.dumps(ensembles) if as_json else f"{page}")
+
+
+def _engine(workers: int | None, address: str | None) -> "Engine":
+    from polhode.harness.engines import Dask, Processes, Serial
+
+    if address is not None:
+        if workers is not None:
+            raise BadInput(f"--workers: got {workers} with --dask, expected one of them")
+        return Dask(address)
+    if workers == 0:
+        return Serial()
+    return Processes(_cores() if workers is None else workers)
+
+
+def _cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

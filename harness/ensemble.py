@@ -1,0 +1,251 @@
+"""Ensembles: many particles of one shape and Stokes number, run in tasks that are pure functions of plain data."""
+
+import hashlib
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cache, cached_property
+from importlib.metadata import PackageNotFoundError, version
+from math import isfinite
+from typing import Any, Literal
+
+import numpy as np
+
+from polhode.harness.ensemble_attractors import Attractor, attractors
+from polhode.harness.ensemble_batch import run_batches
+from polhode.harness.ensemble_starts import Drawn, Starts
+from polhode.harness.ensemble_statistics import Layout, Statistics
+from polhode.harness.ensemble_vector import run_vectorised
+from polhode.models.catalogue import form as find_form
+from polhode.models.problem import Problem
+from polhode.models.scene import BodyStart, Scene
+from polhode.models.shape import Ellipsoid
+from polhode.solvers.contract import Status
+
+# Changes whenever a record's meaning does, so that no old record is taken for a new one.
+SCHEMA = 1
+# Numbers of a block of particles that are held at once, 8 bytes each; their observables take a few times as much.
+HELD = 2_000_000
+MOST_AT_ONCE = 8192
+# Angular velocities stay below the fastest start, or about the fluid's: histograms reach a little further.
+LEAST_LIMIT, MARGIN = 1.0, 1.05
+
+Equations = Literal["full", "averaged"]
+Record = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Ensemble:
+    """Many starts of one shape and Stokes number.
+
+    Parameters
+    ----------
+    ellipsoid : Ellipsoid
+    stokes : float
+    time : float
+        Duration in units of the inverse shear rate.
+    starts : Starts
+    particles : int
+    seed : int
+        Not negative. The starts depend on it and on `block` alone: neither on shape and St nor on who runs what.
+    equations : {"full", "averaged"}
+        Full equations in the fewest variables without angles, or the averaged ones.
+    tolerance : float
+        Of the integrator: `run_batches` for full equations, `run_vectorised` for averaged ones.
+    block : int
+        Particles of one task.
+    samples : int
+        Equispaced times at which particles are looked at for their arrival, start and end included.
+    snapshots : int
+        Times, out of those, at which moments and distributions are kept; samples - 1 is a multiple of snapshots - 1.
+    bins : int
+        Of each histogram.
+    radius : float
+        A particle has arrived when its L and E, over the largest moment of inertia, stay up to the end within this
+        distance of the motion on an attractor.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of range, or the equations do not apply.
+    """
+
+    ellipsoid: Ellipsoid
+    stokes: float
+    time: float
+    starts: Starts = field(default_factory=Starts)
+    particles: int = 10_000
+    seed: int = 1
+    equations: Equations = "full"
+    tolerance: float = 1e-9
+    block: int = 10_000
+    samples: int = 101
+    snapshots: int = 11
+    bins: int = 64
+    radius: float = 0.05
+
+    def __post_init__(self) -> None:
+        for name, least in (("particles", 1), ("seed", 0), ("block", 1), ("samples", 2), ("snapshots", 2), ("bins", 1)):
+            if getattr(self, name) < least:
+                raise ValueError(f"{name}: got {getattr(self, name)!r}, expected a whole number from {least} on")
+        if (self.samples - 1) % (self.snapshots - 1):
+            raise ValueError(f"snapshots: got {self.snapshots}, expected samples - 1 = {self.samples - 1} divisible")
+        for name in ("tolerance", "radius"):
+            value = getattr(self, name)
+            if not (isfinite(value) and value > 0):
+                raise ValueError(f"{name}: got {value!r}, expected a finite positive number")
+        if self.equations not in ("full", "averaged"):
+            raise ValueError(f"equations: got {self.equations!r}, expected 'full' or 'averaged'")
+        if self.equations == "averaged" and self.starts.motion == "rest":
+            raise ValueError("start.motion: got 'rest' with averaged equations, expected L not 0; use 'full'")
+        self._problem_of(self._drawn(0, 1))
+
+    @property
+    def form(self) -> str:
+        """Catalogue name of the form that is solved."""
+        triaxial = self.ellipsoid.kind == "triaxial"
+        if self.equations == "averaged":
+            return "averaged" if triaxial else "averaged-spheroid"
+        if self.stokes == 0:
+            return "jeffery"
+        return "quaternion" if triaxial else "spheroid-axis"
+
+    @property
+    def slow_time(self) -> float | None:
+        """Duration in slow time; None at St = 0."""
+        return None if self.stokes == 0 else self.time / self.stokes
+
+    @cached_property
+    def attractors(self) -> tuple[Attractor, ...]:
+        """The stable states that particles can be said to arrive at (`polhode.harness.ensemble_attractors`)."""
+        return attractors(self.ellipsoid, self.stokes, self.radius, circling=self.equations == "full")
+
+    @cached_property
+    def layout(self) -> Layout:
+        """What is counted."""
+        shape, given = self.ellipsoid, self.starts.angular_momentum
+        if self.equations == "averaged":
+            axes = ()
+        else:
+            axes = (
+                shape.order
+                if shape.kind == "triaxial"
+                else (2 if shape.symmetry_axis is None else shape.symmetry_axis,)
+            )
+        momentum = max(LEAST_LIMIT, 0.0 if given is None else float(np.linalg.norm(given)))
+        energy = max(LEAST_LIMIT / 2, momentum**2 / 2 * max(shape.inertia) / min(shape.inertia) if given else 0.0)
+        return Layout(
+            axes, self.snapshots, self.samples, len(self.attractors), self.bins, MARGIN * momentum, MARGIN * energy
+        )
+
+    @property
+    def content(self) -> Record:
+        """The ensemble as plain data, types coerced, with the schema and the versions that it depends on."""
+        return {
+            "schema": SCHEMA,
+            "semi_axes": [float(length) for length in self.ellipsoid.semi_axes],
+            "stokes": float(self.stokes),
+            "time": float(self.time),
+            "starts": self.starts.content,
+            "particles": int(self.particles),
+            "seed": int(self.seed),
+            "equations": self.equations,
+            "form": self.form,
+            "tolerance": float(self.tolerance),
+            "block": int(self.block),
+            "samples": int(self.samples),
+            "snapshots": int(self.snapshots),
+            "bins": int(self.bins),
+            "radius": float(self.radius),
+            "versions": {name: _version(name) for name in ("polhode", "heyoka", "numpy")},
+        }
+
+    def tasks(self) -> Iterator["Task"]:
+        """The blocks of particles, in order; all but the last are of the same size."""
+        return (Task(self, index) for index in range(-(-self.particles // self.block)))
+
+    def _drawn(self, index: int, particles: int) -> Drawn:
+        return self.starts.draw(self.ellipsoid, np.random.SeedSequence(self.seed, spawn_key=(index,)), particles)
+
+    def _scene(self, drawn: Drawn) -> Scene:
+        """Scene of the first particle."""
+        q0, q1, q2, q3 = drawn.quaternion[0].tolist()
+        w1, w2, w3 = drawn.angular_velocity[0].tolist()
+        return Scene(self.ellipsoid, self.stokes, BodyStart((q0, q1, q2, q3), (w1, w2, w3)), self.time)
+
+    def _problem_of(self, drawn: Drawn) -> Problem:
+        """Problem of the first particle, whose start the others replace."""
+        return find_form(self.form).problem(self._scene(drawn))
+
+    def run(self, index: int) -> Statistics:
+        """Statistics of a block of particles, in bounded memory."""
+        particles = min(self.block, self.particles - index * self.block)
+        drawn = self._drawn(index, particles)
+        problem, scene, layout = self._problem_of(drawn), self._scene(drawn), self.layout
+        starts = drawn.states(self.form, self.ellipsoid)
+        times = np.linspace(0.0, problem.end, self.samples)
+        solve = run_vectorised if self.equations == "averaged" else run_batches
+        statistics = Statistics.empty(layout)
+        at_once = min(MOST_AT_ONCE, max(1, HELD // (self.samples * problem.dimension)))
+        for first in range(0, particles, at_once):
+            states, statuses = solve(problem, starts[first : first + at_once], times, self.tolerance)
+            success = statistics.add_statuses(statuses, str(Status.REACHED_END))
+            self._observe(scene, states[:, success], statistics)
+        return statistics
+
+    def _observe(self, scene: Scene, states: np.ndarray, statistics: Statistics) -> None:
+        """Add states, shape (samples, n, d), to the statistics."""
+        samples, n, d = states.shape
+        seen = find_form(self.form).observe(scene, states.reshape(-1, d))
+        slow = (seen.slow / max(self.ellipsoid.inertia)).reshape(samples, n, 4)
+        every = (samples - 1) // (self.snapshots - 1)
+        if self.layout.axes:
+            rotation = seen.rotation.reshape(samples, n, 3, 3)[::every]
+            statistics.add_orientations(rotation[:, :, list(self.layout.axes)])
+        statistics.add_slow(self.layout, slow[::every])
+        for k, attractor in enumerate(self.attractors):
+            distance = np.linalg.norm(slow - attractor.state, axis=2)
+            statistics.add_arrivals(k, distance < attractor.reach)
+
+
+@dataclass(frozen=True)
+class Task:
+    """A block of an ensemble's particles: what an engine runs, and a row of the store."""
+
+    ensemble: Ensemble
+    index: int
+
+    @property
+    def content(self) -> Record:
+        """The task as plain data."""
+        return {**self.ensemble.content, "index": self.index}
+
+    @cached_property
+    def key(self) -> str:
+        """Hash of the canonical content."""
+        return _hash(self.content)
+
+
+def run_task(task: Task) -> Record:
+    """Statistics of a task as plain data: a pure function, with nothing of time, place or machine in its result.
+
+    Raises
+    ------
+    RuntimeError
+        If the task was made with other versions than those it would be run with here.
+    """
+    if _hash(task.content) != task.key:
+        raise RuntimeError(f"got a task of other versions, expected {task.content['versions']}")
+    return task.ensemble.run(task.index).as_record()
+
+
+def _hash(content: Record) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+@cache
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "absent"

@@ -1,0 +1,91 @@
+"""Full forms for many particles at once: heyoka's Taylor integrator with one particle in each SIMD lane."""
+
+import threading
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from polhode.models.operations import numpy_operations
+from polhode.models.problem import Problem
+from polhode.solvers.compile import FieldFactory, load_heyoka, traced_system
+from polhode.solvers.contract import Status
+
+# Two SIMD registers per operation keep the processor's pipelines full; more spill.
+REGISTERS = 2
+# A particle that needs more steps is recorded as failed: a stiff one, at small St, is no case for this method.
+MOST_STEPS = 10_000_000
+
+_threads = threading.local()
+
+
+def run_batches(
+    problem: Problem, starts: np.ndarray, times: np.ndarray, tolerance: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Solve a problem from many starts by Taylor's method, a batch of particles at a time.
+
+    Particles of like speed share a batch, so that no lane waits long for the others. St and the shape are parameters:
+    one compilation serves all of them.
+
+    Parameters
+    ----------
+    problem : Problem
+        Its own start is not used; not one with periodic components, whose angles would need wrapping.
+    starts : ndarray, shape (n, d)
+    times : ndarray, shape (m,)
+        Increasing, from 0 to the end, in the problem's own time.
+    tolerance : float
+        heyoka's `tol`, see `polhode.solvers.taylor.Taylor`.
+
+    Returns
+    -------
+    states : ndarray, shape (m, n, d)
+        NaN from where a particle failed.
+    statuses : ndarray of str, shape (n,)
+    """
+    parameters = np.array(problem.parameters, dtype=float)
+    integrator = _integrator(problem.field, problem.dimension, len(parameters), tolerance)
+    lanes = integrator.batch_size
+    integrator.pars[:] = parameters[:, None]
+    grid = np.repeat(times[:, None], lanes, axis=1)
+    states = np.empty((len(times), *starts.shape))
+    statuses = np.empty(len(starts), dtype=object)
+    order = np.argsort(_speed(problem, starts, parameters), kind="stable")
+    for first in range(0, len(order), lanes):
+        who = order[first : first + lanes]
+        integrator.set_time(0.0)
+        integrator.state[:] = starts[np.resize(who, lanes)].T
+        rows = integrator.propagate_grid(grid, max_steps=MOST_STEPS)[-1]
+        states[:, who] = np.moveaxis(rows, 2, 1)[:, : len(who)]
+        statuses[who] = [_status(result[0]) for result in integrator.propagate_res[: len(who)]]
+    states[:, statuses != str(Status.REACHED_END)] = np.nan
+    return states, statuses
+
+
+def _speed(problem: Problem, starts: np.ndarray, parameters: np.ndarray) -> np.ndarray:
+    """Square of the state's rate of change at the start, shape (n,)."""
+    rates = problem.field(numpy_operations())(starts.T, parameters)
+    return sum((np.square(rate) for rate in rates), start=np.zeros(len(starts)))
+
+
+def _status(outcome: Any) -> str:
+    outcomes = load_heyoka().taylor_outcome
+    if outcome == outcomes.time_limit:
+        return str(Status.REACHED_END)
+    if outcome == outcomes.step_limit:
+        return str(Status.STEP_LIMIT)
+    return str(Status.NON_FINITE if outcome == outcomes.err_nf_state else Status.STEP_UNDERFLOW)
+
+
+def _integrator(factory: FieldFactory, dimension: int, parameters: int, tolerance: float) -> Any:
+    """The integrator of this thread: integrators hold a state, and engines may run tasks in threads."""
+    if not hasattr(_threads, "make"):
+        _threads.make = cache(_compile)
+    return _threads.make(factory, dimension, parameters, tolerance)
+
+
+def _compile(factory: FieldFactory, dimension: int, parameters: int, tolerance: float) -> Any:
+    heyoka = load_heyoka()
+    lanes = REGISTERS * heyoka.recommended_simd_size()
+    system = traced_system(factory, dimension, parameters)
+    return heyoka.taylor_adaptive_batch(system, np.zeros((dimension, lanes)), tol=tolerance)

@@ -1,0 +1,171 @@
+"""Statistics of an ensemble: sums and counts of fixed size, whatever the number of particles, that can be merged."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
+from itertools import combinations_with_replacement
+from typing import Any, Self
+
+import numpy as np
+
+SECOND = tuple(combinations_with_replacement(range(3), 2))
+FOURTH = tuple(combinations_with_replacement(range(3), 4))
+# Slow variables whose distributions are kept, in units of the largest moment of inertia.
+SLOW_NAMES = ("Lx", "Ly", "Lz", "L", "E")
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What is counted, and in which bins.
+
+    Parameters
+    ----------
+    axes : tuple of int
+        Body axes whose orientation moments are kept.
+    snapshots : int
+        Times at which moments and distributions are kept.
+    samples : int
+        Times at which particles are looked at for their arrival.
+    attractors : int
+    bins : int
+        Of each histogram between its limits; two more hold what lies below and above.
+    largest_momentum, largest_energy : float
+        Limits, over the largest moment of inertia: of |L| and its components (± for these), and of E.
+    """
+
+    axes: tuple[int, ...]
+    snapshots: int
+    samples: int
+    attractors: int
+    bins: int
+    largest_momentum: float
+    largest_energy: float
+
+    def edges(self, name: str) -> np.ndarray:
+        """Inner bin edges of a slow variable, shape (bins + 1,)."""
+        high = self.largest_energy if name == "E" else self.largest_momentum
+        return np.linspace(0.0 if name in ("L", "E") else -high, high, self.bins + 1)
+
+
+@dataclass
+class Statistics:
+    """Sums over particles, with S snapshots, A axes, M samples.
+
+    Parameters
+    ----------
+    particles : int
+        All that were started.
+    failures : dict
+        Number of particles by the status of their failure; the sums leave them out.
+    second : ndarray, shape (S, A, 6)
+        Σ p_i p_j in the order of `SECOND`.
+    fourth, fourth_squares : ndarray, shape (S, A, 15)
+        Σ p_i p_j p_k p_l in the order of `FOURTH`, and the sum of their squares.
+    slow, slow_squares : ndarray, shape (S, 5)
+        Sums of `SLOW_NAMES` over the largest moment of inertia, and of their squares.
+    histograms : ndarray of int, shape (S, 5, bins + 2)
+    arrivals : ndarray of int, shape (attractors, M)
+        Particles by the sample at which they came close to an attractor and stayed to the end.
+    """
+
+    particles: int
+    failures: dict[str, int]
+    second: np.ndarray
+    fourth: np.ndarray
+    fourth_squares: np.ndarray
+    slow: np.ndarray
+    slow_squares: np.ndarray
+    histograms: np.ndarray
+    arrivals: np.ndarray
+
+    @classmethod
+    def empty(cls, layout: Layout) -> Self:
+        """No particles yet."""
+        times, axes, names = layout.snapshots, len(layout.axes), len(SLOW_NAMES)
+        return cls(
+            0,
+            {},
+            np.zeros((times, axes, len(SECOND))),
+            np.zeros((times, axes, len(FOURTH))),
+            np.zeros((times, axes, len(FOURTH))),
+            np.zeros((times, names)),
+            np.zeros((times, names)),
+            np.zeros((times, names, layout.bins + 2), dtype=np.int64),
+            np.zeros((layout.attractors, layout.samples), dtype=np.int64),
+        )
+
+    @property
+    def finished(self) -> int:
+        """Particles that reached the end."""
+        return self.particles - sum(self.failures.values())
+
+    def add_statuses(self, statuses: np.ndarray, success: str) -> np.ndarray:
+        """Count particles; returns which of them succeeded, shape (n,)."""
+        self.particles += len(statuses)
+        for status in statuses[statuses != success]:
+            self.failures[status] = self.failures.get(status, 0) + 1
+        return statuses == success
+
+    def add_orientations(self, directions: np.ndarray) -> None:
+        """Add unit vectors, shape (S, n, A, 3)."""
+        components = np.moveaxis(directions, 3, 0)
+        pairs = {pair: components[pair[0]] * components[pair[1]] for pair in SECOND}
+        for k, pair in enumerate(SECOND):
+            self.second[:, :, k] += pairs[pair].sum(axis=1)
+        for k, (i, j, m, n) in enumerate(FOURTH):
+            product = pairs[i, j] * pairs[m, n]
+            self.fourth[:, :, k] += product.sum(axis=1)
+            self.fourth_squares[:, :, k] += np.square(product).sum(axis=1)
+
+    def add_slow(self, layout: Layout, slow: np.ndarray) -> None:
+        """Add slow variables (L_x, L_y, L_z, E) over the largest moment of inertia, shape (S, n, 4)."""
+        length = np.linalg.norm(slow[..., :3], axis=-1)
+        columns = [slow[..., 0], slow[..., 1], slow[..., 2], length, slow[..., 3]]
+        for k, (name, values) in enumerate(zip(SLOW_NAMES, columns, strict=True)):
+            self.slow[:, k] += values.sum(axis=1)
+            self.slow_squares[:, k] += np.square(values).sum(axis=1)
+            edges = layout.edges(name)
+            place = np.floor((values - edges[0]) * (layout.bins / (edges[-1] - edges[0]))).astype(np.int64) + 1
+            place = np.clip(place, 0, layout.bins + 1)
+            for snapshot, row in enumerate(place):
+                self.histograms[snapshot, k] += np.bincount(row, minlength=layout.bins + 2)
+
+    def add_arrivals(self, attractor: int, close: np.ndarray) -> None:
+        """Add particles by the first sample from which on they are close to an attractor; shape (M, n) of bool."""
+        samples = len(close)
+        staying = np.where(np.all(close, axis=0), samples, np.argmin(close[::-1], axis=0))
+        first = samples - staying[staying > 0]
+        self.arrivals[attractor] += np.bincount(first, minlength=samples)
+
+    def merge(self, other: "Statistics") -> None:
+        """Add the sums of other particles of the same ensemble."""
+        self.particles += other.particles
+        for status, count in other.failures.items():
+            self.failures[status] = self.failures.get(status, 0) + count
+        for name in _ARRAYS:
+            getattr(self, name).__iadd__(getattr(other, name))
+
+    def as_record(self) -> dict[str, Any]:
+        """As plain data, without loss."""
+        arrays = {name: getattr(self, name).tolist() for name in _ARRAYS}
+        return {"particles": self.particles, "failures": self.failures, **arrays}
+
+    @classmethod
+    def from_record(cls, record: dict[str, Any], layout: Layout) -> Self:
+        """The statistics that `as_record` wrote."""
+        empty = cls.empty(layout)
+        for name in _ARRAYS:
+            array = getattr(empty, name)
+            array[...] = np.array(record[name], dtype=array.dtype).reshape(array.shape)
+        empty.particles, empty.failures = record["particles"], dict(record["failures"])
+        return empty
+
+
+_ARRAYS = tuple(field.name for field in fields(Statistics) if field.name not in ("particles", "failures"))
+
+
+def merged(layout: Layout, parts: Iterable[Statistics]) -> Statistics:
+    """Sum of statistics, in the order given: floating-point sums depend on it in their last digits."""
+    total = Statistics.empty(layout)
+    for part in parts:
+        total.merge(part)
+    return total

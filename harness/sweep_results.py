@@ -1,0 +1,70 @@
+"""What a sweep leaves behind: tables for the reader, CSV files for the rest."""
+
+from pathlib import Path
+from typing import Any
+
+from polhode.harness.ensemble_summary import (
+    arrival_rows,
+    distribution_rows,
+    ensemble_row,
+    moment_rows,
+    slow_rows,
+)
+from polhode.harness.partial_file import PartialFile
+from polhode.harness.store import Store, export
+from polhode.harness.sweep import NO_TIMES, Sweep, gather
+from polhode.harness.text import markdown
+
+FILES = {
+    "moments.csv": (moment_rows, "orientation moments of second and fourth order, with standard errors"),
+    "slow.csv": (slow_rows, "means of L and E, with standard errors"),
+    "distributions.csv": (distribution_rows, "histograms of L and E"),
+    "arrivals.csv": (arrival_rows, "fraction arrived at each attractor against time, with 95 % intervals"),
+}
+
+
+def write_results(sweep: Sweep, store: Store, folder: Path) -> tuple[Path, list[dict[str, Any]]]:
+    """Write the page and the CSV files of a finished sweep; returns the page's path, and a row for each ensemble."""
+    ensembles = []
+    rows: dict[str, list[dict[str, Any]]] = {name: [] for name in FILES}
+    for ensemble in sweep.ensembles:
+        statistics = gather(ensemble, store)
+        ensembles.append(ensemble_row(ensemble, statistics))
+        for name, (make, _) in FILES.items():
+            rows[name] += make(ensemble, statistics)
+    for name, records in rows.items():
+        export(records, folder / name)
+    page = folder / "README.md"
+    with PartialFile(page) as file:
+        file.write(_page(sweep, ensembles))
+    return page, ensembles
+
+
+def _page(sweep: Sweep, ensembles: list[dict[str, Any]]) -> str:
+    header = ("shape", "St", "equations", "particles", "failed", "arrived (95 %)", "median transient time (95 %)")
+    lines = [
+        (
+            f"{row['a']:g} : {row['b']:g} : {row['c']:g}",
+            f"{row['stokes']:g}",
+            row["equations"],
+            row["particles"],
+            sum(row["failures"].values()),
+            "; ".join(f"{name}: {_interval(interval)}" for name, interval in row["arrived"].items()) or "–",
+            _interval(row["transient_time"]["0.5"]) if row["transient_time"] else "–",
+        )
+        for row in ensembles
+    ]
+    files = "\n".join(f"- [{name}]({name}): {what}" for name, (_, what) in FILES.items())
+    return (
+        f"# {sweep.title}\n\n{markdown(header, lines, right=(1, 3, 4))}\n"
+        "Times are in units of the inverse shear rate, L and E over the largest moment of inertia. Failed particles "
+        "are left out of every statistic.\n"
+        "A particle has arrived when its L and E stay close to an attractor's up to the end of the run; `later` is "
+        "after that end.\n\n"
+        f"{files}\n\nEvery task's record says: {NO_TIMES}.\n"
+    )
+
+
+def _interval(interval: dict[str, float | None]) -> str:
+    value, low, high = ("later" if end is None else f"{end:.4g}" for end in interval.values())
+    return f"{value} ({low} to {high})"
