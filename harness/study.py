@@ -18,7 +18,7 @@ from polhode.models.scene_file import Positive, first_complaint, parse_scene, sc
 from polhode.models.scenes import named_scene
 from polhode.solvers.catalogue import SOLVERS
 from polhode.solvers.catalogue import solver as find_solver
-from polhode.solvers.contract import SolverNotValidError
+from polhode.solvers.contract import Backend, Jacobian, SolverNotValidError
 
 QUICK_SECONDS = 0.2
 
@@ -54,6 +54,8 @@ class StudyTable(BaseModel):
     tolerances: Annotated[list[Positive], Field(min_length=1)]
     forms: Annotated[list[str], Field(min_length=1)]
     solvers: Annotated[list[str], Field(min_length=1)] = list(SOLVERS)
+    backends: Annotated[list[Backend], Field(min_length=1)] | None = None
+    jacobians: Annotated[list[Jacobian], Field(min_length=1)] | None = None
     scenes: Annotated[list[StudySceneTable], Field(min_length=1)]
 
     @model_validator(mode="after")
@@ -90,7 +92,10 @@ class Batches(Protocol):
 
 @dataclass(frozen=True)
 class Study:
-    """What to measure: every solver on every form of every scene, from the loosest tolerance to the tightest."""
+    """What to measure: every solver on every form of every scene, from the loosest tolerance to the tightest.
+
+    Where back ends or Jacobians are named, every solver runs with each of them that it offers; else with its first one.
+    """
 
     name: str
     title: str
@@ -100,6 +105,8 @@ class Study:
     tolerances: tuple[float, ...]
     samples: int
     max_seconds: float
+    backends: tuple[Backend, ...] | None = None
+    jacobians: tuple[Jacobian, ...] | None = None
 
     def batches(self) -> Iterator[list[Case]]:
         """Cases in batches that are timed in interleaved order: one scene, form and tolerance, all solvers."""
@@ -118,9 +125,22 @@ class Study:
                     accepted.append(solver_name)
                 for tolerance in sorted(self.tolerances, reverse=True):
                     yield [
-                        Case(scene_name, scene, form_name, solver_name, tolerance, self.samples, self.max_seconds)
+                        Case(
+                            scene_name, scene, form_name, solver_name, tolerance, self.samples, self.max_seconds, *ways
+                        )
                         for solver_name in accepted
+                        for ways in self._ways(solver_name)
                     ]
+
+    def _ways(self, solver_name: str) -> list[tuple[Backend | None, Jacobian | None]]:
+        """Back ends and Jacobians with which to run a solver."""
+        solver = find_solver(solver_name)
+        offered = set(solver.backends), set(solver.jacobians)
+        backends: list[Backend | None] = [name for name in self.backends or () if name in offered[0]]
+        jacobians: list[Jacobian | None] = [name for name in self.jacobians or () if name in offered[1]]
+        if self.backends is None:
+            backends = [None]
+        return [(backend, jacobian) for backend in backends for jacobian in jacobians or [None]]
 
 
 def read_study(path: Path | None, default: str = "bench") -> Study:
@@ -172,6 +192,8 @@ def parse_study(contents: dict[str, Any]) -> Study:
         tuple(table.tolerances),
         table.samples,
         table.max_seconds,
+        tuple(table.backends) if table.backends else None,
+        tuple(table.jacobians) if table.jacobians else None,
     )
     if not any(study.batches()):
         raise ValueError(f"forms: got {list(study.forms)}, expected one that some scene and solver accept")

@@ -1,0 +1,47 @@
+"""`polhode footing`: every solver on equal footing."""
+
+from pathlib import Path
+
+import click
+
+from polhode.harness.cli import BadInput, RunFailed, bad_input
+
+
+@click.command(epilog="Example: polhode footing --out look --quick")
+@click.option("--out", type=click.Path(path_type=Path), default=Path("reports/solvers"), show_default=True)
+@click.option("--quick", is_flag=True, help="Fewer tolerances and short time limits: a look, not a result.")
+@click.option("--resume", is_flag=True, help="Take up an interrupted run instead of starting afresh.")
+@click.option("--quiet", is_flag=True, help="No progress.")
+def footing(out: Path, quick: bool, resume: bool, quiet: bool) -> None:
+    """Compare all solvers at equal error, with every back end, and with the bare library calls.
+
+    About ten minutes; an interrupted run goes on with --resume.
+    """
+    from polhode.harness.commands.bench import start_afresh
+    from polhode.harness.footing import Measured, write_page
+    from polhode.harness.overhead import measure, paper_problem
+    from polhode.harness.run import Runner
+    from polhode.harness.store import DamagedStoreError, Store
+    from polhode.harness.study import quick_study, read_study
+
+    with bad_input():
+        out.mkdir(parents=True, exist_ok=True)
+        if not resume:
+            start_afresh(out)
+        try:
+            store = Store(out / "store.sqlite")
+        except DamagedStoreError as error:
+            raise BadInput(f"{error}, expected one of an earlier run or none") from None
+    overheads = measure(paper_problem(), seconds=0.2 if quick else 2.0)
+    found = {}
+    with store:
+        for name in ("solvers", "spheroid", "backends"):
+            study = read_study(None, name)
+            try:
+                found[name] = Runner(store, quiet).run(quick_study(study) if quick else study)
+            except KeyboardInterrupt:
+                raise RunFailed(f"interrupted: finished cases are in {store.path}, --resume goes on") from None
+            except DamagedStoreError as error:
+                raise RunFailed(str(error)) from None
+    page = write_page(Measured(**found, overheads=overheads), out, f"polhode footing{' --quick' if quick else ''}")
+    click.echo(f"{page}")
