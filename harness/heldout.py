@@ -184,8 +184,8 @@ def predictions(records: Sequence[Record], laws: Laws) -> list[Prediction]:
         form, tolerance = find_form(record["form"]), record["tolerance"]
         seconds = law.cost.predict(load_of(form, known, record["samples"]), tolerance)
         sensitivity = form_sensitivity(form, known)[0]
-        usable = law.slow is not None and sensitivity.error < inf
-        error = law.slow.predict(sensitivity, tolerance) if usable and law.slow else None
+        slow = law.error_law("slow", sensitivity) if sensitivity.error < inf else None
+        error = slow.predict(sensitivity, tolerance) if slow else None
         found.append(Prediction(record, seconds, error, record.get("solver_slow_error")))
     return found
 

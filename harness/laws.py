@@ -32,6 +32,8 @@ from polhode.harness.cache import cache_folder
 SCHEMA = 1
 EPS = float(np.finfo(float).eps)
 WANTS = ("slow", "orientation")
+# Damping times, T max(8πX/I)/St, from which on an explicit method is held back by stability.
+STIFF = 2e4
 
 
 @dataclass(frozen=True)
@@ -121,6 +123,8 @@ class Sensitivity:
         N and S/T.
     largest : float
         Size of what is measured: the largest |L|, E over I_max, or 1 rad.
+    stiff : bool
+        Whether there are more than `STIFF` damping times.
     """
 
     tolerance: float
@@ -128,6 +132,7 @@ class Sensitivity:
     rotations: float
     stiffness: float
     largest: float
+    stiff: bool = False
 
 
 @dataclass(frozen=True)
@@ -179,8 +184,9 @@ class MethodLaws:
     ----------
     form, solver : str
     cost : CostLaw
-    slow, orientation : ErrorLaw or None
-        None where it was never measured.
+    errors : dict
+        Error laws of "slow" and "orientation", and of "stiff slow" and "stiff orientation" beyond `STIFF` damping
+        times, where errors die out and the pilot is an implicit one; without what was not measured often enough.
     compile_seconds : float
         Compilation on first use in a process.
     tightest : float
@@ -190,14 +196,18 @@ class MethodLaws:
     form: str
     solver: str
     cost: CostLaw
-    slow: ErrorLaw | None
-    orientation: ErrorLaw | None
+    errors: dict[str, ErrorLaw]
     compile_seconds: float
     tightest: float
 
-    def error_law(self, want: str) -> ErrorLaw | None:
-        """The law of what is wanted."""
-        return self.slow if want == "slow" else self.orientation
+    def error_law(self, want: str, at: Sensitivity) -> ErrorLaw | None:
+        """The law of what is wanted, in the scene's regime."""
+        return self.errors.get(regime(want, at.stiff))
+
+
+def regime(want: str, stiff: bool) -> str:
+    """Name of the law of what is wanted, in one regime or the other."""
+    return f"stiff {want}" if stiff else want
 
 
 @dataclass(frozen=True)
@@ -223,17 +233,23 @@ class Laws:
         path.write_text(f'{{{head}, "methods": [\n{lines}\n]}}\n', encoding="utf-8")
 
 
+class OtherSchemaError(ValueError):
+    """The laws are those of another version."""
+
+
 def parse_laws(text: str) -> Laws:
     """Laws from JSON.
 
     Raises
     ------
+    OtherSchemaError
+        If they are those of another version.
     ValueError
-        If the text holds no laws, or those of another schema.
+        If the text holds no laws.
     """
     content = json.loads(text)
     if content.get("schema") != SCHEMA:
-        raise ValueError(f"laws: got schema {content.get('schema')!r}, expected {SCHEMA}")
+        raise OtherSchemaError(f"laws: got schema {content.get('schema')!r}, expected {SCHEMA}")
     methods = [_method(each) for each in content["methods"]]
     return Laws({(law.form, law.solver): law for law in methods}, content["source"])
 
@@ -245,23 +261,25 @@ def own_laws_path() -> Path:
 
 @cache
 def load_laws() -> Laws:
-    """Laws fitted on this machine if there are any, else those that come with the package."""
+    """Laws fitted on this machine by this version if there are any, else those that come with the package."""
     own = own_laws_path()
     if own.is_file():
         try:
             return parse_laws(own.read_text(encoding="utf-8"))
+        except OtherSchemaError:
+            pass
         except (ValueError, KeyError, TypeError) as error:
-            raise ValueError(f"{own}: {error}; remove it to use the laws that come with the package") from None
+            raise ValueError(f"{own}: {error}, expected laws; remove it to use those of the package") from None
     return parse_laws((files("polhode.harness") / "laws.json").read_text(encoding="utf-8"))
 
 
 def _method(content: dict[str, Any]) -> MethodLaws:
-    laws = {name: _law(ErrorLaw, content[name]) for name in WANTS}
-    return MethodLaws(**content | laws | {"cost": _law(CostLaw, content["cost"])})
+    errors = {name: _law(ErrorLaw, law) for name, law in content["errors"].items()}
+    return MethodLaws(**content | {"cost": _law(CostLaw, content["cost"]), "errors": errors})
 
 
-def _law(kind: Any, content: dict[str, Any] | None) -> Any:
-    return None if content is None else kind(**content | {"stray": Stray(**content["stray"])})
+def _law(kind: Any, content: dict[str, Any]) -> Any:
+    return kind(**content | {"stray": Stray(**content["stray"])})
 
 
 def _rounded(content: Any) -> Any:

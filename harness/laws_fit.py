@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from polhode.harness.laws import EPS, WANTS, CostLaw, ErrorLaw, Laws, Load, MethodLaws, Sensitivity, Stray
+from polhode.harness.laws import EPS, WANTS, CostLaw, ErrorLaw, Laws, Load, MethodLaws, Sensitivity, Stray, regime
 from polhode.harness.laws_least_squares import Misfit, bootstrap
 from polhode.harness.laws_pilot import Pilot, PilotFailedError, form_sensitivity, held_back, load_of, pilot
 from polhode.harness.store import Record
@@ -19,13 +19,15 @@ from polhode.solvers.contract import Status
 Array = np.ndarray
 
 # Fewer scenes than this make no law.
-LEAST_SCENES = 4
+LEAST_SCENES = 3
 # Fewer runs than this say nothing of a machine's own factor for a method.
 LEAST_RUNS = 3
 # Residuals beyond these, in ln(time) and ln(error), are taken for disturbances and pull less.
 SOFT_COST, SOFT_ERROR = 0.15, 1.0
 # An error of this share of what is measured, or more, tells no law.
 SANE = 0.1
+# An error of this share of the tolerance is as good as none: how much smaller it is would only pull the law off.
+LUCKY = 1e-3
 
 
 @dataclass(frozen=True)
@@ -65,8 +67,10 @@ def sample_of(record: Record, pilot: Pilot) -> Sample | None:
     """A record in the laws' terms; None for a run that failed."""
     if record["status"] != Status.REACHED_END or "seconds" not in record:
         return None
-    found = form_sensitivity(find_form(record["form"]), pilot)
-    if held_back(record["solver"], pilot.scene):
+    form = find_form(record["form"])
+    try:
+        found = (None, None) if held_back(record["solver"], pilot.scene) else form_sensitivity(form, pilot)
+    except PilotFailedError:
         found = None, None
     pairs = []
     for want, sensitivity in zip(WANTS, found, strict=True):
@@ -74,12 +78,13 @@ def sample_of(record: Record, pilot: Pilot) -> Sample | None:
         if sensitivity is None or error is None or not error < SANE * sensitivity.largest or sensitivity.error == inf:
             pairs.append(None)
             continue
-        # Below the reference's uncertainty, and below rounding, all errors are alike.
-        pairs.append((sensitivity, max(error, uncertainty, EPS * sensitivity.largest / 10)))
+        # Below the reference's uncertainty, below rounding, and far below the tolerance all errors are alike.
+        least = max(uncertainty, EPS * sensitivity.largest / 10, LUCKY * record["tolerance"])
+        pairs.append((sensitivity, max(error, least)))
     return Sample(
         record["scene_name"],
         record["tolerance"],
-        load_of(find_form(record["form"]), pilot, record["samples"]),
+        load_of(form, pilot, record["samples"]),
         record["seconds"],
         pairs[0],
         pairs[1],
@@ -112,8 +117,7 @@ def fit_laws(records: Iterable[Record], source: dict[str, Any]) -> Laws:
             form=form,
             solver=solver,
             cost=fit_cost(runs),
-            slow=fit_error(runs, "slow", solver == "exact"),
-            orientation=fit_error(runs, "orientation", solver == "exact"),
+            errors=fit_errors(runs, solver == "exact"),
             compile_seconds=prepared[form, compile_group(solver)],
             tightest=min(run.tolerance for run in runs),
         )
@@ -196,12 +200,20 @@ def fit_cost(runs: Sequence[Sample]) -> CostLaw:
     return CostLaw(**values, stray=Stray(*fit.strays), records=len(runs), intervals=intervals)
 
 
-def fit_error(runs: Sequence[Sample], want: str, closed_form: bool = False) -> ErrorLaw | None:
-    """Fit the law of the slow or the orientation error of a method; None if too few runs have one."""
+def fit_errors(runs: Sequence[Sample], closed_form: bool = False) -> dict[str, ErrorLaw]:
+    """Fit the error laws of a method, of all wants and regimes of which there are enough runs."""
+    laws = {}
+    for want in WANTS:
+        for stiff in (False, True):
+            known = [run for run in runs if (found := run.of(want)) is not None and found[0].stiff == stiff]
+            if len({run.scene for run in known}) >= LEAST_SCENES:
+                laws[regime(want, stiff)] = fit_error(known, want, closed_form)
+    return laws
+
+
+def fit_error(runs: Sequence[Sample], want: str, closed_form: bool = False) -> ErrorLaw:
+    """Fit the law of the slow or the orientation error to runs that all have one."""
     known = [(run, found) for run in runs if (found := run.of(want)) is not None]
-    runs = [run for run, _ in known]
-    if len({run.scene for run in runs}) < LEAST_SCENES:
-        return None
     at = [found[0] for _, found in known]
     looseness = np.log([run.tolerance / s.tolerance for run, s in zip(runs, at, strict=True)])
     pilots, turns = np.log([s.error for s in at]), np.log1p([s.rotations for s in at])

@@ -11,8 +11,8 @@ from polhode.harness.laws import Interval
 from polhode.harness.laws_pilot import (
     Pilot,
     PilotFailedError,
-    averaged_ladder,
     follow,
+    form_ladder,
     full_form,
 )
 from polhode.models.form import Form
@@ -59,7 +59,7 @@ def model_errors(form: Form, pilot: Pilot) -> dict[str, Interval | None]:
 def causes(form: Form, pilot: Pilot) -> list[str]:
     """What makes averaging poor on a scene, in words; empty where nothing in particular does."""
     scene = pilot.scene
-    observables = averaged_ladder(form, scene)[-1][1]
+    observables = form_ladder(form, scene)[-1][1]
     size = np.linalg.norm(observables.angular_momentum, axis=1)
     found = []
     if size.min() < PINCHED * size.max():
@@ -77,7 +77,7 @@ def causes(form: Form, pilot: Pilot) -> list[str]:
 
 
 def _measured(form: Form, pilot: Pilot) -> dict[str, Interval | None]:
-    found = errors(pilot.scene.ellipsoid, averaged_ladder(form, pilot.scene)[-1][1], pilot.observables)
+    found = errors(pilot.scene.ellipsoid, form_ladder(form, pilot.scene)[-1][1], pilot.observables)
     intervals: dict[str, Interval | None] = {}
     for want, value, gain in (
         ("slow", found.slow, pilot.slow),
@@ -96,8 +96,8 @@ def _carried_on(form: Form, pilot: Pilot) -> dict[str, Interval | None]:
     near = pilot.followed
     far = replace(near, stokes=near.stokes / RATIO, time=near.time / RATIO)
     ellipsoid = pilot.scene.ellipsoid
-    at_near = errors(ellipsoid, averaged_ladder(form, near)[-1][1], pilot.observables)
-    at_far = errors(ellipsoid, averaged_ladder(form, far)[-1][1], _tight(far))
+    at_near = errors(ellipsoid, form_ladder(form, near)[-1][1], pilot.observables)
+    at_far = errors(ellipsoid, form_ladder(form, far)[-1][1], _tight(far))
     gap = pilot.scene.stokes / near.stokes
     return {want: _interval(want, at_near, at_far, gap) for want in ("slow", "orientation")}
 

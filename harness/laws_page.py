@@ -191,9 +191,7 @@ def _by_method(predictions: Sequence[Prediction]) -> Iterable[tuple[str, ...]]:
 def _law_rows(laws: Laws) -> list[dict[str, Any]]:
     rows = []
     for law in laws.methods.values():
-        for kind, one in (("cost", law.cost), ("slow", law.slow), ("orientation", law.orientation)):
-            if one is None:
-                continue
+        for kind, one in {"cost": law.cost, **law.errors}.items():
             for name, (low, high) in one.intervals.items():
                 head = {"form": law.form, "solver": law.solver, "law": kind, "runs": one.records, "parameter": name}
                 rows.append({**head, "value": getattr(one, name), "low": low, "high": high})

@@ -13,7 +13,7 @@ from math import inf, isfinite, isinf, pi
 import numpy as np
 
 from polhode.harness.errors import Errors, errors
-from polhode.harness.laws import Load, Sensitivity
+from polhode.harness.laws import STIFF, Load, Sensitivity
 from polhode.harness.rotations import rotations
 from polhode.models.catalogue import form as find_form
 from polhode.models.form import Form
@@ -26,11 +26,13 @@ from polhode.solvers.solve import Solution, solve
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 # A difference beyond this share of its largest possible value says nothing but that the tolerance was too loose.
 SATURATED = 0.03
+# Forms that take a second to compile, and whose errors are those of the quaternion form, or worse.
+ANGLES = ("euler-angles", "spheroid-angles")
+# A pilot whose error is a smaller share of its tolerance was lucky, or took a handful of steps: others will not be.
+LUCKY = 0.1
 SAMPLES = 401
 # Rotations and steps of a run: some tenths of a second.
 MOST_ROTATIONS, MOST_STEPS = 5_000.0, 300_000
-# Damping times, T max(8πX/I)/St, from which on an explicit method is held back by stability.
-STIFF = 2e4
 # Rotations of a twin, and what makes a motion fast enough to have one: rotations per damping time, and |ω| at the
 # start over its mean.
 TWIN_ROTATIONS, FAST, USUAL = 1_000.0, 50.0, 0.2
@@ -157,12 +159,15 @@ def pilot(scene: Scene) -> Pilot:
         raise PilotFailedError(f"pilot: {error}") from None
     followed = _within_reach(whole, count)
     found = _ladder(full_form(followed), followed)
-    slow, orientation = gains(followed.ellipsoid, found)
-    gap = whole.time / followed.time
+    slow, orientation = _grown(*gains(followed.ellipsoid, found), whole.time / followed.time)
+    return Pilot(whole, followed, count, found[-1][1], slow, orientation)
+
+
+def _grown(slow: Gain, orientation: Gain | None, gap: float) -> tuple[Gain, Gain | None]:
+    """Gains over `gap` times as many rotations."""
     if orientation is not None:
         orientation = replace(orientation, error=orientation.error * gap ** GROWTH["orientation"])
-    slow = replace(slow, error=slow.error * gap ** GROWTH["slow"])
-    return Pilot(whole, followed, count, found[-1][1], slow, orientation)
+    return replace(slow, error=slow.error * gap ** GROWTH["slow"]), orientation
 
 
 def pilot_solver(scene: Scene) -> str:
@@ -196,7 +201,7 @@ def _first_below(pairs: list[tuple[float, Errors]], name: str, limit: float) -> 
     for tolerance, error in pairs[1:]:
         value = getattr(error, name)
         if value < limit:
-            return Gain(tolerance, max(value, 1e-16))
+            return Gain(tolerance, max(value, LUCKY * tolerance))
     return Gain(pairs[-1][0], inf)
 
 
@@ -233,24 +238,28 @@ def _starts_fast(scene: Scene, count: float) -> bool:
 
 
 @cache
-def averaged_ladder(form: Form, scene: Scene) -> list[tuple[float, Observables]]:
-    """Pilot runs of an averaged form."""
+def form_ladder(form: Form, scene: Scene) -> list[tuple[float, Observables]]:
+    """Pilot runs of a form."""
     return _ladder(form, scene)
 
 
 def form_sensitivity(form: Form, pilot: Pilot) -> tuple[Sensitivity, Sensitivity | None]:
-    """Slow and orientation sensitivity of a form's solver error: the pilot's for a full form, else its own."""
-    if form.averaged:
-        found = averaged_ladder(form, pilot.scene)
-        slow, orientation = gains(pilot.scene.ellipsoid, found)
-        observables, regime = found[-1][1], (0.0, 0.0)
-    else:
-        slow, orientation, observables = pilot.slow, pilot.orientation, pilot.observables
-        regime = pilot.rotations, pilot.damping_times / pilot.scene.time
+    """Slow and orientation sensitivity of a form's solver error, from pilot runs of its own where that is cheap."""
+    slow, orientation, observables = pilot.slow, pilot.orientation, pilot.observables
+    scene = pilot.scene if form.averaged else pilot.followed
+    if form.name not in (*ANGLES, full_form(scene).name) and form.problem(scene).parameters is not None:
+        found = form_ladder(form, scene)
+        slow, orientation = _grown(*gains(scene.ellipsoid, found), pilot.scene.time / scene.time)
+        observables = found[-1][1]
+    turns = 0.0 if form.averaged else pilot.rotations
+    stiffness = 0.0 if form.averaged else pilot.damping_times / pilot.scene.time
     largest = float(np.max(np.abs(observables.slow))) / max(pilot.scene.ellipsoid.inertia)
+    stiff = not form.averaged and pilot.damping_times > STIFF
     return (
-        Sensitivity(slow.tolerance, slow.error, *regime, largest),
-        None if orientation is None else Sensitivity(orientation.tolerance, orientation.error, *regime, 1.0),
+        Sensitivity(slow.tolerance, slow.error, turns, stiffness, largest, stiff),
+        None
+        if orientation is None
+        else Sensitivity(orientation.tolerance, orientation.error, turns, stiffness, 1.0, stiff),
     )
 
 

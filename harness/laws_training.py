@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from polhode.harness.case import Case
-from polhode.harness.laws_pilot import damping_times, pilot
+from polhode.harness.laws_pilot import ANGLES, damping_times, pilot
 from polhode.harness.laws_scenes import TRAINING_SCENES, TRAINING_SEED, Question, questions
 from polhode.harness.run import Runner
 from polhode.harness.store import Record, Store
@@ -28,7 +28,7 @@ LOW_ORDER_ROWS = 3
 # tenth of it at their loosest tolerances alone.
 MOST_EXPLICIT = 2e5
 # Angles only stand where something better does: they are measured on every third scene, on some rows of the ladder.
-ANGLES, ANGLES_EVERY, ANGLES_ROWS = ("euler-angles", "spheroid-angles"), 3, (0, 2)
+ANGLES_EVERY, ANGLES_ROWS = 3, (0, 2)
 # Solvers with Python in the loop: measured on every fourth scene, at two tolerances, to show where they stand.
 ASIDE_EVERY, ASIDE_ROTATIONS = 4, 300.0
 # Rotations per damping time below which averaging over rotations makes no sense.

@@ -4,9 +4,9 @@ from dataclasses import dataclass, replace
 from math import floor, inf, isfinite, log10
 
 from polhode.harness.errors import attainable
-from polhode.harness.laws import EPS, WANTS, Interval, Laws, MethodLaws, Sensitivity, load_laws
+from polhode.harness.laws import EPS, STIFF, WANTS, Interval, Laws, MethodLaws, Sensitivity, load_laws
 from polhode.harness.laws_model import NotApplicableError, causes, model_errors
-from polhode.harness.laws_pilot import STIFF, Pilot, PilotFailedError, form_sensitivity, held_back, load_of, pilot
+from polhode.harness.laws_pilot import Pilot, PilotFailedError, form_sensitivity, held_back, load_of, pilot
 from polhode.harness.text import scientific
 from polhode.models.catalogue import FORMS
 from polhode.models.catalogue import form as find_form
@@ -165,10 +165,10 @@ def _candidates(
         try:
             problem = form.problem(scene)
             budget, model = _budget(form, found, error, want)
-        except (FormNotValidError, _UnfitError) as refusal:
+            sensitivity = form_sensitivity(form, found)[WANTS.index(want)]
+        except (FormNotValidError, PilotFailedError, _UnfitError) as refusal:
             excluded += [Excluded(form_name, solver, _plain(refusal)) for solver in SOLVERS]
             continue
-        sensitivity = form_sensitivity(form, found)[WANTS.index(want)]
         for solver in SOLVERS:
             try:
                 find_solver(solver).check(problem)
@@ -222,7 +222,7 @@ def _row(
     sensitivity: Sensitivity | None,
 ) -> Row:
     error, budget, model = target
-    errors = law.error_law(want)
+    errors = None if sensitivity is None else law.error_law(want, sensitivity)
     if errors is None or sensitivity is None:
         raise _UnfitError("no law of the error wanted: not measured often enough")
     if sensitivity.error == inf:
