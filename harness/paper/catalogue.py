@@ -12,6 +12,7 @@ SECTIONS = (
     "polhode.harness.paper.ellipsoid_planes:SECTION",
     "polhode.harness.paper.from_rest:SECTION",
     "polhode.harness.paper.appendix:SECTION",
+    "polhode.harness.paper.beyond:SECTION",
 )
 
 

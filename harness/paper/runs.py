@@ -47,9 +47,9 @@ def full_run(scene: Scene, times: np.ndarray, tolerance: float = TOLERANCE) -> R
     return _run(scene, "quaternion" if scene.ellipsoid.kind == "triaxial" else "spheroid-axis", times, tolerance)
 
 
-def averaged_run(scene: Scene, slow_times: np.ndarray) -> Run:
+def averaged_run(scene: Scene, slow_times: np.ndarray, *, solver: str = SOLVER) -> Run:
     """Solution of the averaged equations at slow times."""
-    return _run(scene, _averaged_form(scene), slow_times, TOLERANCE)
+    return _run(scene, _averaged_form(scene), slow_times, TOLERANCE, solver=solver)
 
 
 def averaged_run_to_pinch(scene: Scene, slow_times: np.ndarray) -> tuple[Run, float]:
@@ -134,6 +134,14 @@ def power_law(x: np.ndarray, y: np.ndarray) -> Fit:
     return Fit(line.slope, line.slope - width, line.slope + width, float(np.exp(line.intercept)))  # pyright: ignore
 
 
+def mean_interval(values: np.ndarray) -> tuple[float, float, float]:
+    """Mean and its 95 % interval by Student's distribution."""
+    mean, width = float(np.mean(values)), np.inf
+    if len(values) > 1:
+        width = float(stats.t.ppf(0.975, len(values) - 1) * np.std(values, ddof=1) / sqrt(len(values)))
+    return mean, mean - width, mean + width
+
+
 def share_interval(count: int, total: int) -> tuple[float, float]:
     """Wilson's 95 % interval of a share."""
     interval = stats.binomtest(count, total).proportion_ci(method="wilson")
@@ -143,8 +151,3 @@ def share_interval(count: int, total: int) -> tuple[float, float]:
 def largest_difference(first: np.ndarray, second: np.ndarray) -> float:
     """Largest absolute difference of slow variables along a run."""
     return float(np.max(np.abs(first - second)))
-
-
-def square_root_times(stokes: float, scaled: np.ndarray) -> np.ndarray:
-    """Times of scaled times t/√St."""
-    return sqrt(stokes) * scaled

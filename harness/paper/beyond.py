@@ -1,0 +1,363 @@
+"""Beyond the paper: the order of averaging's error, endings that averaging cannot tell, basins and transient times."""
+
+from math import pi, sqrt
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from polhode.harness.paper.drawing import AVERAGED, BLUE, CYCLE, ORANGE, groups, label, logarithmic, panels, power
+from polhode.harness.paper.item import Data, Grid, Item, Number, Section, Table, Verdict, Word
+from polhode.harness.paper.planes import columns, distance_from_node, energy_at
+from polhode.harness.paper.runs import (
+    averaged_run,
+    full_run,
+    graded,
+    largest_difference,
+    mean_interval,
+    power_law,
+    share_interval,
+    slow_scene,
+)
+from polhode.models.fixed_points import fixed_points
+from polhode.models.rotation import quaternion_from_euler
+from polhode.models.scene import BodyStart, EulerStart, Scene
+from polhode.models.scenes import PAPER_ELLIPSOID, PAPER_START
+from polhode.models.shape import Ellipsoid
+from polhode.models.torque_free import TorqueFree
+
+ELLIPSOID = Ellipsoid(PAPER_ELLIPSOID)
+SIDES = ("short", "long")
+ORDER_TIME = 0.3
+# Smallest St of the fits of the order.
+ASYMPTOTIC = 9e3
+
+
+def random_start(generator: np.random.Generator, side: str) -> BodyStart:
+    """Random orientation, |ω| about 0.8, on one side of L² = 2EI₂, clear of it and of the permanent rotations."""
+    inertia = np.array(ELLIPSOID.inertia)
+    i1, i2, i3 = np.sort(inertia)
+    low, high = (i2, i3) if side == "short" else (i1, i2)
+    while True:
+        omega = generator.normal(size=3)
+        omega *= 0.8 / np.linalg.norm(omega)
+        ratio = np.sum((inertia * omega) ** 2) / np.sum(inertia * omega**2)
+        if low + 0.2 * (high - low) < ratio < high - 0.2 * (high - low):
+            q = generator.normal(size=4)
+            q0, q1, q2, q3 = (q / np.linalg.norm(q)).tolist()
+            w1, w2, w3 = omega.tolist()
+            return BodyStart((q0, q1, q2, q3), (w1, w2, w3))
+
+
+def same_slow_start(start: BodyStart, generator: np.random.Generator) -> BodyStart:
+    """Another start with the same L and E: the free top at a random time."""
+    top = TorqueFree(ELLIPSOID.inertia, start.quaternion, start.angular_velocity)
+    quaternion, omega = top.at([generator.uniform(50.0, 500.0)])
+    q0, q1, q2, q3 = quaternion[0].tolist()
+    w1, w2, w3 = omega[0].tolist()
+    return BodyStart((q0, q1, q2, q3), (w1, w2, w3))
+
+
+def compute_order(grid: Grid) -> Data:
+    """Largest slow error of the averaged form, root mean square over fast phases, by start, side and St."""
+    generator = np.random.default_rng(11)
+    slow_times = np.linspace(0.0, ORDER_TIME, 3001)
+    numbers = np.geomspace(1e3, grid.of(4e5, 3e4), grid.of(8, 4)).tolist()
+    rows = []
+    for side, name in enumerate(SIDES):
+        for index in range(grid.of(8, 2)):
+            start = random_start(generator, name)
+            averaged = averaged_run(Scene(ELLIPSOID, 1.0, start, ORDER_TIME), slow_times).slow
+            starts = [same_slow_start(start, generator) for _ in range(grid.of(3, 2))]
+            for stokes in numbers:
+                errors = [
+                    largest_difference(
+                        full_run(Scene(ELLIPSOID, stokes, own, stokes * ORDER_TIME), stokes * slow_times).slow, averaged
+                    )
+                    for own in starts
+                ]
+                rows.append((side, index, stokes, sqrt(np.mean(np.square(errors)))))
+    return {"": columns("side start stokes error", rows)}
+
+
+def figure_order(data: Data) -> Figure:
+    """Errors against St, without and with a crossing."""
+    figure, axes = panels(1, 2, 3.8, 3.1, sharey=True)
+    for own, (side, part) in zip(axes, groups(data[""], "side"), strict=True):
+        for color, (_, run) in zip(CYCLE * 2, groups(part, "start"), strict=False):
+            own.plot(run["stokes"], run["error"], "o-", markersize=2.5, linewidth=0.8, color=color)
+        fit = _exponents(part)[0]
+        stokes = np.unique(part["stokes"])
+        middle = np.array([np.exp(np.log(part["error"][part["stokes"] == number]).mean()) for number in stokes])
+        own.plot(stokes, 2 * middle[-1] * (stokes / stokes[-1]) ** -1, "k:", label="slope -1")
+        own.plot(stokes, 2 * middle[-1] * (stokes / stokes[-1]) ** fit, "k--", label=f"slope {fit:.2f} (mean of fits)")
+        title = ("no crossing of $L^2 = 2EI_2$", "crossing $L^2 = 2EI_2$")[int(side)]
+        logarithmic(label(own, "Stokes number St", "largest slow error$/I_{max}$", title)).legend()
+    return figure
+
+
+def _exponents(part: Table) -> tuple[float, float, float]:
+    """Mean of the exponents of all starts, and its 95 % interval."""
+    found = []
+    for _, run in groups(part, "start"):
+        large = run["stokes"] >= ASYMPTOTIC
+        found.append(power_law(run["stokes"][large], run["error"][large]).exponent)
+    return mean_interval(np.array(found))
+
+
+def verdict_order(data: Data) -> Verdict:
+    """Exponents without and with a crossing."""
+    (free, *free_range), (crossed, *crossed_range) = (_exponents(part) for _, part in groups(data[""], "side"))
+    numbers = (
+        Number("exponent without a crossing", free, -1.1, -0.8, "", (free_range[0], free_range[1])),
+        Number("exponent with a crossing", crossed, -1.1, -0.6, "", (crossed_range[0], crossed_range[1])),
+        Number("υ = 1 + exponent, without", 1 + free),
+        Number("υ = 1 + exponent, with", 1 + crossed),
+    )
+    sentence = (
+        f"From St = {ASYMPTOTIC:.0e} on the largest error falls like St^({free:.3f}) without and St^({crossed:.3f}) "
+        f"with a crossing: υ = {1 + free:.3f} ({1 + free_range[0]:.3f} … {1 + free_range[1]:.3f}) and "
+        f"{1 + crossed:.3f} ({1 + crossed_range[0]:.3f} … {1 + crossed_range[1]:.3f}) at 95 %, over starts and within this range of St."
+    )
+    return Verdict(Word.MEASURED, sentence, numbers)
+
+
+def caption_order(data: Data) -> str:
+    """What the figure shows."""
+    count = len(np.unique(data[""]["start"]))
+    return (
+        f"Largest slow error of the averaged form up to t₂ = {ORDER_TIME:g}, root mean square over starts of the same "
+        f"L and E; {count} random starts with |ω| = 0.8 on either side."
+    )
+
+
+ENDING_TIME = 1.5
+ARRIVED = 0.06
+ENDING_STOKES = (3e2, 1e3, 3e3, 1e4)
+
+
+def saddle_start(generator: np.random.Generator) -> BodyStart:
+    """Longest axis along the vorticity but for some hundredths of a radian, ω = -½ along it but for some hundredths."""
+    theta, phi, psi = pi / 2, generator.uniform(0, 2 * pi), generator.choice([-pi / 2, pi / 2])
+    tilt = generator.normal(scale=0.03, size=2)
+    quaternion = quaternion_from_euler((theta + tilt[0], phi, psi + tilt[1]))
+    noise = generator.normal(scale=0.03, size=3)
+    sign = -np.sign(psi)
+    return BodyStart(quaternion, (0.5 * sign + noise[0], noise[1], noise[2]))
+
+
+def compute_endings(grid: Grid) -> Data:
+    """Arrival at the node from next to the saddle: averaged, and full at several St, with the end of z'."""
+    generator = np.random.default_rng(23)
+    slow_times = np.linspace(0.0, ENDING_TIME, 1501)
+    rows = []
+    for index in range(grid.of(60, 10)):
+        start = saddle_start(generator)
+        averaged = averaged_run(Scene(ELLIPSOID, 1.0, start, ENDING_TIME), slow_times).slow
+        expected = _arrival(slow_times, averaged)
+        for stokes in ENDING_STOKES[:: grid.of(1, 2)]:
+            for phase, own in enumerate((start, same_slow_start(start, generator))):
+                run = full_run(Scene(ELLIPSOID, stokes, own, stokes * ENDING_TIME), stokes * slow_times)
+                up = float(run.observables.rotation[-1, 2, 2] > 0)
+                rows.append((index, stokes, phase, expected, _arrival(slow_times, run.slow), up))
+    return {"": columns("start stokes phase averaged full up", rows)}
+
+
+def _arrival(slow_times: np.ndarray, slow: np.ndarray) -> float:
+    """Slow time from which on L and E stay close to the node; the end if they do not."""
+    away = np.flatnonzero(distance_from_node(ELLIPSOID, slow) > ARRIVED)
+    return float(slow_times[min(int(away[-1]) + 1, len(slow_times) - 1)]) if len(away) else 0.0
+
+
+def figure_endings(data: Data) -> Figure:
+    """Arrival times against each other, and the shares."""
+    figure, (left, right) = panels(1, 2, 3.9, 3.2)
+    left.plot([0, ENDING_TIME], [0, ENDING_TIME], color=AVERAGED, linewidth=0.8)
+    for color, (stokes, part) in zip(CYCLE, groups(data[""], "stokes"), strict=False):
+        left.plot(part["averaged"], part["full"], ".", color=color, markersize=4, label=f"St = {power(stokes)}")
+    label(left, "arrival of the averaged run, slow time", "arrival of the full run, slow time").legend()
+    stokes, late, other, _ = _shares(data[""])
+    right.plot(stokes, late, "o-", color=BLUE, label="arrival off by a fifth")
+    right.plot(stokes, other, "s-", color=ORANGE, label="end of $z'$ changes with the fast phase")
+    logarithmic(label(right, "Stokes number St", "share of starts"), "x").legend()
+    right.set_ylim(-0.03, 1.03)
+    return figure
+
+
+def _shares(table: Table) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """St, share of late or early arrivals, share of starts whose end depends on the fast phase, their number."""
+    rows = []
+    for stokes, part in groups(table, "stokes"):
+        off = np.abs(part["full"] - part["averaged"]) > 0.2 * part["averaged"]
+        first, second = (part["up"][part["phase"] == phase] for phase in (0, 1))
+        rows.append((stokes, np.mean(off), np.mean(first != second), len(first)))
+    stokes, late, other, count = np.array(rows).T
+    return stokes, late, other, count
+
+
+def verdict_endings(data: Data) -> Verdict:
+    """Shares with their intervals."""
+    table = data[""]
+    stokes, late, other, count = _shares(table)
+    total = int(count[-1])
+    low, high = share_interval(round(late[-1] * 2 * total), 2 * total)
+    flips = share_interval(round(other[-1] * total), total)
+    numbers = (
+        Number(f"share of arrivals off by a fifth, St = {stokes[-1]:g}", float(late[-1]), 0.0, 0.5, "", (low, high)),
+        Number(f"the same at St = {stokes[0]:g}", float(late[0]), float(late[-1]), 1.0),
+        Number(
+            f"share whose z' ends the other way from the same L and E, St = {stokes[-1]:g}",
+            float(other[-1]),
+            0,
+            1,
+            "",
+            flips,
+        ),
+        Number("share of full runs that end with z' up", float(np.mean(table["up"])), 0.2, 0.8),
+    )
+    sentence = (
+        f"Of the full runs from next to the saddle {100 * late[0]:.0f} % at St = {stokes[0]:g} and "
+        f"{100 * late[-1]:.0f} % at St = {stokes[-1]:g} reach the node at a time more than a fifth off the averaged "
+        "one. In which of its two mirror images they end, z' up or down, depends on the fast phase, which averaging does "
+        f"not know: it differs for {100 * other[-1]:.0f} % of the pairs of starts with the same L and E at St = "
+        f"{stokes[-1]:g}."
+    )
+    return Verdict(Word.MEASURED, sentence, numbers)
+
+
+def caption_endings(data: Data) -> str:
+    """What the figure shows."""
+    count = len(np.unique(data[""]["start"]))
+    return (
+        f"{count} random starts next to the rotation of (1, 0.8, 0.5) about its longest axis, each at two fast phases. "
+        f"Left: slow time from which L and E stay within {ARRIVED:g} I_max of the node; right: shares."
+    )
+
+
+BASIN_STOKES, BASIN_TIME = 1e3, 0.6
+NEAR_NODE = 0.02
+
+
+def compute_basins(grid: Grid) -> Data:
+    """Transient times of the averaged equations from |L| = I_max/2; ends of z' over starts at one St."""
+    slow_times = graded(2.0, 1201)
+    size = grid.of(41, 9)
+    transients = []
+    for cosine in np.linspace(-0.999, 0.999, size).tolist():
+        for share in np.linspace(0.002, 0.998, size).tolist():
+            sine = sqrt((1 - cosine**2) / 2)
+            slow = (0.5 * sine, 0.5 * sine, 0.5 * cosine, energy_at(ELLIPSOID, 0.5, share))
+            # Some of these runs graze L² = 2EI₂, where a Taylor series hardly converges.
+            run = averaged_run(slow_scene(ELLIPSOID, slow, slow_times[-1]), slow_times, solver="cyrk-vern8")
+            away = np.flatnonzero(distance_from_node(ELLIPSOID, run.slow) > NEAR_NODE)
+            last = min(int(away[-1]) + 1, len(slow_times) - 1) if len(away) else 0
+            transients.append((cosine, share, float(slow_times[last])))
+    ends = []
+    side = grid.of(64, 10)
+    times = np.array([0.0, BASIN_STOKES * BASIN_TIME])
+    for theta in ((np.arange(side) + 0.5) * pi / side).tolist():
+        for psi in ((np.arange(side) + 0.5) * 2 * pi / side - pi).tolist():
+            start = EulerStart((theta, PAPER_START.angles[1], psi), PAPER_START.rates)
+            run = full_run(Scene(ELLIPSOID, BASIN_STOKES, start, times[-1]), times, 1e-9)
+            ends.append((theta, psi, float(run.observables.rotation[-1, 2, 2])))
+    return {"transients": columns("cosine share t2", transients), "ends": columns("theta psi z", ends)}
+
+
+def _map(table: Table, names: str) -> list[np.ndarray]:
+    """Coordinates and values of a map, the latter of shape (rows, columns)."""
+    x, y, z = (table[name] for name in names.split())
+    first, second = np.unique(x), np.unique(y)
+    return [first, second, z.reshape(len(first), len(second)).T]
+
+
+def figure_basins(data: Data) -> Figure:
+    """Two maps."""
+    figure, (left, right) = panels(1, 2, 4.3, 3.4)
+    times = left.pcolormesh(*_map(data["transients"], "cosine share t2"), cmap="cividis", rasterized=True)
+    figure.colorbar(times, ax=left, label="slow time to the node")
+    label(left, "$L_z/|L|$", "share of $E$ between its bounds")
+    ends = right.pcolormesh(
+        *_map(data["ends"], "psi theta z")[:2], _grid_of_ends(data["ends"]), cmap="cividis", rasterized=True
+    )
+    figure.colorbar(ends, ax=right, label="$z'\\cdot z$ at the end")
+    label(right, "$\\psi_0$, rad", "$\\theta_0$, rad", f"St = {BASIN_STOKES:g}")
+    for axes in (left, right):
+        axes.grid(visible=False)
+    return figure
+
+
+def _grid_of_ends(table: Table) -> np.ndarray:
+    """z'·z at the end, shape (θ, ψ)."""
+    return table["z"].reshape(len(np.unique(table["theta"])), -1)
+
+
+def verdict_basins(data: Data) -> Verdict:
+    """Transient times, shares of the ends, and how mixed they are."""
+    times = data["transients"]["t2"]
+    ends = _grid_of_ends(data["ends"]) > 0
+    mixed = float(np.mean(np.concatenate([(ends[1:] != ends[:-1]).ravel(), (ends[:, 1:] != ends[:, :-1]).ravel()])))
+    up = int(ends.sum())
+    settled = float(np.mean(np.abs(data["ends"]["z"]) > 0.9))
+    slowest = -max(
+        value for point in fixed_points(ELLIPSOID) if point.stability == "stable node" for value in point.eigenvalues
+    )
+    median = float(np.median(times))
+    numbers = (
+        Number("median transient, slow time", median, 0.05, 0.6),
+        Number("the same times the slowest rate at the node", median * slowest, 1.0, 10.0),
+        Number("longest transient of the map, slow time", float(times.max()), median, 2.0),
+        Number("share of starts that end with z' up", up / ends.size, 0.1, 0.95, "", share_interval(up, ends.size)),
+        Number("share of neighbours on the map that end differently", mixed, 0.0, 0.6),
+        Number("share of full runs with z' within 0.45 rad of the vorticity axis at the end", settled, low=0.8),
+    )
+    sentence = (
+        f"The transient takes t₂ = {median:.2g} in the median, {median * slowest:.2g} times the slowest relaxation "
+        f"time, and up to {times.max():.2g} next to the saddle's stable manifold. At St = {BASIN_STOKES:g} the two "
+        f"ends of z' share the starts {100 * up / ends.size:.0f} : {100 - 100 * up / ends.size:.0f}, and "
+        f"{100 * mixed:.0f} % of neighbours on the map end differently."
+    )
+    return Verdict(Word.MEASURED, sentence, numbers)
+
+
+def caption_basins(data: Data) -> str:
+    """What the figure shows."""
+    side = len(np.unique(data["ends"]["theta"]))
+    return (
+        f"(1, 0.8, 0.5). Left: slow time until the averaged run stays within {NEAR_NODE:g} I_max of the node, from "
+        f"|L| = I_max/2, L_x = L_y. Right: where z' points at t₂ = {BASIN_TIME:g}, {side}×{side} starts with the "
+        "paper's rates."
+    )
+
+
+SECTION = Section(
+    "beyond",
+    "Beyond the paper",
+    (
+        Item(
+            "averaging-order",
+            "Order of averaging's error, with and without a crossing",
+            "The paper expects an error of O(St^(-1+υ)), 0 < υ < 1, from resonances, and leaves υ open.",
+            compute_order,
+            figure_order,
+            verdict_order,
+            caption_order,
+        ),
+        Item(
+            "saddle-endings",
+            "Full and averaged runs from next to the saddle",
+            "Not in the paper: how often do full trajectories near the saddle end differently from averaged ones?",
+            compute_endings,
+            figure_endings,
+            verdict_endings,
+            caption_endings,
+        ),
+        Item(
+            "basins",
+            "Basins and transient times",
+            "Not in the paper: how long is the way to the node, and which of its mirror images is reached?",
+            compute_basins,
+            figure_basins,
+            verdict_basins,
+            caption_basins,
+        ),
+    ),
+)
