@@ -50,7 +50,7 @@ def attractors(ellipsoid: Ellipsoid, stokes: float, radius: float, *, circling: 
     if stokes in (0, inf):
         return ()
     unit = max(ellipsoid.inertia)
-    states = {
+    states: dict[Rotation, np.ndarray] = {
         point.rotation: np.array([0.0, 0.0, point.state[2], -point.state[2] / 4]) / unit
         for point in fixed_points(ellipsoid)
     }

@@ -52,20 +52,32 @@ def run_batches(
     statuses = np.empty(len(starts), dtype=object)
     order = np.argsort(_speed(problem, starts, parameters), kind="stable")
     for first in range(0, len(order), lanes):
-        who = order[first : first + lanes]
-        integrator.set_time(0.0)
-        integrator.state[:] = starts[np.resize(who, lanes)].T
-        rows = integrator.propagate_grid(grid, max_steps=MOST_STEPS)[-1]
-        states[:, who] = np.moveaxis(rows, 2, 1)[:, : len(who)]
-        statuses[who] = [_status(result[0]) for result in integrator.propagate_res[: len(who)]]
+        together = order[first : first + lanes]
+        rows, ends = _propagate(integrator, starts[np.resize(together, lanes)], grid)
+        if all(end == str(Status.REACHED_END) for end in ends):
+            states[:, together], statuses[together] = rows[:, : len(together)], ends[: len(together)]
+            continue
+        # One particle's failure stops its whole batch: each of them gets a run of its own.
+        for who in together:
+            rows, ends = _propagate(integrator, np.tile(starts[who], (lanes, 1)), grid)
+            states[:, who], statuses[who] = rows[:, 0], ends[0]
     states[:, statuses != str(Status.REACHED_END)] = np.nan
     return states, statuses
 
 
+def _propagate(integrator: Any, starts: np.ndarray, grid: np.ndarray) -> tuple[np.ndarray, list[str]]:
+    """States, shape (m, lanes, d), and statuses of one batch."""
+    integrator.set_time(0.0)
+    integrator.state[:] = starts.T
+    rows = integrator.propagate_grid(grid, max_steps=MOST_STEPS)[-1]
+    return np.moveaxis(rows, 2, 1), [_status(result[0]) for result in integrator.propagate_res]
+
+
 def _speed(problem: Problem, starts: np.ndarray, parameters: np.ndarray) -> np.ndarray:
     """Square of the state's rate of change at the start, shape (n,)."""
-    rates = problem.field(numpy_operations())(starts.T, parameters)
-    return sum((np.square(rate) for rate in rates), start=np.zeros(len(starts)))
+    with np.errstate(all="ignore"):
+        rates = problem.field(numpy_operations())(starts.T, parameters)
+        return sum((np.square(rate) for rate in rates), start=np.zeros(len(starts)))
 
 
 def _status(outcome: Any) -> str:
