@@ -130,10 +130,11 @@ def _compute(scene: Scene, form: Form, problem: Problem, samples: int) -> dict[s
     wanted = np.searchsorted(every, times)
     (precision, tight_tolerance), loose_run, seeds = _runs(scene, form)
     states = extended_run(problem, every, precision, tight_tolerance)
-    tight = form.observe(scene, states[wanted])
-    loose = form.observe(scene, extended_run(problem, every, *loose_run)[wanted])
+    tight = certify.observe(form, scene, states[wanted])
+    loose = certify.observe(form, scene, extended_run(problem, every, *loose_run)[wanted])
     moved = [
-        form.observe(scene, extended_run(_rounded_otherwise(problem, seed), times, *ROUNDING_RUN)) for seed in seeds
+        certify.observe(form, scene, extended_run(_rounded_otherwise(problem, seed), times, *ROUNDING_RUN))
+        for seed in seeds
     ]
     at = dict(zip(extra, states[np.searchsorted(every, extra)], strict=True))
     try:
