@@ -129,7 +129,7 @@ def polhode() -> None:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit: 0 on success, 2 on bad input, 1 when a run failed."""
     try:
-        result = polhode.main(args=arguments, standalone_mode=False)
+        result = polhode.main(args=arguments, prog_name="polhode", standalone_mode=False)
         code = result if isinstance(result, int) else 0
     except click.ClickException as error:
         from polhode.harness.usage import complaint

@@ -18,7 +18,7 @@ class PartialFile:
     Raises
     ------
     OSError
-        At once, if the file cannot be written.
+        At once, if the path is a folder or lies in none.
     """
 
     def __init__(self, path: Path) -> None:
@@ -29,12 +29,18 @@ class PartialFile:
         self._path = path
         self._atomic = path.is_file() or not path.exists()
         self.partial = path.with_name(path.name + ".partial") if self._atomic else path
-        self._file = self.partial.open("w", encoding="utf-8", newline="")
+        self._file: IO[str] | None = None
 
-    def __enter__(self) -> IO[str]:
+    def open(self) -> IO[str]:
+        """Open the file, if it is not open yet; raises OSError if it cannot be written."""
+        if self._file is None:
+            self._file = self.partial.open("w", encoding="utf-8", newline="")
         return self._file
 
+    def __enter__(self) -> IO[str]:
+        return self.open()
+
     def __exit__(self, failure: type[BaseException] | None, *details: object) -> None:
-        self._file.close()
+        self.open().close()
         if failure is None and self._atomic:
             os.replace(self.partial, self._path)

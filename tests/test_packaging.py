@@ -145,6 +145,6 @@ def test_module_sizes():
         str(path.relative_to(ROOT)): lines
         for room in ROOMS
         for path in (ROOT / room).rglob("*.py")
-        if (lines := len(path.read_text(encoding="utf-8").splitlines())) > 330
+        if (lines := len(path.read_text(encoding="utf-8").splitlines())) > 400
     }
     assert long == {}

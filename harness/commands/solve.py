@@ -47,7 +47,13 @@ def solve(
     if not 2 <= samples <= MOST_SAMPLES:
         raise BadInput(f"--samples: got {samples}, expected a number from 2 to {MOST_SAMPLES}")
     with bad_input():
+        target = PartialFile(out)
         what = find_scene(scene)
+        # What is plainly wrong is refused before anything is tried.
+        if form_name is not None:
+            find_form(form_name).check(what)
+        if solver_name is not None:
+            find_solver(solver_name)
         choice = choose(what, form_name, solver_name, tolerance, error, want, samples)
         form = find_form(choice.form)
         problem = form.problem(what)
@@ -55,7 +61,7 @@ def solve(
         if not method.available:
             raise BadInput(f"--solver: {method.why_not}")
         method.check(problem)
-        target = PartialFile(out)
+        target.open()
     click.echo(f"{choice.form} by {choice.solver} at tolerance {choice.tolerance:g}", err=True)
     how = ""
     try:

@@ -13,6 +13,7 @@ import pytest
 from commandline import Run
 
 from polhode.harness.benchmark_table import benchmark_records, read_runs
+from polhode.harness.cli import main
 from polhode.harness.comparison import compare
 from polhode.harness.store import Store, export
 from polhode.harness.tables import frame
@@ -156,6 +157,21 @@ def test_files_that_hold_no_runs_are_refused(tmp_path: Path, name: str, content:
     with pytest.raises(ValueError, match=reason) as refusal:
         read_runs(path)
     assert str(refusal.value).startswith(str(path))
+
+
+@pytest.fixture
+def polhode(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+    """`polhode ARGUMENTS` in this process."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments: object) -> subprocess.CompletedProcess[str]:
+        with pytest.raises(SystemExit) as end:
+            main([*map(str, arguments)])
+        code = end.value.code
+        assert isinstance(code, int)
+        return subprocess.CompletedProcess(arguments, code, *capsys.readouterr())
+
+    return run
 
 
 def test_the_command(polhode: Run, tmp_path: Path):

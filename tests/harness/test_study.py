@@ -31,7 +31,7 @@ def changed(path: str, value: Any) -> dict[str, Any]:
 
 
 def test_scenes_forms_solvers_and_tolerances_are_crossed():
-    batches = list(parse_study(GOOD).batches())
+    batches = list(parse_study({**GOOD, "forms": ["quaternion", "averaged"]}).batches())
     assert len(batches) == 2 * 2 * 3
     cases = [case for batch in batches for case in batch]
     assert len({case.key for case in cases}) == len(cases) == 2 * 2 * 2 * 3
