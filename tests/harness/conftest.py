@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from commandline import SCENE, SCRIPT, Run
+from sites import site, small_reports
 
 
 @pytest.fixture(scope="session")
@@ -34,3 +35,15 @@ def scene_file(tmp_path: Path) -> Path:
     path = tmp_path / "scene.toml"
     path.write_text(SCENE, encoding="utf-8")
     return path
+
+
+@pytest.fixture(scope="session")
+def site_reports(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Reports of a small study."""
+    return small_reports(tmp_path_factory.mktemp("reports"))
+
+
+@pytest.fixture(scope="session")
+def site_pages(tmp_path_factory: pytest.TempPathFactory, site_reports: Path) -> dict[str, str]:
+    """Pages of the site made of them, by name."""
+    return site(tmp_path_factory.mktemp("site"), site_reports)

@@ -1,0 +1,209 @@
+"""What Python users call: scenes in, pandas frames and Matplotlib axes out."""
+
+from dataclasses import dataclass
+from math import nan
+from os import PathLike, fspath
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from polhode.harness.choose import choose
+from polhode.harness.output import COLUMNS
+from polhode.harness.scenes import find_scene
+from polhode.models.catalogue import form as find_form
+from polhode.models.form import Form
+from polhode.models.observables import Observables
+from polhode.models.scene import Scene
+from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.contract import Solver, Status, Work
+from polhode.solvers.solve import solve as run
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from polhode.harness.pick import Recommendation
+
+SceneLike = Scene | str | PathLike[str]
+
+
+@dataclass(frozen=True)
+class SceneSolution:
+    """The motion of a scene, finished or not; it pickles.
+
+    Parameters
+    ----------
+    scene : Scene
+    form, solver : str
+        What it was computed by.
+    tolerance : float
+    status : Status
+        Failure is a status, with the rows finished before it.
+    message : str
+        The library's own words.
+    times : ndarray, shape (n,)
+        In units of the inverse shear rate.
+    observables : Observables
+        L, E and the rotation matrix at these times.
+    work : Work
+    seconds : float
+        Wall time of the integrator alone, compilation left out.
+    """
+
+    scene: Scene
+    form: str
+    solver: str
+    tolerance: float
+    status: Status
+    message: str
+    times: np.ndarray
+    observables: Observables
+    work: Work
+    seconds: float
+
+    @property
+    def success(self) -> bool:
+        """Whether the run reached its end."""
+        return self.status.success
+
+    @property
+    def slow_times(self) -> np.ndarray:
+        """t₂ = t/St, shape (n,): NaN at St = 0, 0 at St = inf."""
+        stokes = self.scene.stokes
+        return np.full_like(self.times, nan if stokes == 0 else 0.0) if stokes in (0, np.inf) else self.times / stokes
+
+    @property
+    def angular_momentum(self) -> np.ndarray:
+        """L in space axes, shape (n, 3), without St."""
+        return self.observables.angular_momentum
+
+    @property
+    def energy(self) -> np.ndarray:
+        """E, shape (n,), without St."""
+        return self.observables.energy
+
+    @property
+    def rotation(self) -> np.ndarray:
+        """t_ij, shape (n, 3, 3): row i is body axis i in space components; NaN where the form does not know it."""
+        return self.observables.rotation
+
+    def frame(self) -> "pd.DataFrame":
+        """One row per time, with the columns of `polhode solve`'s CSV: t, t2, Lx, Ly, Lz, E, R11 … R33."""
+        import pandas as pd
+
+        rotation = self.rotation.reshape(len(self.times), 9)
+        return pd.DataFrame(
+            np.column_stack([self.times, self.slow_times, self.observables.slow, rotation]), columns=COLUMNS
+        )
+
+
+def solve(
+    scene: SceneLike,
+    *,
+    form: str | Form | None = None,
+    solver: str | Solver | None = None,
+    tolerance: float | None = None,
+    error: float = 1e-6,
+    want: str = "slow",
+    samples: int = 201,
+) -> SceneSolution:
+    """Solve a scene.
+
+    Parameters
+    ----------
+    scene : Scene, str or path
+        A scene, a scene file, or the name of a built-in scene.
+    form, solver : str, Form or Solver, optional
+        Catalogue names, ``"module:class"``, or objects of one's own; by default what fits the scene, as
+        `polhode solve` chooses.
+    tolerance : float, optional
+        The solver's; by default what meets `error`.
+    error : float
+        Error wanted where no tolerance is given.
+    want : {"slow", "orientation"}
+        Whether that error is of L and E over I_max, or of the orientation in rad.
+    samples : int
+        Equispaced times of the output, start and end included.
+
+    Returns
+    -------
+    SceneSolution
+        Failure is a status, never an exception.
+
+    Raises
+    ------
+    ValueError
+        In one line, the value and what was expected; also if form or solver do not accept the scene.
+    polhode.solvers.solve.Interrupted
+        On Ctrl-C.
+
+    Examples
+    --------
+    >>> from polhode.harness import solve
+    >>> solve("paper", form="quaternion", solver="taylor", tolerance=1e-10).status
+    <Status.REACHED_END: 'reached_end'>
+    """
+    if samples < 2:
+        raise ValueError(f"samples: got {samples}, expected at least 2")
+    what = as_scene(scene)
+    choice = choose(what, _name(form), _name(solver), tolerance, error, want)
+    equations, method = find_form(choice.form), find_solver(choice.solver)
+    problem = equations.problem(what)
+    found = run(problem, method, choice.tolerance, np.linspace(0.0, problem.end, samples))
+    return SceneSolution(
+        scene=what,
+        form=equations.name,
+        solver=method.name,
+        tolerance=choice.tolerance,
+        status=found.status,
+        message=found.message,
+        times=found.times * problem.time_unit,
+        observables=equations.observe(what, found.states),
+        work=found.work,
+        seconds=found.seconds,
+    )
+
+
+def pick(scene: SceneLike, error: float = 1e-6, want: str = "slow", samples: int = 201) -> "Recommendation":
+    """What to run for a scene, and what it will cost (`polhode.harness.pick.pick`).
+
+    Parameters
+    ----------
+    scene : Scene, str or path
+        A scene, a scene file, or the name of a built-in scene.
+    error : float
+        Largest error allowed along the run.
+    want : {"slow", "orientation"}
+    samples : int
+        Equispaced times of the output.
+
+    Returns
+    -------
+    Recommendation
+        Its `ranking` goes from the cheapest way to the dearest.
+
+    Examples
+    --------
+    >>> from polhode.harness import pick
+    >>> best = pick("paper", error=1e-6).ranking[0]
+    """
+    from polhode.harness.pick import pick as recommend
+
+    return recommend(as_scene(scene), error, want, samples)
+
+
+def as_scene(scene: SceneLike) -> Scene:
+    """The scene itself, that of a file, or the built-in one of that name.
+
+    Raises
+    ------
+    ValueError
+        If there is neither, or the file is no scene.
+    """
+    return scene if isinstance(scene, Scene) else find_scene(fspath(scene))
+
+
+def _name(thing: str | Form | Solver | None) -> str | None:
+    """A catalogue name, or ``"module:class"`` for an object."""
+    if thing is None or isinstance(thing, str):
+        return thing
+    return f"{type(thing).__module__}:{type(thing).__qualname__}"

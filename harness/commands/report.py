@@ -1,0 +1,43 @@
+"""`polhode report`: everything found so far as one offline web site."""
+
+from pathlib import Path
+
+import click
+
+from polhode.harness.cli import bad_input
+
+
+@click.command(epilog="Example: polhode report --scene ice.toml")
+@click.option(
+    "--reports",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=Path("reports"),
+    show_default=True,
+    help="Folder with what the other commands wrote.",
+)
+@click.option("--out", type=click.Path(path_type=Path, file_okay=False), help="Folder; by default REPORTS/site.")
+@click.option(
+    "--scene", "scenes", multiple=True, metavar="SCENE", help="Show the motion of this scene too; repeatable."
+)
+@click.option("--quiet", is_flag=True, help="No progress.")
+def report(reports: Path, out: Path | None, scenes: tuple[str, ...], quiet: bool) -> None:
+    """Write a web site of what `bench`, `accuracy` and `paper` found: verdict, diagrams, hard cases, claims, motion.
+
+    The pages need no server and no network. What is not there yet is named on them, with the command that makes it.
+    """
+    from tqdm import tqdm
+
+    from polhode.harness.site.build import MENU, build
+    from polhode.harness.site.motion_page import scene_names
+
+    with bad_input():
+        own = scene_names(scenes)
+        with tqdm(total=len(MENU), disable=quiet, unit="page", desc="report", leave=False) as progress:
+
+            def tell(what: str) -> None:
+                progress.set_postfix_str(what)
+                if what in MENU.values():
+                    progress.update()
+
+            page = build(reports, out or reports / "site", own, tell)
+    click.echo(f"{page}")

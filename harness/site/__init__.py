@@ -1,0 +1,1 @@
+"""The offline web site of everything found so far (`polhode report`)."""

@@ -1,0 +1,146 @@
+"use strict";
+// Cost against accuracy: filters, the diagram, and the list of runs without a result.
+(() => {
+  const { chart, html, swatch, read } = polhode;
+  const data = read("cost-data");
+  const column = Object.fromEntries(data.columns.map((name, i) => [name, i]));
+  const form = document.getElementById("filters");
+  const DASHES = ["", "6 3", "2 3", "8 3 2 3", "1 2"];
+  const PINK = "#CC79A7";
+  const number = (v) => (v === null ? "–" : v >= 0.01 && v < 1e4 ? String(Number(v.toPrecision(3))) : v.toExponential(1));
+  const time = (s) => (s === null ? "–" : s >= 1 ? s.toPrecision(2) + " s" : s >= 1e-3 ? (s * 1e3).toPrecision(3) + " ms"
+    : (s * 1e6).toPrecision(3) + " µs");
+
+  function select(label, options) {
+    const box = html("label", { className: "field" }, form);
+    html("span", { textContent: label }, box);
+    const made = html("select", {}, box);
+    options.forEach(([value, text]) => html("option", { value, textContent: text }, made));
+    made.addEventListener("change", refresh);
+    return made;
+  }
+
+  function boxes(title, entries) {
+    const set = html("fieldset", {}, form);
+    html("legend", { textContent: title }, set);
+    const made = entries.map(([name, picture]) => {
+      const label = html("label", { className: "box" }, set);
+      const box = html("input", { type: "checkbox", checked: true, value: name }, label);
+      if (picture) label.append(picture);
+      label.append(name);
+      box.addEventListener("change", refresh);
+      return box;
+    });
+    const all = html("button", { type: "button", className: "all", textContent: "all / none" }, set);
+    all.addEventListener("click", () => {
+      const on = !made.every((box) => box.checked);
+      made.forEach((box) => (box.checked = on));
+      refresh();
+    });
+    return () => new Set(made.filter((box) => box.checked).map((box) => box.value));
+  }
+
+  const which = [...new Set(data.groups.map((g) => g[0] + ": " + g[1]))];
+  const scene = select("study: scene", which.map((name) => [name, name]));
+  const stokes = select("St", []);
+  const want = select("error of", [["slow_error", "L and E, over I_max"], ["orientation_error", "orientation, rad"]]);
+  const cost = select("cost", [["seconds", "wall time"], ["work.rhs_calls", "right-hand sides"], ["work.steps", "steps"]]);
+  const formNames = Object.keys(data.forms).sort((a, b) => (b === "quaternion") - (a === "quaternion"));
+  const forms = boxes("Forms", formNames.map((name) => [name, swatch({ color: data.forms[name].averaged ? PINK : "#555",
+    line: !data.forms[name].averaged, dash: dash(name), mark: data.forms[name].averaged ? "*" : "" })]));
+  const tags = boxes("Kinds", ["explicit", "implicit", "compiled", "Python in the loop"].map((tag) => [tag]));
+  const solvers = boxes("Solvers", Object.entries(data.solvers).map(([name, s]) => [name, swatch({ ...s, line: true })]));
+  if (which.some((name) => name.startsWith("bench:"))) scene.value = which.find((name) => name.startsWith("bench:"));
+  let before = null, drawn = null;
+
+  function dash(name) {
+    return DASHES[formNames.filter((other) => !data.forms[other].averaged).indexOf(name) % DASHES.length] || "";
+  }
+
+  function refresh() {
+    if (before !== scene.value) {
+      const own = data.groups.map((g, i) => [i, g]).filter(([, g]) => g[0] + ": " + g[1] === scene.value);
+      const kept = stokes.selectedOptions[0]?.textContent;
+      stokes.replaceChildren(...own.map(([i, g]) => html("option", { value: i, textContent: g[2] === null ? "∞" : g[2] })));
+      for (const option of stokes.options) if (option.textContent === kept) option.selected = true;
+      const present = data.rows.filter((row) => own.some(([i]) => i === row[0]));
+      for (const box of form.querySelectorAll("fieldset input"))
+        box.parentElement.hidden = !(data.forms[box.value] || data.solvers[box.value] ? present.some((row) => row.includes(box.value)) : true);
+      before = scene.value;
+    }
+    const rows = data.rows.filter((row) => String(row[0]) === stokes.value && shown(row));
+    if (drawn) drawn.update(spec(rows));
+    else drawn = chart(document.getElementById("cost-chart"), spec(rows));
+    failures(rows);
+  }
+
+  function shown(row) {
+    const own = tags();
+    return forms().has(row[1]) && solvers().has(row[2]) && data.solvers[row[2]].tags.every((tag) => own.has(tag));
+  }
+
+  function spec(rows) {
+    const x = column[want.value], y = column[cost.value], series = new Map();
+    const rules = new Map();
+    for (const row of rows) {
+      const averaged = data.forms[row[1]].averaged, look = data.solvers[row[2]];
+      if (row[x] === null || row[y] === null) continue;
+      const key = row[1] + "," + row[2];
+      if (!series.has(key)) series.set(key, { name: key, color: averaged ? PINK : look.color, mark: averaged ? "*" : look.mark,
+        line: !averaged, dash: dash(row[1]), points: [] });
+      series.get(key).points.push([row[x], row[y], tip(row)]);
+      if (averaged && want.value === "slow_error") rules.set(row[1], { x: row[column.model_slow_error], color: PINK });
+    }
+    const failed = rows.filter((row) => row[4] !== "reached_end" && !row[column.inferred]);
+    const group = data.groups[Number(stokes.value)];
+    return {
+      label: `Cost against accuracy, ${scene.value}, St = ${group[2] ?? "infinity"}`,
+      x: { label: want.selectedOptions[0].textContent.replace(/^L and E/, "error of L and E") + " (smaller to the right)",
+        log: true, reverse: true, max: largest(rows, x) },
+      y: { label: { seconds: "wall time of a warm run, s", "work.rhs_calls": "right-hand sides" }[cost.value] || "steps", log: true },
+      series: [...series.values()],
+      rules: [...rules.values()],
+      strip: { label: "no result", points: failed.map((row) => [row[3], data.solvers[row[2]].color, "X", tip(row)]) },
+    };
+  }
+
+  function largest(rows, x) {
+    const values = rows.map((row) => row[x]).filter((v) => v !== null);
+    return values.some((v) => v > data.largest) ? data.largest : undefined;
+  }
+
+  function tip(row) {
+    const of = (name) => row[column[name]];
+    const lines = [`${row[1]}, ${row[2]} at tolerance ${number(row[3])}`];
+    if (row[4] !== "reached_end") lines.push(row[4].replaceAll("_", " ") + (of("message") ? ": " + of("message").slice(0, 90) : ""));
+    if (of("slow_error") !== null) lines.push(`error of L and E ${number(of("slow_error"))}` +
+      (of("model_slow_error") ? ` (model ${number(of("model_slow_error"))})` : ""));
+    if (of("orientation_error") !== null) lines.push(`orientation error ${number(of("orientation_error"))} rad`);
+    if (of("seconds") !== null) lines.push(`time ${time(of("seconds"))}`);
+    lines.push(`right-hand sides ${of("work.rhs_calls") ?? "–"}, steps ${of("work.steps") ?? "–"}`);
+    return lines.join("\n");
+  }
+
+  function failures(rows) {
+    const place = document.getElementById("failures");
+    const groups = new Map();
+    for (const row of rows) {
+      if (row[4] === "reached_end") continue;
+      const key = [row[1], row[2], row[4]].join("\u0000");
+      groups.set(key, [...(groups.get(key) || []), row]);
+    }
+    if (!groups.size) {
+      place.replaceChildren(html("p", { textContent: "None among the runs shown." }));
+      return;
+    }
+    const list = html("ul", {});
+    for (const own of groups.values()) {
+      const at = own.map((row) => number(row[3]) + (row[column.inferred] ? " (inferred)" : "")).join(", ");
+      html("li", { textContent: `${own[0][1]}, ${own[0][2]} at ${at}: ${own[0][4].replaceAll("_", " ")}, ` +
+        (data.meanings[own[0][4]] || own[0][column.message]) }, list);
+    }
+    place.replaceChildren(list);
+  }
+
+  refresh();
+})();

@@ -1,0 +1,187 @@
+"""The cost laws' predictions against what was measured."""
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import log10
+from statistics import median
+
+from polhode.harness.figures import MARKERS, library_of
+from polhode.harness.laws import Interval, Laws, load_laws
+from polhode.harness.laws_pilot import Pilot, PilotFailedError, load_of, pilot
+from polhode.harness.site.cost_page import colour_of
+from polhode.harness.site.markup import Page, bullets, chart, missing, table
+from polhode.harness.site.sources import Sources, StudyRecords
+from polhode.harness.store import Record
+from polhode.harness.text import duration
+from polhode.models.catalogue import FORMS
+from polhode.models.catalogue import form as find_form
+from polhode.models.scene import Scene
+
+TITLE = "Cost laws"
+LEAD = "What `pick` believes a run will cost, against what runs cost that were not used to fit its laws."
+HELD_OUT = "polhode heldout"
+KINDS = {"seconds": ("time", "s"), "slow_error": ("error of L and E", "over I_max")}
+SCRIPTS = ("tables.js", "chart.js")
+# More points than this make a cloud, not a diagram.
+MOST_POINTS = 1500
+DECADES = (1e-5, 1e2)
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A measured run and the prediction for it."""
+
+    scene: str
+    stokes: float
+    form: str
+    solver: str
+    tolerance: float
+    seconds: float
+    predicted: Interval
+
+    @property
+    def inside(self) -> bool:
+        """Whether the measurement lies in the 95 % interval."""
+        return self.predicted.low <= self.seconds <= self.predicted.high
+
+
+def laws_page(sources: Sources, tell: Callable[[str], None]) -> Page:
+    """Predicted against measured times and errors, on scenes held out and in the studies."""
+    body, data, commands = [], {}, []
+    if sources.predictions:
+        commands.append(HELD_OUT)
+        body.append("<h2>On scenes held out</h2>")
+        for kind, (what, unit) in KINDS.items():
+            data[f"held-out-{kind}"] = _held_out(sources.predictions, kind, f"{what}, {unit}")
+            body.append(
+                chart(f"held-out-{kind}", f"{what.capitalize()} predicted and measured; on the line: as predicted.")
+            )
+    else:
+        body.append(missing("The evaluation on scenes held out is", HELD_OUT))
+    try:
+        laws = load_laws()
+    except (OSError, ValueError, KeyError) as error:
+        body.append(missing(f"The laws ({error!r}) are", "polhode laws"))
+        return Page("laws", TITLE, LEAD, "".join(body), tuple(commands), data, SCRIPTS)
+    found = [each for study in sources.studies.values() for each in compare(study, laws, tell)]
+    if found:
+        commands.append("polhode bench")
+        data["laws-chart"] = _chart(found)
+        body += ["<h2>In the studies</h2>", bullets([*_sentences(found), _source(laws)])]
+        body.append(chart("laws-chart", "On the line: as predicted. Another machine than that of the laws shifts all."))
+        header = ["form", "solver", "runs", "median ratio", "worst ratio", "within 95 %"]
+        body.append(table(header, _rows(found), range(2, 6)))
+    else:
+        body.append(missing("Measured runs of methods that have a law are", "polhode bench"))
+    return Page("laws", TITLE, LEAD, "".join(body), tuple(commands), data, SCRIPTS)
+
+
+def _sentences(found: list[Compared]) -> list[str]:
+    ratios = [each.seconds / each.predicted.predicted for each in found]
+    near = sum(0.5 <= ratio <= 2 for ratio in ratios) / len(ratios)
+    inside = sum(each.inside for each in found) / len(found)
+    return [
+        f"{len(found)} runs compared: {near:.0%} took between half and twice the time predicted, {inside:.0%} lie "
+        "in the 95 % interval.",
+        f"The median run took {median(ratios):.2f} times the time predicted.",
+    ]
+
+
+def _held_out(rows: tuple[Record, ...], kind: str, label: str) -> dict:
+    series: dict[str, list] = {}
+    known = [row for row in rows if (row[kind] or 0) > 0 and (row[f"{kind}_predicted"] or 0) > 0]
+    for row in known[:: -(-len(known) // MOST_POINTS) or 1]:
+        tip = (
+            f"{row['form']}, {row['solver']}, {row['tolerance']:g}\n{row['scene']}\n"
+            f"measured {row[kind]:.2g}\npredicted {row[f'{kind}_predicted']:.2g}"
+        )
+        series.setdefault(row["solver"], []).append([row[f"{kind}_predicted"], row[kind], tip])
+    ends = [min(row[kind] for row in known), max(row[kind] for row in known)] if known else DECADES
+    return _scatter(series, label, (ends[0], ends[1]))
+
+
+def compare(study: StudyRecords, laws: Laws, tell: Callable[[str], None]) -> list[Compared]:
+    """Predictions for all runs of a study that were timed, of methods that have a law."""
+    found = []
+    for content, scene in study.scenes().items():
+        own = [record for record in study.records if _content(record) == content and record.get("seconds")]
+        own = [
+            record for record in own if (record["form"], record["solver"]) in laws.methods and record["form"] in FORMS
+        ]
+        if not own:
+            continue
+        tell(f"laws: {own[0]['scene_name']}, St = {scene.stokes:g}")
+        guide = _pilot(scene)
+        if guide is None:
+            continue
+        for record in own:
+            load = load_of(find_form(record["form"]), guide, record["samples"])
+            predicted = laws.methods[record["form"], record["solver"]].cost.predict(load, record["tolerance"])
+            method = record["form"], record["solver"], record["tolerance"]
+            found.append(Compared(record["scene_name"], scene.stokes, *method, record["seconds"], predicted))
+    return found
+
+
+def _content(record: dict) -> str:
+    return json.dumps(record.get("scene"), sort_keys=True)
+
+
+def _pilot(scene: Scene) -> Pilot | None:
+    try:
+        return pilot(scene)
+    except PilotFailedError:
+        return None
+
+
+def _rows(found: list[Compared]) -> list[list[str]]:
+    methods: dict[tuple[str, str], list[Compared]] = {}
+    for each in found:
+        methods.setdefault((each.form, each.solver), []).append(each)
+    rows = []
+    for (form, solver), own in methods.items():
+        ratios = [each.seconds / each.predicted.predicted for each in own]
+        worst = max(ratios, key=lambda ratio: abs(log10(ratio)))
+        inside = sum(each.inside for each in own) / len(own)
+        rows.append([form, solver, str(len(own)), f"{median(ratios):.2f}", f"{worst:.2g}", f"{inside:.0%}"])
+    return rows
+
+
+def _chart(found: list[Compared]) -> dict:
+    series: dict[str, list] = {}
+    for each in found[:: -(-len(found) // MOST_POINTS)]:
+        series.setdefault(each.solver, []).append([each.predicted.predicted, each.seconds, _tip(each)])
+    return _scatter(series, "time, s", DECADES)
+
+
+def _scatter(points: dict[str, list], label: str, ends: tuple[float, float]) -> dict:
+    """Diagram of measured against predicted values, one series per solver, and the line on which they agree."""
+    counts: dict[str, int] = {}
+    series = []
+    for solver, own in points.items():
+        library = library_of(solver)
+        mark = MARKERS[counts.get(library, 0) % len(MARKERS)]
+        counts[library] = counts.get(library, 0) + 1
+        series.append({"name": solver, "color": colour_of(solver), "mark": mark, "points": own})
+    return {
+        "label": f"Measured against predicted: {label}",
+        "x": {"label": f"predicted {label}", "log": True},
+        "y": {"label": f"measured {label}", "log": True},
+        "series": series,
+        "legend": True,
+        "lines": [{"points": [[end, end] for end in ends], "color": "#666"}],
+    }
+
+
+def _tip(each: Compared) -> str:
+    low, high = duration(each.predicted.low), duration(each.predicted.high)
+    return (
+        f"{each.form}, {each.solver}, {each.tolerance:g}\n{each.scene}, St = {each.stokes:g}\n"
+        f"measured {duration(each.seconds)}\npredicted {duration(each.predicted.predicted)} ({low} … {high})"
+    )
+
+
+def _source(laws: Laws) -> str:
+    machine = laws.source.get("machine")
+    place = machine.get("processor") if isinstance(machine, dict) else machine
+    return f"Laws of {len(laws.methods)} methods" + (f", fitted on {place}." if place else ".")

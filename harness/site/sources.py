@@ -1,0 +1,183 @@
+"""What there is to show: records of studies, accuracy, laws and the paper's items, wherever they lie."""
+
+import csv
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from polhode.harness.accuracy import VARIABLES, Measured
+from polhode.harness.paper import store as paper_store
+from polhode.harness.paper.catalogue import sections
+from polhode.harness.paper.item import Data
+from polhode.harness.store import DamagedStoreError, Record, Store
+from polhode.harness.tables import frame, where
+from polhode.models.scene import Scene
+from polhode.models.scene_file import parse_scene
+
+RECORDS, STORE, RUNS = "records", "store", "runs"
+NEEDED = ("scene_name", "form", "solver", "tolerance", "status")
+# Folders of `reports` that hold something else than a study.
+NO_STUDY = ("site", "paper", "accuracy", "pick")
+
+
+@dataclass(frozen=True)
+class StudyRecords:
+    """All runs of one study.
+
+    Parameters
+    ----------
+    name : str
+        Its folder, with the file's name where that holds several studies.
+    records : tuple of dict
+    """
+
+    name: str
+    records: tuple[Record, ...]
+
+    @cached_property
+    def table(self) -> pd.DataFrame:
+        """Records as a frame."""
+        return frame(self.records)
+
+    def groups(self) -> list[tuple[str, float, pd.DataFrame]]:
+        """Scene, St and runs, by scene in the order of the records and by growing St."""
+        found = []
+        for scene in dict.fromkeys(self.table["scene_name"]):
+            own = where(self.table, self.table["scene_name"] == scene)
+            numbers = sorted(set(own["stokes"].astype(float)))
+            found += [(str(scene), stokes, where(own, own["stokes"] == stokes)) for stokes in numbers]
+        return found
+
+    def scenes(self) -> dict[str, Scene]:
+        """Scenes by their contents as JSON."""
+        contents = {json.dumps(record["scene"], sort_keys=True) for record in self.records if "scene" in record}
+        return {content: parse_scene(json.loads(content)) for content in sorted(contents)}
+
+
+@dataclass(frozen=True)
+class Sources:
+    """Everything found in a folder of reports.
+
+    Parameters
+    ----------
+    folder : Path
+    studies : dict
+        By name.
+    accuracy : tuple of Measured
+    predictions : tuple of dict
+        Runs on scenes held out, each with what the laws said of it before.
+    unreadable : tuple of str
+        Files that are there but cannot be read, with the reason.
+    """
+
+    folder: Path
+    studies: dict[str, StudyRecords]
+    accuracy: tuple[Measured, ...]
+    predictions: tuple[Record, ...]
+    unreadable: tuple[str, ...]
+
+    @cached_property
+    def paper(self) -> dict[str, Data]:
+        """Data of the paper's items that are there, by item."""
+        found = {
+            item.name: paper_store.read(self.folder / "paper" / section.name, item)
+            for section in sections()
+            for item in section.items
+        }
+        return {name: content[0] for name, content in found.items() if content is not None}
+
+
+def read_sources(folder: Path) -> Sources:
+    """Read what there is; what is not there, or cannot be read, is no error."""
+    studies, unreadable = {}, []
+    for path in _files(folder):
+        name = path.parent.name if path.stem in (RECORDS, STORE, RUNS) else f"{path.parent.name}/{path.stem}"
+        try:
+            records = _complete(_records(path))
+        except (ValueError, OSError, DamagedStoreError) as error:
+            unreadable.append(f"{path}: {error}")
+            continue
+        if records:
+            studies[name] = StudyRecords(name, records)
+    held_out = folder / "pick" / "runs.csv"
+    try:
+        accuracy = tuple(_accuracy(folder / "accuracy" / "errors.csv"))
+        predictions = tuple(_predictions(held_out))
+    except (ValueError, KeyError, OSError) as error:
+        accuracy = predictions = ()
+        unreadable.append(f"{folder}: accuracy/errors.csv or pick/runs.csv: {error!r}")
+    return Sources(folder, studies, accuracy, predictions, tuple(unreadable))
+
+
+def _files(folder: Path) -> list[Path]:
+    """One file per study: exported records; where there are none, the table of runs; where there is none, the store."""
+    found = []
+    for path in sorted(folder.iterdir()) if folder.is_dir() else ():
+        if not path.is_dir() or path.name in NO_STUDY:
+            continue
+        exported, store = sorted(path.glob("*.jsonl")), path / f"{STORE}.sqlite"
+        table = path / f"{RUNS}.csv"
+        found += exported or ([table] if table.is_file() else [store] if store.is_file() else [])
+    return found
+
+
+def _records(path: Path) -> list[Record]:
+    if path.suffix == ".jsonl":
+        return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+    if path.suffix == ".csv":
+        with path.open(newline="", encoding="utf-8") as file:
+            return [{name: _value(text) for name, text in row.items()} for row in csv.DictReader(file)]
+    with Store(path) as store:
+        return store.records()
+
+
+def _value(text: str) -> Any:
+    """What a CSV file's text stands for."""
+    if text in ("", "<NA>"):
+        return None
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def _complete(records: list[Record]) -> tuple[Record, ...]:
+    for record in records:
+        for name in NEEDED:
+            if name not in record:
+                raise ValueError(f"a record without {name!r}, expected those of `polhode bench`")
+    return tuple(records)
+
+
+def _accuracy(path: Path) -> Sequence[Measured]:
+    if not path.is_file():
+        return []
+    with path.open(newline="", encoding="utf-8") as file:
+        return [
+            Measured(
+                row["case"],
+                row["family"],
+                row["form"],
+                (float(row["a"]), float(row["b"]), float(row["c"])),
+                float(row["St"]),
+                tuple(float(row[f"model_{name}"]) for name in VARIABLES),
+                tuple(float(row[f"solver_{name}"]) for name in VARIABLES),
+                float(row["reference_uncertainty"]),
+                int(row["pieces"]),
+            )
+            for row in csv.DictReader(file)
+        ]
+
+
+def _predictions(path: Path) -> list[Record]:
+    rows = _records(path) if path.is_file() else []
+    for row in rows:
+        for name in ("scene", "form", "solver", "tolerance", "seconds", "seconds_predicted", "slow_error_predicted"):
+            if name not in row:
+                raise ValueError(f"a row without {name!r}, expected those of `polhode heldout`")
+    return rows

@@ -1,0 +1,168 @@
+"""The site: it says what the records say, names what is missing, and loads nothing from elsewhere."""
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sites import C, data_of, site
+
+from polhode.harness.regimes import cells
+from polhode.harness.site.build import MENU
+from polhode.harness.site.hard_page import outcome
+from polhode.harness.site.markup import bullets, plain
+from polhode.harness.site.motion_page import examples, motion
+from polhode.harness.site.sources import read_sources
+from polhode.harness.text import duration
+from polhode.models.scenes import named_scene
+
+
+@pytest.fixture(scope="module")
+def bare(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    folder = tmp_path_factory.mktemp("bare")
+    return site(folder / "site", folder / "reports")
+
+
+COMMANDS = {
+    "index": "polhode bench",
+    "cost": "polhode bench",
+    "accuracy": "polhode accuracy",
+    "laws": "polhode heldout",
+    "hard": "polhode bench harness/studies/hard_cases.toml",
+    "paper": "polhode paper",
+}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_what_is_missing_is_named_with_its_command(bare: dict[str, str], name: str):
+    messages = re.findall(r'<p class="missing">.*?</p>', bare[name])
+    assert any(f"<code>{COMMANDS[name]}</code> makes it" in message for message in messages)
+
+
+@pytest.mark.parametrize("name", MENU)
+def test_pages_load_nothing(site_pages: dict[str, str], bare: dict[str, str], name: str):
+    for page in (site_pages[name], bare[name]):
+        links = set(re.findall(r'(?:src|href|action)="([^"]*)"', page))
+        local = {f"{other}.html" for other in MENU} | {"data:,", "#main"}
+        assert {link for link in links if not re.fullmatch(r"figures/[\w-]+\.png", link)} <= local
+        assert set(re.findall(r"https?://[^\s\"']*", page)) <= {"http://www.w3.org/2000/svg"}
+        assert "@import" not in page
+        assert "url(" not in page.replace("url(#", "")
+        assert "default-src 'none'" in page
+
+
+@pytest.mark.parametrize("name", MENU)
+def test_every_page_links_to_every_other(site_pages: dict[str, str], name: str):
+    assert re.findall(r'<a href="(\w+)\.html" aria-current=page>', site_pages[name]) == [name]
+    assert all(f'<a href="{other}.html"' in site_pages[name] for other in MENU)
+
+
+def test_every_run_is_a_point_and_a_stopped_one_too(site_pages: dict[str, str], site_reports: Path):
+    data = data_of(site_pages["cost"], "cost-data")
+    records = [json.loads(line) for line in (site_reports / "bench" / "records.jsonl").read_text().splitlines()]
+    bench = [row for row in data["rows"] if data["groups"][row[0]][0] == "bench"]
+    column = data["columns"].index
+    assert len(bench) == len(records)
+    found = {
+        (data["groups"][row[0]][2], *row[1:4]): (row[column("slow_error")], row[column("seconds")]) for row in bench
+    }
+    for record in records:
+        key = record["scene"]["stokes"], record["form"], record["solver"], record["tolerance"]
+        assert found[key] == (plain(record["slow_error"]), plain(record["seconds"]))
+    (stopped,) = [row for row in bench if row[column("status")] == "time_limit"]
+    assert stopped[column("message")] == "stopped by hand"
+    assert stopped[column("seconds")] is None
+
+
+def test_the_map_shows_the_winners(site_pages: dict[str, str], site_reports: Path):
+    study = read_sources(site_reports).studies["regimes"]
+    for error in ("slow_error", "orientation_error"):
+        for cell in cells(study.table, error):
+            if cell.winner is not None:
+                assert f'title="{cell.winner}: {duration(cell.seconds)}; next' in site_pages["index"]
+
+
+def test_accuracy_tells_order_and_st(site_pages: dict[str, str]):
+    cells = re.findall(r"<td[^>]*>(.*?)</td>", site_pages["accuracy"])
+    row = cells[cells.index("case") :][:12]
+    assert row[6] == "1.00"
+    # C / St = 1e-2
+    assert float(row[9]) == pytest.approx(C / 1e-2, rel=0.01)
+
+
+def test_laws_compare_every_timed_run(site_pages: dict[str, str], site_reports: Path):
+    points = [point for series in data_of(site_pages["laws"], "laws-chart")["series"] for point in series["points"]]
+    studies = read_sources(site_reports).studies
+    records = [record for name in ("bench", "hard-cases") for record in studies[name].records]
+    timed = sorted(plain(record["seconds"]) for record in records if record["seconds"])
+    assert sorted(point[1] for point in points) == timed
+    assert all(point[0] > 0 for point in points)
+
+
+def test_predictions_on_scenes_held_out_are_points(site_pages: dict[str, str]):
+    for kind, place in (("seconds", (0.002, 0.001)), ("slow_error", (1e-7, 1e-8))):
+        (series,) = data_of(site_pages["laws"], f"held-out-{kind}")["series"]
+        assert [tuple(point[:2]) for point in series["points"]] == [place]
+
+
+RUN = {"status": "reached_end", "seconds": 0.1, "solver_slow_error": 1e-9, "model_slow_error": 0.0, "message": ""}
+
+
+@pytest.mark.parametrize(
+    ("change", "kind", "words"),
+    [
+        ({}, "reached", "solver error 1.0e-9"),
+        ({"model_slow_error": 0.5}, "reached", "the form itself is off by 5.0e-1"),
+        ({"solver_slow_error": 0.1}, "inaccurate", "solver error 1.0e-1"),
+        ({"solver_slow_error": None, "reference_failed": "no agreement"}, "inaccurate", "no agreement"),
+        ({"status": "time_limit"}, "stopped", "time limit"),
+        ({"status": "non_finite", "message": "at t = 3"}, "failed", "non finite: at t = 3"),
+        ({"status": "something_new"}, "failed", "something new"),
+    ],
+)
+def test_outcomes_of_hard_cases(change: dict, kind: str, words: str):
+    found = outcome({**RUN, **change})
+    assert found[0] == kind
+    assert words in found[1]
+
+
+def test_hard_cases_show_every_outcome_with_its_reason(site_pages: dict[str, str], site_reports: Path):
+    page = site_pages["hard"]
+    records = read_sources(site_reports).studies["hard-cases"].records
+    stopped = re.findall(r'<td class="stopped" title="([^"]*)"', page)
+    assert any("time limit: stopped by hand" in reason for reason in stopped)
+    assert page.count("✓</span>") + page.count("≈</span>") >= len({(r["form"], r["solver"]) for r in records}) - 1
+
+
+@pytest.mark.parametrize("name", examples())
+def test_motions_are_of_unit_vectors_and_start_on_their_paths(name: str):
+    scene = examples()[name]
+    found = motion(scene)
+    axis, momentum = np.reshape(found["axis"], (-1, 3)), np.reshape(found["L"], (-1, 3))
+    assert len(axis) == len(momentum) == len(found["t"])
+    assert found["t"][-1] == pytest.approx(scene.time)
+    np.testing.assert_allclose(np.linalg.norm(axis, axis=1), 1, atol=2e-4)
+    moving = np.linalg.norm(momentum, axis=1) > 0
+    np.testing.assert_allclose(np.linalg.norm(momentum[moving], axis=1), 1, atol=2e-4)
+    moments = np.linspace(0, len(axis) - 1, len(found["paths"])).astype(int)
+    for k, path in zip(moments, found["paths"], strict=True):
+        np.testing.assert_allclose(np.reshape(path, (-1, 3))[0], axis[k], atol=2e-3)
+
+
+def test_no_motion_of_a_sphere():
+    assert motion(replace(named_scene("sphere"), time=1.0)) == {"why": "a sphere has no axis"}
+
+
+def test_damaged_files_are_named(tmp_path: Path, site_reports: Path):
+    broken = tmp_path / "reports"
+    for name, text in (("torn", '{"form": "quat'), ("other", '{"answer": 42}\n')):
+        (broken / name).mkdir(parents=True)
+        (broken / name / "records.jsonl").write_text(text, encoding="utf-8")
+    unreadable = read_sources(broken).unreadable
+    assert [Path(line.split(":")[0]).parent.name for line in unreadable] == ["other", "torn"]
+
+
+def test_text_is_escaped():
+    assert bullets(["a < b & `c_1` of I_max"]) == "<ul><li>a &lt; b &amp; <code>c_1</code> of I<sub>max</sub></li></ul>"
