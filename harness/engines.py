@@ -165,7 +165,7 @@ class Dask:
         distributed = import_module("distributed")
         with distributed.Client(self.address, timeout=CONNECT_SECONDS, set_as_default=False) as client:
             remaining, tasks_of = iter(tasks), {}
-            pending = distributed.as_completed()
+            pending = distributed.as_completed(loop=client.loop)
             try:
                 while True:
                     room = _room(client) - pending.count()

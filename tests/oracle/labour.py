@@ -1,0 +1,60 @@
+"""Tasks for engines to run: functions of a module, so that they can be sent anywhere."""
+
+import os
+import signal
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Job:
+    """A task with a key, a duration in seconds, and a folder in which it leaves a mark."""
+
+    number: int
+    seconds: float = 0.0
+    folder: Path | None = None
+
+    @property
+    def key(self) -> str:
+        return f"job-{self.number}"
+
+
+def square(job: Job) -> int:
+    time.sleep(job.seconds)
+    if job.folder is not None:
+        with (job.folder / job.key).open("a") as file:
+            file.write(f"{os.getpid()}\n")
+    return job.number**2
+
+
+def spin(job: Job) -> int:
+    """Use the processor for as many seconds."""
+    end = time.perf_counter() + job.seconds
+    while time.perf_counter() < end:
+        pass
+    return job.number
+
+
+def die_once(job: Job) -> int:
+    """Kill the own process on the first attempt at every third job."""
+    assert job.folder is not None
+    mark = job.folder / job.key
+    if job.number % 3 == 0 and not mark.exists():
+        mark.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return job.number**2
+
+
+def die_always(job: Job) -> int:
+    """Kill the own process."""
+    if job.number == 1:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return job.number**2
+
+
+def refuse_odd(job: Job) -> int:
+    """Raise on odd jobs."""
+    if job.number % 2:
+        raise ValueError(f"job {job.number} is odd")
+    return job.number**2
