@@ -10,7 +10,7 @@ export OPENBLAS_NUM_THREADS := 1
 export NUMBA_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help setup bench test check format clean
+.PHONY: help setup bench test test-all check format benchmark benchmark-compare clean
 
 help: ## list the commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-18s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -24,8 +24,17 @@ $(READY): pyproject.toml constraints.txt bootstrap.sh
 bench: $(READY) ## the main job: cost against accuracy as St grows, into reports/bench/
 	$(BIN)/polhode bench
 
-test: check ## the checks, then all tests
+test: check ## the checks, then the tests
+	$(BIN)/pytest -m "not slow"
+
+test-all: check ## the checks, then all tests, the slow ones too
 	$(BIN)/pytest
+
+benchmark: $(READY) ## every solver under pytest-benchmark, into .benchmarks/ (5 minutes)
+	$(BIN)/pytest tests/benchmarks -o python_files='bench_*.py' --benchmark-autosave
+
+benchmark-compare: $(READY) ## compare two saved runs: make benchmark-compare BEFORE=a.json AFTER=b.json
+	$(BIN)/polhode compare $(BEFORE) $(AFTER)
 
 check: $(READY) ## format, lint and types
 	$(BIN)/ruff format --check .

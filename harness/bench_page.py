@@ -11,7 +11,7 @@ from polhode.harness.store import Record, export
 from polhode.harness.study import Study
 from polhode.harness.tables import frame, where
 from polhode.harness.text import duration, markdown, scientific
-from polhode.harness.verdict import TARGETS, cheapest, sentences
+from polhode.harness.verdict import TARGETS, averaged_costs, cheapest, sentences
 from polhode.solvers.contract import Status
 
 
@@ -20,7 +20,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     table = frame(records)
     folder.mkdir(parents=True, exist_ok=True)
     export(list(records), folder / "records.jsonl")
-    save(work_precision_panels(table, "slow_error", "slow error over I_max"), folder, "slow")
+    save(work_precision_panels(table, "slow_error", "slow error over $I_{max}$"), folder, "slow")
     save(work_precision_panels(table, "orientation_error", "orientation error, rad"), folder, "orientation")
     page = folder / "README.md"
     page.write_text("\n".join(_lines(study, table, records[0], command)), encoding="utf-8")
@@ -40,7 +40,7 @@ def _lines(study: Study, table: pd.DataFrame, record: Record, command: str) -> l
         "",
         "## Verdict",
         "",
-        *(f"- {sentence}" for sentence in sentences(table)),
+        *(f"- {sentence}" for sentence in [*sentences(table), *averaged_costs(table)]),
         "",
         "The cheapest run that meets a slow error (form, solver, tolerance: time; methods within 15 % of it):",
         "",

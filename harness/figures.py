@@ -124,9 +124,9 @@ def work_precision_panels(records: pd.DataFrame, error: str, label: str) -> "Fig
         name: handle for axes in grid.flat for handle, name in zip(*axes.get_legend_handles_labels(), strict=True)
     }
     figure.legend(
-        list(entries.values()), list(entries), loc="center left", bbox_to_anchor=(0.84, 0.5), frameon=False, fontsize=8
+        list(entries.values()), list(entries), loc="center left", bbox_to_anchor=(0.815, 0.5), frameon=False, fontsize=8
     )
-    figure.tight_layout(rect=(0, 0, 0.84, 1))
+    figure.tight_layout(rect=(0, 0, 0.815, 1))
     return figure
 
 

@@ -1,5 +1,7 @@
 """Every solver on equal footing: speed at equal error, what the interpreter costs, what `solve` itself costs."""
 
+import subprocess
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,10 +14,12 @@ from polhode.harness.overhead import Overhead
 from polhode.harness.store import Record, export
 from polhode.harness.tables import frame, where
 from polhode.harness.text import duration, markdown, scientific
+from polhode.harness.timing import seconds_of
 from polhode.solvers.catalogue import SOLVERS
 
 ERRORS = (1e-4, 1e-6, 1e-8)
 STIFF, OSCILLATORY_FROM = 1e-4, 1.0
+STARTS = 5
 STIFF_SOLVERS = ("cyrk-radau", "cvode-bdf", "ida")
 
 
@@ -35,7 +39,7 @@ def write_page(measured: Measured, folder: Path, command: str) -> Path:
     for name in ("solvers", "spheroid", "backends"):
         export(list(getattr(measured, name)), folder / f"{name}.jsonl")
     solvers, spheroid, backends = (frame(getattr(measured, name)) for name in ("solvers", "spheroid", "backends"))
-    save(work_precision_panels(solvers, "slow_error", "slow error over I_max"), folder, "slow")
+    save(work_precision_panels(solvers, "slow_error", "slow error over $I_{max}$"), folder, "slow")
     machine = measured.solvers[0]["machine"]
     lines = [
         "# Every solver on equal footing",
@@ -78,10 +82,22 @@ def write_page(measured: Measured, folder: Path, command: str) -> Path:
         "turns, the minimum of each. Allowed: 5 % or 50 µs, whichever is more.",
         "",
         _overheads(measured.overheads),
+        f"`polhode --help` takes {duration(startup_seconds())} from the shell, the minimum of {STARTS} starts.",
+        "",
     ]
     page = folder / "README.md"
     page.write_text("\n".join(lines), encoding="utf-8")
     return page
+
+
+def startup_seconds() -> float:
+    """Wall time, in seconds, of `polhode --help` in a process of its own: the minimum of some starts."""
+    code = "from polhode.harness.cli import main; main(['--help'])"
+
+    def start() -> None:
+        subprocess.run([sys.executable, "-c", code], check=True, stdout=subprocess.DEVNULL)
+
+    return min(seconds_of(start) for _ in range(STARTS))
 
 
 def _claims(table: pd.DataFrame) -> list[str]:

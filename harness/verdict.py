@@ -69,3 +69,24 @@ def sentences(records: pd.DataFrame, targets: Sequence[float] = TARGETS) -> list
             f"For a slow error of {', '.join(never)} no averaged form is the cheapest at the largest St measured."
         )
     return lines
+
+
+def averaged_costs(records: pd.DataFrame) -> list[str]:
+    """How little an averaged form's cost depends on St, in sentences, one per form."""
+    lines = []
+    for name in dict.fromkeys(records["form"]):
+        if not find_form(name).averaged:
+            continue
+        done = where(records, (records["form"] == name) & records["seconds"].notna())
+        table = (
+            done.pivot_table(index=["solver", "tolerance"], columns="stokes", values="seconds").dropna().astype(float)
+        )
+        if len(table.columns) < 2 or table.empty:
+            continue
+        first, last = table.columns[0], table.columns[-1]
+        ratio = (table[last] / table[first]).quantile([0.05, 0.5, 0.95]).tolist()
+        lines.append(
+            f"The {name} form at St = {last:g} costs {ratio[1]:.2f} times what it costs at St = {first:g} (median over "
+            f"solvers and tolerances; nine in ten lie between {ratio[0]:.2f} and {ratio[2]:.2f})."
+        )
+    return lines
