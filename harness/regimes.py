@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
+from polhode.harness.case import Case
 from polhode.harness.study import Study
 from polhode.harness.tables import where
 from polhode.harness.verdict import TIE
@@ -87,6 +88,23 @@ def parts(study: Study) -> Iterator[Study]:
     for scene in study.scenes:
         forms = study.forms if scene[1].slow_time <= LONGEST_SLOW_TIME else full
         yield replace(study, scenes=(scene,), forms=forms)
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The batches of all `parts` of a study, to be run as one."""
+
+    study: Study
+
+    @property
+    def name(self) -> str:
+        """The study's."""
+        return self.study.name
+
+    def batches(self) -> Iterator[list[Case]]:
+        """Cases in batches that are timed in interleaved order."""
+        for part in parts(self.study):
+            yield from part.batches()
 
 
 def cells(records: pd.DataFrame, error: str, targets: Sequence[float] = TARGETS) -> list[Cell]:

@@ -21,7 +21,7 @@ def regimes(study_file: Path | None, out: Path | None, quick: bool, resume: bool
     """
     from polhode.harness.commands.bench import start_afresh
     from polhode.harness.regime_page import write_page
-    from polhode.harness.regimes import parts
+    from polhode.harness.regimes import Parts
     from polhode.harness.run import Runner
     from polhode.harness.store import DamagedStoreError, Store
     from polhode.harness.study import quick_study, read_study
@@ -41,8 +41,7 @@ def regimes(study_file: Path | None, out: Path | None, quick: bool, resume: bool
             raise BadInput(f"{error}, expected one of an earlier run or none") from None
     with store:
         try:
-            runner = Runner(store, quiet)
-            records = [record for part in parts(study) for record in runner.run(part)]
+            records = Runner(store, quiet).run(Parts(study))
         except KeyboardInterrupt:
             raise RunFailed(f"interrupted: finished cases are in {store.path}, --resume goes on") from None
         except DamagedStoreError as error:
