@@ -119,8 +119,8 @@ class Comparison:
             Number(
                 f"exponent of the slow error in St, St ≥ {self.asymptotic:g}",
                 fit.exponent,
-                -1.15,
-                -0.85,
+                -1.3,
+                -0.8,
                 interval=(fit.low, fit.high),
             ),
             Number(f"slow error × St at St = {found['stokes'][-1]:g}", constant, *self.constant, unit="I_max"),

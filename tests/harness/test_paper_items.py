@@ -1,0 +1,73 @@
+"""Every item of the reproduction on its reduced grid: the measured numbers, the figure, the words around them."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from polhode.harness.paper.catalogue import find_items, items, sections
+from polhode.harness.paper.drawing import style
+from polhode.harness.paper.item import Grid, Word
+from polhode.harness.paper.store import read, write
+
+ITEMS = pytest.mark.parametrize("item", items(), ids=[item.name for item in items()])
+
+
+@pytest.fixture(scope="module")
+def data_of(tmp_path_factory):
+    """Data of an item on the reduced grid, as they come back from their files."""
+    folder = tmp_path_factory.mktemp("paper")
+
+    @cache
+    def data(item):
+        write(folder, item, Grid.REDUCED, item.compute(Grid.REDUCED))
+        found = read(folder, item)
+        assert found is not None
+        return found[0]
+
+    return data
+
+
+@ITEMS
+def test_every_number_lies_in_its_range(item, data_of):
+    verdict = item.verdict(data_of(item))
+    outside = [number for number in verdict.numbers if not number.holds]
+    assert not outside
+    assert verdict.word is verdict.earned is not Word.NOT_CONFIRMED
+    assert any(np.isfinite([number.low, number.high]).any() for number in verdict.numbers)
+
+
+@ITEMS
+def test_figure_has_labelled_axes(item, data_of):
+    with style():
+        figure = item.figure(data_of(item))
+    drawn = [axes for axes in figure.axes if axes.has_data() and axes.get_label() != "<colorbar>"]
+    assert drawn
+    for axes in drawn:
+        assert axes.get_xlabel()
+        assert axes.get_ylabel()
+        assert getattr(axes, "get_zlabel", lambda: "flat")()
+
+
+@ITEMS
+def test_words_are_complete(item, data_of):
+    data = data_of(item)
+    for text in (item.claim, item.verdict(data).sentence, item.caption(data)):
+        assert text.endswith((".", "?"))
+        assert "nan" not in text.split()
+
+
+def test_names_are_unique():
+    names = [item.name for item in items()] + [section.name for section in sections()]
+    assert len(names) == len(set(names))
+
+
+def test_a_section_stands_for_its_items():
+    section = sections()[0]
+    assert find_items((section.name,)) == section.items
+    assert find_items(()) == items()
+
+
+def test_unknown_items_are_refused():
+    with pytest.raises(ValueError, match="expected one of period-change"):
+        find_items(("no-such-item",))
