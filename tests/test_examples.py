@@ -1,0 +1,67 @@
+"""The examples run as they stand, and say what is true."""
+
+import re
+import runpy
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = Path(__file__).parents[1] / "docs" / "examples"
+
+
+@pytest.fixture
+def example(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
+    """Run an example in an empty folder and return its names and what it printed."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+
+    def run(name: str) -> tuple[dict, str]:
+        names = runpy.run_path(str(EXAMPLES / f"{name}.py"), run_name="__main__")
+        return names, capsys.readouterr().out
+
+    return run
+
+
+def test_own_ode(example, tmp_path: Path):
+    names, out = example("own_ode")
+    assert (tmp_path / "brusselator.png").stat().st_size > 10_000
+    frame = names["study"].frame
+    assert {"taylor", "radau", "cyrk-vern8"} <= set(frame["solver"])
+    tight = frame[(frame["tolerance"] == 1e-8) & (frame["status"] == "reached_end")]
+    assert len(tight) > 5
+    assert (tight["error"] < 1e-3).all()
+    assert "reached_end" in out
+
+
+def test_own_solver_is_of_order_four(example):
+    _, out = example("own_solver")
+    loose, middle, tight = (float(text) for text in re.findall(r"error ([\d.e+-]+)", out))
+    assert loose / middle == pytest.approx(16, rel=0.5)
+    assert middle / tight == pytest.approx(16, rel=0.5)
+
+
+def test_choose_a_solver(example):
+    names, out = example("choose_a_solver")
+    assert names["fast"].form.startswith("averaged")
+    assert out.count("run: reached_end") == 2
+    assert names["full"].times[-1] == names["fast"].times[-1] == pytest.approx(1e6)
+    # What was asked of the averaged run.
+    assert float(re.findall(r"two runs: ([\d.e+-]+)", out)[0]) < 1e-3 * max(names["scene"].ellipsoid.inertia)
+
+
+def test_ice_crystal(example):
+    names, out = example("ice_crystal")
+    assert "inertia of the air matters" in out
+    errors = [float(text) for text in re.findall(r"off by ([\d.e+-]+)", out)]
+    stokes = [crystal.stokes for crystal in names["CRYSTALS"].values()]
+    assert stokes == sorted(stokes)
+    assert errors == sorted(errors, reverse=True)
+    # 917 kg/m³ × 26/s × (100 µm)² / 1.67e-5 Pa s
+    assert stokes[0] == pytest.approx(14.277, rel=1e-4)
+    chosen = re.findall(r"1e-2: ([\w-]+) by", out)
+    assert not chosen[0].startswith("averaged")
+
+
+def test_every_example_is_run():
+    run = set(re.findall(r'example\("(\w+)"\)', Path(__file__).read_text(encoding="utf-8")))
+    assert run == {path.stem for path in EXAMPLES.glob("*.py")}
