@@ -1,0 +1,148 @@
+"""The Python API: what people import, what they get."""
+
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import pandas as pd
+import pytest
+from commandline import SCENE, Run
+
+from polhode.harness import SceneSolution, WorkPrecision, pick, solve
+from polhode.harness.plots import energy_plane, slow_variables
+from polhode.models.catalogue import form
+from polhode.models.quaternion import Quaternion
+from polhode.models.scenes import named_scene
+from polhode.solvers.contract import Status
+from polhode.solvers.taylor import Taylor
+
+WAY = {"form": "quaternion", "solver": "taylor", "tolerance": 1e-10}
+
+
+@pytest.fixture(scope="module")
+def solution() -> SceneSolution:
+    return solve("paper", **WAY)
+
+
+def test_names_are_imported_on_first_use():
+    code = (
+        "import sys, polhode.harness as h\n"
+        "assert not {'numpy', 'pandas', 'scipy', 'heyoka'} & set(sys.modules)\n"
+        "assert {'solve', 'pick', 'WorkPrecision', 'SceneSolution'} <= set(dir(h))\n"
+        "import polhode.harness.pick\n"
+        "from polhode.harness import pick, solve, WorkPrecision\n"
+        "assert pick.__name__ == 'pick' and callable(pick)\n"
+    )
+    done = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_what_is_not_there_is_an_attribute_error():
+    import polhode.harness
+
+    with pytest.raises(AttributeError, match=r"'polhode\.harness' has no attribute 'sovle'"):
+        polhode.harness.sovle  # noqa: B018
+
+
+def test_a_scene_a_file_and_a_name_are_the_same(tmp_path: Path, solution: SceneSolution):
+    path = tmp_path / "scene.toml"
+    path.write_text(SCENE, encoding="utf-8")
+    for scene in (path, str(path), named_scene("paper")):
+        pd.testing.assert_frame_equal(solve(scene, **WAY).frame(), solution.frame())
+
+
+def test_objects_stand_for_their_names(solution: SceneSolution):
+    same = solve("paper", form=Quaternion(), solver=Taylor(), tolerance=1e-10)
+    assert (same.form, same.solver) == ("quaternion", "taylor")
+    pd.testing.assert_frame_equal(same.frame(), solution.frame())
+
+
+def test_frame_is_the_csv(polhode: Run, scene_file: Path, tmp_path: Path):
+    options = [word for name, value in WAY.items() for word in (f"--{name}", value)]
+    done = polhode("solve", scene_file.name, *options, "--samples", 11, "--out", "out.csv")
+    assert done.returncode == 0, done.stderr
+    header, *rows = (tmp_path / "out.csv").read_text().splitlines()
+    frame = solve(scene_file, **WAY, samples=11).frame()
+    assert list(frame.columns) == header.split(",")
+    assert frame.to_numpy().tolist() == [[float(text) for text in row.split(",")] for row in rows]
+
+
+@pytest.mark.parametrize(("name", "t2"), [("jeffery", np.nan), ("top", 0.0)])
+def test_slow_time_at_the_limits(name: str, t2: float):
+    found = solve(
+        name, form={"jeffery": "jeffery", "top": "euler-top"}[name], solver="exact", tolerance=1e-9, samples=5
+    )
+    np.testing.assert_array_equal(found.frame()["t2"], [t2] * 5)
+
+
+def test_averaged_forms_count_time_in_shear_units_and_know_no_rotation():
+    scene = named_scene("paper")
+    found = solve(scene, form="averaged", solver="taylor", tolerance=1e-9)
+    assert found.times[-1] == pytest.approx(scene.time)
+    assert found.slow_times[-1] == pytest.approx(0.5)
+    assert found.frame()[["R11", "R33"]].isna().all(axis=None)
+
+
+def test_left_to_choose_it_meets_the_error(solution: SceneSolution):
+    found = solve("paper", error=1e-4)
+    assert found.success
+    difference = np.max(np.abs(found.observables.slow - solution.observables.slow))
+    assert difference < 1e-4 * max(found.scene.ellipsoid.inertia)
+
+
+def test_solutions_pickle(solution: SceneSolution):
+    copy = pickle.loads(pickle.dumps(solution))
+    pd.testing.assert_frame_equal(copy.frame(), solution.frame())
+    assert (copy.status, copy.scene, copy.work) == (solution.status, solution.scene, solution.work)
+
+
+def test_failure_is_a_status_with_the_rows_so_far():
+    found = solve("paper", form="quaternion", solver="lsoda", tolerance=1e-300)
+    assert not found.success
+    assert found.status in set(Status)
+    assert len(found.frame()) == len(found.times) < 201
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"samples": 1}, "samples: got 1, expected at least 2"),
+        ({"form": "quaternoin"}, "form: got 'quaternoin', expected one of"),
+        ({"tolerance": -1.0}, "tolerance: got -1.0, expected a finite positive number"),
+        ({"form": "spheroid-axis"}, "use 'quaternion'"),
+    ],
+)
+def test_refusals_name_value_and_expectation(change: dict, words: str):
+    with pytest.raises(ValueError, match=words):
+        solve("paper", **WAY | change)
+    with pytest.raises(ValueError, match="scene: got 'papre', expected a file or one of paper"):
+        solve("papre")
+
+
+def test_pick_takes_a_name_and_gives_what_solve_takes():
+    best = pick("paper", error=1e-5, want="orientation").ranking[0]
+    assert solve("paper", form=best.form, solver=best.solver, tolerance=best.tolerance).success
+
+
+def test_work_precision_is_a_frame():
+    problem = form("quaternion").problem(named_scene("paper"))
+    study = WorkPrecision(problem, solvers=("taylor",), tolerances=(1e-4, 1e-8))
+    assert list(study.frame["status"]) == ["reached_end"] * 2
+    assert study.frame["error"].is_monotonic_decreasing
+
+
+def test_plots_take_and_return_axes(solution: SceneSolution):
+    mpl.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, (left, right) = plt.subplots(1, 2)
+    assert slow_variables(left, solution, names=("Lz", "E")) is left
+    assert energy_plane(right, solution) is right
+    size = max(solution.scene.ellipsoid.inertia)
+    np.testing.assert_allclose(left.lines[0].get_ydata(), solution.angular_momentum[:, 2] / size)
+    np.testing.assert_allclose(right.lines[0].get_ydata(), solution.energy / size)
+    assert left.get_xlabel().startswith("slow time")
+    plt.close(figure)
