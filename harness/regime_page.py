@@ -166,7 +166,7 @@ def _legend(drawing: Any, found: Sequence[Cell]) -> None:
             own = sorted(shown[side], key=lambda method: list(COLORS).index(method.label))
             handles += [Patch(facecolor=COLORS[method.label], label=method.label) for method in own]
             handles.append(Patch(facecolor="none", label=" "))
-    handles.append(Patch(facecolor=NOBODY, edgecolor="0.7", label="nobody gets there"))
+    handles.append(Patch(facecolor=NOBODY, edgecolor="0.7", label="nobody gets there\nin the time allowed"))
     handles.append(Patch(facecolor=UNKNOWN, label="below what the\nreference can tell"))
     note = (
         "\nNumbers: time of a warm run,\n× its lead over the next colour.\n"
