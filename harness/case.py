@@ -22,10 +22,11 @@ from polhode.models.scene import Scene
 from polhode.models.scene_file import scene_table
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Backend, Jacobian, Status
-from polhode.solvers.solve import Solution, solve
+from polhode.solvers.cost import rhs_seconds
+from polhode.solvers.solve import INVARIANT_FLOOR, INVARIANT_TOLERANCES, Solution, solve
 
 # Changes whenever a record's meaning does, so that no old record is taken for a new one.
-SCHEMA = 2
+SCHEMA = 1
 # A run of fewer steps than one per this many rotations cannot be right.
 ROTATIONS_PER_STEP = 20.0
 # Below this St a stiff method may well step over rotations that the particle no longer makes by itself.
@@ -135,6 +136,7 @@ def attempt(case: Case) -> Attempt:
         "counted_seconds": solution.seconds,
         "reached": float(solution.times[-1] / solution.problem.end),
         "work": asdict(solution.work),
+        "rhs_seconds": _rhs_seconds(case),
     }
     return Attempt(record, solution.times, solution.states)
 
@@ -163,13 +165,42 @@ def judge(case: Case, tried: Attempt) -> Record:
     own = errors(ellipsoid, early, own_truth) if form.averaged else total
     model = errors(ellipsoid, own_truth, truth) if form.averaged else None
     distance = None if n == case.samples else statistics_distance(ellipsoid, found, full.observables)
-    return record | _error_columns(total, own, model, full, exact) | {"statistics_distance": distance}
+    return (
+        record
+        | _error_columns(total, own, model, full, exact)
+        | {"statistics_distance": distance}
+        | _broken_balance(total, case.tolerance)
+    )
 
 
 def time_once(case: Case) -> float:
     """Wall time, in seconds, of one warm run of a case that `attempt` has prepared in this process."""
     _ = case.times
     return seconds_of(case.solve)
+
+
+def _broken_balance(total: Errors, tolerance: float) -> Record:
+    """The status of a run whose energy does not follow from the torque's work, whatever its solver claims."""
+    allowed = max(INVARIANT_FLOOR, INVARIANT_TOLERANCES * tolerance)
+    if total.balance is None or total.balance <= allowed:
+        return {}
+    message = f"the energy balance is broken by {total.balance:.1e}, expected at most {allowed:.1e}"
+    return {"status": str(Status.FALSE_SUCCESS), "message": message}
+
+
+def _rhs_seconds(case: Case) -> float | None:
+    """Wall time of one right-hand side by the case's back end, measured once per form and process."""
+    method = find_solver(case.solver)
+    backend = case.backend or method.backends[0]
+    if case.problem.parameters is None or case.solver == "exact":
+        return None
+    key = case.form, backend
+    if key not in _RHS_SECONDS:
+        _RHS_SECONDS[key] = rhs_seconds(case.problem, backend)
+    return _RHS_SECONDS[key]
+
+
+_RHS_SECONDS: dict[tuple[str, Backend], float] = {}
 
 
 def _first_preparation(case: Case) -> float:

@@ -2,9 +2,10 @@
 
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pandas as pd
 
@@ -15,22 +16,29 @@ from polhode.harness.store import Record, export
 from polhode.harness.tables import frame, where
 from polhode.harness.text import duration, markdown, scientific
 from polhode.harness.timing import seconds_of
+from polhode.harness.worker import Worker
+from polhode.models.problem import Problem
 from polhode.solvers.catalogue import SOLVERS
+from polhode.solvers.contract import Backend
+from polhode.solvers.cost import FirstRun, first_run, rhs_seconds
 
 ERRORS = (1e-4, 1e-6, 1e-8)
 STIFF, OSCILLATORY_FROM = 1e-4, 1.0
 STARTS = 5
+FIRST_RUN_LIMIT = 60.0
 STIFF_SOLVERS = ("cyrk-radau", "cvode-bdf", "ida")
 
 
 @dataclass(frozen=True)
 class Measured:
-    """Records of the three studies, and the overheads."""
+    """Records of the three studies, the overheads, and the cold and warm first runs, and right-hand sides' costs."""
 
     solvers: Sequence[Record]
     spheroid: Sequence[Record]
     backends: Sequence[Record]
     overheads: Sequence[Overhead]
+    first_runs: Mapping[str, tuple[FirstRun, FirstRun]]
+    rhs_costs: Mapping[Backend, float]
 
 
 def write_page(measured: Measured, folder: Path, command: str) -> Path:
@@ -73,7 +81,8 @@ def write_page(measured: Measured, folder: Path, command: str) -> Path:
         "## What the interpreter and the Jacobian cost",
         "",
         "The same algorithms at tolerance 1e-6 with the right-hand side in plain Python, in numba, and in machine code "
-        "without Python in the loop; implicit ones with exact Jacobians and with finite differences.",
+        "without Python in the loop; implicit ones with exact Jacobians and with finite differences. One right-hand "
+        f"side alone takes {', '.join(f'{duration(seconds)} ({name})' for name, seconds in measured.rhs_costs.items())}.",
         "",
         _backends(backends),
         "## What `solve` adds to the bare library call",
@@ -82,12 +91,38 @@ def write_page(measured: Measured, folder: Path, command: str) -> Path:
         "turns, the minimum of each. Allowed: 5 % or 50 µs, whichever is more.",
         "",
         _overheads(measured.overheads),
+        "## What a first run costs",
+        "",
+        "The paper's ellipsoid in processes of their own: importing the library, compiling with an empty cache (cold) "
+        "and with the cache of the process before (warm). heyoka alone keeps compiled code on disk.",
+        "",
+        _first_runs(measured.first_runs),
         f"`polhode --help` takes {duration(startup_seconds())} from the shell, the minimum of {STARTS} starts.",
         "",
     ]
     page = folder / "README.md"
     page.write_text("\n".join(lines), encoding="utf-8")
     return page
+
+
+def rhs_costs(problem: Problem) -> dict[Backend, float]:
+    """Wall time of one right-hand side by every back end."""
+    names: tuple[Backend, ...] = ("python", "numba", "compiled")
+    return {name: rhs_seconds(problem, name) for name in names}
+
+
+def first_runs(problem: Problem, solvers: Sequence[str]) -> dict[str, tuple[FirstRun, FirstRun]]:
+    """Cold and warm first run of each solver, every one in a fresh process."""
+    found = {}
+    for name in solvers:
+        with TemporaryDirectory() as folder:
+            pair = []
+            for _ in range(2):
+                with Worker() as worker:
+                    pair.append(worker.run(first_run, problem, name, 1e-8, folder, limit=FIRST_RUN_LIMIT).value)
+        if all(pair):
+            found[name] = tuple(pair)
+    return found
 
 
 def startup_seconds() -> float:
@@ -179,6 +214,14 @@ def _backends(table: pd.DataFrame) -> str:
         rows.append([*row, scientific(run["slow_error"]), str(run["status"]).replace("_", " ")])
     header = ["St", "solver", "right-hand side", "Jacobian", "time", "calls", "slow error", "status"]
     return markdown(header, rows, right=(4, 5, 6))
+
+
+def _first_runs(runs: Mapping[str, tuple[FirstRun, FirstRun]]) -> str:
+    rows = [
+        [name, duration(cold.library), duration(cold.compilation), duration(warm.compilation), duration(warm.run)]
+        for name, (cold, warm) in runs.items()
+    ]
+    return markdown(["solver", "import", "compile, cold", "compile, warm", "run"], rows, right=range(1, 5))
 
 
 def _overheads(overheads: Sequence[Overhead]) -> str:

@@ -40,8 +40,10 @@ def duration(seconds: float | None) -> str:
     """A duration in two digits with its unit; a dash where there is none."""
     if seconds is None or isnan(seconds):
         return "–"
-    for unit, factor in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
-        if seconds >= factor or unit == "µs":
+    if seconds == 0:
+        return "0 s"
+    for unit, factor in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6), ("ns", 1e-9)):
+        if seconds >= factor or unit == "ns":
             value = seconds / factor
             return f"{value:.0f} {unit}" if value >= 9.95 else f"{value:.1f} {unit}"
     raise AssertionError(seconds)

@@ -22,9 +22,9 @@ from polhode.solvers.contract import (
 
 # Growth of an angle, in rad, after which it is wrapped: small against what a tolerance relative to it would lose.
 WRAP_AFTER = 100 * pi
-# An invariant may drift by this many tolerances, at least by roundoff, before success counts as false.
+# An invariant may drift by this many tolerances, within these bounds, before success counts as false.
 INVARIANT_TOLERANCES = 1e6
-INVARIANT_FLOOR = 1e-6
+INVARIANT_FLOOR, INVARIANT_CEILING = 1e-6, 0.5
 
 
 @dataclass(frozen=True)
@@ -201,7 +201,7 @@ def _doubt(solution: Solution, times: np.ndarray) -> str | None:
     invariant = solution.problem.invariant
     if invariant is not None:
         worst = float(np.abs(invariant(solution.states)).max())
-        allowed = max(INVARIANT_FLOOR, INVARIANT_TOLERANCES * solution.settings.tolerance)
+        allowed = min(INVARIANT_CEILING, max(INVARIANT_FLOOR, INVARIANT_TOLERANCES * solution.settings.tolerance))
         if not worst <= allowed:
             return f"the invariant is broken by {worst:.1e}, expected at most {allowed:.1e}"
     return None

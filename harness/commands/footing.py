@@ -18,7 +18,7 @@ def footing(out: Path, quick: bool, resume: bool, quiet: bool) -> None:
     About ten minutes; an interrupted run goes on with --resume.
     """
     from polhode.harness.commands.bench import start_afresh
-    from polhode.harness.footing import Measured, write_page
+    from polhode.harness.footing import Measured, first_runs, write_page
     from polhode.harness.overhead import measure, paper_problem
     from polhode.harness.run import Runner
     from polhode.harness.store import DamagedStoreError, Store
@@ -32,7 +32,9 @@ def footing(out: Path, quick: bool, resume: bool, quiet: bool) -> None:
             store = Store(out / "store.sqlite")
         except DamagedStoreError as error:
             raise BadInput(f"{error}, expected one of an earlier run or none") from None
-    overheads = measure(paper_problem(), seconds=0.2 if quick else 2.0)
+    problem = paper_problem()
+    overheads = measure(problem, seconds=0.2 if quick else 2.0)
+    firsts = first_runs(problem, [one.solver for one in overheads])
     found = {}
     with store:
         for name in ("solvers", "spheroid", "backends"):
@@ -43,5 +45,7 @@ def footing(out: Path, quick: bool, resume: bool, quiet: bool) -> None:
                 raise RunFailed(f"interrupted: finished cases are in {store.path}, --resume goes on") from None
             except DamagedStoreError as error:
                 raise RunFailed(str(error)) from None
-    page = write_page(Measured(**found, overheads=overheads), out, f"polhode footing{' --quick' if quick else ''}")
+    page = write_page(
+        Measured(**found, overheads=overheads, first_runs=firsts), out, f"polhode footing{' --quick' if quick else ''}"
+    )
     click.echo(f"{page}")
