@@ -223,7 +223,7 @@ class Task:
     @cached_property
     def key(self) -> str:
         """Hash of the canonical content."""
-        return _hash(self.content)
+        return digest(self.content)
 
 
 def run_task(task: Task) -> Record:
@@ -234,12 +234,13 @@ def run_task(task: Task) -> Record:
     RuntimeError
         If the task was made with other versions than those it would be run with here.
     """
-    if _hash(task.content) != task.key:
+    if digest(task.content) != task.key:
         raise RuntimeError(f"got a task of other versions, expected {task.content['versions']}")
     return task.ensemble.run(task.index).as_record()
 
 
-def _hash(content: Record) -> str:
+def digest(content: Record) -> str:
+    """Hash of plain data in canonical form."""
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 

@@ -13,11 +13,11 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from tqdm import tqdm
 
 from polhode.harness.engines import Engine
-from polhode.harness.ensemble import Ensemble, Record, Task, run_task
+from polhode.harness.ensemble import Ensemble, Record, Task, digest, run_task
 from polhode.harness.ensemble_starts import Starts
 from polhode.harness.ensemble_statistics import Statistics, merged
 from polhode.harness.machine import machine
-from polhode.harness.store import Store
+from polhode.harness.store import DamagedStoreError, Store
 from polhode.harness.study import Name, Stokes
 from polhode.models.scene_file import FourVector, Positive, Vector, first_complaint
 from polhode.models.shape import Ellipsoid
@@ -111,7 +111,8 @@ class StoreFailedError(RuntimeError):
 
 def perform(task: Task) -> Record:
     """Record of a task: its statistics, the machine it ran on, and that no times were taken."""
-    return {**run_task(task), "machine": machine(), "timing": NO_TIMES}
+    statistics = run_task(task)
+    return {"statistics": statistics, "checksum": digest(statistics), "machine": machine(), "timing": NO_TIMES}
 
 
 def run_sweep(sweep: Sweep, store: Store, engine: Engine, *, quiet: bool = False, spread: bool = False) -> Tally:
@@ -133,10 +134,9 @@ def run_sweep(sweep: Sweep, store: Store, engine: Engine, *, quiet: bool = False
     StoreFailedError
         If the disk is full, or the store cannot be written for another reason.
     """
-    tasks = _missing(sweep, store, spread)
-    finished, failed, message, found = 0, 0, "", 0
+    finished, failed, message = 0, 0, ""
     with tqdm(total=sweep.size, disable=quiet, unit="task", desc=sweep.name, leave=False) as progress:
-        outcomes = engine.run(perform, tasks)
+        outcomes = engine.run(perform, _missing(sweep, store, spread))
         try:
             for outcome in outcomes:
                 if outcome.value is None:
@@ -147,8 +147,7 @@ def run_sweep(sweep: Sweep, store: Store, engine: Engine, *, quiet: bool = False
                 progress.update()
         finally:
             outcomes.close()  # pyright: ignore[reportAttributeAccessIssue]
-    found = sweep.size - finished - failed
-    return Tally(finished, found, failed, message)
+    return Tally(finished, sweep.size - finished - failed, failed, message)
 
 
 def _missing(sweep: Sweep, store: Store, spread: bool) -> Iterator[Task]:
@@ -181,6 +180,8 @@ def gather(ensemble: Ensemble, store: Store) -> Statistics:
     ------
     ValueError
         If the store lacks a task.
+    DamagedStoreError
+        If a task's numbers are not those that were written.
     """
 
     def parts() -> Iterator[Statistics]:
@@ -188,7 +189,9 @@ def gather(ensemble: Ensemble, store: Store) -> Statistics:
             record = store.result(task.key)
             if record is None:
                 raise ValueError(f"{store.path}: task {task.index} is missing, expected a finished sweep; --resume")
-            yield Statistics.from_record(record, ensemble.layout)
+            if digest(record["statistics"]) != record["checksum"]:
+                raise DamagedStoreError(f"{store.path}: the store is damaged: task {task.key} fails its checksum")
+            yield Statistics.from_record(record["statistics"], ensemble.layout)
 
     return merged(ensemble.layout, parts())
 

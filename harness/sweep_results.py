@@ -1,5 +1,6 @@
 """What a sweep leaves behind: tables for the reader, CSV files for the rest."""
 
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +11,11 @@ from polhode.harness.ensemble_summary import (
     moment_rows,
     slow_rows,
 )
-from polhode.harness.partial_file import PartialFile
 from polhode.harness.store import Store, export
 from polhode.harness.sweep import NO_TIMES, Sweep, gather
 from polhode.harness.text import markdown
 
+PAGE = "README.md"
 FILES = {
     "moments.csv": (moment_rows, "orientation moments of second and fourth order, with standard errors"),
     "slow.csv": (slow_rows, "means of L and E, with standard errors"),
@@ -32,12 +33,14 @@ def write_results(sweep: Sweep, store: Store, folder: Path) -> tuple[Path, list[
         ensembles.append(ensemble_row(ensemble, statistics))
         for name, (make, _) in FILES.items():
             rows[name] += make(ensemble, statistics)
-    for name, records in rows.items():
-        export(records, folder / name)
-    page = folder / "README.md"
-    with PartialFile(page) as file:
-        file.write(_page(sweep, ensembles))
-    return page, ensembles
+    # Two runs that share a store finish at the same time, and write the same.
+    with tempfile.TemporaryDirectory(dir=folder, prefix="partial-") as partial:
+        for name, records in rows.items():
+            export(records, Path(partial) / name)
+        (Path(partial) / PAGE).write_text(_page(sweep, ensembles), encoding="utf-8")
+        for name in (*rows, PAGE):
+            (Path(partial) / name).replace(folder / name)
+    return folder / PAGE, ensembles
 
 
 def _page(sweep: Sweep, ensembles: list[dict[str, Any]]) -> str:

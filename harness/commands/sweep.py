@@ -63,7 +63,10 @@ def sweep(
             raise RunFailed(f"{error}; finished tasks are in {path}, --resume goes on") from None
         if tally.failed:
             raise RunFailed(f"{tally.failed} of {what.size} tasks failed, --resume tries again: {tally.message}")
-        page, ensembles = write_results(what, store, folder)
+        try:
+            page, ensembles = write_results(what, store, folder)
+        except (DamagedStoreError, OSError) as error:
+            raise RunFailed(f"{error}; all tasks are finished, --resume writes the tables") from None
         click.echo(json.dumps(ensembles) if as_json else f"{page}")
 
 

@@ -1,7 +1,11 @@
 """The command line as a user runs it: the installed script, an empty home, a folder of its own."""
 
+import json
 import os
 import subprocess
+import sys
+import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -47,3 +51,29 @@ def site_reports(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def site_pages(tmp_path_factory: pytest.TempPathFactory, site_reports: Path) -> dict[str, str]:
     """Pages of the site made of them, by name."""
     return site(tmp_path_factory.mktemp("site"), site_reports)
+
+
+@pytest.fixture(scope="session")
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, list[subprocess.Popen]]]:
+    """Address of a scheduler on the loopback, and its two workers' processes."""
+    pytest.importorskip("distributed")
+    folder = tmp_path_factory.mktemp("dask")
+    contact = folder / "scheduler.json"
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1]), "POLHODE_CACHE": str(folder / "cache")}
+
+    def start(*words: str) -> subprocess.Popen:
+        command = [sys.executable, "-m", "distributed.cli.dask_" + words[0], *words[1:]]
+        return subprocess.Popen(command, env=environment, cwd=folder, stderr=subprocess.DEVNULL)
+
+    where = ("--scheduler-file", str(contact))
+    scheduler = start("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", *where)
+    workers = [start("worker", "--nthreads", "2", "--no-nanny", "--no-dashboard", *where) for _ in range(2)]
+    try:
+        end = time.monotonic() + 60
+        while not (contact.exists() and contact.read_text()) and time.monotonic() < end:
+            time.sleep(0.1)
+        yield json.loads(contact.read_text())["address"], workers
+    finally:
+        for process in (*workers, scheduler):
+            process.kill()
+            process.wait()

@@ -1,9 +1,6 @@
 """Engines against workers that die, hang and raise; Dask's against a real scheduler and two workers."""
 
-import json
 import os
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from importlib.util import find_spec
@@ -13,34 +10,6 @@ import pytest
 
 from oracle.labour import Job, die_always, die_once, refuse_odd, spin, square
 from polhode.harness.engines import AHEAD, Dask, Engine, Processes, Serial
-
-TESTS = Path(__file__).parents[1]
-
-
-@pytest.fixture(scope="session")
-def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, list[subprocess.Popen]]]:
-    """Address of a scheduler on the loopback, and its two workers' processes."""
-    pytest.importorskip("distributed")
-    folder = tmp_path_factory.mktemp("dask")
-    contact = folder / "scheduler.json"
-    environment = {**os.environ, "PYTHONPATH": str(TESTS), "POLHODE_CACHE": str(folder / "cache")}
-
-    def start(*words: str) -> subprocess.Popen:
-        command = [sys.executable, "-m", "distributed.cli.dask_" + words[0], *words[1:]]
-        return subprocess.Popen(command, env=environment, cwd=folder, stderr=subprocess.DEVNULL)
-
-    where = ("--scheduler-file", str(contact))
-    scheduler = start("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", *where)
-    workers = [start("worker", "--nthreads", "2", "--no-nanny", "--no-dashboard", *where) for _ in range(2)]
-    try:
-        end = time.monotonic() + 60
-        while not (contact.exists() and contact.read_text()) and time.monotonic() < end:
-            time.sleep(0.1)
-        yield json.loads(contact.read_text())["address"], workers
-    finally:
-        for process in (*workers, scheduler):
-            process.kill()
-            process.wait()
 
 
 @pytest.fixture(params=["serial", "processes", "dask"])
