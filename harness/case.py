@@ -26,7 +26,7 @@ from polhode.solvers.cost import rhs_seconds
 from polhode.solvers.solve import INVARIANT_FLOOR, INVARIANT_TOLERANCES, Solution, solve
 
 # Changes whenever a record's meaning does, so that no old record is taken for a new one.
-SCHEMA = 1
+SCHEMA = 2
 # A run of fewer steps than one per this many rotations cannot be right.
 ROTATIONS_PER_STEP = 20.0
 # Below this St a stiff method may well step over rotations that the particle no longer makes by itself.

@@ -82,7 +82,7 @@ def write_page(measured: Measured, folder: Path, command: str) -> Path:
         "",
         "The same algorithms at tolerance 1e-6 with the right-hand side in plain Python, in numba, and in machine code "
         "without Python in the loop; implicit ones with exact Jacobians and with finite differences. One right-hand "
-        f"side alone takes {', '.join(f'{duration(seconds)} ({name})' for name, seconds in measured.rhs_costs.items())}.",
+        f"side alone takes {', '.join(f'{duration(cost)} ({name})' for name, cost in measured.rhs_costs.items())}.",
         "",
         _backends(backends),
         "## What `solve` adds to the bare library call",
