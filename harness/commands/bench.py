@@ -16,11 +16,13 @@ from polhode.harness.cli import BadInput, RunFailed, bad_input
 def bench(study_file: Path | None, out: Path | None, quick: bool, resume: bool, quiet: bool) -> None:
     """Run a work-precision study and write its page, figures and records.
 
+    The page of a study of several scenes tells who gets through; of one scene, who is the cheapest.
+
     Without a study file: the paper's triaxial ellipsoid at St = 1e2 to 1e5, by every solver, with the averaged form.
     An interrupted run keeps its finished cases in FOLDER/store.sqlite and goes on with --resume; a run that starts
     afresh moves them to FOLDER/previous.sqlite.
     """
-    from polhode.harness.bench_page import write_page
+    from polhode.harness import bench_page, outcomes
     from polhode.harness.run import Runner
     from polhode.harness.store import DamagedStoreError, Store
     from polhode.harness.study import quick_study, read_study
@@ -44,7 +46,9 @@ def bench(study_file: Path | None, out: Path | None, quick: bool, resume: bool, 
         except DamagedStoreError as error:
             raise RunFailed(str(error)) from None
     words = ["polhode bench", *([str(study_file)] if study_file else []), *(["--quick"] if quick else [])]
-    page = write_page(study, records, folder, " ".join(words))
+    # Which is the cheapest makes sense for one scene; several ask who gets through.
+    one_scene = len({name for name, _ in study.scenes}) == 1
+    page = (bench_page if one_scene else outcomes).write_page(study, records, folder, " ".join(words))
     click.echo(f"{page}")
 
 

@@ -2,19 +2,22 @@
 
 import json
 import re
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from commandline import STUDY
 from sites import C, data_of, site
 
+from polhode.harness.outcomes import outcome, reasons, write_page
 from polhode.harness.regimes import cells
 from polhode.harness.site.build import MENU
-from polhode.harness.site.hard_page import outcome
 from polhode.harness.site.markup import bullets, plain
 from polhode.harness.site.motion_page import examples, motion
 from polhode.harness.site.sources import read_sources
+from polhode.harness.study import parse_study
 from polhode.harness.text import duration
 from polhode.models.scenes import named_scene
 
@@ -134,6 +137,23 @@ def test_hard_cases_show_every_outcome_with_its_reason(site_pages: dict[str, str
     stopped = re.findall(r'<td class="stopped" title="([^"]*)"', page)
     assert any("time limit: stopped by hand" in reason for reason in stopped)
     assert page.count("✓</span>") + page.count("≈</span>") >= len({(r["form"], r["solver"]) for r in records}) - 1
+
+
+def test_page_of_several_scenes_has_a_sign_for_every_run(tmp_path: Path, site_reports: Path):
+    records = read_sources(site_reports).studies["hard-cases"].records
+    study = parse_study(tomllib.loads(STUDY))
+    page = write_page(study, records, tmp_path, "polhode bench several.toml").read_text(encoding="utf-8")
+    rows = [line for line in page.splitlines() if line.startswith("| ") and ("✓" in line or "≈" in line or "◷" in line)]
+    signs = "".join(rows)
+    assert sum(signs.count(sign) for sign in "✓≈◷✕") == len(records)
+    assert signs.count("◷") == 1
+    assert "time limit: stopped by hand" in page
+    assert len((tmp_path / "records.jsonl").read_text().splitlines()) == len(records)
+
+
+def test_reasons_join_solvers_of_one_form():
+    cells = {"a": ("failed", "why"), "b": ("reached", ""), "c": ("failed", "why"), "d": ("stopped", "late")}
+    assert reasons({"form": cells}) == ["form, a, c: failed, why", "form, d: stopped, late"]
 
 
 @pytest.mark.parametrize("name", examples())

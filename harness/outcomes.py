@@ -1,0 +1,143 @@
+"""What became of runs on hard cases: reached, inaccurate, stopped or failed, with the reason."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from polhode.harness.store import Record, export
+from polhode.harness.study import Study
+from polhode.harness.tables import frame
+from polhode.harness.text import duration, markdown, scientific
+from polhode.models.scenes import SCENES
+from polhode.solvers.catalogue import SOLVERS
+from polhode.solvers.contract import Status
+
+# A run that reached its end but is further off the exact solution of its own form has no digit to trust.
+INACCURATE = 1e-3
+KINDS = ("reached", "inaccurate", "stopped", "failed")
+SIGNS = {"reached": "✓", "inaccurate": "≈", "stopped": "◷", "failed": "✕", "absent": "·"}
+
+Block = tuple[str, float, float]
+"""Scene, St and tolerance."""
+Outcome = tuple[str, str]
+"""One of `KINDS`, and the reason in words."""
+
+
+def outcome(run: dict[Any, Any]) -> Outcome:
+    """Outcome of a run, from its record as a row of `polhode.harness.tables.frame`."""
+    status = str(run["status"])
+    if status != Status.REACHED_END:
+        meaning = Status(status).meaning if status in set(Status) else ""
+        kind = "stopped" if status in (Status.TIME_LIMIT, Status.STEP_LIMIT) else "failed"
+        return kind, f"{status.replace('_', ' ')}: {_known(run.get('message')) or meaning}"
+    error, seconds = _known(run.get("solver_slow_error")), _known(run.get("seconds"))
+    took = f"{duration(seconds)}, " if seconds is not None else ""
+    if error is None:
+        failure = _known(run.get("reference_failed"))
+        return "inaccurate", f"{took}error unknown: {failure or 'no certified reference'}"
+    model = _known(run.get("model_slow_error")) or 0.0
+    off = f"; the form itself is off by {scientific(model)}" if model > 0 else ""
+    return ("reached" if error <= INACCURATE else "inaccurate"), f"{took}solver error {scientific(error)}{off}"
+
+
+def blocks(table: pd.DataFrame) -> dict[Block, dict[str, dict[str, Outcome]]]:
+    """Outcomes by scene, form and solver."""
+    found: dict[Block, dict[str, dict[str, Outcome]]] = {}
+    for run in table.to_dict("records"):
+        block = str(run["scene_name"]), float(run["stokes"]), float(run["tolerance"])
+        found.setdefault(block, {}).setdefault(str(run["form"]), {})[str(run["solver"])] = outcome(run)
+    return found
+
+
+def title(block: Block) -> str:
+    """Scene, St and tolerance in words."""
+    scene, stokes, tolerance = block
+    return f"{scene}, St = {stokes:g}, tolerance {tolerance:g}"
+
+
+def about(block: Block) -> str:
+    """What is hard about a built-in scene; empty for others."""
+    return SCENES[block[0]].summary if block[0] in SCENES else ""
+
+
+def columns(table: pd.DataFrame) -> list[str]:
+    """Solvers in the order of the catalogue, others last."""
+    found = set(table["solver"])
+    return [name for name in SOLVERS if name in found] + sorted(found - set(SOLVERS))
+
+
+def reasons(forms: dict[str, dict[str, Outcome]]) -> list[str]:
+    """What was not reached, and why, one line for the solvers of one form and reason."""
+    found: dict[tuple[str, str, str], list[str]] = {}
+    for form, cells in forms.items():
+        for solver, (kind, reason) in cells.items():
+            if kind != "reached":
+                found.setdefault((form, kind, reason), []).append(solver)
+    return [f"{form}, {', '.join(names)}: {kind}, {reason}" for (form, kind, reason), names in found.items()]
+
+
+def sentences(table: pd.DataFrame) -> list[str]:
+    """How many got through, and who."""
+    counts: dict[str, dict[str, int]] = {}
+    for run in table.to_dict("records"):
+        counts.setdefault(str(run["solver"]), dict.fromkeys(KINDS, 0))[outcome(run)[0]] += 1
+    total = {name: sum(own.values()) for name, own in counts.items()}
+    sums = {kind: sum(own[kind] for own in counts.values()) for kind in KINDS}
+    best = sorted(counts, key=lambda name: (-counts[name]["reached"] / total[name], name))
+    through = [name for name in best if counts[name]["reached"] == total[name]]
+    worst = best[-1]
+    return [
+        f"{sums['reached']} of {sum(total.values())} runs reached the end with a solver error below {INACCURATE:g}; "
+        f"{sums['inaccurate']} reached it with a larger one; {sums['stopped']} were stopped at the limit of "
+        f"{limit(table)}; {sums['failed']} failed.",
+        f"Through every case they take: {', '.join(through) or 'nobody'}.",
+        f"Most often stuck: {worst}, {total[worst] - counts[worst]['reached']} of {total[worst]}.",
+    ]
+
+
+def limit(table: pd.DataFrame) -> str:
+    """The time limit of the runs in words."""
+    limits = sorted(set(table["max_seconds"].dropna().astype(float))) if "max_seconds" in table else []
+    return " or ".join(duration(each) for each in limits) or "time"
+
+
+def write_page(study: Study, records: Sequence[Record], folder: Path, command: str) -> Path:
+    """Write the page of a study of several scenes, and its records, into a folder and return the page's path."""
+    table = frame(records)
+    folder.mkdir(parents=True, exist_ok=True)
+    export(list(records), folder / "records.jsonl")
+    page = folder / "README.md"
+    page.write_text("\n".join(_lines(study, table, records[0], command)), encoding="utf-8")
+    return page
+
+
+def _lines(study: Study, table: pd.DataFrame, record: Record, command: str) -> list[str]:
+    solvers, machine = columns(table), record["machine"]
+    lines = [
+        f"# {study.title}",
+        "",
+        f"Made by `{command}`. Do not edit: the next run overwrites this page.",
+        "",
+        f"Machine: {machine['processor']}, {machine['cores']} cores, {machine['system']}, Python {machine['python']}; "
+        + ", ".join(f"{name} {number}" for name, number in record["versions"].items())
+        + ".",
+        "",
+        *(f"- {sentence}" for sentence in sentences(table)),
+        "",
+        f"✓ reached; ≈ reached, but off by more than {INACCURATE:g}; ◷ stopped at the limit of {limit(table)}; "
+        "✕ failed; · not run, since the form or the solver does not take the scene.",
+        "",
+    ]
+    for block, forms in blocks(table).items():
+        rows = [
+            [form, *(SIGNS[cells.get(name, ("absent", ""))[0]] for name in solvers)] for form, cells in forms.items()
+        ]
+        lines += [f"## {title(block)}", "", *([about(block), ""] if about(block) else [])]
+        lines += [markdown(["form", *solvers], rows), *(f"- {reason}" for reason in reasons(forms)), ""]
+    return lines
+
+
+def _known(value: Any) -> Any:
+    return None if value is None or value is pd.NA or value != value else value
