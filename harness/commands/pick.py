@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from polhode.harness import completion
 from polhode.harness.cli import BadInput, bad_input
 
 if TYPE_CHECKING:
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
 
 
 @click.command(epilog="Example: polhode pick paper --error 1e-6 --want slow")
-@click.argument("scene")
+@click.argument("scene", shell_complete=completion.scenes)
 @click.option("--error", type=float, default=1e-6, show_default=True, help="Largest error allowed along the run.")
 @click.option(
     "--want",

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import click
 
+from polhode.harness import completion
 from polhode.harness.cli import bad_input
 
 
@@ -17,7 +18,12 @@ from polhode.harness.cli import bad_input
 )
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), help="Folder; by default REPORTS/site.")
 @click.option(
-    "--scene", "scenes", multiple=True, metavar="SCENE", help="Show the motion of this scene too; repeatable."
+    "--scene",
+    "scenes",
+    multiple=True,
+    metavar="SCENE",
+    shell_complete=completion.scenes,
+    help="Show the motion of this scene too; repeatable.",
 )
 @click.option("--quiet", is_flag=True, help="No progress.")
 def report(reports: Path, out: Path | None, scenes: tuple[str, ...], quiet: bool) -> None:

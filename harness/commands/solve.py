@@ -4,6 +4,7 @@ from pathlib import Path
 
 import click
 
+from polhode.harness import completion
 from polhode.harness.cli import BadInput, RunFailed, bad_input
 
 # A CSV file of more rows would hold gigabytes.
@@ -11,9 +12,19 @@ MOST_SAMPLES = 10_000_000
 
 
 @click.command(epilog="Example: polhode solve paper --samples 501 --out paper.csv")
-@click.argument("scene")
-@click.option("--form", "form_name", help="Form of the equations (`polhode forms`); by default what fits the scene.")
-@click.option("--solver", "solver_name", help="Solver (`polhode solvers`); by default what fits the scene.")
+@click.argument("scene", shell_complete=completion.scenes)
+@click.option(
+    "--form",
+    "form_name",
+    shell_complete=completion.forms,
+    help="Form of the equations (`polhode forms`); by default what fits the scene.",
+)
+@click.option(
+    "--solver",
+    "solver_name",
+    shell_complete=completion.solvers,
+    help="Solver (`polhode solvers`); by default what fits the scene.",
+)
 @click.option("--tolerance", type=float, help="The solver's tolerance; by default what meets --error.")
 @click.option("--error", type=float, default=1e-6, show_default=True, help="Error wanted, where no tolerance is given.")
 @click.option("--want", type=click.Choice(["slow", "orientation"]), default="slow", show_default=True)
