@@ -106,6 +106,34 @@ def c_callback(factory: FieldFactory, dimension: int, parameters: int) -> Any:
 
 
 @cache
+def counting_c_callback(factory: FieldFactory, dimension: int, parameters: int) -> Any:
+    """`c_callback` that counts its calls: behind the parameters stands the address of an integer, as eight bytes."""
+    import numba
+    from numba.extending import intrinsic
+    from numba.np.numpy_support import carray
+
+    inner = _numba_field(factory)
+    pointer, counter = numba.types.CPointer(numba.float64), numba.types.CPointer(numba.int64)
+
+    @intrinsic
+    def pointer_to(context: Any, address: Any) -> Any:
+        def generate(target: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return builder.inttoptr(arguments[0], target.get_value_type(signature.return_type))
+
+        return counter(numba.int64), generate
+
+    @numba.cfunc(numba.void(pointer, numba.float64, pointer, pointer), **_FAST)
+    def callback(dy: Any, t: float, y: Any, p: Any) -> None:
+        calls = pointer_to(carray(p, parameters + 1).view(np.int64)[parameters])  # pyright: ignore[reportCallIssue]
+        calls[0] += 1
+        rates = inner(carray(y, dimension), carray(p, parameters))
+        for i in range(dimension):
+            dy[i] = rates[i]
+
+    return callback
+
+
+@cache
 def load_heyoka() -> Any:
     """Import heyoka, the one way that everybody here does: quiet, and with its cache where the user wants it.
 

@@ -15,15 +15,13 @@ from typing import Any, ClassVar
 import numpy as np
 
 from polhode.models.problem import Problem
-from polhode.solvers.compile import c_callback, parameter_array
+from polhode.solvers.compile import c_callback, counting_c_callback, parameter_array
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status
-from polhode.solvers.interrupt import deferred_interrupt
 
 # Deadline and Ctrl-C are looked at once per this many steps: a tenth of a second at most.
 CHUNK = 20_000
 MAX_RAM_MB = 2000
 
-_RIGHT_HAND_SIDE = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
 # CyrkErrorCodes of the library's c_common.hpp.
 _STEPS_EXCEEDED = (-52, -53)
 _STATUS = {
@@ -45,18 +43,20 @@ class _Cyrk(Solver):
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         """Compile the callback, once per field."""
-        parameters = parameter_array(problem)
-        address = c_callback(problem.field, problem.dimension, len(parameters)).address
-        call = Call(address, method_number(self.method), parameters, settings.tolerance)
+        parameters, method = parameter_array(problem), method_number(self.method)
         if not settings.count:
+            address = c_callback(problem.field, problem.dimension, len(parameters)).address
+            call = Call(address, method, parameters, settings.tolerance)
             return lambda record: _run(call, record)
+        calls = np.zeros(1, dtype=np.int64)
+        address = counting_c_callback(problem.field, problem.dimension, len(parameters)).address
+        counted = np.append(parameters, np.array([calls.ctypes.data]).view(float))
+        call = Call(address, method, counted, settings.tolerance)
 
         def integrate(record: Record) -> Outcome:
-            counter = _Counter(address, problem.dimension)
-            counting = Call(counter.address, call.method, parameters, settings.tolerance)
-            with deferred_interrupt(counter.close):
-                outcome = _run(counting, record)
-            record.work.rhs_calls = counter.calls
+            calls[0] = 0
+            outcome = _run(call, record)
+            record.work.rhs_calls = int(calls[0])
             return outcome
 
         return integrate
@@ -67,27 +67,6 @@ def method_number(name: str) -> int:
     from CyRK.cy.pyhelpers import find_ode_method_int
 
     return find_ode_method_int(name)
-
-
-class _Counter:
-    """A callback that counts in Python, and turns NaN after Ctrl-C, which ctypes would swallow."""
-
-    def __init__(self, address: int, dimension: int) -> None:
-        self.calls, self.closed = 0, False
-        call = _RIGHT_HAND_SIDE(address)
-
-        def counted(dy: int, t: float, y: int, p: int) -> None:
-            self.calls += 1
-            call(dy, t, y, p)
-            if self.closed:
-                (ctypes.c_double * dimension).from_address(dy)[:] = [np.nan] * dimension
-
-        self._keep = _RIGHT_HAND_SIDE(counted)
-        self.address = ctypes.cast(self._keep, ctypes.c_void_p).value
-
-    def close(self) -> None:
-        """Stop the run at its next right-hand side."""
-        self.closed = True
 
 
 class Call:

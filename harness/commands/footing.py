@@ -18,7 +18,7 @@ def footing(out: Path, quick: bool, resume: bool, quiet: bool) -> None:
     About ten minutes; an interrupted run goes on with --resume.
     """
     from polhode.harness.commands.bench import start_afresh
-    from polhode.harness.footing import Measured, first_runs, write_page
+    from polhode.harness.footing import Measured, first_runs, rhs_costs, write_page
     from polhode.harness.overhead import measure, paper_problem
     from polhode.harness.run import Runner
     from polhode.harness.store import DamagedStoreError, Store
@@ -45,7 +45,6 @@ def footing(out: Path, quick: bool, resume: bool, quiet: bool) -> None:
                 raise RunFailed(f"interrupted: finished cases are in {store.path}, --resume goes on") from None
             except DamagedStoreError as error:
                 raise RunFailed(str(error)) from None
-    page = write_page(
-        Measured(**found, overheads=overheads, first_runs=firsts), out, f"polhode footing{' --quick' if quick else ''}"
-    )
+    measured = Measured(**found, overheads=overheads, first_runs=firsts, rhs_costs=rhs_costs(problem))
+    page = write_page(measured, out, f"polhode footing{' --quick' if quick else ''}")
     click.echo(f"{page}")
