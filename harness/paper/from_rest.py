@@ -76,7 +76,7 @@ class Sphere:
 
     def compute(self, grid: Grid) -> Data:
         """Path of z', its distance from the vorticity axis, and the turning rate over that of Jeffery's orbit."""
-        times = np.linspace(0.0, self.time, grid.of(6001, 2001))
+        times = np.linspace(0.0, self.time, grid.of(4001, 2001))
         run = full_run(Scene(self.ellipsoid, self.stokes, self.start, self.time), times)
         path = axis_path(run)
         kappa = max(self.ellipsoid.semi_axes) / min(self.ellipsoid.semi_axes)

@@ -13,7 +13,7 @@ NOTICE = "Made by `polhode paper`. Do not edit: the next run overwrites this pag
 
 def write_pages(folder: Path, sections: Sequence[Section], grid: Grid) -> None:
     """Write the index and the pages of all sections from the data in the folder, whenever they were made."""
-    found = {item.name: store.read(folder / section.name, item) for section in sections for item in section.items}
+    found = {item.name: _usable(folder / section.name, item) for section in sections for item in section.items}
     data = {name: content[0] for name, content in found.items() if content is not None}
     stale = [name for name, content in found.items() if content is not None and not content[1]]
     for section in sections:
@@ -22,6 +22,20 @@ def write_pages(folder: Path, sections: Sequence[Section], grid: Grid) -> None:
             lines += _item_lines(section, item, data.get(item.name))
         _write(folder / f"{section.name}.md", lines)
     _write(folder / "README.md", _index(sections, data, stale, grid))
+
+
+def _usable(folder: Path, item: Item) -> tuple[Data, bool] | None:
+    """The item's data, and whether today's code made them; None where there are none that a verdict can be made of."""
+    found = store.read(folder, item)
+    if found is None:
+        return None
+    data, current, _ = found
+    try:
+        item.verdict(data)
+    except (KeyError, IndexError):
+        # Older code kept other columns.
+        return None
+    return data, current
 
 
 def _write(path: Path, lines: Sequence[str]) -> None:
@@ -52,7 +66,12 @@ def _item_lines(section: Section, item: Item, data: Data | None) -> list[str]:
 
 
 def _row(number: Number) -> list[str]:
-    return [number.what, measured(number), allowed(number)]
+    return _cells(number.what, measured(number), allowed(number))
+
+
+def _cells(*texts: str) -> list[str]:
+    """Table cells; the bars of |L| would end them."""
+    return [text.replace("|", "\\|") for text in texts]
 
 
 def measured(number: Number) -> str:
@@ -99,10 +118,10 @@ def _index(sections: Sequence[Section], data: dict[str, Data], stale: Sequence[s
 def _index_row(section: Section, item: Item, data: Data | None) -> list[str]:
     name = f"[{item.name}]({section.name}.md#{_anchor(item.title)})"
     if data is None:
-        return [name, item.claim, "not computed", "", ""]
+        return _cells(name, item.claim, "not computed", "", "")
     verdict: Verdict = item.verdict(data)
     first = verdict.numbers[0]
-    return [name, item.claim, verdict.word, f"{first.what}: {measured(first)}", verdict.sentence]
+    return _cells(name, item.claim, verdict.word, f"{first.what}: {measured(first)}", verdict.sentence)
 
 
 def _anchor(title: str) -> str:

@@ -207,7 +207,7 @@ AZIMUTHS = (0.0, 45.0, 90.0)
 
 def compute_projections(grid: Grid) -> Data:
     """Slow trajectories from |L| = 2I_e/3, three energies, all directions of L."""
-    slow_times = graded(1.0, 801)
+    slow_times = graded(1.0, 601)
     parts, ends, crossings = [], [], []
     for energy in ENERGIES:
         for cosine in grid.of((-0.95, -0.6, -0.2, 0.2, 0.6, 0.95), (-0.6, 0.6)):
