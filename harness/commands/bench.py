@@ -19,7 +19,7 @@ def bench(study_file: Path | None, out: Path | None, quick: bool, resume: bool, 
     The page of a study of several scenes tells who gets through; of one scene, who is the cheapest.
 
     Without a study file: the paper's triaxial ellipsoid at St = 1e2 to 1e5, by every solver, with the averaged form.
-    An interrupted run keeps its finished cases in FOLDER/store.sqlite and goes on with --resume; a run that starts
+    The main job also fits `polhode pick`'s costs to this machine. An interrupted run keeps its finished cases in FOLDER/store.sqlite and goes on with --resume; a run that starts
     afresh moves them to FOLDER/previous.sqlite.
     """
     from polhode.harness import bench_page, outcomes

@@ -33,7 +33,7 @@ def laws(out: Path, to: Path | None, scenes: int, resume: bool, quiet: bool) -> 
     click.echo(f"{path}: laws of {len(fitted.methods)} methods from {len(records)} runs")
 
 
-@click.command(epilog="Example: polhode heldout --out /tmp/pick")
+@click.command(epilog="Example: polhode heldout --out look")
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=FOLDER, show_default=True)
 @click.option("--scenes", type=int, default=40, show_default=True, help="Held-out scenes.")
 @click.option("--resume", is_flag=True, help="Take up an interrupted run instead of starting afresh.")
