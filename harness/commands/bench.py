@@ -19,10 +19,14 @@ def bench(study_file: Path | None, out: Path | None, quick: bool, resume: bool, 
     The page of a study of several scenes tells who gets through; of one scene, who is the cheapest.
 
     Without a study file: the paper's triaxial ellipsoid at St = 1e2 to 1e5, by every solver, with the averaged form.
-    The main job also fits `polhode pick`'s costs to this machine. An interrupted run keeps its finished cases in FOLDER/store.sqlite and goes on with --resume; a run that starts
+    The main job also fits the costs that `polhode pick` predicts to this machine.
+
+    An interrupted run keeps its finished cases in FOLDER/store.sqlite and goes on with --resume; a run that starts
     afresh moves them to FOLDER/previous.sqlite.
     """
     from polhode.harness import bench_page, outcomes
+    from polhode.harness.laws import load_laws, own_laws_path
+    from polhode.harness.laws_fit import refit
     from polhode.harness.run import Runner
     from polhode.harness.store import DamagedStoreError, Store
     from polhode.harness.study import quick_study, read_study
@@ -49,6 +53,8 @@ def bench(study_file: Path | None, out: Path | None, quick: bool, resume: bool, 
     # Which is the cheapest makes sense for one scene; several ask who gets through.
     one_scene = len({name for name, _ in study.scenes}) == 1
     page = (bench_page if one_scene else outcomes).write_page(study, records, folder, " ".join(words))
+    if study_file is None and not quick:
+        refit(load_laws(), records).save(own_laws_path())
     click.echo(f"{page}")
 
 
