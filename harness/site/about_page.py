@@ -27,16 +27,25 @@ def about_page(sources: Sources) -> Page:
 
 
 def _row(study: StudyRecords) -> list[str]:
-    machines = {_words(record.get("machine")) for record in study.records}
-    packages = {_words(record.get("versions")) for record in study.records if isinstance(record.get("versions"), dict)}
+    machines = {_machine(record["machine"]) for record in study.records if isinstance(record.get("machine"), dict)}
+    packages = {_versions(record["versions"]) for record in study.records if isinstance(record.get("versions"), dict)}
     dates = sorted({str(record["date"])[:10] for record in study.records if record.get("date")})
     sentinels = [record["sentinel_seconds"] for record in study.records if record.get("sentinel_seconds")]
     spread = f"{min(sentinels) * 1e6:.0f} to {max(sentinels) * 1e6:.0f} µs" if sentinels else "–"
     scenes = study.groups()
     when = " to ".join(dict.fromkeys((dates[0], dates[-1]))) if dates else "–"
-    one = "; ".join(sorted(filter(None, machines)))
-    return [study.name, str(len(study.records)), str(len(scenes)), one, "; ".join(sorted(packages)), when, spread]
+    return [study.name, str(len(study.records)), str(len(scenes)), _all(machines), _all(packages), when, spread]
 
 
-def _words(content: Any) -> str:
-    return ", ".join(f"{key} {value}" for key, value in content.items()) if isinstance(content, dict) else ""
+def _all(texts: set[str]) -> str:
+    return "; ".join(sorted(texts)) or "–"
+
+
+def _machine(content: dict[str, Any]) -> str:
+    names = ("processor", "cores", "system", "python")
+    processor, cores, system, python = (content.get(name, "?") for name in names)
+    return f"{processor}, {cores} cores, {system}, Python {python}"
+
+
+def _versions(content: dict[str, Any]) -> str:
+    return ", ".join(f"{name} {number}" for name, number in content.items())

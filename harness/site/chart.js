@@ -173,11 +173,12 @@ const polhode = (() => {
     }
 
     function drawStrip(svg, x, flat, row) {
-      const py = MARGIN.top + STRIP / 2 - 4;
-      const left = MARGIN.left - 8;
-      node("text", { x: left, y: py + 4, "text-anchor": "end", class: "tick" }, svg, spec.strip.label);
-      spec.strip.points.forEach(([a, color, mark, text], i) => {
-        const px = x.clamp(a) + ((i % 5) - 2) * 2.2;
+      const py = MARGIN.top + STRIP / 2 - 4, taken = new Map();
+      node("text", { x: MARGIN.left, y: py + 4, class: "tick" }, svg, spec.strip.label);
+      spec.strip.points.forEach(([a, color, mark, text]) => {
+        const place = x.clamp(a), others = taken.get(place) || 0;
+        taken.set(place, others + 1);
+        const px = Math.max(MARGIN.left + 70, place - 10 * others);
         node("path", { d: MARKS[mark](MARK), transform: `translate(${px.toFixed(1)} ${py})`, fill: "#fff", stroke: color,
           "stroke-width": 1.3 }, svg);
         flat.push({ px, py, text, row });

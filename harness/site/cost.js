@@ -7,7 +7,7 @@
   const form = document.getElementById("filters");
   const DASHES = ["", "6 3", "2 3", "8 3 2 3", "1 2"];
   const PINK = "#CC79A7";
-  const number = (v) => (v === null ? "–" : v >= 0.01 && v < 1e4 ? String(Number(v.toPrecision(3))) : v.toExponential(1));
+  const number = (v) => (v === null ? "–" : v >= 0.01 && v < 1e4 ? String(Number(v.toPrecision(3))) : v.toExponential(1).replace(".0e", "e"));
   const time = (s) => (s === null ? "–" : s >= 1 ? s.toPrecision(2) + " s" : s >= 1e-3 ? (s * 1e3).toPrecision(3) + " ms"
     : (s * 1e6).toPrecision(3) + " µs");
 
@@ -126,7 +126,7 @@
     const groups = new Map();
     for (const row of rows) {
       if (row[4] === "reached_end") continue;
-      const key = [row[1], row[2], row[4]].join("\u0000");
+      const key = [row[1], row[4]].join("\u0000");
       groups.set(key, [...(groups.get(key) || []), row]);
     }
     if (!groups.size) {
@@ -135,9 +135,14 @@
     }
     const list = html("ul", {});
     for (const own of groups.values()) {
-      const at = own.map((row) => number(row[3]) + (row[column.inferred] ? " (inferred)" : "")).join(", ");
-      html("li", { textContent: `${own[0][1]}, ${own[0][2]} at ${at}: ${own[0][4].replaceAll("_", " ")}, ` +
-        (data.meanings[own[0][4]] || own[0][column.message]) }, list);
+      const methods = new Map();
+      for (const row of own) {
+        const at = number(row[3]) + (row[column.inferred] ? " (inferred)" : "");
+        methods.set(row[2], [...(methods.get(row[2]) || []), at]);
+      }
+      const who = [...methods].map(([name, at]) => `${name} at ${at.join(", ")}`).join("; ");
+      const meaning = data.meanings[own[0][4]] || own[0][column.message];
+      html("li", { textContent: `${own[0][1]}, ${own[0][4].replaceAll("_", " ")} (${meaning}): ${who}` }, list);
     }
     place.replaceChildren(list);
   }

@@ -25,7 +25,7 @@ def cost_page(sources: Sources) -> Page:
     body = (
         '<form class="filters" id="filters" aria-label="Filters"></form>'
         '<figure class="chart" id="cost-chart"><figcaption>Lower is cheaper, right is more accurate. Runs that gave no '
-        "result stand in the strip above, at the tolerance they were asked for; hollow points lie beyond the axis. "
+        "result stand in the strip above, at the tolerance they were asked for, side by side; hollow points lie beyond the axis. "
         "Point at a run, or take the arrow keys, to see it in numbers.</figcaption></figure>"
         '<h2>Runs without a result</h2><div id="failures"></div>'
     )

@@ -115,8 +115,8 @@ def missing(what: str, command: str) -> str:
 
 
 def chart(key: str, caption: str) -> str:
-    """Place of a diagram drawn from the page's data of that key; `caption` is HTML."""
-    return f'<figure class="chart" data-chart="{key}"><figcaption>{caption}</figcaption></figure>'
+    """Place of a diagram drawn from the page's data of that key; `caption` is plain text."""
+    return f'<figure class="chart" data-chart="{key}"><figcaption>{prose(caption)}</figcaption></figure>'
 
 
 def plain(value: Any) -> Any:

@@ -39,7 +39,7 @@ def verdict_page(sources: Sources) -> Page:
     if regimes:
         made_by.append(REGIMES)
     else:
-        body.append(missing("The regime map is", REGIMES))
+        body.append(missing("The regime map from St = 1e-4 to 1e8 is", REGIMES))
     study = regimes or sources.studies.get("bench")
     body += _maps(study) if study else []
     body.append("<p>For a scene of your own: <code>polhode pick ice.toml --error 1e-6 --want slow</code>.</p>")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from commandline import STUDY
+from commandline import STUDY, Run
 from sites import C, data_of, site
 
 from polhode.harness.outcomes import outcome, reasons, write_page
@@ -186,3 +186,19 @@ def test_damaged_files_are_named(tmp_path: Path, site_reports: Path):
 
 def test_text_is_escaped():
     assert bullets(["a < b & `c_1` of I_max"]) == "<ul><li>a &lt; b &amp; <code>c_1</code> of I<sub>max</sub></li></ul>"
+
+
+def test_command_shows_a_scene_of_ones_own(polhode: Run, scene_file: Path, tmp_path: Path):
+    done = polhode("report", "--scene", scene_file.name, "--out", "site", "--quiet")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.strip() == str(Path("site") / "index.html")
+    motions = data_of((tmp_path / "site" / "motion.html").read_text(encoding="utf-8"), "motion-data")
+    assert [each["name"] for each in motions] == [scene_file.name, *examples()]
+    assert not list((tmp_path / "site").glob("*.partial"))
+
+
+def test_command_refuses_what_is_no_scene(polhode: Run, tmp_path: Path):
+    done = polhode("report", "--scene", "papre")
+    assert done.returncode == 2
+    assert "scene: got 'papre', expected a file or one of paper" in done.stderr
+    assert list(tmp_path.iterdir()) == []
