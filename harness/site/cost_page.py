@@ -15,6 +15,11 @@ from polhode.solvers.contract import Status
 
 COLUMNS = ("slow_error", "orientation_error", "seconds", "work.rhs_calls", "work.steps", "prepare_seconds")
 COLUMNS += ("model_slow_error", "slow_error_so_far")
+CAPTION = (
+    "Lower is cheaper, right is more accurate. Runs that gave no result stand side by side in the strip above, at the "
+    "tolerance they were asked for; hollow points lie beyond the axis. Point at a run, or take the arrow keys, to see "
+    "it in numbers."
+)
 
 
 def cost_page(sources: Sources) -> Page:
@@ -24,9 +29,7 @@ def cost_page(sources: Sources) -> Page:
         return Page("cost", "Cost against accuracy", "Every run measured, as a point.", body)
     body = (
         '<form class="filters" id="filters" aria-label="Filters"></form>'
-        '<figure class="chart" id="cost-chart"><figcaption>Lower is cheaper, right is more accurate. Runs that gave no '
-        "result stand in the strip above, at the tolerance they were asked for, side by side; hollow points lie beyond the axis. "
-        "Point at a run, or take the arrow keys, to see it in numbers.</figcaption></figure>"
+        f'<figure class="chart" id="cost-chart"><figcaption>{CAPTION}</figcaption></figure>'
         '<h2>Runs without a result</h2><div id="failures"></div>'
     )
     groups, rows = [], []
