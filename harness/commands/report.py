@@ -7,12 +7,14 @@ import click
 from polhode.harness import completion
 from polhode.harness.cli import bad_input
 
+REPORTS = Path("reports")
+
 
 @click.command(epilog="Example: polhode report --scene ice.toml")
 @click.option(
     "--reports",
     type=click.Path(path_type=Path, file_okay=False),
-    default=Path("reports"),
+    default=REPORTS,
     show_default=True,
     help="Folder with what the other commands wrote.",
 )
@@ -37,6 +39,8 @@ def report(reports: Path, out: Path | None, scenes: tuple[str, ...], quiet: bool
     from polhode.harness.site.motion_page import scene_names
 
     with bad_input():
+        if reports != REPORTS and not reports.is_dir():
+            raise ValueError(f"--reports: got {str(reports)!r}, expected an existing folder")
         own = scene_names(scenes)
         with tqdm(total=len(MENU), disable=quiet, unit="page", desc="report", leave=False) as progress:
 

@@ -197,8 +197,15 @@ def test_command_shows_a_scene_of_ones_own(polhode: Run, scene_file: Path, tmp_p
     assert not list((tmp_path / "site").glob("*.partial"))
 
 
-def test_command_refuses_what_is_no_scene(polhode: Run, tmp_path: Path):
-    done = polhode("report", "--scene", "papre")
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (("--scene", "papre"), "scene: got 'papre', expected a file or one of paper"),
+        (("--reports", "reprots"), "--reports: got 'reprots', expected an existing folder"),
+    ],
+)
+def test_command_refuses_what_is_not_there(polhode: Run, tmp_path: Path, words: tuple[str, str], complaint: str):
+    done = polhode("report", *words)
     assert done.returncode == 2
-    assert "scene: got 'papre', expected a file or one of paper" in done.stderr
+    assert complaint in done.stderr
     assert list(tmp_path.iterdir()) == []
