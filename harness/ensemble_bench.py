@@ -37,6 +37,14 @@ ROUNDS = 3
 # Seconds of a task whose engine overhead is measured, and how many of them.
 TASK_SECONDS, TASKS = 1.0, 10
 LIMIT = 3600.0
+# Sweeps whose cost is laid out: equations, particles, St; the first two are 10⁹ particle·St.
+PLANS = (
+    ("full", 1_000_000, 1e3),
+    ("full", 10_000, 1e5),
+    ("full", 1_000_000_000, 1e3),
+    ("averaged", 1_000_000_000, 1e3),
+)
+BLOCK = 100_000
 
 Row = dict[str, Any]
 
@@ -213,6 +221,27 @@ def _alternate(*functions: Callable[[], Any]) -> list[tuple[float, Any]]:
     return list(zip(best, results, strict=True))
 
 
+def plan(tasks: list[Row]) -> list[tuple[str, ...]]:
+    """Tasks, bytes in the store and core hours of large sweeps, in blocks of `BLOCK`, from measured whole tasks."""
+    rows = []
+    for equations, particles, stokes in PLANS:
+        row = next(row for row in tasks if row["equations"] == equations)
+        # The number of rotations, and with it the cost of full equations, grows in proportion to St.
+        rate = row["per_second"] * (STOKES / stokes if equations == "full" else 1.0)
+        count = -(-particles // BLOCK)
+        rows.append(
+            (
+                equations,
+                f"{particles:,}",
+                f"{stokes:g}",
+                f"{count:,}",
+                f"{count * row['record_bytes'] / 2**20:,.1f} MiB",
+                f"{particles / rate / 3600:,.2f}",
+            )
+        )
+    return rows
+
+
 def page(found: dict[str, Any]) -> str:
     """The measured figures as a page."""
     full = [
@@ -253,6 +282,12 @@ def page(found: dict[str, Any]) -> str:
             markdown(("shape", "end alone", "median error", "error of 99 %"), averaged, right=(1, 2, 3)),
             "## Whole tasks, statistics at 101 samples and 11 snapshots included\n",
             markdown(("equations", "particles per second and core", "bytes of a record"), tasks, right=(1, 2)),
+            f"## What large sweeps to t₂ = {SLOW_TIME:g} take, in tasks of up to {BLOCK:,} particles\n",
+            markdown(
+                ("equations", "particles", "St", "tasks", "store", "core hours"),
+                plan(found["tasks"]),
+                right=(1, 2, 3, 4, 5),
+            ),
             f"## What an engine adds to tasks of {TASK_SECONDS:g} s\n",
             markdown(("engine", "overhead"), engines, right=(1,)),
             "## Memory and processes\n",
