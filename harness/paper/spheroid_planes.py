@@ -210,7 +210,7 @@ def compute_projections(grid: Grid) -> Data:
     slow_times = graded(1.0, 601)
     parts, ends, crossings = [], [], []
     for energy in ENERGIES:
-        for cosine in grid.of((-0.95, -0.6, -0.2, 0.2, 0.6, 0.95), (-0.6, 0.6)):
+        for cosine in grid.of((-0.95, -0.5, 0.1, 0.6, 0.95), (-0.6, 0.6)):
             found = {}
             for azimuth in AZIMUTHS:
                 sine, angle = sqrt(1 - cosine**2), np.radians(azimuth)

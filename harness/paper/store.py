@@ -17,24 +17,34 @@ from polhode.harness.partial_file import PartialFile
 
 SCHEMA = 1
 DIGITS = 8
-# Modules that compute for several sections.
-SHARED = ("runs.py", "planes.py", "slow_motion.py")
 LIBRARIES = ("numpy", "scipy", "heyoka", "cyrk")
+# Modules of this package that change how items look, not what they compute.
+APPEARANCE = ("polhode.harness.paper.drawing", "polhode.harness.paper.item")
 
 
 def content_key(item: Item, grid: Grid) -> str:
     """Hash of all that an item's data depend on: its own code, that of models and solvers, the libraries."""
-    own = Path(sys.modules[item.compute.__module__].__file__ or "")
-    shared = (Path(__file__).parent / name for name in SHARED)
     content = {
         "schema": SCHEMA,
         "item": item.name,
         "settings": repr(getattr(item.compute, "__self__", None)),
         "grid": grid,
-        "code": [_hash(path.read_bytes()) for path in (own, *shared)] + [_rooms()],
+        "code": [_hash(path.read_bytes()) for path in code_of(item)] + [_rooms()],
         "libraries": {name: version(name) for name in LIBRARIES},
     }
     return _hash(json.dumps(content, sort_keys=True).encode())
+
+
+def code_of(item: Item) -> list[Path]:
+    """Files of this package that an item's data depend on: its module, and those from which that one takes names."""
+    found, waiting = set(), {item.compute.__module__}
+    while waiting:
+        name = waiting.pop()
+        found.add(name)
+        sources = {getattr(value, "__module__", None) or "" for value in vars(sys.modules[name]).values()}
+        near = {source for source in sources if source.startswith("polhode.harness.paper.")}
+        waiting |= near - found - set(APPEARANCE)
+    return sorted(Path(sys.modules[name].__file__ or "") for name in found)
 
 
 @cache

@@ -86,13 +86,17 @@ def test_damaged_data_are_made_again(tmp_path, catalogue):
     assert len(calls) == 2
 
 
-def test_the_key_knows_settings_and_code(monkeypatch):
+def test_the_key_knows_settings_and_grid():
     first, second = find_items(("spheroid-slow-1", "spheroid-slow-2"))
-    before = store.content_key(first, Grid.FULL)
-    assert before != store.content_key(second, Grid.FULL)
-    assert before != store.content_key(first, Grid.REDUCED)
-    monkeypatch.setattr(store, "SHARED", store.SHARED[1:])
-    assert before != store.content_key(first, Grid.FULL)
+    keys = {store.content_key(item, grid) for item in (first, second) for grid in Grid}
+    assert len(keys) == 4
+
+
+def test_data_depend_on_every_module_that_computes_them():
+    (item,) = find_items(("ellipsoid-plane",))
+    names = {path.stem for path in store.code_of(item)}
+    assert names >= {"ellipsoid_planes", "ellipsoid_motion", "planes", "runs", "slow_motion"}
+    assert not names & {"drawing", "pages", "engine", "jeffery_top"}
 
 
 def test_redraw_takes_data_of_older_code(tmp_path, catalogue, monkeypatch):
