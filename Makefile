@@ -25,7 +25,7 @@ bench: $(READY) ## the main job: cost against accuracy as St grows, into reports
 	$(BIN)/polhode bench
 
 test: check ## the checks, then the tests
-	$(BIN)/pytest -m "not slow"
+	$(BIN)/pytest -m "not slow" --numprocesses 2
 
 test-all: check ## the checks, then all tests, the slow ones too
 	$(BIN)/pytest
