@@ -25,6 +25,8 @@ ERRORS = {
 # A scene with fewer St than this makes no map.
 LEAST_STOKES = 2
 OTHER = "#999999"
+# Letters of a name that may be broken at its hyphens.
+LONG = 12
 
 
 def verdict_page(sources: Sources) -> Page:
@@ -95,7 +97,7 @@ def _cell(cell: Cell) -> str:
     tip = f"{cell.winner}: {duration(cell.seconds)}; next: {cell.second or 'nobody'}"
     return (
         f'<td style="--c:{COLORS.get(cell.winner.label, OTHER)}" title="{escape(tip)}">'
-        f"<b>{escape(cell.winner.label)}</b><span>{duration(cell.seconds)}{escape(lead)}</span></td>"
+        f"<b{' class=long' if len(cell.winner.label) > LONG else ''}>{escape(cell.winner.label)}</b><span>{duration(cell.seconds)}{escape(lead)}</span></td>"
     )
 
 
