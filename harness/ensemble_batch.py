@@ -53,24 +53,23 @@ def run_batches(
     order = np.argsort(_speed(problem, starts, parameters), kind="stable")
     for first in range(0, len(order), lanes):
         together = order[first : first + lanes]
-        rows, ends = _propagate(integrator, starts[np.resize(together, lanes)], grid)
-        if all(end == str(Status.REACHED_END) for end in ends):
-            states[:, together], statuses[together] = rows[:, : len(together)], ends[: len(together)]
+        rows = _propagate(integrator, starts[np.resize(together, lanes)], grid)
+        if np.array_equal(integrator.time, grid[-1]) and np.isfinite(rows[-1]).all():
+            states[:, together], statuses[together] = rows[:, : len(together)], str(Status.REACHED_END)
             continue
         # One particle's failure stops its whole batch: each of them gets a run of its own.
         for who in together:
-            rows, ends = _propagate(integrator, np.tile(starts[who], (lanes, 1)), grid)
-            states[:, who], statuses[who] = rows[:, 0], ends[0]
+            states[:, who] = _propagate(integrator, np.tile(starts[who], (lanes, 1)), grid)[:, 0]
+            statuses[who] = _status(integrator.propagate_res[0][0])
     states[:, statuses != str(Status.REACHED_END)] = np.nan
     return states, statuses
 
 
-def _propagate(integrator: Any, starts: np.ndarray, grid: np.ndarray) -> tuple[np.ndarray, list[str]]:
-    """States, shape (m, lanes, d), and statuses of one batch."""
+def _propagate(integrator: Any, starts: np.ndarray, grid: np.ndarray) -> np.ndarray:
+    """States, shape (m, lanes, d), of one batch."""
     integrator.set_time(0.0)
     integrator.state[:] = starts.T
-    rows = integrator.propagate_grid(grid, max_steps=MOST_STEPS)[-1]
-    return np.moveaxis(rows, 2, 1), [_status(result[0]) for result in integrator.propagate_res]
+    return np.moveaxis(integrator.propagate_grid(grid, max_steps=MOST_STEPS)[-1], 2, 1)
 
 
 def _speed(problem: Problem, starts: np.ndarray, parameters: np.ndarray) -> np.ndarray:
