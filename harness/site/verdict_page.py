@@ -94,10 +94,12 @@ def _cell(cell: Cell) -> str:
         if cell.tied
         else f" ×{cell.lead:.{1 if cell.lead < 9.95 else 0}f}"
     )
+    label = cell.winner.label
+    name = f"<b{' class=long' if len(label) > LONG else ''}>{escape(label)}</b>"
     tip = f"{cell.winner}: {duration(cell.seconds)}; next: {cell.second or 'nobody'}"
     return (
-        f'<td style="--c:{COLORS.get(cell.winner.label, OTHER)}" title="{escape(tip)}">'
-        f"<b{' class=long' if len(cell.winner.label) > LONG else ''}>{escape(cell.winner.label)}</b><span>{duration(cell.seconds)}{escape(lead)}</span></td>"
+        f'<td style="--c:{COLORS.get(label, OTHER)}" title="{escape(tip)}">'
+        f"{name}<span>{duration(cell.seconds)}{escape(lead)}</span></td>"
     )
 
 
