@@ -9,8 +9,11 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 export NUMBA_NUM_THREADS := 1
 
+BEFORE ?= HEAD~1
+AFTER  ?= HEAD
+
 .DEFAULT_GOAL := help
-.PHONY: help setup bench test test-all check format benchmark benchmark-compare clean
+.PHONY: help setup bench test test-all check format benchmark benchmark-compare report clean
 
 help: ## list the commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-18s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -33,8 +36,18 @@ test-all: check ## the checks, then all tests, the slow ones too
 benchmark: $(READY) ## every solver under pytest-benchmark, into .benchmarks/ (5 minutes)
 	$(BIN)/pytest tests/benchmarks -o python_files='bench_*.py' --benchmark-autosave
 
-benchmark-compare: $(READY) ## compare two saved runs: make benchmark-compare BEFORE=a.json AFTER=b.json
-	$(BIN)/polhode compare $(BEFORE) $(AFTER)
+benchmark-compare: $(READY) ## time two commits and compare: make benchmark-compare BEFORE=v0.1 AFTER=HEAD
+	@set -e; for commit in $(BEFORE) $(AFTER); do \
+	  folder=.benchmarks/$$(git rev-parse --short $$commit); rm -rf $$folder; mkdir -p $$folder/tree; \
+	  git archive $$commit | tar -x -C $$folder/tree; \
+	  (cd $$folder/tree && PYTHONPATH=$$PWD/typings $(CURDIR)/$(BIN)/python -m pytest tests/benchmarks \
+	    -o python_files='bench_*.py' -p no:cacheprovider --benchmark-json=../run.json); \
+	done
+	$(BIN)/polhode compare .benchmarks/$$(git rev-parse --short $(BEFORE))/run.json \
+	  .benchmarks/$$(git rev-parse --short $(AFTER))/run.json
+
+report: $(READY) ## one offline site of everything measured, into reports/site/
+	$(BIN)/polhode report
 
 check: $(READY) ## format, lint and types
 	$(BIN)/ruff format --check .
