@@ -19,6 +19,10 @@ from polhode.solvers.contract import Status
 SAFETY, LEAST_FACTOR, GREATEST_FACTOR = 0.9, 0.2, 5.0
 # Of the run's duration: the first step, and the step below which a particle has failed.
 FIRST_STEP, LEAST_STEP = 1e-2, 1e-15
+# A particle is given up after this many steps over tolerance^(1/5), and this many per relaxation time besides, which
+# stability asks for: three times what the slowest of 20 000 took. Where L shrinks to nothing, averaging breaks down, E
+# loses to the tolerance what L² leaves of it, and steps stay tiny without end.
+MOST_STEPS, STEPS_PER_RELAXATION = 16.0, 4.0
 # Particles under way at once: enough that NumPy's calls cost little, few enough for the processor's cache.
 WIDTH = 4096
 # Finished particles are replaced when they make up this share of those under way.
@@ -37,6 +41,7 @@ class _Front:
     state: np.ndarray
     rate: np.ndarray
     due: np.ndarray
+    tried: np.ndarray
 
     def exchange(self, kept: np.ndarray, new: "_Front") -> None:
         """Drop all but the kept ones and take in new ones."""
@@ -74,11 +79,14 @@ def run_vectorised(
     field, end = array_field(problem), float(times[-1])
     begun = min(WIDTH, len(starts))
     front = _enter(field, starts, 0, begun, end)
+    most = _most_steps(front, end, tolerance)
     while front.index.size:
         _step(front, field, times, tolerance, states)
-        stuck = ~(front.step > LEAST_STEP * end)
-        statuses[front.index[stuck & (front.due < len(times))]] = str(Status.STEP_UNDERFLOW)
-        under_way = (front.due < len(times)) & ~stuck
+        unfinished = front.due < len(times)
+        vanished, endless = ~(front.step > LEAST_STEP * end), front.tried >= most
+        statuses[front.index[unfinished & endless]] = str(Status.STEP_LIMIT)
+        statuses[front.index[unfinished & vanished]] = str(Status.STEP_UNDERFLOW)
+        under_way = unfinished & ~vanished & ~endless
         gone = len(under_way) - int(np.count_nonzero(under_way))
         if gone >= REFILL * len(under_way) or (gone and begun == len(starts)):
             more = min(gone, len(starts) - begun)
@@ -106,7 +114,14 @@ def _enter(field: ArrayField, starts: np.ndarray, first: int, last: int, end: fl
     state = np.ascontiguousarray(starts[first:last].T)
     n = last - first
     rate = field(state) if n else state
-    return _Front(np.arange(first, last), np.zeros(n), np.full(n, FIRST_STEP * end), state, rate, np.ones(n, dtype=int))
+    due, tried = np.ones(n, dtype=int), np.zeros(n, dtype=int)
+    return _Front(np.arange(first, last), np.zeros(n), np.full(n, FIRST_STEP * end), state, rate, due, tried)
+
+
+def _most_steps(front: _Front, end: float, tolerance: float) -> float:
+    """Number of steps after which a particle is given up."""
+    pace = np.max(np.abs(front.rate), axis=0) / np.max(np.abs(front.state), axis=0)
+    return MOST_STEPS * tolerance**-0.2 + STEPS_PER_RELAXATION * end * float(np.nanmedian(pace))
 
 
 def _step(front: _Front, field: ArrayField, times: np.ndarray, tolerance: float, states: np.ndarray) -> None:
@@ -135,6 +150,7 @@ def _step(front: _Front, field: ArrayField, times: np.ndarray, tolerance: float,
     front.state = np.where(accepted, new, y)
     front.rate = np.where(accepted, slopes[-1], front.rate)
     front.time = np.where(accepted, arrived, front.time)
+    front.tried += 1
 
 
 def _fill(

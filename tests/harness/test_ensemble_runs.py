@@ -94,6 +94,18 @@ def test_a_particle_that_fails_is_counted_and_left_out():
     assert np.isfinite(states[-1, statuses == "reached_end"]).all()
 
 
+def test_a_particle_whose_momentum_vanishes_is_given_up():
+    drawn = draw("averaged", 20)
+    problem = find_form("averaged").problem(scene_of("averaged", drawn, 0, 0.2))
+    starts = drawn.states("averaged", TRIAXIAL)
+    # L²/2E far below the smallest moment of inertia: what an error of E makes of a particle that all but stops.
+    starts[7] = [6.4e-5, 5.0e-5, -9.1e-6, 1.8e-6]
+    states, statuses = run_vectorised(problem, starts, np.array([0.0, problem.end]), 1e-6)
+    assert list(np.flatnonzero(statuses != "reached_end")) == [7]
+    assert statuses[7] in ("step_limit", "step_underflow")
+    assert np.isfinite(states[-1, statuses == "reached_end"]).all()
+
+
 def test_a_particle_that_blows_up_in_its_lane_leaves_the_others_alone():
     drawn = draw("quaternion", 9)
     problem = find_form("quaternion").problem(scene_of("quaternion", drawn, 0, 0.02))
