@@ -4,7 +4,8 @@ from pathlib import Path
 
 import click
 
-from polhode.harness.cli import BadInput, RunFailed, bad_input
+from polhode.harness.cli import bad_input
+from polhode.harness.commands.study_store import open_store, running_into
 
 
 @click.command(epilog="Example: polhode bench --quick --out look")
@@ -28,27 +29,15 @@ def bench(study_file: Path | None, out: Path | None, quick: bool, resume: bool, 
     from polhode.harness.laws import load_laws, own_laws_path
     from polhode.harness.laws_fit import refit
     from polhode.harness.run import Runner
-    from polhode.harness.store import DamagedStoreError, Store
     from polhode.harness.study import quick_study, read_study
 
     with bad_input():
         study = read_study(study_file)
         study = quick_study(study) if quick else study
         folder = out or Path("reports") / study.name
-        folder.mkdir(parents=True, exist_ok=True)
-        if not resume:
-            start_afresh(folder)
-        try:
-            store = Store(folder / "store.sqlite")
-        except DamagedStoreError as error:
-            raise BadInput(f"{error}, expected one of an earlier run or none") from None
-    with store:
-        try:
-            records = Runner(store, quiet).run(study)
-        except KeyboardInterrupt:
-            raise RunFailed(f"interrupted: finished cases are in {store.path}, --resume goes on") from None
-        except DamagedStoreError as error:
-            raise RunFailed(str(error)) from None
+    store = open_store(folder, resume)
+    with running_into(store):
+        records = Runner(store, quiet).run(study)
     words = ["polhode bench", *([str(study_file)] if study_file else []), *(["--quick"] if quick else [])]
     # Which is the cheapest makes sense for one scene; several ask who gets through.
     one_scene = len({name for name, _ in study.scenes}) == 1
@@ -56,11 +45,3 @@ def bench(study_file: Path | None, out: Path | None, quick: bool, resume: bool, 
     if study_file is None and not quick:
         refit(load_laws(), records).save(own_laws_path())
     click.echo(f"{page}")
-
-
-def start_afresh(folder: Path) -> None:
-    """Keep the last run's store, with what SQLite has put beside it, under another name."""
-    for ending in ("", "-wal", "-shm"):
-        (folder / f"previous.sqlite{ending}").unlink(missing_ok=True)
-        if (folder / f"store.sqlite{ending}").exists():
-            (folder / f"store.sqlite{ending}").rename(folder / f"previous.sqlite{ending}")

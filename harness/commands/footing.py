@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from polhode.harness.cli import BadInput, RunFailed, bad_input
+from polhode.harness.commands.study_store import open_store, running_into
 
 
 @click.command(epilog="Example: polhode footing --out look --quick")
@@ -17,34 +17,20 @@ def footing(out: Path, quick: bool, resume: bool, quiet: bool) -> None:
 
     About ten minutes; an interrupted run goes on with --resume.
     """
-    from polhode.harness.commands.bench import start_afresh
     from polhode.harness.footing import Measured, first_runs, rhs_costs, write_page
     from polhode.harness.overhead import measure, paper_problem
     from polhode.harness.run import Runner
-    from polhode.harness.store import DamagedStoreError, Store
     from polhode.harness.study import quick_study, read_study
 
-    with bad_input():
-        out.mkdir(parents=True, exist_ok=True)
-        if not resume:
-            start_afresh(out)
-        try:
-            store = Store(out / "store.sqlite")
-        except DamagedStoreError as error:
-            raise BadInput(f"{error}, expected one of an earlier run or none") from None
+    store = open_store(out, resume)
     problem = paper_problem()
     overheads = measure(problem, seconds=0.2 if quick else 2.0)
     firsts = first_runs(problem, [one.solver for one in overheads])
     found = {}
-    with store:
+    with running_into(store):
         for name in ("solvers", "spheroid", "backends"):
             study = read_study(None, name)
-            try:
-                found[name] = Runner(store, quiet).run(quick_study(study) if quick else study)
-            except KeyboardInterrupt:
-                raise RunFailed(f"interrupted: finished cases are in {store.path}, --resume goes on") from None
-            except DamagedStoreError as error:
-                raise RunFailed(str(error)) from None
+            found[name] = Runner(store, quiet).run(quick_study(study) if quick else study)
     measured = Measured(**found, overheads=overheads, first_runs=firsts, rhs_costs=rhs_costs(problem))
     page = write_page(measured, out, f"polhode footing{' --quick' if quick else ''}")
     click.echo(f"{page}")

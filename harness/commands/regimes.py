@@ -5,7 +5,8 @@ from pathlib import Path
 
 import click
 
-from polhode.harness.cli import BadInput, RunFailed, bad_input
+from polhode.harness.cli import bad_input
+from polhode.harness.commands.study_store import open_store, running_into
 
 
 @click.command(epilog="Example: polhode regimes --quick --out look")
@@ -19,11 +20,9 @@ def regimes(study_file: Path | None, out: Path | None, quick: bool, resume: bool
 
     An interrupted run keeps its finished cases in FOLDER/store.sqlite and goes on with --resume.
     """
-    from polhode.harness.commands.bench import start_afresh
     from polhode.harness.regime_page import write_page
     from polhode.harness.regimes import Parts
     from polhode.harness.run import Runner
-    from polhode.harness.store import DamagedStoreError, Store
     from polhode.harness.study import quick_study, read_study
 
     with bad_input():
@@ -32,19 +31,8 @@ def regimes(study_file: Path | None, out: Path | None, quick: bool, resume: bool
             some = tuple((name, scene) for name, scene in study.scenes if 0.1 <= scene.stokes <= 1e4)
             study = replace(quick_study(study), scenes=some or study.scenes)
         folder = out or Path("reports") / study.name
-        folder.mkdir(parents=True, exist_ok=True)
-        if not resume:
-            start_afresh(folder)
-        try:
-            store = Store(folder / "store.sqlite")
-        except DamagedStoreError as error:
-            raise BadInput(f"{error}, expected one of an earlier run or none") from None
-    with store:
-        try:
-            records = Runner(store, quiet).run(Parts(study))
-        except KeyboardInterrupt:
-            raise RunFailed(f"interrupted: finished cases are in {store.path}, --resume goes on") from None
-        except DamagedStoreError as error:
-            raise RunFailed(str(error)) from None
+    store = open_store(folder, resume)
+    with running_into(store):
+        records = Runner(store, quiet).run(Parts(study))
     words = ["polhode regimes", *([str(study_file)] if study_file else []), *(["--quick"] if quick else [])]
     click.echo(f"{write_page(study, records, folder, ' '.join(words))}")
