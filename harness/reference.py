@@ -40,7 +40,7 @@ ROUNDING_SEEDS = (1, 2)
 ROUNDING_RUN: Run = ("long double", 1e-17)
 # Spread from half an ulp, in rad or over I_max, from which on a reference is examined for chaos.
 SUSPICIOUS = 1e-9
-SCHEMA = 9
+SCHEMA = 10
 
 
 @dataclass(frozen=True)
