@@ -10,7 +10,8 @@ from polhode.harness.figures import save, work_precision_panels
 from polhode.harness.store import Record, export
 from polhode.harness.study import Study
 from polhode.harness.tables import frame, where
-from polhode.harness.text import duration, markdown, scientific
+from polhode.harness.text import bracketed, duration, markdown, scientific
+from polhode.harness.uncertainty import BRACKETS, least_known, uncertainty_of
 from polhode.harness.verdict import TARGETS, averaged_costs, cheapest, sentences
 from polhode.solvers.contract import Status
 
@@ -58,7 +59,8 @@ def _lines(study: Study, table: pd.DataFrame, record: Record, command: str) -> l
         "",
         f"Times are the minimum of up to five warm runs in interleaved order, over {study.samples} samples; "
         "*first* is compilation, where it happened in this case; errors are maxima along the run; the slow error of an "
-        "averaged form is split into solver error and model error; *RHS* counts every call of the vector field.",
+        "averaged form is split into solver error and model error; *RHS* counts every call of the vector field. "
+        f"{BRACKETS}",
         "",
         *_every_run(table),
         _uncertainties(table),
@@ -71,7 +73,12 @@ def _winners(table: pd.DataFrame, error: str) -> str:
     for target in TARGETS:
         row = [f"{target:g}"]
         for stokes in numbers:
-            winner = cheapest(where(table, table["stokes"] == stokes), target, error)
+            runs = where(table, table["stokes"] == stokes)
+            uncertainty = runs[uncertainty_of(error)].dropna()
+            if len(uncertainty) and target <= least_known(float(uncertainty.iloc[0])):
+                row.append("unknown: the reference cannot tell")
+                continue
+            winner = cheapest(runs, target, error)
             if winner is None:
                 row.append("none")
                 continue
@@ -102,10 +109,10 @@ def _row(run: dict) -> list[str]:
         run["form"],
         run["solver"],
         f"{run['tolerance']:g}",
-        scientific(run["slow_error"]),
+        _error(run, "slow"),
         scientific(run["solver_slow_error"]) if averaged else "",
         scientific(run["model_slow_error"]) if averaged else "",
-        scientific(run["orientation_error"]),
+        _error(run, "orientation"),
         duration(run["seconds"]),
         duration(run["seconds_spread"]),
         duration(first) if first > COMPILED else "",
@@ -113,6 +120,12 @@ def _row(run: dict) -> list[str]:
         _count(run["work.steps"]),
         status + (", inferred" if run["inferred"] else "") if status != Status.REACHED_END.replace("_", " ") else "",
     ]
+
+
+def _error(run: dict, want: str) -> str:
+    """An error in figures, in brackets where it is not known."""
+    error = run[f"{want}_error"]
+    return scientific(error) if pd.isna(error) else bracketed(error, bool(run[f"{want}_known"]))
 
 
 # Preparing an integrator that was compiled before takes less than this, in seconds.

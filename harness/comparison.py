@@ -7,10 +7,12 @@ from typing import Any
 
 import pandas as pd
 
+from polhode.harness.uncertainty import least_known, uncertainty_of
+
 # What makes two records the same case, whatever the versions they were made with.
 IDENTITY = ["scene_name", "stokes", "scene.time", "form", "solver", "tolerance", "samples", "backend", "jacobian"]
-# An error below this many uncertainties of the reference, or below this, says nothing.
-UNCERTAINTIES, LEAST_ERROR = 10.0, 1e-13
+# An error below this says nothing, however well the reference is known.
+LEAST_ERROR = 1e-13
 # A change in time below this, in seconds, is the clock's.
 LEAST_SECONDS = 2e-5
 ERRORS = ("slow_error", "orientation_error")
@@ -102,10 +104,10 @@ def _changes(before: Row, after: Row, drift: float, slower: float, less_accurate
             changes.append({"what": "seconds", "before": first, "after": second})
     for error in ERRORS:
         first, second = before.get(error), after.get(error)
-        uncertainty = after.get(error.replace("_error", "_uncertainty")) or 0.0
+        floor = max(LEAST_ERROR, least_known(after.get(uncertainty_of(error)) or 0.0))
         if first is None or second is None:
             continue
-        if second > less_accurate * first and second > max(LEAST_ERROR, UNCERTAINTIES * uncertainty):
+        if second > max(floor, less_accurate * first):
             changes.append({"what": error.replace("_", " "), "before": first, "after": second})
     return changes
 

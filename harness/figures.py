@@ -1,12 +1,15 @@
 """Figures: functions that draw on Matplotlib axes and return them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from itertools import cycle
+from math import inf, log10
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
 from polhode.harness.tables import where
+from polhode.harness.uncertainty import KNOWN, known
 from polhode.models.catalogue import form as find_form
 from polhode.solvers.catalogue import solver as find_solver
 
@@ -18,10 +21,21 @@ if TYPE_CHECKING:
 # implicit; a marker tells the method.
 EXPLICIT = {"heyoka": "#000000", "CyRK": "#0072B2", "SciPy": "#D55E00", "SUNDIALS": "#009E73", "closed form": "#999999"}
 IMPLICIT = {**EXPLICIT, "CyRK": "#56B4E9", "SciPy": "#E69F00"}
-AVERAGED = "#CC79A7"
+AVERAGED = {"averaged": "#CC79A7", "averaged-second-order": "#8E4585"}
+# The band under the Pareto front, and points that lie below what the reference can tell.
+FRONT, GREY = "#F7EFA6", "#C4C4C4"
+UNKNOWN = f"grey: within {KNOWN:g} times the\nreference's uncertainty"
 # Runs beyond this error have failed, whatever their status; they stay in the table.
 LARGEST_ERROR = 10.0
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<")
+# One per full form, where a scene is solved in several.
+DASHES = ("-", "--", ":", "-.")
+STOPPED = {
+    "time_limit": "stopped at the time limit, from this tolerance on",
+    "step_limit": "stopped at the limit of steps, from this tolerance on",
+}
+# In inches: the legend, a panel, and a line of small print.
+LEGEND_WIDTH, PANEL, SMALL_PRINT = 2.3, (5.2, 3.9), 0.11
 
 
 def library_of(solver: str) -> str:
@@ -36,6 +50,9 @@ def library_of(solver: str) -> str:
 def work_precision(axes: "Axes", runs: pd.DataFrame, error: str = "slow_error") -> "Axes":
     """Draw cost against error of all runs of one scene; averaged forms by their cheapest runs and their model error.
 
+    A band lies under the Pareto front of the full forms' known runs. Points within `KNOWN` times the reference's
+    uncertainty are grey.
+
     Parameters
     ----------
     axes : matplotlib.axes.Axes
@@ -45,20 +62,20 @@ def work_precision(axes: "Axes", runs: pd.DataFrame, error: str = "slow_error") 
         Column to draw along x.
     """
     done = where(runs, runs["seconds"].notna() & runs[error].notna())
-    counts: dict[str, int] = {}
-    for solver in dict.fromkeys(runs["solver"]):
-        library = library_of(solver)
-        marker = MARKERS[counts.get(library, 0) % len(MARKERS)]
-        counts[library] = counts.get(library, 0) + 1
-        for form in dict.fromkeys(done["form"]):
+    forms = [str(form) for form in dict.fromkeys(done["form"])]
+    full = [form for form in forms if not find_form(form).averaged]
+    _front(axes, where(done, done["form"].isin(full) & known(done, error)), error)
+    for solver, style in _styles(runs["solver"]).items():
+        for form, dash in zip(full, cycle(DASHES)):
             own = where(done, (done["solver"] == solver) & (done["form"] == form))
-            if own.empty or find_form(form).averaged:
+            if own.empty:
                 continue
+            label = solver if len(full) == 1 else f"{solver}, {form}"
             x, y = own[error].to_numpy(float), own["seconds"].to_numpy(float)
-            color = (IMPLICIT if find_solver(solver).implicit else EXPLICIT)[library]
-            axes.plot(x, y, marker=marker, markersize=4.5, linewidth=1.1, color=color, label=solver)
-    for form in dict.fromkeys(done["form"]):
-        if find_form(form).averaged:
+            axes.plot(x, y, markersize=4.5, linewidth=1.1, linestyle=dash, label=label, **style)
+            _grey_out(axes, own, error, style["marker"], 4.5)
+    for form in forms:
+        if form not in full:
             _averaged(axes, where(done, done["form"] == form), form, error)
     axes.set_xscale("log")
     axes.set_yscale("log")
@@ -66,14 +83,44 @@ def work_precision(axes: "Axes", runs: pd.DataFrame, error: str = "slow_error") 
     return axes
 
 
+def _styles(solvers: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """Colour and marker of each solver, in the order of the records."""
+    counts: dict[str, int] = {}
+    styles = {}
+    for solver in dict.fromkeys(solvers):
+        library = library_of(solver)
+        marker = MARKERS[counts.get(library, 0) % len(MARKERS)]
+        counts[library] = counts.get(library, 0) + 1
+        styles[solver] = {"marker": marker, "color": (IMPLICIT if find_solver(solver).implicit else EXPLICIT)[library]}
+    return styles
+
+
+def _front(axes: "Axes", runs: pd.DataFrame, error: str) -> None:
+    front = pareto_front(where(runs, runs["status"] == "reached_end"), error)
+    x, y = front[error].to_numpy(float), front["seconds"].to_numpy(float)
+    if len(x):
+        band = {"color": FRONT, "solid_capstyle": "round", "solid_joinstyle": "round", "zorder": 0.5}
+        axes.plot(x, y, linewidth=7, label="Pareto front", **band)
+
+
+def _grey_out(axes: "Axes", runs: pd.DataFrame, error: str, marker: str, size: float) -> None:
+    """Cover the points that lie below what the reference can tell in grey."""
+    unknown = where(runs, ~known(runs, error))
+    if len(unknown):
+        x, y = unknown[error].to_numpy(float), unknown["seconds"].to_numpy(float)
+        axes.plot(x, y, marker=marker, markersize=size, linewidth=0, color=GREY, zorder=2.5, label=UNKNOWN)
+
+
 def _averaged(axes: "Axes", runs: pd.DataFrame, form: str, error: str) -> None:
+    color = AVERAGED.get(form, AVERAGED["averaged"])
     front = pareto_front(runs, error)
     x, y = front[error].to_numpy(float), front["seconds"].to_numpy(float)
-    axes.plot(x, y, marker="*", markersize=9, linewidth=0, color=AVERAGED, label=f"{form} form, cheapest runs")
+    axes.plot(x, y, marker="*", markersize=9, linewidth=0, color=color, label=f"{form} form,\ncheapest runs")
+    _grey_out(axes, front, error, "*", 9)
     model = runs[error.replace("_error", "").join(["model_", "_error"])].dropna()
     if not model.empty:
-        label = f"{form} form, model error"
-        axes.axvline(float(model.iloc[0]), color=AVERAGED, linewidth=1.0, linestyle=":", label=label)
+        label = f"{form} form,\nmodel error"
+        axes.axvline(float(model.iloc[0]), color=color, linewidth=1.0, linestyle=":", label=label)
 
 
 def pareto_front(runs: pd.DataFrame, error: str = "slow_error") -> pd.DataFrame:
@@ -82,17 +129,37 @@ def pareto_front(runs: pd.DataFrame, error: str = "slow_error") -> pd.DataFrame:
     return where(ordered, ordered[error].astype(float).cummin().diff().fillna(-1.0) < 0)
 
 
-def mark_too_slow(axes: "Axes", runs: pd.DataFrame) -> None:
-    """List at the top of the axes the methods of which some runs were stopped, with the tolerance from which on."""
-    stopped = where(runs, runs["status"].isin(["time_limit", "step_limit"]))
-    names = [
-        f"{solver} {stopped.loc[stopped['solver'] == solver, 'tolerance'].max():.0e}"
-        for solver in dict.fromkeys(stopped["solver"])
-    ]
-    if names:
-        lines = [",  ".join(names[i : i + 4]) for i in range(0, len(names), 4)]
-        text = "stopped at the time limit, from this tolerance on:\n" + "\n".join(lines)
-        axes.text(0.02, 0.98, text, transform=axes.transAxes, va="top", ha="left", fontsize=6, color="0.35")
+def failures(runs: pd.DataFrame) -> list[str]:
+    """What has no point, line by line: the methods of each status that is no success, with their tolerances."""
+    failed = where(runs, runs["status"] != "reached_end")
+    lines = []
+    for status in dict.fromkeys(failed["status"]):
+        own = where(failed, failed["status"] == status)
+        names = []
+        for solver in dict.fromkeys(own["solver"]):
+            tolerances = own.loc[own["solver"] == solver, "tolerance"].astype(float)
+            loosest, tightest = f"{tolerances.max():.0e}", f"{tolerances.min():.0e}"
+            alone = status in STOPPED or loosest == tightest
+            names.append(f"{solver} {loosest}" if alone else f"{solver} {loosest} to {tightest}")
+        lines.append(STOPPED.get(status, f"{str(status).replace('_', ' ')}, at tolerance") + ":")
+        lines += [",  ".join(names[i : i + 4]) for i in range(0, len(names), 4)]
+    return lines
+
+
+def mark_failures(axes: "Axes", runs: pd.DataFrame) -> None:
+    """List at the top of the axes what has no point (`failures`)."""
+    lines = failures(runs)
+    if lines:
+        style = {"va": "top", "ha": "left", "fontsize": 6, "color": "0.35"}
+        axes.text(0.02, 0.98, "\n".join(lines), transform=axes.transAxes, **style)
+
+
+def power_of_ten(value: float) -> str:
+    """A number for a figure: powers of ten beyond 1000 and below 0.01 as such."""
+    exponent = log10(value) if 0 < value < inf else 0.0
+    if abs(exponent) < 2.5 or abs(exponent - round(exponent)) > 1e-9:
+        return f"{value:g}"
+    return f"$10^{{{round(exponent)}}}$"
 
 
 def work_precision_panels(records: pd.DataFrame, error: str, label: str) -> "Figure":
@@ -102,32 +169,51 @@ def work_precision_panels(records: pd.DataFrame, error: str, label: str) -> "Fig
     groups = list(records.groupby("stokes", sort=True))
     columns = 2 if len(groups) > 1 else 1
     lines = -(-len(groups) // columns)
-    figure, grid = plt.subplots(
-        lines, columns, figsize=(5.2 * columns + 2.0, 3.9 * lines), sharex=True, sharey=True, squeeze=False
-    )
-    for axes, (stokes, runs) in zip(grid.flat, groups, strict=False):
+    width = PANEL[0] * columns + LEGEND_WIDTH
+    size = width, PANEL[1] * lines
+    figure, grid = plt.subplots(lines, columns, figsize=size, sharex=True, sharey=True, squeeze=False)
+    for axes, (_, runs) in zip(grid.flat, groups, strict=False):
         work_precision(axes, runs, error)
-        mark_too_slow(axes, runs)
-        axes.set_title(f"St = {stokes:g}", fontsize=10)
+        mark_failures(axes, runs)
+        axes.set_title(f"St = {power_of_ten(float(runs['stokes'].iloc[0]))}", fontsize=10)
     for axes in grid.flat[len(groups) :]:
         axes.set_visible(False)
-    values = records[error].dropna().to_numpy(float)
-    values = values[(values > 0) & (values < LARGEST_ERROR)]
-    if values.size:
-        grid[0, 0].set_xlim(values.max() * 3, values.min() / 3)
-        grid[0, 0].set_ylim(top=10 * records["seconds"].dropna().to_numpy(float).max())
-    for axes in grid[-1]:
-        axes.set_xlabel(f"{label}; more accurate to the right")
+    _limits(grid[0, 0], records, error, max(len(failures(runs)) for _, runs in groups))
+    for column in grid.T:
+        lowest = [axes for axes in column if axes.get_visible()][-1]
+        lowest.set_xlabel(f"{label}; more accurate to the right")
+        lowest.tick_params(labelbottom=True)
     for axes in grid[:, 0]:
         axes.set_ylabel("wall time of a warm run, s")
-    entries = {
-        name: handle for axes in grid.flat for handle, name in zip(*axes.get_legend_handles_labels(), strict=True)
-    }
-    figure.legend(
-        list(entries.values()), list(entries), loc="center left", bbox_to_anchor=(0.815, 0.5), frameon=False, fontsize=8
-    )
-    figure.tight_layout(rect=(0, 0, 0.815, 1))
+    _legend(figure, grid.flat, list(dict.fromkeys(records["solver"])), 1 - LEGEND_WIDTH / width)
+    figure.tight_layout(rect=(0, 0, 1 - LEGEND_WIDTH / width, 1))
     return figure
+
+
+def _limits(axes: "Axes", records: pd.DataFrame, error: str, lines: int) -> None:
+    """More accurate to the right, and room above the points for lines of small print."""
+    values = records[error].dropna().to_numpy(float)
+    values = values[(values > 0) & (values < LARGEST_ERROR)]
+    if not values.size:
+        return
+    axes.set_xlim(values.max() * 3, values.min() / 3)
+    seconds = records["seconds"].dropna().to_numpy(float)
+    low, high = seconds.min() / 2, seconds.max() * 2
+    share = min(0.6, lines * SMALL_PRINT / (0.8 * PANEL[1]))
+    axes.set_ylim(low, high * (high / low) ** (share / (1 - share)))
+
+
+def _legend(figure: "Figure", panels: Iterable["Axes"], solvers: list[str], left: float) -> None:
+    """One legend of all panels: solvers in the order of the records, then the rest, the unknown last."""
+    entries = {name: handle for axes in panels for handle, name in zip(*axes.get_legend_handles_labels(), strict=True)}
+
+    def place(name: str) -> tuple[int, int]:
+        solver = name.partition(",")[0]
+        return (2, 0) if name == UNKNOWN else (0, solvers.index(solver)) if solver in solvers else (1, 0)
+
+    names = sorted(entries, key=place)
+    style = {"loc": "center left", "bbox_to_anchor": (left, 0.5), "frameon": False, "fontsize": 8}
+    figure.legend([entries[name] for name in names], names, **style)
 
 
 def save(figure: "Figure", folder: Path, name: str, formats: Sequence[str] = ("png",)) -> None:

@@ -14,7 +14,7 @@ from polhode.harness.figures import save, work_precision_panels
 from polhode.harness.overhead import Overhead
 from polhode.harness.store import Record, export
 from polhode.harness.tables import frame, where
-from polhode.harness.text import duration, markdown, scientific
+from polhode.harness.text import bracketed, duration, markdown, scientific
 from polhode.harness.timing import seconds_of
 from polhode.harness.worker import Worker
 from polhode.models.problem import Problem
@@ -211,7 +211,9 @@ def _backends(table: pd.DataFrame) -> str:
         work = [("–" if value is pd.NA or value is None else str(int(value))) for value in (run["work.rhs_calls"],)]
         jacobian = "" if run["jacobian"] is pd.NA or run["jacobian"] is None else run["jacobian"]
         row = [f"{run['stokes']:g}", run["solver"], run["backend"], jacobian, duration(run["seconds"]), *work]
-        rows.append([*row, scientific(run["slow_error"]), str(run["status"]).replace("_", " ")])
+        error = run["slow_error"]
+        size = scientific(error) if pd.isna(error) else bracketed(error, bool(run["slow_known"]))
+        rows.append([*row, size, str(run["status"]).replace("_", " ")])
     header = ["St", "solver", "right-hand side", "Jacobian", "time", "calls", "slow error", "status"]
     return markdown(header, rows, right=(4, 5, 6))
 

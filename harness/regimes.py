@@ -11,6 +11,7 @@ import pandas as pd
 from polhode.harness.case import Case
 from polhode.harness.study import Study
 from polhode.harness.tables import where
+from polhode.harness.uncertainty import least_known, uncertainty_of
 from polhode.harness.verdict import TIE
 from polhode.models.catalogue import form as find_form
 from polhode.solvers.catalogue import solver as find_solver
@@ -21,8 +22,6 @@ Side = Literal["implicit", "explicit", "averaged"]
 TARGETS = tuple(float(f"1e-{exponent}") for exponent in range(2, 13))
 # Averaged equations are not tried over more slow time than this: all is over long before.
 LONGEST_SLOW_TIME = 100.0
-# An error closer to the reference's uncertainty than this factor is not known.
-KNOWN = 10.0
 
 
 @dataclass(frozen=True)
@@ -120,8 +119,8 @@ def cells(records: pd.DataFrame, error: str, targets: Sequence[float] = TARGETS)
     found = []
     for stokes in sorted(set(records["stokes"].astype(float))):
         runs = where(records, records["stokes"] == stokes)
-        uncertainty = runs[error.replace("_error", "_uncertainty")].dropna()
-        limit = KNOWN * float(uncertainty.iloc[0]) if len(uncertainty) else float("nan")
+        uncertainty = runs[uncertainty_of(error)].dropna()
+        limit = least_known(float(uncertainty.iloc[0]) if len(uncertainty) else None)
         fronts = {method: front(own, error) for method, own in methods(runs)}
         for target in targets:
             costs = {method: cost(points, target) for method, points in fronts.items()}

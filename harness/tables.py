@@ -6,12 +6,21 @@ from typing import Any, cast
 import pandas as pd
 
 from polhode.harness.store import Record
+from polhode.harness.uncertainty import known
 
 
 def frame(records: Sequence[Record]) -> pd.DataFrame:
-    """Records as a frame, one row each: nested results as columns `work.steps`, `scene.stokes`, and so on."""
-    table = pd.json_normalize(list(records))
-    return table.rename(columns={"scene.stokes": "stokes"}).convert_dtypes(dtype_backend="numpy_nullable")
+    """Records as a frame, one row each: nested results as columns `work.steps`, `scene.stokes`, and so on.
+
+    Columns `slow_known` and `orientation_known` tell which errors lie above what the reference can tell
+    (`polhode.harness.uncertainty.known`); NA where there is no error.
+    """
+    table = pd.json_normalize(list(records)).rename(columns={"scene.stokes": "stokes"})
+    table = table.convert_dtypes(dtype_backend="numpy_nullable")
+    for want in ("slow", "orientation"):
+        if f"{want}_error" in table:
+            table[f"{want}_known"] = known(table, f"{want}_error")
+    return table
 
 
 def where(table: pd.DataFrame, condition: Any) -> pd.DataFrame:

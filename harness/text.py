@@ -36,6 +36,12 @@ def scientific(value: float | None) -> str:
     return f"{mantissa}e{int(exponent)}"
 
 
+def bracketed(value: float | None, known: bool | None) -> str:
+    """A number as `scientific`, in brackets where the reference cannot tell it (`polhode.harness.uncertainty`)."""
+    text = scientific(value)
+    return f"({text})" if known is False else text
+
+
 def duration(seconds: float | None) -> str:
     """A duration in two digits with its unit; a dash where there is none."""
     if seconds is None or isnan(seconds):

@@ -9,8 +9,10 @@ import numpy as np
 import pandas as pd
 
 from polhode.harness.extended import extended_run
-from polhode.harness.figures import EXPLICIT, IMPLICIT, MARKERS, library_of
+from polhode.harness.figures import EXPLICIT, GREY, IMPLICIT, MARKERS, UNKNOWN, library_of
+from polhode.harness.tables import where
 from polhode.harness.timing import time_runs
+from polhode.harness.uncertainty import least_known
 from polhode.models.problem import Problem
 from polhode.solvers.catalogue import SOLVERS
 from polhode.solvers.catalogue import solver as find_solver
@@ -62,19 +64,23 @@ class WorkPrecision:
 
     @cached_property
     def frame(self) -> pd.DataFrame:
-        """One row per solver and tolerance; computed at the first look."""
+        """One row per solver and tolerance; computed at the first look.
+
+        `known` tells which errors lie above ten times the reference's uncertainty.
+        """
         exact, uncertainty = self.reference
         rows = []
         for method in self._accepted():
             for tolerance in sorted(self.tolerances, reverse=True):
                 row = self._measure(method, tolerance, exact)
-                rows.append({**row, "uncertainty": uncertainty})
+                told = row["error"] is not None and row["error"] > least_known(uncertainty)
+                rows.append({**row, "uncertainty": uncertainty, "known": told})
                 if row["status"] == "time_limit":
                     break
         return pd.DataFrame(rows)
 
     def plot(self, axes: "Axes") -> "Axes":
-        """Draw wall time against error, one line per solver, and return the axes."""
+        """Draw wall time against error, one line per solver, grey where the reference cannot tell; return the axes."""
         counts: dict[str, int] = {}
         done = self.frame.dropna(subset=["seconds"])
         for name in dict.fromkeys(done["solver"]):
@@ -84,6 +90,11 @@ class WorkPrecision:
             marker = MARKERS[counts.get(library, 0) % len(MARKERS)]
             counts[library] = counts.get(library, 0) + 1
             axes.loglog(own["error"], own["seconds"], marker=marker, color=colours[library], label=name, linewidth=1.1)
+            grey = where(own, ~own["known"].astype(bool))
+            if len(grey):
+                axes.loglog(grey["error"], grey["seconds"], marker, color=GREY, zorder=2.5)
+        if len(where(done, ~done["known"].astype(bool))):
+            axes.plot([], [], "o", color=GREY, label=UNKNOWN)
         axes.xaxis.set_inverted(True)
         axes.set_xlabel("largest relative error; more accurate to the right")
         axes.set_ylabel("wall time of a warm run, s")

@@ -3,6 +3,7 @@
 import pickle
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib as mpl
@@ -12,6 +13,7 @@ import pytest
 from commandline import SCENE, Run
 
 from polhode.harness import SceneSolution, WorkPrecision, pick, solve
+from polhode.harness.figures import GREY, UNKNOWN
 from polhode.harness.plots import energy_plane, slow_variables
 from polhode.models.catalogue import form
 from polhode.models.quaternion import Quaternion
@@ -132,6 +134,28 @@ def test_work_precision_is_a_frame():
     study = WorkPrecision(problem, solvers=("taylor",), tolerances=(1e-4, 1e-8))
     assert list(study.frame["status"]) == ["reached_end"] * 2
     assert study.frame["error"].is_monotonic_decreasing
+    assert study.frame["known"].all()
+
+
+def test_points_that_the_reference_cannot_tell_are_grey():
+    mpl.use("Agg")
+    import matplotlib.pyplot as plt
+
+    problem = replace(form("quaternion").problem(named_scene("paper")), end=5.0)
+    study = WorkPrecision(problem, solvers=("taylor", "cyrk-vern8"), tolerances=(1e-4, 1e-8), samples=11)
+    exact, _ = study.reference
+    limit = study.frame["error"].sort_values().iloc[1]
+    unsure = replace(study)
+    unsure.__dict__["reference"] = exact, limit / 10
+    errors = unsure.frame["error"]
+    assert unsure.frame["known"].tolist() == (errors > limit).tolist()
+    figure, axes = plt.subplots()
+    unsure.plot(axes)
+    grey = [line for line in axes.get_lines() if line.get_color() == GREY]
+    points = sorted(float(x) for line in grey for x in line.get_xdata())
+    assert points == sorted(errors[errors <= limit])
+    assert axes.get_legend_handles_labels()[1] == ["taylor", "cyrk-vern8", UNKNOWN]
+    plt.close(figure)
 
 
 def test_plots_take_and_return_axes(solution: SceneSolution):

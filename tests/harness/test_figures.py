@@ -9,10 +9,13 @@ import pytest
 
 from polhode.harness.figures import (
     EXPLICIT,
+    GREY,
     IMPLICIT,
+    UNKNOWN,
     library_of,
-    mark_too_slow,
+    mark_failures,
     pareto_front,
+    power_of_ten,
     save,
     work_precision,
     work_precision_panels,
@@ -34,6 +37,8 @@ def run(solver: str, tolerance: float, seconds: float | None, error: float | Non
         "seconds": seconds,
         "slow_error": error,
         "orientation_error": None if error is None else 10 * error,
+        "slow_uncertainty": 1e-12,
+        "orientation_uncertainty": 1e-11,
         "model_slow_error": 0.0,
         "model_orientation_error": None,
         **more,
@@ -64,14 +69,14 @@ def test_every_run_is_drawn_where_its_error_and_time_say(axes):
     assert drawn["taylor"] == [[1e-4, 0.1], [1e-8, 0.2]]
     assert drawn["cyrk-radau"] == [[1e-3, 0.3]]
     assert drawn["cyrk-dop853"] == [[1e-2, 0.05]]
-    assert drawn["averaged form, cheapest runs"] == [[2e-2, 0.01], [1.9e-2, 0.02]]
-    assert drawn["averaged form, model error"] == [[1.9e-2, 0], [1.9e-2, 1]]
+    assert drawn["averaged form,\ncheapest runs"] == [[2e-2, 0.01], [1.9e-2, 0.02]]
+    assert drawn["averaged form,\nmodel error"] == [[1.9e-2, 0], [1.9e-2, 1]]
     assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
 
 
 def test_methods_of_one_library_differ_in_marker_or_colour(axes):
     records = [run(name, 1e-4, 0.1, 1e-4) for name in SOLVERS if name != "exact"]
-    lines = work_precision(axes, frame(records)).get_lines()
+    lines = [line for line in work_precision(axes, frame(records)).get_lines() if line.get_label() in SOLVERS]
     assert len({(line.get_color(), line.get_marker()) for line in lines}) == len(records)
 
 
@@ -100,14 +105,62 @@ def test_pareto_front_against_brute_force():
 
 
 def test_stopped_methods_are_listed(axes):
-    mark_too_slow(axes, frame([*RECORDS, run("cyrk-radau", 1e-10, None, None)]))
+    mark_failures(axes, frame([*RECORDS, run("cyrk-radau", 1e-10, None, None)]))
     (text,) = axes.texts
     assert "cyrk-radau 1e-08" in text.get_text()
     assert "taylor" not in text.get_text()
 
 
+def test_failures_of_every_kind_are_listed(axes):
+    more = [run("ida", tolerance, None, None, status="non_finite") for tolerance in (1e-6, 1e-8)]
+    mark_failures(axes, frame([*RECORDS, *more]))
+    (text,) = axes.texts
+    assert text.get_text().splitlines() == [
+        *("stopped at the time limit, from this tolerance on:", "cyrk-radau 1e-08"),
+        *("non finite, at tolerance:", "ida 1e-06 to 1e-08"),
+    ]
+
+
+def test_points_that_the_reference_cannot_tell_are_grey_and_the_legend_says_so():
+    near = {"slow_uncertainty": 2e-9}
+    records = [run("taylor", 1e-4, 0.1, 2.1e-8, **near), run("taylor", 1e-8, 0.2, 2e-8, **near)]
+    records += [run("taylor", 1e-8, 0.02, 1e-8, form="averaged", **near), run("ida", 1e-4, 1.0, 1e-4, **near)]
+    figure = work_precision_panels(frame(records), "slow_error", "slow error")
+    (panel,) = figure.axes
+    lines = {line.get_label(): line for line in panel.get_lines()}
+    grey = [line for line in panel.get_lines() if line.get_label() == UNKNOWN]
+    assert [np.column_stack([*line.get_data()]).tolist() for line in grey] == [[[2e-8, 0.2]], [[1e-8, 0.02]]]
+    assert {line.get_color() for line in grey} == {GREY}
+    assert all(line.get_zorder() > lines["taylor"].get_zorder() for line in grey)
+    assert [text.get_text() for text in figure.legends[0].get_texts()].count(UNKNOWN) == 1
+    assert lines["Pareto front"].get_data()[0].tolist() == [2.1e-8], "an unknown error wins nothing"
+    plt.close(figure)
+
+
+def test_the_pareto_front_of_the_full_forms_is_drawn_beneath_all(axes):
+    lines = {line.get_label(): line for line in work_precision(axes, frame(RECORDS)).get_lines()}
+    front = lines.pop("Pareto front")
+    assert np.column_stack([*front.get_data()]).tolist() == [[1e-2, 0.05], [1e-4, 0.1], [1e-8, 0.2]]
+    assert all(front.get_zorder() < line.get_zorder() for line in lines.values())
+
+
+def test_forms_of_one_solver_are_told_apart(axes):
+    records = [*RECORDS[:2], *(run("taylor", 1e-4, 0.3, 1e-4, form=form) for form in ("euler-angles", "averaged"))]
+    lines = {line.get_label(): line for line in work_precision(axes, frame(records)).get_lines()}
+    first, second = lines["taylor, quaternion"], lines["taylor, euler-angles"]
+    assert first.get_color() == second.get_color()
+    assert first.get_linestyle() != second.get_linestyle()
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(1e-4, "$10^{-4}$"), (1e8, "$10^{8}$"), (100.0, "100"), (0.1, "0.1"), (250.0, "250"), (0, "0")]
+)
+def test_powers_of_ten(value: float, text: str):
+    assert power_of_ten(value) == text
+
+
 def test_nothing_is_listed_where_nothing_was_stopped(axes):
-    mark_too_slow(axes, frame(RECORDS[:3]))
+    mark_failures(axes, frame(RECORDS[:3]))
     assert not axes.texts
 
 
@@ -117,15 +170,39 @@ def test_one_panel_per_st(tmp_path: Path, numbers: tuple[float, ...], visible: i
     figure = work_precision_panels(frame(records), "slow_error", "slow error over I_max")
     panels = [axes for axes in figure.axes if axes.get_visible()]
     assert len(panels) == visible
-    assert [axes.get_title() for axes in panels] == [f"St = {stokes:g}" for stokes in numbers]
+    labels = {1e2: "100", 1e3: "$10^{3}$", 1e4: "$10^{4}$"}
+    assert [axes.get_title() for axes in panels] == [f"St = {labels[stokes]}" for stokes in numbers]
     names = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert len(names) == len(set(names)) == 5
+    assert len(names) == len(set(names)) == 6
     low, high = panels[0].get_xlim()
     assert low > 2e-2 > 1e-8 > high, "more accurate to the right"
     save(figure, tmp_path, "picture", ("png", "svg"))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["picture.png", "picture.svg"]
     assert (tmp_path / "picture.png").read_bytes().startswith(b"\x89PNG")
     assert not plt.get_fignums()
+
+
+def test_small_print_stands_above_the_points():
+    more = [run(name, tolerance, None, None) for name in SOLVERS for tolerance in (1e-4, 1e-6)]
+    figure = work_precision_panels(frame([*RECORDS, *more]), "slow_error", "slow error")
+    (panel,) = figure.axes
+    figure.canvas.draw()
+    text = panel.texts[0].get_window_extent()
+    highest = panel.transData.transform((1e-4, 0.3))[1]
+    assert len(panel.texts[0].get_text().splitlines()) > 4
+    assert text.y0 > highest
+    plt.close(figure)
+
+
+@pytest.mark.parametrize("numbers", [(1e2, 1e3), (1e2, 1e3, 1e4)])
+def test_the_lowest_panel_of_every_column_names_its_axis(numbers: tuple[float, ...]):
+    records = [{**record, "scene": {"stokes": stokes}} for stokes in numbers for record in RECORDS]
+    figure = work_precision_panels(frame(records), "slow_error", "slow error")
+    figure.canvas.draw()
+    panels = [axes for axes in figure.axes if axes.get_visible()]
+    named = [axes for axes in panels if axes.get_xlabel() and axes.xaxis.get_ticklabels()[0].get_visible()]
+    assert named == panels[-2:]
+    plt.close(figure)
 
 
 def test_a_study_in_which_every_run_failed_is_drawn_empty(tmp_path: Path):

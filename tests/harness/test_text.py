@@ -2,7 +2,7 @@
 
 import pytest
 
-from polhode.harness.text import aligned, duration, markdown, scientific
+from polhode.harness.text import aligned, bracketed, duration, markdown, scientific
 
 
 def test_aligned():
@@ -57,3 +57,9 @@ def test_scientific(value: float | None, text: str):
 )
 def test_duration(seconds: float | None, text: str):
     assert duration(seconds) == text
+
+
+def test_what_is_not_known_stands_in_brackets():
+    assert bracketed(1.3e-7, known=True) == "1.3e-7"
+    assert bracketed(1.3e-7, known=None) == "1.3e-7"
+    assert bracketed(1.3e-7, known=False) == "(1.3e-7)"

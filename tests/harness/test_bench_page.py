@@ -1,0 +1,85 @@
+"""The page of the main job, on records with known winners."""
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import pytest
+from commandline import STUDY
+
+from polhode.harness.bench_page import write_page
+from polhode.harness.study import Study, read_study
+from polhode.harness.uncertainty import BRACKETS
+
+mpl.use("Agg")
+
+# The reference knows the slow error to 1e-9, the orientation to 1e-7: below 1e-8 and 1e-6 it cannot tell.
+RUN: dict[str, Any] = {
+    "scene_name": "paper",
+    "scene": {"stokes": 50.0},
+    "form": "quaternion",
+    "status": "reached_end",
+    "message": "",
+    "inferred": False,
+    "seconds_spread": 1e-5,
+    "prepare_seconds": 0.001,
+    "model_slow_error": 0.0,
+    "model_orientation_error": 0.0,
+    "slow_uncertainty": 1e-9,
+    "orientation_uncertainty": 1e-7,
+    "work": {"rhs_calls": 10, "steps": 5},
+    "machine": {"processor": "one", "cores": 1, "system": "Linux", "python": "3.11"},
+    "versions": {"polhode": "0"},
+}
+
+
+def run(solver: str, tolerance: float, seconds: float, error: float) -> dict[str, Any]:
+    own = {"solver": solver, "tolerance": tolerance, "seconds": seconds, "slow_error": error}
+    return {**RUN, **own, "solver_slow_error": error, "orientation_error": 10 * error}
+
+
+RECORDS = [
+    run("taylor", 1e-4, 0.5, 3e-5),
+    run("taylor", 1e-8, 1.0, 4e-9),
+    run("cyrk-dop853", 1e-4, 0.1, 2e-4),
+    run("cyrk-dop853", 1e-8, 2.0, 5e-8),
+]
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Study:
+    path = tmp_path / "study.toml"
+    path.write_text(STUDY.replace("[50.0, 100.0]", "50.0"), encoding="utf-8")
+    return read_study(path)
+
+
+def table_below(page: str, heading: str) -> list[list[str]]:
+    """Cells of the first table below a line that contains the heading."""
+    lines = page[page.index(heading) :].splitlines()
+    first = next(i for i, line in enumerate(lines) if line.startswith("|"))
+    rows = []
+    for line in lines[first:]:
+        if not line.startswith("|"):
+            break
+        rows.append([cell.strip() for cell in line.strip("|").split("|")])
+    return [rows[0], *rows[2:]]
+
+
+def test_errors_that_the_reference_cannot_tell_stand_in_brackets(study: Study, tmp_path: Path):
+    page = write_page(study, RECORDS, tmp_path, "polhode bench").read_text(encoding="utf-8")
+    assert BRACKETS in page
+    header, *rows = table_below(page, "### St = 50")
+    slow, orientation = header.index("slow error"), header.index("orientation")
+    assert [row[slow] for row in rows] == ["3.0e-5", "(4.0e-9)", "2.0e-4", "5.0e-8"]
+    assert [row[orientation] for row in rows] == ["3.0e-4", "(4.0e-8)", "2.0e-3", "(5.0e-7)"]
+
+
+def test_nobody_wins_an_error_that_the_reference_cannot_tell(study: Study, tmp_path: Path):
+    page = write_page(study, RECORDS, tmp_path, "polhode bench").read_text(encoding="utf-8")
+    slow = dict(table_below(page, "The cheapest run that meets a slow error"))
+    assert slow["0.001"].startswith("quaternion, cyrk-dop853, 0.0001: 100 ms")
+    assert slow["1e-06"].startswith("quaternion, taylor, 1e-08: 1.0 s")
+    assert slow["1e-08"] == slow["1e-10"] == "unknown: the reference cannot tell"
+    orientation = dict(table_below(page, "The same for the orientation error"))
+    assert orientation["1e-06"] == "unknown: the reference cannot tell"
+    assert orientation["0.0001"].startswith("quaternion, taylor, 1e-08")
