@@ -1,5 +1,7 @@
 """What a reference can tell: one definition of a known error, for tables, figures and the regime map."""
 
+from typing import cast
+
 import pandas as pd
 
 # An error closer to the reference's uncertainty than this factor is not known.
@@ -35,4 +37,4 @@ def known(runs: pd.DataFrame, error: str) -> pd.Series:
     column = uncertainty_of(error)
     uncertainties = runs[column].astype("Float64") if column in runs else pd.Series(pd.NA, runs.index, dtype="Float64")
     told = (errors > KNOWN * uncertainties).fillna(value=False)
-    return told.where(errors.notna())
+    return cast("pd.Series", told.where(errors.notna()))
