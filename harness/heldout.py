@@ -7,7 +7,7 @@ from pathlib import Path
 
 from polhode.harness.laws import Interval, Laws
 from polhode.harness.laws_fit import Pilots
-from polhode.harness.laws_pilot import form_sensitivity, load_of, pilot
+from polhode.harness.laws_pilot import PilotFailedError, form_sensitivity, load_of, pilot
 from polhode.harness.laws_scenes import HELD_OUT_SCENES, HELD_OUT_SEED, Question, questions
 from polhode.harness.laws_training import Collection, fast_solvers, forms_for, solvers_for, study
 from polhode.harness.pick import NotAttainableError, Recommendation, pick
@@ -182,7 +182,11 @@ def predictions(records: Sequence[Record], laws: Laws) -> list[Prediction]:
         if known is None:
             continue
         form, tolerance = find_form(record["form"]), record["tolerance"]
-        seconds = law.cost.predict(load_of(form, known, record["samples"]), tolerance)
+        try:
+            load = load_of(form, known, record["samples"])
+        except PilotFailedError:
+            continue
+        seconds = law.cost.predict(load, tolerance)
         sensitivity = form_sensitivity(form, known)[0]
         slow = law.error_law("slow", sensitivity) if sensitivity.error < inf else None
         error = slow.predict(sensitivity, tolerance) if slow else None

@@ -6,8 +6,9 @@ Cost of a warm run, in seconds, at tolerance tol and with m samples::
 
 with N = ∫|ω|dt/2π the rotations, S = T max(8πX/I)/St the damping times, and F = TS/(T + S) the time spent following
 the flow: the duration T, in inverse shear rates, where damping is faster than shear, and next to none of it where
-the particle spins freely. Explicit methods on stiff scenes are held back by stability, whatever the tolerance; hence
-the damping times have an exponent of their own.
+the particle spins freely. N and F count by the steps that they cost in the form's own variables, which a pilot run
+tells (`polhode.harness.laws_pilot.load_of`). Explicit methods on stiff scenes are held back by stability, whatever the
+tolerance; hence the damping times have an exponent of their own.
 
 Error, in the pilot's terms (`polhode.harness.laws_pilot`), e₀ being the pilot's error at its tolerance tol₀::
 
@@ -29,7 +30,7 @@ import numpy as np
 
 from polhode.harness.cache import cache_folder
 
-SCHEMA = 1
+SCHEMA = 2
 EPS = float(np.finfo(float).eps)
 WANTS = ("slow", "orientation")
 # Damping times, T max(8πX/I)/St, from which on an explicit method is held back by stability.
@@ -60,7 +61,7 @@ class Load:
     Parameters
     ----------
     rotations, following, damping_times : float
-        N, F and S.
+        N and F, weighed by the form's own steps, and S.
     samples : int
     """
 

@@ -64,10 +64,14 @@ class Pilots:
 
 
 def sample_of(record: Record, pilot: Pilot) -> Sample | None:
-    """A record in the laws' terms; None for a run that failed."""
+    """A record in the laws' terms; None for a run that failed, or whose pilot did."""
     if record["status"] != Status.REACHED_END or "seconds" not in record:
         return None
     form = find_form(record["form"])
+    try:
+        load = load_of(form, pilot, record["samples"])
+    except PilotFailedError:
+        return None
     try:
         found = (None, None) if held_back(record["solver"], pilot.scene) else form_sensitivity(form, pilot)
     except PilotFailedError:
@@ -84,7 +88,7 @@ def sample_of(record: Record, pilot: Pilot) -> Sample | None:
     return Sample(
         record["scene_name"],
         record["tolerance"],
-        load_of(form, pilot, record["samples"]),
+        load,
         record["seconds"],
         pairs[0],
         pairs[1],

@@ -28,6 +28,8 @@ TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 SATURATED = 0.03
 # Forms that take a second to compile, and whose errors are those of the quaternion form, or worse.
 ANGLES = ("euler-angles", "spheroid-angles")
+# Tolerance at which steps of forms are counted, and how many of them at it make a rotation of the quaternion form.
+EFFORT_TOLERANCE, STEPS_PER_ROTATION = 1e-9, 50.0
 # A pilot whose error is a smaller share of its tolerance was lucky, or took a handful of steps: others will not be.
 LUCKY = 0.1
 SAMPLES = 401
@@ -263,10 +265,44 @@ def form_sensitivity(form: Form, pilot: Pilot) -> tuple[Sensitivity, Sensitivity
     )
 
 
+@cache
+def effort(form: Form, scene: Scene) -> float:
+    """Steps that a pilot run of a form takes, which its variables' own wiggles make more or fewer.
+
+    Raises
+    ------
+    PilotFailedError
+        If the run does not reach its end.
+    """
+    run = follow(form, scene, EFFORT_TOLERANCE)
+    if not run.success or not run.work.steps:
+        raise PilotFailedError(f"pilot: {form.name!r} by {pilot_solver(scene)!r} ended with {run.status.value}")
+    return float(run.work.steps)
+
+
 def load_of(form: Form, pilot: Pilot, samples: int) -> Load:
-    """Load of a run of a form: averaged forms know neither rotations nor the flow's own time."""
+    """Load of a run of a form.
+
+    Rotations and the flow's own time count by the steps that they cost in the form's variables, as against those of
+    the form that stands for all: near a pole angles take many, and a symmetry axis that stands still takes none.
+    Averaged forms know nothing of either, and count by their steps alone.
+
+    Raises
+    ------
+    PilotFailedError
+        If the form's own pilot does not reach its end.
+    """
     scene, stiff = pilot.scene, pilot.damping_times
     if form.averaged:
-        return Load(0.0, 0.0, stiff, samples)
+        return Load(effort(form, scene) / STEPS_PER_ROTATION, 0.0, stiff, samples)
     following = scene.time if scene.stokes == 0 else scene.time * stiff / (scene.time + stiff)
-    return Load(pilot.rotations, following, stiff, samples)
+    times = _relative_effort(form, pilot)
+    return Load(times * pilot.rotations, times * following, stiff, samples)
+
+
+def _relative_effort(form: Form, pilot: Pilot) -> float:
+    """Steps of a form over those of the full form that stands for all; 1 where damping alone sets the steps."""
+    usual = full_form(pilot.scene)
+    if form is usual or pilot.damping_times > STIFF or form.problem(pilot.followed).parameters is None:
+        return 1.0
+    return effort(form, pilot.followed) / effort(usual, pilot.followed)

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from math import floor, inf, isfinite, log10
 
 from polhode.harness.errors import attainable
-from polhode.harness.laws import EPS, STIFF, WANTS, Interval, Laws, MethodLaws, Sensitivity, load_laws
+from polhode.harness.laws import EPS, STIFF, WANTS, Interval, Laws, Load, MethodLaws, Sensitivity, load_laws
 from polhode.harness.laws_model import NotApplicableError, causes, model_errors
 from polhode.harness.laws_pilot import Pilot, PilotFailedError, form_sensitivity, held_back, load_of, pilot
 from polhode.harness.text import scientific
@@ -164,6 +164,7 @@ def _candidates(
         form = find_form(form_name)
         try:
             problem = form.problem(scene)
+            load = load_of(form, found, samples)
             budget, model = _budget(form, found, error, want)
             sensitivity = form_sensitivity(form, found)[WANTS.index(want)]
         except (FormNotValidError, PilotFailedError, _UnfitError) as refusal:
@@ -173,7 +174,7 @@ def _candidates(
             try:
                 find_solver(solver).check(problem)
                 law = _law(laws, form_name, solver, scene)
-                rows.append(_row(law, form, found, samples, (error, budget, model), want, sensitivity))
+                rows.append(_row(law, load, found, (error, budget, model), want, sensitivity))
             except (SolverNotValidError, _UnfitError) as refusal:
                 excluded.append(Excluded(form_name, solver, _plain(refusal)))
     return rows, excluded
@@ -214,9 +215,8 @@ def _law(laws: Laws, form: str, solver: str, scene: Scene) -> MethodLaws:
 
 def _row(
     law: MethodLaws,
-    form: Form,
+    load: Load,
     found: Pilot,
-    samples: int,
     target: tuple[float, float, Interval | None],
     want: str,
     sensitivity: Sensitivity | None,
@@ -234,7 +234,7 @@ def _row(
         raise _UnfitError(f"meets {error:g} at no tolerance that it takes: up to {scientific(least)} at its tightest")
     own = errors.predict(sensitivity, tolerance)
     whole = own if model is None else Interval(*(a + b for a, b in zip(_ends(own), _ends(model), strict=True)))
-    seconds = law.cost.predict(load_of(form, found, samples), tolerance)
+    seconds = law.cost.predict(load, tolerance)
     return Row(
         form=law.form,
         solver=law.solver,

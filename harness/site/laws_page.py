@@ -116,7 +116,10 @@ def compare(study: StudyRecords, laws: Laws, tell: Callable[[str], None]) -> lis
         if guide is None:
             continue
         for record in own:
-            load = load_of(find_form(record["form"]), guide, record["samples"])
+            try:
+                load = load_of(find_form(record["form"]), guide, record["samples"])
+            except PilotFailedError:
+                continue
             predicted = laws.methods[record["form"], record["solver"]].cost.predict(load, record["tolerance"])
             method = record["form"], record["solver"], record["tolerance"]
             found.append(Compared(record["scene_name"], scene.stokes, *method, record["seconds"], predicted))

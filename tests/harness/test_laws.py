@@ -303,7 +303,9 @@ def test_loads_and_regimes():
     load = load_of(form("quaternion"), found, 201)
     damping = paper.time * max(paper.ellipsoid.damping) / paper.stokes
     assert load == Load(found.rotations, paper.time * damping / (paper.time + damping), damping, 201)
-    assert load_of(form("averaged"), found, 201) == Load(0.0, 0.0, damping, 201)
+    averaged = load_of(form("averaged"), found, 201)
+    assert (averaged.following, averaged.damping_times, averaged.samples) == (0.0, damping, 201)
+    assert 0 < averaged.rotations < load.rotations
     assert form_sensitivity(form("quaternion"), found)[0].error == found.slow.error
     assert held_back("cyrk-vern8", stiff)
     assert not held_back("cyrk-radau", stiff)
