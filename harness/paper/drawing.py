@@ -10,6 +10,7 @@ import numpy as np
 from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from PIL import Image
 
 from polhode.harness.paper.item import Table
 
@@ -18,11 +19,13 @@ BLACK, ORANGE, SKY, GREEN, BLUE, VERMILLION, PURPLE, YELLOW = (
     "#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7", "#F0E442",
 )  # fmt: skip
 CYCLE = (BLUE, ORANGE, GREEN, VERMILLION, PURPLE, SKY, BLACK)
+# Of full runs at several St, in turn; the planes, which have three at most, keep green for a line of their own.
+RUNS = (BLUE, ORANGE, VERMILLION, GREEN)
 AVERAGED = BLACK
 BOUND = "0.55"
 NODE = PURPLE
 FORMATS = ("png", "svg")
-RESOLUTION = 110
+RESOLUTION = 150
 STYLE: dict[Any, Any] = {
     "font.size": 9,
     "axes.titlesize": 9,
@@ -93,9 +96,12 @@ def unit_sphere(axes: Axes) -> Axes:
 
 
 def power(value: float) -> str:
-    """A number for a label: powers of ten from 1e4 on as powers, others as they are."""
-    exponent = round(float(np.log10(value)))
-    return f"$10^{{{exponent}}}$" if exponent >= 4 and np.isclose(value, 10.0**exponent) else f"{value:g}"
+    """A number for a label: from 1e4 on with its power of ten, others as they are."""
+    exponent = int(np.floor(np.log10(value) + 1e-12))
+    if exponent < 4:
+        return f"{value:g}"
+    factor = f"{value / 10.0**exponent:.3g}"
+    return f"$10^{{{exponent}}}$" if factor == "1" else f"${factor}\\times10^{{{exponent}}}$"
 
 
 def groups(table: Table, key: str) -> Iterator[tuple[float, dict[str, np.ndarray]]]:
@@ -105,8 +111,43 @@ def groups(table: Table, key: str) -> Iterator[tuple[float, dict[str, np.ndarray
         yield value, {name: column[chosen] for name, column in table.items()}
 
 
+def styled_runs(
+    table: Table, key: str, widths: tuple[float, float] = (1.4, 0.7)
+) -> Iterator[tuple[dict[str, Any], Table]]:
+    """Line style and rows of every run of a table whose key is St: ∞ stands for the averaged run, drawn on top.
+
+    The two widths are those of the averaged and of the full runs.
+    """
+    full = 0
+    for stokes, part in groups(table, key):
+        if np.isinf(stokes):
+            yield {"color": AVERAGED, "label": "averaged", "linewidth": widths[0], "zorder": 5}, part
+        else:
+            label_ = f"full, St = {power(stokes)}"
+            yield {"color": RUNS[full], "label": label_, "linewidth": widths[1], "zorder": 3 + 0.1 * full}, part
+            full += 1
+
+
+def draw_broken(axes: Axes, table: Table, x: str, y: str, key: str = "path", **style: Any) -> None:
+    """Draw the paths of a table as one line with gaps, so that they share one entry of the legend."""
+    parts = [(part[x], part[y]) for _, part in groups(table, key)]
+    gap = np.array([np.nan])
+    columns = [np.concatenate([piece for part in parts for piece in (part[side], gap)]) for side in (0, 1)]
+    axes.plot(*columns, **style)
+
+
+def draw_law(axes: Axes, x: np.ndarray, y: float, slope: float, line: str = ":", **style: Any) -> None:
+    """Draw a power law that has the value y at the last of the points x; its exponent stands in the legend."""
+    chosen = {"color": BLACK, "linestyle": line, "label": f"slope {slope:.3g}", **style}
+    axes.plot(x, y * (x / x[-1]) ** slope, **chosen)
+
+
 def save(figure: Figure, folder: Path, name: str, formats: Sequence[str] = FORMATS) -> None:
-    """Save a figure; the same figure gives the same files."""
+    """Save a figure; the same figure gives the same files. A palette of 256 colours keeps the PNG small."""
     for ending in formats:
+        path = folder / f"{name}.{ending}"
         metadata = {"Date": None} if ending == "svg" else {"Software": None}
-        figure.savefig(folder / f"{name}.{ending}", dpi=RESOLUTION, metadata=metadata)
+        figure.savefig(path, dpi=RESOLUTION, metadata=metadata)
+        if ending == "png":
+            with Image.open(path) as image:
+                image.convert("RGB").quantize(256).save(path, optimize=True)

@@ -5,7 +5,18 @@ from math import sqrt
 import numpy as np
 from matplotlib.figure import Figure
 
-from polhode.harness.paper.drawing import BLACK, BLUE, BOUND, GREEN, NODE, ORANGE, PURPLE, groups, panels
+from polhode.harness.paper.drawing import (
+    BLACK,
+    BLUE,
+    BOUND,
+    GREEN,
+    NODE,
+    ORANGE,
+    VERMILLION,
+    common_legend,
+    groups,
+    panels,
+)
 from polhode.harness.paper.ellipsoid_motion import ELLIPSOID, ITEMS, critical_after, critical_before
 from polhode.harness.paper.item import Data, Grid, Item, Number, Section, Table, Verdict, Word
 from polhode.harness.paper.planes import (
@@ -16,10 +27,12 @@ from polhode.harness.paper.planes import (
     draw_frame,
     draw_paths,
     energy_at,
+    name_points,
     path_table,
     pinch_bound,
     plane_path,
     plane_point,
+    plane_steps,
     stacked,
 )
 from polhode.harness.paper.runs import averaged_run, graded, slow_scene
@@ -32,17 +45,24 @@ MIDDLE = sorted(ELLIPSOID.inertia)[1] / UNIT
 REACHED = 1e-2
 # Where local and averaged critical trajectory are compared: L_z over I_max around the singular point.
 CLOSE = 2e-3
+# Slow time for which the start on the upper parabola is followed, before rounding carries it off.
+ON_EDGE = 0.25
+# Half sizes of the magnified view of the singular point, over I_max.
+WINDOW = 0.02, 0.008
 
 
 def compute_plane(grid: Grid) -> Data:
     """Slow trajectories, and the critical one: local and averaged, before and after the singular point."""
-    slow_times = graded(1.0, grid.of(501, 301))
+    slow_times = graded(1.0, grid.of(2001, 601))
     shares = (0.001, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95, 0.999)
     starts = [(momentum, share) for momentum in (-1.1, -0.08, 1.1) for share in shares[:: grid.of(1, 4)]]
+    starts.append((-1.1, 1.0))
     paths, ends = [], []
     for number, (momentum, share) in enumerate(starts):
-        run = plane_path(ELLIPSOID, momentum, energy_at(ELLIPSOID, momentum, share), slow_times)
-        paths.append((number, run.times[::4], run.slow[::4]))
+        times = slow_times[slow_times <= ON_EDGE] if share == 1.0 else slow_times
+        run = plane_path(ELLIPSOID, momentum, energy_at(ELLIPSOID, momentum, share), times)
+        kept = plane_steps(run.slow, 250)
+        paths.append((number, run.times[kept], run.slow[kept]))
         last = float(distance_from_node(ELLIPSOID, run.slow[-1]))
         ends.append((number, momentum, share, last, run.times[-1], pinch_bound(ELLIPSOID, momentum)))
     return {
@@ -75,27 +95,26 @@ def _averaged() -> list[tuple[dict, dict]]:
 
 def figure_plane(data: Data) -> Figure:
     """The plane, and the neighbourhood of the singular point."""
-    figure, (left, right) = panels(1, 2, 4.6, 3.9)
+    figure, (left, right) = panels(1, 2, 4.6, 4.4)
     middle = next(point for point in fixed_points(ELLIPSOID) if point.stability == "singular")
     x, y = plane_point(ELLIPSOID, middle)
     for own in (left, right):
         draw_frame(own, ELLIPSOID, -1.0, 1.0)
-        draw_paths(own, data[""])
+        draw_paths(own, data[""], (0.6, 0.2, 0.1))
         for (kind, _), part in _critical(data["critical"]):
-            color, line, width = (ORANGE, "--", 2.0) if kind == 0 else (PURPLE, "-", 2.0)
+            color, line, width = (ORANGE, "--", 2.0) if kind == 0 else (VERMILLION, "-", 2.0)
             own.plot(part["Lz"], part["E"], color=color, linestyle=line, linewidth=width, zorder=4 + (kind == 0))
     left.set_ylim(0.0, 0.8)
-    right.set(xlim=(x - 0.09, x + 0.09), ylim=(y - 0.03, y + 0.03))
+    right.set(xlim=(x - WINDOW[0], x + WINDOW[0]), ylim=(y - WINDOW[1], y + WINDOW[1]))
+    right.locator_params(axis="x", nbins=5)
     right.set_title("around the singular point")
-    for text, marker in (("stable node", "o"), ("saddle", "*"), ("singular point", "X")):
-        left.scatter([], [], marker=marker, color=NODE, edgecolor=BLACK, label=text)
+    name_points(left, {"stable node": "stable node", "saddle": "saddle", "singular": "singular point"})
     left.plot([], [], color=BOUND, label="$L_z^2 = 2EI_1, 2EI_3$")
     left.plot([], [], color=BOUND, linestyle="--", label="$L_z^2 = 2EI_2$")
     left.plot([], [], color=GREEN, label="$L_z + 4E = 0$")
-    right.plot([], [], color=PURPLE, lw=2, label="critical, averaged")
-    right.plot([], [], color=ORANGE, lw=2, linestyle="--", label="critical, local solution")
-    left.legend(loc="upper center")
-    right.legend(loc="upper right")
+    left.plot([], [], color=VERMILLION, lw=2, label="critical, averaged")
+    left.plot([], [], color=ORANGE, lw=2, linestyle="--", label="critical, local solution")
+    common_legend(figure, left)
     return figure
 
 
@@ -106,8 +125,11 @@ def _critical(table: Table) -> list[tuple[tuple[float, float], Table]]:
 def verdict_plane(data: Data) -> Verdict:
     """Where trajectories end, and how well the local critical trajectory fits."""
     ends, critical = data["ends"], dict(_critical(data["critical"]))
-    left = ends["Lz0"] < 0
-    reached = float(np.mean(ends["distance"][left] < REACHED))
+    left, on_edge = ends["Lz0"] < 0, ends["share"] == 1.0
+    reached = float(np.mean(ends["distance"][left & ~on_edge] < REACHED))
+    saddle = plane_point(ELLIPSOID, next(point for point in fixed_points(ELLIPSOID) if point.stability == "saddle"))
+    edge = dict(groups(data[""], "path"))[float(np.argmax(on_edge))]
+    from_saddle = float(np.hypot(edge["Lz"][-1] - saddle[0], edge["E"][-1] - saddle[1]))
     share = float(np.max(ends["end"][~left] / ends["bound"][~left]))
     misfits, far = [], []
     for side in (0.0, 1.0):
@@ -118,17 +140,20 @@ def verdict_plane(data: Data) -> Verdict:
         end = np.hypot(*(local[name][-1] - averaged[name] for name in ("Lz", "E")))
         far.append(float(np.min(end)))
     numbers = (
-        Number(f"share of the {int(left.sum())} starts with L_z < 0 that reach the node", reached, 1, 1),
+        Number(f"share of the {int(np.sum(left & ~on_edge))} starts with L_z < 0 that reach the node", reached, 1, 1),
+        Number(
+            "distance from the saddle where a start on the upper parabola ends", from_saddle, high=5e-3, unit="I_max"
+        ),
         Number("slow time to the pinch point from L_z > 0, over L_z/(4π min X), longest", share, 0, 1),
         Number("local against averaged critical trajectory, before the point", misfits[0], high=2e-3, unit="I_max"),
         Number("the same after the point", misfits[1], high=2e-3, unit="I_max"),
         Number("the same at the end of the local one, y = 0.5, worse side", max(far), low=1e-3, unit="I_max"),
     )
     sentence = (
-        "All starts with L_z < 0 reach the node, passing the singular point without a trace; those with L_z > 0 meet "
-        "the pinch point in a finite slow time, not an infinite one. The local critical trajectory agrees with the "
-        f"averaged equations to {max(misfits):.1g} I_max while L_z is within {CLOSE:g} I_max of the point, "
-        f"and is off by {max(far):.1g} I_max at y = 0.5."
+        "All starts with L_z < 0 off the upper parabola reach the node, passing the singular point without a trace, "
+        "one on it reaches the saddle; those with L_z > 0 meet the pinch point in a finite slow time, not an infinite "
+        f"one. The local critical trajectory agrees with the averaged equations to {max(misfits):.1g} I_max while L_z "
+        f"is within {CLOSE:g} I_max of the point, and is off by {max(far):.1g} I_max at y = 0.5."
     )
     return Verdict(Word.CORRECTED, sentence, numbers)
 

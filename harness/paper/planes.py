@@ -10,14 +10,14 @@ from polhode.harness.paper.drawing import (
     AVERAGED,
     BLACK,
     BOUND,
-    CYCLE,
     GREEN,
     NODE,
     common_legend,
+    draw_broken,
     groups,
     label,
     panels,
-    power,
+    styled_runs,
 )
 from polhode.harness.paper.item import Data, Table
 from polhode.harness.paper.runs import (
@@ -118,18 +118,47 @@ def draw_frame(axes: Axes, ellipsoid: Ellipsoid, low: float, high: float, *, tit
         axes.plot(momentum, momentum**2 / (2 * moment), color=BOUND, linestyle="--" if middle else "-", lw=1.4)
     axes.plot([low, 0.0], [-low / 4, 0.0], color=GREEN, linewidth=0.9)
     for point in fixed_points(ellipsoid):
-        x, y = plane_point(ellipsoid, point)
-        size = 90 if point.stability == "saddle" else 45
-        axes.scatter(x, y, s=size, marker=MARKERS[point.stability], color=NODE, edgecolor=BLACK, zorder=5, lw=0.6)
+        draw_point(axes, point.stability, *plane_point(ellipsoid, point))
     axes.set_xlim(low, high)
     return label(axes, "$L_z/I_{max}$", "$E/I_{max}$", title)
 
 
-def draw_paths(axes: Axes, table: Table, x: str = "Lz", y: str = "E", color: str | None = AVERAGED) -> Axes:
-    """Draw the paths of a table; without a colour each has its own."""
-    for number, (_, part) in enumerate(groups(table, "path")):
-        axes.plot(part[x], part[y], color=color or CYCLE[number % len(CYCLE)], linewidth=0.8)
+def draw_point(axes: Axes, stability: str, x: float, y: float) -> None:
+    """Draw a fixed point with the marker of its stability."""
+    size = 70 if stability == "saddle" else 30
+    axes.scatter(x, y, s=size, marker=MARKERS[stability], color=NODE, edgecolor=BLACK, zorder=6, linewidth=0.6)
+
+
+def name_points(axes: Axes, names: dict[str, str]) -> None:
+    """Put the markers of fixed points into the legend; stability to text."""
+    for stability, text in names.items():
+        size = 70 if stability == "saddle" else 30
+        axes.scatter([], [], s=size, marker=MARKERS[stability], color=NODE, edgecolor=BLACK, linewidth=0.6, label=text)
+
+
+def draw_paths(axes: Axes, table: Table, heights: Sequence[float]) -> Axes:
+    """Draw slow trajectories, each with an arrow where its E first falls through each of the heights."""
+    draw_broken(axes, table, "Lz", "E", color=AVERAGED, linewidth=0.8)
+    for _, part in groups(table, "path"):
+        for height in heights:
+            below = int(np.argmax(part["E"] < height))
+            if below > 0:
+                ends = [(part["Lz"][index], part["E"][index]) for index in (below - 1, below)]
+                arrow = {"arrowstyle": "-|>", "color": AVERAGED, "linewidth": 0.0, "shrinkA": 0, "shrinkB": 0}
+                axes.annotate("", ends[1], ends[0], arrowprops={**arrow, "mutation_scale": 7})
     return axes
+
+
+def plane_steps(slow: np.ndarray, count: int) -> np.ndarray:
+    """Indices of at most count points of a path in the L_z–E plane, denser at small E; slow has shape (n, 4)."""
+    energy = slow[:, 3] + 1e-3
+    return even_steps(np.stack([slow[:, 2] / np.sqrt(energy), np.log(energy)], axis=1), count)
+
+
+def even_steps(path: np.ndarray, count: int) -> np.ndarray:
+    """Indices of at most count points of a path, shape (n, d), at about equal steps along it; both ends included."""
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
+    return np.unique(np.searchsorted(length, np.linspace(0.0, length[-1], count)).clip(0, len(path) - 1))
 
 
 def comparison_data(
@@ -166,12 +195,10 @@ def comparison_figure(data: Data, bodies: Sequence[Ellipsoid], titles: Sequence[
     figure, axes = panels(-(-len(bodies) // 2), 2, 3.9, 2.9)
     for own, body, title, (_, part) in zip(axes, bodies, titles, groups(data[""], "body"), strict=True):
         draw_frame(own, body, -0.8, 0.8, title=title)
-        for index, (stokes, runs) in enumerate(groups(part, "stokes")):
-            slow = np.isinf(stokes)
-            color, text = (AVERAGED, "averaged") if slow else (CYCLE[index - 1], f"full, St = {power(stokes)}")
-            for number, (_, path) in enumerate(groups(runs, "path")):
-                style = {"linewidth": 1.0, "zorder": 4} if slow else {"linewidth": 0.7, "zorder": 4 - index}
-                own.plot(path["Lz"], path["E"], color=color, label=text if number == 0 else None, **style)
+        # The averaged run lies thin on the broad full ones, which it would hide.
+        for width, (style, runs) in zip((0.6, 1.7, 1.1), styled_runs(part, "stokes"), strict=False):
+            style["linewidth"] = width
+            draw_broken(own, runs, "Lz", "E", **style)
         own.set_ylim(0.0, 1.05 * max(part["E"]))
     common_legend(figure, axes[0])
     return figure

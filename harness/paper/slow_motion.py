@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
-from polhode.harness.paper.drawing import AVERAGED, CYCLE, groups, label, logarithmic, panels, power
+from polhode.harness.paper.drawing import BLUE, draw_law, label, logarithmic, panels, styled_runs
 from polhode.harness.paper.item import Data, Grid, Number, Table, Verdict, Word
 from polhode.harness.paper.planes import distance_from_node, node, path_table
 from polhode.harness.paper.runs import averaged_run, full_run, largest_difference, power_law
@@ -88,19 +88,14 @@ class Comparison:
         crossing = data["averaged"]["crossing"][0]
         for place, (name, text) in zip((0, 1, 3, 4), NAMES.items(), strict=True):
             own = axes[place]
-            for number, (stokes, part) in enumerate(groups(data[""], "path")):
-                averaged = np.isinf(stokes)
-                color = AVERAGED if averaged else CYCLE[(number - 1) % len(CYCLE)]
-                style = {"linewidth": 1.4, "zorder": 5} if averaged else {"linewidth": 0.7}
-                text_ = "averaged" if averaged else f"St = {power(stokes)}"
-                own.plot(part["t2"], part[name], color=color, label=text_, **style)
+            for style, part in styled_runs(data[""], "path"):
+                own.plot(part["t2"], part[name], **style)
             if np.isfinite(crossing):
                 own.axvline(crossing, color="0.4", linestyle=":", label="$L^2 = 2EI_2$ (averaged)")
             label(own, "slow time $t_2 = t\\dot\\gamma/\\mathrm{St}$", text)
         found = data["errors"]
-        axes[2].plot(found["stokes"], found["error"], "o-", color=CYCLE[0], markersize=3.5, label="measured")
-        last = found["stokes"][-1], found["error"][-1]
-        axes[2].plot(found["stokes"], last[1] * last[0] / found["stokes"], "k:", label="slope -1")
+        axes[2].plot(found["stokes"], found["error"], "o-", color=BLUE, markersize=3.5, label="measured")
+        draw_law(axes[2], found["stokes"], found["error"][-1], -1)
         logarithmic(label(axes[2], "Stokes number St", "largest slow error$/I_{max}$")).legend()
         handles, names = axes[0].get_legend_handles_labels()
         axes[5].axis("off")

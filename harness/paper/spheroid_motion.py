@@ -1,24 +1,14 @@
-"""Section "Spheroids" in time: slow variables, collapse on St*, and what happens at the pinch point."""
+"""Section "Spheroids" in time: slow variables of the paper's two starts, and the collapse on St*."""
 
-from functools import partial
-from math import pi, sqrt
+from math import pi
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from polhode.harness.paper.drawing import AVERAGED, CYCLE, groups, label, logarithmic, panels, power
-from polhode.harness.paper.item import Data, Grid, Item, Number, Table, Verdict, Word
-from polhode.harness.paper.planes import columns, draw_frame, path_table
-from polhode.harness.paper.runs import (
-    aligned_start,
-    averaged_run,
-    averaged_run_to_pinch,
-    full_run,
-    power_law,
-    slow_scene,
-    spheroid,
-    spheroid_of,
-)
+from polhode.harness.paper.drawing import CYCLE, groups, label, panels
+from polhode.harness.paper.item import Data, Grid, Item, Number, Verdict, Word
+from polhode.harness.paper.planes import path_table
+from polhode.harness.paper.runs import aligned_start, full_run, spheroid, spheroid_of
 from polhode.harness.paper.slow_motion import Comparison
 from polhode.models.fixed_points import eigenvalues
 from polhode.models.scene import BodyStart, Scene
@@ -113,141 +103,6 @@ def caption_collapse(data: Data) -> str:
     )
 
 
-# The pinch point: L_z over I_max at the start, θ₀, and the tilt of L, in rad, of the second panel.
-PINCH_MOMENTUM, PINCH_THETA = 0.4, 0.3
-PINCH_TILT = 0.2
-PINCH_STOKES = (1e3, 1e4, 1e5)
-# Half the window around the crossing in which the smallest |L| is looked for, over I_max.
-PINCH_WINDOW = 0.05
-
-
-def compute_pinch(grid: Grid) -> Data:
-    """Paths past the pinch point; the smallest |L| of full runs against St."""
-    slow_times = np.linspace(0.0, 0.12, grid.of(401, 201))
-    aligned, tilted = _pinch_scene(1.0, 0.0, slow_times[-1]), _tilted_scene(1.0, slow_times[-1])
-    exact = slow_scene(PROLATE, (0.0, 0.0, *aligned.initial.slow[0, 2:] / max(PROLATE.inertia)), slow_times[-1])
-    ends, pinch = averaged_run_to_pinch(exact, slow_times)
-    paths = {
-        "aligned": [(np.inf, ends.times, ends.slow)],
-        "tilted": [(np.inf, slow_times, averaged_run(tilted, slow_times).slow)],
-    }
-    for stokes in PINCH_STOKES:
-        for name, scene_of in (("aligned", partial(_pinch_scene, phi=0.0)), ("tilted", _tilted_scene)):
-            scene = scene_of(stokes, slow_time=slow_times[-1])
-            paths[name].append((stokes, slow_times, full_run(scene, stokes * slow_times).slow))
-    phases = grid.of(6, 3)
-    rows = [
-        (stokes, phi, _least_momentum(stokes, phi, pinch))
-        for stokes in np.geomspace(1e3, grid.of(1e8, 1e6), grid.of(11, 7)).tolist()
-        for phi in (np.arange(phases) * pi / phases).tolist()
-    ]
-    return {
-        "aligned": path_table(paths["aligned"]),
-        "tilted": path_table(paths["tilted"]),
-        "end": {"t2": np.array([pinch])},
-        "crossing": columns("stokes phi least", rows),
-    }
-
-
-def _pinch_scene(stokes: float, phi: float, slow_time: float) -> Scene:
-    start = aligned_start(PROLATE, PINCH_MOMENTUM * max(PROLATE.inertia), PINCH_THETA, phi)
-    return Scene(PROLATE, stokes, start, stokes * slow_time)
-
-
-def _tilted_scene(stokes: float, slow_time: float) -> Scene:
-    """The same start turned about the flow axis, so that L gets a component along the gradient."""
-    aligned = _pinch_scene(stokes, 0.0, slow_time)
-    q0, q1, q2, q3 = aligned.start.quaternion  # pyright: ignore[reportAttributeAccessIssue]
-    c, s = np.cos(PINCH_TILT / 2), np.sin(PINCH_TILT / 2)
-    turned = (c * q0 - s * q1, c * q1 + s * q0, c * q2 - s * q3, c * q3 + s * q2)
-    return Scene(PROLATE, stokes, BodyStart(turned, aligned.angular_velocity), aligned.time)
-
-
-def _least_momentum(stokes: float, phi: float, slow_time: float) -> float:
-    """Smallest |L|/I_max of a full run that starts with L along the vorticity."""
-    speed = PINCH_MOMENTUM / slow_time
-    half = min(slow_time, max(PINCH_WINDOW, 10 / sqrt(stokes)) / speed)
-    times = np.concatenate([[0.0], stokes * (slow_time + half * np.linspace(-0.999, 2.0, 12001))])
-    slow = full_run(_pinch_scene(stokes, phi, times[-1] / stokes), times).slow
-    return float(np.min(np.linalg.norm(slow[:, :3], axis=1)))
-
-
-def figure_pinch(data: Data) -> Figure:
-    """Paths in the plane, aligned and tilted, and the smallest |L|."""
-    figure, axes = panels(1, 3, 3.4, 3.0)
-    for own, (name, title) in zip(
-        axes, (("aligned", "$L_x = L_y = 0$ at the start"), ("tilted", "$L_y \\neq 0$ at the start")), strict=False
-    ):
-        draw_frame(own, PROLATE, -0.55, 0.4, title=title)
-        for number, (stokes, part) in enumerate(groups(data[name], "path")):
-            averaged = np.isinf(stokes)
-            text = "averaged" if averaged else f"full, St = {power(stokes)}"
-            color = AVERAGED if averaged else CYCLE[number - 1]
-            own.plot(part["Lz"], part["E"], color=color, label=text, zorder=4 if averaged else 3)
-        own.set_ylim(0.0, 0.16)
-    axes[0].legend(loc="upper center", fontsize=7)
-    found = data["crossing"]
-    axes[2].plot(found["stokes"], found["least"], "o", markersize=2.5, color=CYCLE[0], label="single runs")
-    stokes, mean = _root_mean_squares(found)
-    axes[2].plot(stokes, mean, color=CYCLE[0], label="root mean square")
-    for line, slope in (("--", -0.5), (":", pinch_exponent())):
-        law = mean[-1] * (stokes / stokes[-1]) ** slope
-        axes[2].plot(stokes, law, color=AVERAGED, linestyle=line, label=f"slope {slope:.3g}")
-    logarithmic(label(axes[2], "Stokes number St", "smallest $|L|/I_{max}$")).legend()
-    return figure
-
-
-def pinch_exponent() -> float:
-    """Exponent in St of the smallest |L| of a prolate spheroid with Y_c > X_c on its way past the pinch point.
-
-    There h = cos θ_LO → 1 and dL_z/dt₂ → -4πX_c, so that by `lysmain` a small L_y grows like L_z^e, where
-    e = (X_c + Y_c I_a/I_e - 2Y_c)/X_c < 0. What is left of the O(1/St) oscillation in L_y reaches L_z when
-    L_z^(1 - e) is of order 1/St.
-    """
-    shape = spheroid_of(PROLATE.aspect_ratio)
-    axial, equatorial = PROLATE.resistance[2], PROLATE.resistance[0]
-    growth = (axial + equatorial * shape.inertia_ratio - 2 * equatorial) / axial
-    return -1 / (1 - growth)
-
-
-def _root_mean_squares(found: Table) -> tuple[np.ndarray, np.ndarray]:
-    stokes = np.unique(found["stokes"])
-    return stokes, np.array([np.sqrt(np.mean(found["least"][found["stokes"] == number] ** 2)) for number in stokes])
-
-
-def verdict_pinch(data: Data) -> Verdict:
-    """How close full runs come to L = 0, and where the slow trajectory ends."""
-    stokes, mean = _root_mean_squares(data["crossing"])
-    local = power_law(stokes[-2:], mean[-2:]).exponent
-    aligned, tilted = (dict(groups(data[name], "path")) for name in ("aligned", "tilted"))
-    end, largest = float(data["end"]["t2"][0]), max(PINCH_STOKES)
-    agreement = float(np.max(np.abs(tilted[largest]["Lz"] - tilted[np.inf]["Lz"])))
-    crossed = max(float(aligned[number]["Lz"][-1]) for number in PINCH_STOKES)
-    prediction = pinch_exponent()
-    numbers = (
-        Number.near(f"exponent of the smallest |L| in St at St = {stokes[-1]:.0e}", local, prediction, 0.1),
-        Number("slow time at which the aligned averaged run ends", end, 0.015, 0.03),
-        Number("last L_z of the full runs, largest", crossed, high=-0.3, unit="I_max"),
-        Number(f"averaged against full L_z with L_y ≠ 0, St = {largest:g}", agreement, high=0.02, unit="I_max"),
-    )
-    sentence = (
-        f"At large St full runs pass at |L| ∝ St^({local:.3f}), wider than St^-1/2: on the way the slow "
-        f"equations amplify the small L_y that the fast oscillation leaves, which predicts St^({prediction:.3f}) "
-        f"for κ = {PROLATE.aspect_ratio:g}. The slow trajectory does not grind to a halt: it runs into the pinch point "
-        f"at a finite speed and ends there at t₂ = {end:.3g}. With a small L_y it passes, and agrees with the full "
-        f"run to {agreement:.1g} I_max at St = {largest:g}."
-    )
-    return Verdict(Word.CORRECTED, sentence, numbers)
-
-
-def caption_pinch(data: Data) -> str:
-    """What the figure shows."""
-    return (
-        f"κ = 2 from L_z = {PINCH_MOMENTUM:g} I_e, θ₀ = {PINCH_THETA:g}. Left: L along the vorticity; middle: L turned "
-        f"by {PINCH_TILT:.2g} rad; right: smallest |L| of full runs that differ in φ₀ alone."
-    )
-
-
 ITEMS = (
     Item(
         "spheroid-slow-1",
@@ -277,15 +132,5 @@ ITEMS = (
         figure_collapse,
         verdict_collapse,
         caption_collapse,
-    ),
-    Item(
-        "spheroid-pinch",
-        "Full and slow trajectories at the pinch point",
-        "Slow trajectories with L_x = L_y = 0 grind to a halt at the pinch point; full ones cross it within a "
-        "neighbourhood of O(St^-1/2); with small L_x and L_y slow and full trajectories agree throughout.",
-        compute_pinch,
-        figure_pinch,
-        verdict_pinch,
-        caption_pinch,
     ),
 )

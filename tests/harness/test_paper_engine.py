@@ -174,7 +174,7 @@ def test_nan_holds_nowhere():
     assert not Number("n", float("nan")).holds
 
 
-@pytest.mark.parametrize(("value", "text"), [(1e4, "$10^{4}$"), (5e4, "50000"), (1e3, "1000"), (50.0, "50")])
+@pytest.mark.parametrize(("value", "text"), [(1e4, "$10^{4}$"), (5e4, r"$5\times10^{4}$"), (1e3, "1000"), (50.0, "50")])
 def test_powers_of_ten(value, text):
     assert power(value) == text
 
