@@ -15,6 +15,13 @@ class PartialFile:
     path : Path
         An earlier file of this name stays as it is until the new one is complete.
 
+    Attributes
+    ----------
+    partial : Path
+        Where it is written.
+    atomic : bool
+        Whether it appears under its name only when it is complete.
+
     Raises
     ------
     OSError
@@ -26,9 +33,9 @@ class PartialFile:
             raise IsADirectoryError(21, "is a folder, expected a file name", str(path))
         if not path.parent.is_dir():
             raise FileNotFoundError(2, "no such folder, expected an existing one", str(path.parent))
-        self._path = path
-        self._atomic = path.is_file() or not path.exists()
-        self.partial = path.with_name(path.name + ".partial") if self._atomic else path
+        self.path = path
+        self.atomic = path.is_file() or not path.exists()
+        self.partial = path.with_name(path.name + ".partial") if self.atomic else path
         self._file: IO[str] | None = None
 
     def open(self) -> IO[str]:
@@ -42,5 +49,5 @@ class PartialFile:
 
     def __exit__(self, failure: type[BaseException] | None, *details: object) -> None:
         self.open().close()
-        if failure is None and self._atomic:
-            os.replace(self.partial, self._path)
+        if failure is None and self.atomic:
+            os.replace(self.partial, self.path)

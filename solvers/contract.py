@@ -136,6 +136,8 @@ class Record:
         Reading of `time.perf_counter` after which the solver stops.
     max_steps : int
         Limit of steps for this piece.
+    now : float
+        Time that the solver is at, which may lie beyond the last row filled; for whoever watches the run.
     """
 
     times: np.ndarray
@@ -144,6 +146,12 @@ class Record:
     max_steps: int = UNLIMITED
     filled: int = 1
     work: Work = field(default_factory=Work)
+    now: float = -inf
+
+    @property
+    def reached(self) -> float:
+        """Time that the run has come to, as far as is known."""
+        return max(self.now, float(self.times[self.filled - 1]))
 
     @property
     def start(self) -> np.ndarray:

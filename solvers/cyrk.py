@@ -134,7 +134,7 @@ def _run(call: Call, record: Record) -> Outcome:
             work.steps = steps
             if size:
                 record.put(_array(library.c_get_y_ptr(result), size * dimension).reshape(size, dimension))
-            time = library.c_get_t_now(result)
+            time = record.now = library.c_get_t_now(result)
             state = _array(library.c_get_y_now(result), dimension)
         finally:
             library.c_free(result)

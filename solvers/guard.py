@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from polhode.solvers.contract import Record
+
 Callback = Callable[..., None]
 
 # Seconds between two looks at the deadline, and looks at one and the same time that make a stall.
@@ -20,11 +22,12 @@ class Guard:
     """
 
     def __init__(self) -> None:
-        self.open(np.inf)
+        self.open(None)
 
-    def open(self, deadline: float) -> None:
-        """Begin a run."""
-        self.calls, self.alarm, self.deadline = 0, 0.0, deadline
+    def open(self, record: Record | None) -> None:
+        """Begin a run into a record, which is told the time now and then."""
+        self.record = record
+        self.calls, self.alarm, self.deadline = 0, 0.0, record.deadline if record else np.inf
         self.time, self.repeats = -np.inf, 0
 
     def close(self) -> None:
@@ -38,6 +41,8 @@ class Guard:
         now = perf_counter()
         self.repeats = self.repeats + 1 if time == self.time else 0
         self.time, self.alarm = time, now + INTERVAL
+        if self.record:
+            self.record.now = time
         if now > self.deadline or self.stalled:
             self.close()
             return True

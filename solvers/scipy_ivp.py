@@ -106,7 +106,7 @@ def _step_through(stepper: Any, record: Record) -> tuple[Outcome, int]:
             status = Status.STEP_UNDERFLOW if np.isfinite(stepper.y).all() else Status.NON_FINITE
             return (status, message or ""), interpolated
         work.steps += 1
-        reached = stepper.t
+        reached = record.now = stepper.t
         # LSODA takes steps too small to advance the time for no error.
         stalled = stalled + 1 if reached == before else 0
         if stalled > STALLED:

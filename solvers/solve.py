@@ -1,5 +1,6 @@
 """`solve`: one problem, one solver, one tolerance."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import inf, pi
 from time import perf_counter
@@ -83,6 +84,7 @@ def solve(
     count: bool = False,
     max_seconds: float = inf,
     max_steps: int = UNLIMITED,
+    watch: Callable[[Record], None] | None = None,
 ) -> Solution:
     """Solve a problem.
 
@@ -101,6 +103,9 @@ def solve(
         Count right-hand sides, which costs time.
     max_seconds, max_steps : float and int
         Limits of wall time and of steps.
+    watch : callable, optional
+        Called with the record of each piece of the run before it begins; a thread may read how far it has come from
+        `record.reached`.
 
     Returns
     -------
@@ -138,6 +143,8 @@ def solve(
             status, message = Status.STEP_LIMIT, f"{work.steps} steps"
             break
         record = Record(times[first : last + 1], rows[first : last + 1], began + max_seconds, steps_left)
+        if watch:
+            watch(record)
         try:
             status, message = integrate(record)
         except KeyboardInterrupt:

@@ -59,7 +59,7 @@ class _Sundials(Solver):
         library, start = self.bind(problem, settings, guard)
 
         def integrate(record: Record) -> Outcome:
-            guard.open(record.deadline)
+            guard.open(record)
             run = _step_by_step if settings.count or record.max_steps < UNLIMITED else _at_once
             # The wrapper prints the library's errors.
             with deferred_interrupt(guard.close), redirect_stdout(io.StringIO()):

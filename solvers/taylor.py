@@ -57,6 +57,7 @@ def propagate(integrator: Any, record: Record) -> Outcome:
             return Status.STEP_LIMIT, f"{steps} steps"
         if record.expired:
             return Status.TIME_LIMIT, f"after {steps} steps"
+        record.now = float(integrator.time)
         grid = np.concatenate([[integrator.time], record.times[record.filled :].astype(number)])
 
 

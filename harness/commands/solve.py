@@ -1,11 +1,20 @@
 """`polhode solve`: one scene, written as CSV."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from polhode.harness import completion
 from polhode.harness.cli import BadInput, RunFailed, bad_input
+
+if TYPE_CHECKING:
+    from polhode.harness.partial_file import PartialFile
+    from polhode.harness.progress import Progress
+    from polhode.models.form import Form
+    from polhode.models.problem import Problem
+    from polhode.models.scene import Scene
+    from polhode.solvers.contract import Record, Solver
 
 # A CSV file of more rows would hold gigabytes.
 MOST_SAMPLES = 10_000_000
@@ -29,7 +38,10 @@ MOST_SAMPLES = 10_000_000
 @click.option("--error", type=float, default=1e-6, show_default=True, help="Error wanted, where no tolerance is given.")
 @click.option("--want", type=click.Choice(["slow", "orientation"]), default="slow", show_default=True)
 @click.option("--samples", type=int, default=201, show_default=True, help="Equispaced times, start and end included.")
-@click.option("--out", type=click.Path(path_type=Path), required=True, help="CSV file to write.")
+@click.option(
+    "--out", type=click.Path(path_type=Path), required=True, help="CSV file to write; - or /dev/stdout to print."
+)
+@click.option("--quiet", is_flag=True, help="No progress and no notes.")
 def solve(
     scene: str,
     form_name: str | None,
@@ -39,52 +51,89 @@ def solve(
     want: str,
     samples: int,
     out: Path,
+    quiet: bool,
 ) -> None:
     """Solve SCENE and write t, t2, L, E and the rotation matrix at equispaced times.
 
     Until it is complete the file is called FILE.partial; a run that fails or is interrupted leaves that behind.
     """
-    import numpy as np
-
     from polhode.harness.choose import choose
-    from polhode.harness.output import write_header, write_rows
     from polhode.harness.partial_file import PartialFile
+    from polhode.harness.progress import Progress
     from polhode.harness.scenes import find_scene
+    from polhode.harness.text import duration
     from polhode.models.catalogue import form as find_form
     from polhode.solvers.catalogue import solver as find_solver
-    from polhode.solvers.solve import Interrupted
-    from polhode.solvers.solve import solve as run
 
     if not 2 <= samples <= MOST_SAMPLES:
         raise BadInput(f"--samples: got {samples}, expected a number from 2 to {MOST_SAMPLES}")
-    with bad_input():
-        target = PartialFile(out)
-        what = find_scene(scene)
-        # What is plainly wrong is refused before anything is tried.
-        if form_name is not None:
-            find_form(form_name).check(what)
-        if solver_name is not None:
-            find_solver(solver_name)
-        choice = choose(what, form_name, solver_name, tolerance, error, want, samples)
-        form = find_form(choice.form)
-        problem = form.problem(what)
-        method = find_solver(choice.solver)
-        if not method.available:
-            raise BadInput(f"--solver: {method.why_not}")
-        method.check(problem)
-        target.open()
-    click.echo(f"{choice.form} by {choice.solver} at tolerance {choice.tolerance:g}", err=True)
-    how = ""
+    out = Path("/dev/stdout") if str(out) == "-" else out
+    with Progress(quiet) as progress:
+        with bad_input():
+            target = PartialFile(out)
+            what = find_scene(scene)
+            # What is plainly wrong is refused before anything is tried.
+            if form_name is not None:
+                find_form(form_name).check(what)
+            if solver_name is not None:
+                find_solver(solver_name)
+            progress.begin("choosing")
+            choice = choose(what, form_name, solver_name, tolerance, error, want, samples)
+            form = find_form(choice.form)
+            problem = form.problem(what)
+            method = find_solver(choice.solver)
+            if not method.available:
+                raise BadInput(f"--solver: {method.why_not}")
+            method.check(problem)
+            target.open()
+        if not quiet:
+            click.echo(f"{choice.form} by {choice.solver} at tolerance {choice.tolerance:g}", err=True)
+        seconds = _write(what, form, problem, method, choice.tolerance, samples, target, progress)
+    if not quiet and target.atomic:
+        click.echo(f"{out}: {samples} rows, solved in {duration(seconds)}", err=True)
+
+
+def _write(
+    scene: "Scene",
+    form: "Form",
+    problem: "Problem",
+    method: "Solver",
+    tolerance: float,
+    samples: int,
+    target: "PartialFile",
+    progress: "Progress",
+) -> float:
+    """Solve and write; the seconds that the solver took.
+
+    Raises
+    ------
+    RunFailed
+        If the run fails or is interrupted, or the disk is full; finished rows are written.
+    """
+    import numpy as np
+
+    from polhode.harness.output import write_header, write_rows
+    from polhode.solvers.solve import Interrupted
+    from polhode.solvers.solve import solve as run
+
+    def watch(record: "Record") -> None:
+        progress.begin(f"solving by {method.name}", lambda: record.reached / problem.end)
+
+    progress.begin("compiling")
+    how, times = "", np.linspace(0.0, problem.end, samples)
     try:
         with target as file:
             write_header(file)
             try:
-                solution = run(problem, method, choice.tolerance, np.linspace(0.0, problem.end, samples))
+                solution = run(problem, method, tolerance, times, watch=watch)
             except Interrupted as interruption:
                 solution, how = interruption.solution, "interrupted"
-            write_rows(file, what, solution.times * problem.time_unit, form.observe(what, solution.states))
+            reached = solution.times * problem.time_unit
+            progress.begin("writing")
+            write_rows(file, scene, reached, form.observe(scene, solution.states), progress.advance)
             if how or not solution.success:
-                rows = f"{len(solution.times)} of {samples} rows are in {target.partial}"
+                rows = f"{len(reached)} of {samples} rows are in {target.partial}"
                 raise RunFailed(f"{how or solution.status}: {rows}. {solution.message}".strip())
     except OSError as full:
-        raise RunFailed(f"{out}: {full.strerror or full}, expected room for {samples} rows") from None
+        raise RunFailed(f"{target.path}: {full.strerror or full}, expected room for {samples} rows") from None
+    return solution.seconds
