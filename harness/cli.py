@@ -1,10 +1,13 @@
 """The command line: `polhode COMMAND …`."""
 
 import errno
+import signal
 import sys
+import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
+from types import FrameType
 
 import click
 
@@ -126,8 +129,22 @@ def polhode() -> None:
     """
 
 
+def _terminated(number: int, frame: FrameType | None) -> None:
+    """Do as after Ctrl-C, so that finished rows and records are kept, and processes ended."""
+    if callable(signal.getsignal(signal.SIGINT)):
+        signal.raise_signal(signal.SIGINT)
+    else:
+        # A shell that started this in the background made it deaf to Ctrl-C.
+        raise KeyboardInterrupt
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line and exit: 0 on success, 2 on bad input, 1 when a run failed."""
+    """Run the command line and exit: 0 on success, 2 on bad input, 1 when a run failed.
+
+    Termination (SIGTERM) is met as Ctrl-C is.
+    """
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, _terminated)
     try:
         result = polhode.main(args=arguments, prog_name="polhode", standalone_mode=False)
         code = result if isinstance(result, int) else 0

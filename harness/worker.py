@@ -111,8 +111,10 @@ class Worker:
         if self._connection is not None:
             self._connection.close()
         if self._process is not None:
-            self._process.kill()
-            self._process.join()
+            # A process that could not be started has nothing to kill.
+            if self._process.pid is not None:
+                self._process.kill()
+                self._process.join()
             self._process.close()
         self._process = self._connection = None
 
@@ -121,12 +123,16 @@ class Worker:
         connection, remote = context.Pipe()
         process = context.Process(target=_serve, args=(remote,), daemon=True)
         self._connection, self._process = connection, process
-        process.start()
-        remote.close()
-        if not connection.poll(STARTUP):
+        try:
+            process.start()
+            remote.close()
+            if not connection.poll(STARTUP):
+                raise TimeoutError(f"worker: no sign of life after {STARTUP:g} s")
+            connection.recv()
+        except BaseException:
+            remote.close()
             self.close()
-            raise TimeoutError(f"worker: no sign of life after {STARTUP:g} s")
-        connection.recv()
+            raise
         return connection
 
     def _cause(self) -> str:

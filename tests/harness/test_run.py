@@ -3,8 +3,10 @@
 import signal
 import sqlite3
 import subprocess
+import sys
 import time
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +17,7 @@ from commandline import SCRIPT, STUDY, Run
 from polhode.harness.case import Record
 from polhode.harness.reference import reference
 from polhode.harness.run import Runner
-from polhode.harness.store import Store
+from polhode.harness.store import Store, read_export
 from polhode.harness.study import Study, read_study
 from polhode.harness.tables import frame
 from polhode.harness.verdict import cheapest
@@ -33,7 +35,9 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
     path = tmp_path_factory.mktemp("study") / "study.toml"
     path.write_text(STUDY, encoding="utf-8")
     whole = read_study(path)
-    return replace(whole, scenes=whole.scenes[:1], solvers=SOLVERS, tolerances=TOLERANCES)
+    name, scene = whole.scenes[0]
+    tags = {(name, scene.stokes): ("short", "warm")}
+    return replace(whole, scenes=whole.scenes[:1], solvers=SOLVERS, tolerances=TOLERANCES, tags=tags)
 
 
 @pytest.fixture(scope="module")
@@ -42,6 +46,13 @@ def records(study: Study, tmp_path_factory: pytest.TempPathFactory, environment)
         patch.setenv("POLHODE_CACHE", environment["POLHODE_CACHE"])
         with Store(tmp_path_factory.mktemp("store") / "store.sqlite") as store:
             return Runner(store, quiet=True).run(study)
+
+
+def test_every_record_tells_when_it_was_measured_and_the_tags_of_its_scene(records: list[Record]):
+    for record in records:
+        age = datetime.now(UTC) - datetime.fromisoformat(record["date"])
+        assert 0 <= age.total_seconds() < 600
+        assert record["tags"] == ["short", "warm"]
 
 
 def of(records: list[Record], solver: str) -> list[Record]:
@@ -204,10 +215,44 @@ def test_killed_and_resumed_gives_the_same_records(
     assert names == ["README.md", "orientation.png", "records.jsonl", "slow.png"]
 
 
+# An export that takes ten seconds, whatever the machine.
+SLOW_EXPORT = """
+import time
+from polhode.harness import cli, store
+
+def records(self):
+    for number in range(1000):
+        yield {"key": str(number), "note": "x" * 100}
+        time.sleep(0.01)
+
+store.Store.records = records
+cli.main(["export", "store.sqlite", "out.jsonl"])
+"""
+
+
+def test_a_terminated_export_leaves_the_rows_written_as_partial(tmp_path: Path):
+    with Store(tmp_path / "store.sqlite") as store:
+        store.put("a", {}, {})
+    words = [sys.executable, "-P", "-c", SLOW_EXPORT]
+    with subprocess.Popen(words, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as process:
+        while process.poll() is None and not (tmp_path / "out.jsonl.partial").exists():
+            time.sleep(0.005)
+        time.sleep(0.3)
+        process.send_signal(signal.SIGTERM)
+        _, text = process.communicate(timeout=60)
+    assert process.returncode == 1
+    assert text == "polhode: interrupted\n"
+    assert not (tmp_path / "out.jsonl").exists()
+    rows = read_export(tmp_path / "out.jsonl.partial")
+    assert [row["key"] for row in rows] == [str(number) for number in range(len(rows))]
+    assert 1 < len(rows) < 1000
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_ctrl_c_says_how_to_go_on_and_starting_afresh_keeps_the_last_store(
-    polhode: Run, environment, study_file: Path, tmp_path: Path
+    polhode: Run, environment, study_file: Path, tmp_path: Path, number: int
 ):
-    code, text = interrupted(tmp_path, environment, signal.SIGINT)
+    code, text = interrupted(tmp_path, environment, number)
     assert code == 1
     last = text.splitlines()[-1].split("\r")[-1]
     assert last.endswith("polhode: interrupted: finished cases are in broken/store.sqlite, --resume goes on")

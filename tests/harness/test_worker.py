@@ -101,6 +101,21 @@ if __name__ == "__main__":
     assert (done.stdout, done.stderr) == ("end\n", "")
 
 
+def test_a_process_that_could_not_be_started_is_closed(monkeypatch: pytest.MonkeyPatch):
+    worker = Worker()
+    with monkeypatch.context() as patch:
+        patch.setattr("multiprocessing.context.SpawnProcess.start", _no_room)
+        with pytest.raises(OSError, match="no room for a process"):
+            worker.run(abs, -1, limit=10.0)
+    assert worker.pid is None
+    with worker:
+        assert worker.run(abs, -1, limit=10.0).value == 1
+
+
+def _no_room(process: object) -> None:
+    raise OSError("no room for a process")
+
+
 def test_ctrl_c_ends_the_worker_with_its_parent(tmp_path):
     program = """
 import sys, time
