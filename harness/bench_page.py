@@ -7,6 +7,7 @@ from typing import Any
 import pandas as pd
 
 from polhode.harness.figures import save, work_precision_panels
+from polhode.harness.provenance import header
 from polhode.harness.store import Record, export
 from polhode.harness.study import Study
 from polhode.harness.tables import frame, where
@@ -24,21 +25,13 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     save(work_precision_panels(table, "slow_error", "slow error over $I_{max}$"), folder, "slow")
     save(work_precision_panels(table, "orientation_error", "orientation error, rad"), folder, "orientation")
     page = folder / "README.md"
-    page.write_text("\n".join(_lines(study, table, records[0], command)), encoding="utf-8")
+    page.write_text("\n".join(_lines(study, table, records, command)), encoding="utf-8")
     return page
 
 
-def _lines(study: Study, table: pd.DataFrame, record: Record, command: str) -> list[str]:
-    machine, versions = record["machine"], record["versions"]
+def _lines(study: Study, table: pd.DataFrame, records: Sequence[Record], command: str) -> list[str]:
     return [
-        f"# {study.title}",
-        "",
-        f"Made by `{command}`. Do not edit: the next run overwrites this page.",
-        "",
-        f"Machine: {machine['processor']}, {machine['cores']} cores, {machine['system']}, Python {machine['python']}; "
-        + ", ".join(f"{name} {number}" for name, number in versions.items())
-        + ".",
-        "",
+        *header(study.title, command, records),
         "## Verdict",
         "",
         *(f"- {sentence}" for sentence in [*sentences(table), *averaged_costs(table)]),

@@ -6,7 +6,7 @@ from typing import Any
 
 import pandas as pd
 
-from polhode.harness.store import Record, Store
+from polhode.harness.store import Record, Store, read_export
 from polhode.harness.tables import frame
 
 
@@ -36,10 +36,9 @@ def _records(path: Path) -> list[Record]:
         with Store(path) as store:
             return store.records()
     try:
-        text = path.read_text(encoding="utf-8")
         if path.suffix == ".jsonl":
-            return [json.loads(line) for line in text.splitlines()]
-        return benchmark_records(json.loads(text))
+            return read_export(path)
+        return benchmark_records(json.loads(path.read_text(encoding="utf-8")))
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         reason = f"no {error} in it" if isinstance(error, KeyError) else str(error)
         expected = "expected JSON of the benchmark suite, a .sqlite store, or its .jsonl export"
@@ -53,7 +52,7 @@ def benchmark_records(contents: dict[str, Any]) -> list[Record]:
     for benchmark in contents["benchmarks"]:
         info = benchmark["extra_info"]
         record = {"key": info["key"], **info["case"], **info["result"], **surroundings}
-        record["sentinel_seconds"] = info["sentinel_seconds"]
+        record |= {"sentinel_seconds": info["sentinel_seconds"], "date": contents.get("datetime")}
         if "seconds_runs" in info:
             shortest, longest = benchmark["stats"]["min"], benchmark["stats"]["max"]
             record |= {"seconds": shortest, "seconds_spread": longest - shortest, "seconds_runs": info["seconds_runs"]}

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
@@ -52,6 +52,8 @@ class Case:
         Time limit of each run.
     backend, jacobian : str, optional
         The solver's first ones by default.
+    tags : tuple of str
+        The scene's in its study; no part of the question.
     """
 
     scene_name: str
@@ -63,6 +65,7 @@ class Case:
     max_seconds: float
     backend: Backend | None = None
     jacobian: Jacobian | None = None
+    tags: tuple[str, ...] = field(default=(), compare=False)
 
     @property
     def content(self) -> Record:

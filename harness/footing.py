@@ -12,6 +12,7 @@ import pandas as pd
 from polhode.harness.equal_error import crossing, fastest, times_at_error
 from polhode.harness.figures import save, work_precision_panels
 from polhode.harness.overhead import Overhead
+from polhode.harness.provenance import header
 from polhode.harness.store import Record, export
 from polhode.harness.tables import frame, where
 from polhode.harness.text import bracketed, duration, markdown, scientific
@@ -48,11 +49,9 @@ def write_page(measured: Measured, folder: Path, command: str) -> Path:
         export(list(getattr(measured, name)), folder / f"{name}.jsonl")
     solvers, spheroid, backends = (frame(getattr(measured, name)) for name in ("solvers", "spheroid", "backends"))
     save(work_precision_panels(solvers, "slow_error", "slow error over $I_{max}$"), folder, "slow")
-    machine = measured.solvers[0]["machine"]
+    records = [*measured.solvers, *measured.spheroid, *measured.backends]
     lines = [
-        "# Every solver on equal footing",
-        "",
-        f"Made by `{command}` on {machine['processor']}, {machine['cores']} cores, Python {machine['python']}. "
+        *header("Every solver on equal footing", command, records),
         "Times are minima of warm runs in interleaved order; at a named error they are interpolated between a method's "
         "own runs.",
         "",

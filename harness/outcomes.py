@@ -6,6 +6,7 @@ from typing import Any
 
 import pandas as pd
 
+from polhode.harness.provenance import header
 from polhode.harness.store import Record, export
 from polhode.harness.study import Study
 from polhode.harness.tables import frame
@@ -109,21 +110,14 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     folder.mkdir(parents=True, exist_ok=True)
     export(list(records), folder / "records.jsonl")
     page = folder / "README.md"
-    page.write_text("\n".join(_lines(study, table, records[0], command)), encoding="utf-8")
+    page.write_text("\n".join(_lines(study, table, records, command)), encoding="utf-8")
     return page
 
 
-def _lines(study: Study, table: pd.DataFrame, record: Record, command: str) -> list[str]:
-    solvers, machine = columns(table), record["machine"]
+def _lines(study: Study, table: pd.DataFrame, records: Sequence[Record], command: str) -> list[str]:
+    solvers = columns(table)
     lines = [
-        f"# {study.title}",
-        "",
-        f"Made by `{command}`. Do not edit: the next run overwrites this page.",
-        "",
-        f"Machine: {machine['processor']}, {machine['cores']} cores, {machine['system']}, Python {machine['python']}; "
-        + ", ".join(f"{name} {number}" for name, number in record["versions"].items())
-        + ".",
-        "",
+        *header(study.title, command, records),
         *(f"- {sentence}" for sentence in sentences(table)),
         "",
         f"✓ reached; ≈ reached, but off by more than {INACCURATE:g}; ◷ stopped at the limit of {limit(table)}; "

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from polhode.harness.figures import save
+from polhode.harness.provenance import header
 from polhode.harness.regimes import Cell, Method, Side, cells, sentences
 from polhode.harness.store import Record
 from polhode.harness.study import Study
@@ -53,7 +54,7 @@ ERRORS = {
 }
 RUN_COLUMNS = ["scene_name", "stokes", "form", "solver", "tolerance", "status", "slow_error", "orientation_error"]
 RUN_COLUMNS += ["model_slow_error", "slow_uncertainty", "orientation_uncertainty", "seconds", "seconds_spread"]
-RUN_COLUMNS += ["work.rhs_calls", "work.steps", "sentinel_seconds"]
+RUN_COLUMNS += ["work.rhs_calls", "work.steps", "sentinel_seconds", "date"]
 
 
 def write_page(study: Study, records: Sequence[Record], folder: Path, command: str) -> Path:
@@ -69,7 +70,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     table[[column for column in RUN_COLUMNS if column in table]].to_csv(folder / "runs.csv", index=False)
     _write_cells(maps, folder / "cells.csv")
     page = folder / "README.md"
-    page.write_text("\n".join(_lines(study, table, records[0], maps, command)), encoding="utf-8")
+    page.write_text("\n".join(_lines(study, table, records, maps, command)), encoding="utf-8")
     return page
 
 
@@ -179,17 +180,11 @@ def _legend(drawing: Any, found: Sequence[Cell]) -> None:
     drawing.legend(handles=handles, loc="center left", bbox_to_anchor=(left, 0.5), **style)
 
 
-def _lines(study: Study, table: pd.DataFrame, record: Record, maps: dict, command: str) -> list[str]:
-    machine, versions = record["machine"], record["versions"]
+def _lines(study: Study, table: pd.DataFrame, records: Sequence[Record], maps: dict, command: str) -> list[str]:
     drift = table["sentinel_seconds"].dropna().to_numpy(float)
     text = [
-        f"# {study.title}",
-        "",
-        f"Made by `{command}`. Do not edit: the next run overwrites this page.",
-        "",
-        f"Machine: {machine['processor']}, {machine['cores']} cores, {machine['system']}, Python {machine['python']}; "
-        + ", ".join(f"{name} {number}" for name, number in versions.items())
-        + f". The sentinel, a fixed piece of arithmetic, took {duration(drift.min())} to {duration(drift.max())}.",
+        *header(study.title, command, records),
+        f"The sentinel, a fixed piece of arithmetic, took {duration(drift.min())} to {duration(drift.max())}.",
         "",
         f"Each cell shows the cheapest of {len(study.solvers)} solvers ({', '.join(study.solvers)}) in the forms "
         f"{', '.join(study.forms)}, the time of a warm run with {study.samples} samples, interpolated between "

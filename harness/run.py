@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from tqdm import tqdm
 
 from polhode.harness.case import Attempt, Case, Record, attempt, judge, missing, time_once
-from polhode.harness.machine import machine, versions
+from polhode.harness.machine import machine, now, versions
 from polhode.harness.store import Store
 from polhode.harness.study import Batches
 from polhode.harness.timing import Timing, sentinel
@@ -65,7 +65,7 @@ class Runner:
         timed: list[Case] = []
         for case in batch:
             progress.set_postfix_str(f"St = {case.scene.stokes:g} {case.solver} {case.tolerance:g}")
-            records[case] = self._examine(case)
+            records[case] = {"date": now(), "tags": list(case.tags), **self._examine(case)}
             if records[case]["status"] == Status.REACHED_END:
                 timed.append(case)
             progress.update()

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from polhode.harness.partial_file import PartialFile
+from polhode.harness.plain_json import dumps, loads
 
 Record = dict[str, Any]
 
@@ -20,6 +21,7 @@ CREATE TABLE IF NOT EXISTS cases (
     written TEXT NOT NULL DEFAULT (datetime('now'))
 )
 """
+_ALL = """SELECT key, strftime('%Y-%m-%dT%H:%M:%SZ', written), "case", result FROM cases ORDER BY rowid"""
 
 
 class DamagedStoreError(RuntimeError):
@@ -89,10 +91,16 @@ class Store:
             self._connection.execute('INSERT OR IGNORE INTO cases (key, "case", result) VALUES (?, ?, ?)', row)
 
     def records(self) -> list[Record]:
-        """All cases with their results, each as one flat dictionary, in the order of writing."""
+        """All cases with their results, each as one flat dictionary, in the order of writing.
+
+        `date` is the date and time in UTC, ISO 8601; that of the writing where the result does not tell.
+        """
         with self._readable():
-            rows = self._connection.execute('SELECT key, "case", result FROM cases ORDER BY rowid').fetchall()
-        return [{"key": key, **json.loads(case), **json.loads(result)} for key, case, result in rows]
+            rows = self._connection.execute(_ALL).fetchall()
+        return [
+            {"key": key, "date": written, **json.loads(case), **json.loads(result)}
+            for key, written, case, result in rows
+        ]
 
     @contextmanager
     def _readable(self) -> Iterator[None]:
@@ -107,6 +115,9 @@ class Store:
 def export(records: list[Record], path: Path) -> None:
     """Write records as CSV or JSON Lines, as the file's ending says, for sharing.
 
+    Numbers that are not finite are words, which `read_export` and `float` read: "Infinity", "-Infinity" and "NaN"
+    (`polhode.harness.plain_json`).
+
     Raises
     ------
     ValueError
@@ -116,12 +127,25 @@ def export(records: list[Record], path: Path) -> None:
         raise ValueError(f"{path}: expected a file name ending in .csv or .jsonl")
     with PartialFile(path) as file:
         if path.suffix == ".jsonl":
-            file.writelines(json.dumps(record, sort_keys=True) + "\n" for record in records)
+            file.writelines(dumps(record) + "\n" for record in records)
             return
         columns = list(dict.fromkeys(name for record in records for name in record))
         writer = csv.DictWriter(file, columns)
         writer.writeheader()
         writer.writerows(
-            {name: json.dumps(value) if isinstance(value, dict | list) else value for name, value in record.items()}
+            {name: dumps(value) if isinstance(value, dict | list) else value for name, value in record.items()}
             for record in records
         )
+
+
+def read_export(path: Path) -> list[Record]:
+    """Records of a JSON Lines file that `export` wrote, now or before.
+
+    Raises
+    ------
+    ValueError
+        If a line is no JSON.
+    OSError
+        If the file cannot be read.
+    """
+    return [loads(line) for line in path.read_text(encoding="utf-8").splitlines()]

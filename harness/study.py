@@ -1,8 +1,8 @@
 """A study: scenes × forms × solvers × tolerances, as data."""
 
 import tomllib
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Protocol
@@ -34,7 +34,7 @@ Stokes = Annotated[float, Field(ge=0)]
 class StudySceneTable(BaseModel):
     """``[[scenes]]``: a scene file's contents with a name, and one or several Stokes numbers.
 
-    ``{name = "pinch-point", builtin = true}`` stands for a built-in scene.
+    ``{name = "pinch-point", builtin = true}`` stands for a built-in scene. Tags are what a run may be limited to.
     """
 
     model_config = ConfigDict(extra="allow", strict=True)
@@ -95,6 +95,7 @@ class Study:
     """What to measure: every solver on every form of every scene, from the loosest tolerance to the tightest.
 
     Where back ends or Jacobians are named, every solver runs with each of them that it offers; else with its first one.
+    Tags belong to a scene's name and St.
     """
 
     name: str
@@ -107,10 +108,12 @@ class Study:
     max_seconds: float
     backends: tuple[Backend, ...] | None = None
     jacobians: tuple[Jacobian, ...] | None = None
+    tags: Mapping[tuple[str, float], tuple[str, ...]] = field(default_factory=dict)
 
     def batches(self) -> Iterator[list[Case]]:
         """Cases in batches that are timed in interleaved order: one scene, form and tolerance, all solvers."""
         for scene_name, scene in self.scenes:
+            tags = self.tags.get((scene_name, scene.stokes), ())
             for form_name in self.forms:
                 try:
                     problem = find_form(form_name).problem(scene)
@@ -126,10 +129,19 @@ class Study:
                 for tolerance in sorted(self.tolerances, reverse=True):
                     yield [
                         Case(
-                            scene_name, scene, form_name, solver_name, tolerance, self.samples, self.max_seconds, *ways
+                            scene_name,
+                            scene,
+                            form_name,
+                            solver_name,
+                            tolerance,
+                            self.samples,
+                            self.max_seconds,
+                            backend,
+                            jacobian,
+                            tags,
                         )
                         for solver_name in accepted
-                        for ways in self._ways(solver_name)
+                        for backend, jacobian in self._ways(solver_name)
                     ]
 
     def _ways(self, solver_name: str) -> list[tuple[Backend | None, Jacobian | None]]:
@@ -194,6 +206,7 @@ def parse_study(contents: dict[str, Any]) -> Study:
         table.max_seconds,
         tuple(table.backends) if table.backends else None,
         tuple(table.jacobians) if table.jacobians else None,
+        {(scene.name, stokes): tuple(scene.tags) for scene in table.scenes for stokes in scene.stokes},
     )
     if not any(study.batches()):
         raise ValueError(f"forms: got {list(study.forms)}, expected one that some scene and solver accept")
@@ -211,10 +224,11 @@ def _with_builtin_scenes(contents: dict[str, Any]) -> dict[str, Any]:
 def _spelled_out(position: int, scene: Any) -> Any:
     if not (isinstance(scene, dict) and scene.get("builtin") is True):
         return scene
-    if set(scene) != {"name", "builtin"}:
-        raise ValueError(f"scenes[{position}]: got {sorted(scene)}, expected name and builtin alone")
+    if set(scene) - {"tags"} != {"name", "builtin"}:
+        raise ValueError(f"scenes[{position}]: got {sorted(scene)}, expected name, builtin and perhaps tags")
+    tags = {"tags": scene["tags"]} if "tags" in scene else {}
     try:
-        return {"name": scene["name"], **scene_table(named_scene(scene["name"]))}
+        return {"name": scene["name"], **tags, **scene_table(named_scene(scene["name"]))}
     except ValueError as error:
         raise ValueError(f"scenes[{position}]: {error}") from None
 

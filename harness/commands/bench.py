@@ -5,16 +5,23 @@ from pathlib import Path
 import click
 
 from polhode.harness.cli import bad_input
+from polhode.harness.commands.study_filters import filter_options, filtered
+from polhode.harness.commands.study_filters import words as filter_words
 from polhode.harness.commands.study_store import open_store, running_into
 
 
 @click.command(epilog="Example: polhode bench --quick --out look")
 @click.argument("study_file", metavar="[STUDY.toml]", required=False, type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path), help="Folder; by default reports/NAME.")
+@click.option(
+    "--out", type=click.Path(path_type=Path), help="Folder; by default reports/NAME, with the filters' words."
+)
 @click.option("--quick", is_flag=True, help="Fewer tolerances and short time limits: a look, not a result.")
 @click.option("--resume", is_flag=True, help="Take up an interrupted run instead of starting afresh.")
+@filter_options
 @click.option("--quiet", is_flag=True, help="No progress.")
-def bench(study_file: Path | None, out: Path | None, quick: bool, resume: bool, quiet: bool) -> None:
+def bench(
+    study_file: Path | None, out: Path | None, quick: bool, resume: bool, quiet: bool, **filters: tuple[str, ...]
+) -> None:
     """Run a work-precision study and write its page, figures and records.
 
     The page of a study of several scenes tells who gets through; of one scene, who is the cheapest.
@@ -32,16 +39,21 @@ def bench(study_file: Path | None, out: Path | None, quick: bool, resume: bool, 
     from polhode.harness.study import quick_study, read_study
 
     with bad_input():
-        study = read_study(study_file)
+        study = filtered(read_study(study_file), filters)
         study = quick_study(study) if quick else study
         folder = out or Path("reports") / study.name
     store = open_store(folder, resume)
     with running_into(store):
         records = Runner(store, quiet).run(study)
-    words = ["polhode bench", *([str(study_file)] if study_file else []), *(["--quick"] if quick else [])]
+    words = [
+        "polhode bench",
+        *([str(study_file)] if study_file else []),
+        *(["--quick"] if quick else []),
+        *filter_words(filters),
+    ]
     # Which is the cheapest makes sense for one scene; several ask who gets through.
     one_scene = len({name for name, _ in study.scenes}) == 1
     page = (bench_page if one_scene else outcomes).write_page(study, records, folder, " ".join(words))
-    if study_file is None and not quick:
+    if study_file is None and not quick and not any(filters.values()):
         refit(load_laws(), records).save(own_laws_path())
     click.echo(f"{page}")

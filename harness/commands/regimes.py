@@ -6,16 +6,23 @@ from pathlib import Path
 import click
 
 from polhode.harness.cli import bad_input
+from polhode.harness.commands.study_filters import filter_options, filtered
+from polhode.harness.commands.study_filters import words as filter_words
 from polhode.harness.commands.study_store import open_store, running_into
 
 
 @click.command(epilog="Example: polhode regimes --quick --out look")
 @click.argument("study_file", metavar="[STUDY.toml]", required=False, type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path), help="Folder; by default reports/NAME.")
+@click.option(
+    "--out", type=click.Path(path_type=Path), help="Folder; by default reports/NAME, with the filters' words."
+)
 @click.option("--quick", is_flag=True, help="Fewer tolerances, short time limits, St from 0.1 to 1e4: a look.")
 @click.option("--resume", is_flag=True, help="Take up an interrupted run; a finished one is drawn again.")
+@filter_options
 @click.option("--quiet", is_flag=True, help="No progress.")
-def regimes(study_file: Path | None, out: Path | None, quick: bool, resume: bool, quiet: bool) -> None:
+def regimes(
+    study_file: Path | None, out: Path | None, quick: bool, resume: bool, quiet: bool, **filters: tuple[str, ...]
+) -> None:
     """Measure and draw who wins over St and error: one map for the full solution, one for the slow variables.
 
     An interrupted run keeps its finished cases in FOLDER/store.sqlite and goes on with --resume.
@@ -26,7 +33,7 @@ def regimes(study_file: Path | None, out: Path | None, quick: bool, resume: bool
     from polhode.harness.study import quick_study, read_study
 
     with bad_input():
-        study = read_study(study_file, "regimes")
+        study = filtered(read_study(study_file, "regimes"), filters)
         if quick:
             some = tuple((name, scene) for name, scene in study.scenes if 0.1 <= scene.stokes <= 1e4)
             study = replace(quick_study(study), scenes=some or study.scenes)
@@ -35,4 +42,4 @@ def regimes(study_file: Path | None, out: Path | None, quick: bool, resume: bool
     with running_into(store):
         records = Runner(store, quiet).run(Parts(study))
     words = ["polhode regimes", *([str(study_file)] if study_file else []), *(["--quick"] if quick else [])]
-    click.echo(f"{write_page(study, records, folder, ' '.join(words))}")
+    click.echo(f"{write_page(study, records, folder, ' '.join([*words, *filter_words(filters)]))}")

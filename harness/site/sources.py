@@ -14,7 +14,7 @@ from polhode.harness.accuracy import VARIABLES, Measured
 from polhode.harness.paper import store as paper_store
 from polhode.harness.paper.catalogue import sections
 from polhode.harness.paper.item import Data
-from polhode.harness.store import DamagedStoreError, Record, Store
+from polhode.harness.store import DamagedStoreError, Record, Store, read_export
 from polhode.harness.tables import frame, where
 from polhode.models.scene import Scene
 from polhode.models.scene_file import parse_scene
@@ -128,7 +128,7 @@ def _files(folder: Path) -> list[Path]:
 
 def _records(path: Path) -> list[Record]:
     if path.suffix == ".jsonl":
-        return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+        return read_export(path)
     if path.suffix == ".csv":
         with path.open(newline="", encoding="utf-8") as file:
             return [{name: _value(text) for name, text in row.items()} for row in csv.DictReader(file)]

@@ -7,12 +7,13 @@ import sqlite3
 import subprocess
 import sys
 import time
-from math import inf
+from datetime import UTC, datetime
+from math import inf, isnan, nan
 from pathlib import Path
 
 import pytest
 
-from polhode.harness.store import DamagedStoreError, Store, export
+from polhode.harness.store import DamagedStoreError, Store, export, read_export
 from polhode.harness.tables import frame
 
 WRITER = """
@@ -39,10 +40,26 @@ def test_records_come_back_in_the_order_of_writing(path: Path):
         store.put("a", {"tolerance": 1e-6}, {"seconds": inf, "flag": True})
     with Store(path) as store:
         assert store.keys() == {"a", "b"}
-        assert store.records() == [
+        records = store.records()
+        for record in records:
+            assert abs(datetime.now(UTC) - datetime.fromisoformat(record.pop("date"))).total_seconds() < 60
+        assert records == [
             {"key": "b", "tolerance": 1e-3, "form": "x", "seconds": 0.1 + 0.2, "error": None, "runs": [1, 2]},
             {"key": "a", "tolerance": 1e-6, "seconds": inf, "flag": True},
         ]
+
+
+def test_a_store_of_before_tells_its_dates_by_when_it_was_written(path: Path):
+    Store(path).close()
+    with sqlite3.connect(path) as connection:
+        row = ("old", '{"form": "x", "stokes": Infinity}', '{"seconds": 1.0}', "2025-03-04 05:06:07")
+        connection.execute('INSERT INTO cases (key, "case", result, written) VALUES (?, ?, ?, ?)', row)
+    connection.close()
+    with Store(path) as store:
+        store.put("new", {"form": "x"}, {"date": "2026-01-01T00:00:00Z"})
+        records = store.records()
+    assert [record["date"] for record in records] == ["2025-03-04T05:06:07Z", "2026-01-01T00:00:00Z"]
+    assert records[0]["stokes"] == inf
 
 
 def test_a_second_result_of_a_case_changes_nothing(path: Path):
@@ -150,6 +167,38 @@ def test_export_as_json_lines_loses_nothing(tmp_path: Path):
     export(RECORDS, tmp_path / "out.jsonl")
     lines = (tmp_path / "out.jsonl").read_text(encoding="utf-8").splitlines()
     assert [json.loads(line) for line in lines] == RECORDS
+
+
+UNENDING = {"key": "c", "scene": {"stokes": inf}, "errors": [nan, -inf, 1.0], "seconds": inf, "note": "none"}
+
+
+def refused(word: str) -> None:
+    raise AssertionError(f"{word} is no JSON")
+
+
+def test_exported_json_lines_are_json_and_read_back_as_they_were(tmp_path: Path):
+    export([*RECORDS, UNENDING], tmp_path / "out.jsonl")
+    lines = (tmp_path / "out.jsonl").read_text(encoding="utf-8").splitlines()
+    last = [json.loads(line, parse_constant=refused) for line in lines][-1]
+    assert last["scene"] == {"stokes": "Infinity"}
+    assert last["errors"] == ["NaN", "-Infinity", 1.0]
+    *others, found = read_export(tmp_path / "out.jsonl")
+    assert others == RECORDS
+    assert isnan(found["errors"].pop(0))
+    assert found == {**UNENDING, "errors": [-inf, 1.0]}
+
+
+def test_exports_of_before_are_read(tmp_path: Path):
+    (tmp_path / "old.jsonl").write_text('{"stokes": Infinity}\n{"stokes": 1}\n', encoding="utf-8")
+    assert read_export(tmp_path / "old.jsonl") == [{"stokes": inf}, {"stokes": 1}]
+
+
+def test_numbers_without_end_in_csv_are_what_float_reads(tmp_path: Path):
+    export([UNENDING], tmp_path / "out.csv")
+    with (tmp_path / "out.csv").open(newline="", encoding="utf-8") as file:
+        (row,) = csv.DictReader(file)
+    assert float(row["seconds"]) == inf
+    assert json.loads(row["scene"], parse_constant=refused) == {"stokes": "Infinity"}
 
 
 def test_export_as_csv(tmp_path: Path):
