@@ -1,6 +1,5 @@
 """A study: scenes × forms × solvers × tolerances, as data."""
 
-import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from importlib.resources import files
@@ -16,6 +15,7 @@ from polhode.models.form import FormNotValidError
 from polhode.models.scene import Scene
 from polhode.models.scene_file import Positive, first_complaint, parse_scene, scene_table
 from polhode.models.scenes import named_scene
+from polhode.models.toml_file import read_toml
 from polhode.solvers.catalogue import SOLVERS
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Backend, Jacobian, SolverNotValidError
@@ -165,16 +165,8 @@ def read_study(path: Path | None, default: str = "bench") -> Study:
     OSError
         If the file cannot be read.
     """
-    where = str(path) if path else f"study {default!r}"
-    source = path or files("polhode.harness") / "studies" / f"{default}.toml"
-    try:
-        contents = tomllib.loads(source.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ValueError(f"{where}: expected a TOML file: {error}") from None
-    try:
-        return parse_study(contents)
-    except ValueError as error:
-        raise ValueError(f"{where}: {error}") from None
+    own = files("polhode.harness") / "studies" / f"{default}.toml"
+    return read_toml(path or own, parse_study, where=None if path else f"study {default!r}")
 
 
 def quick_study(study: Study) -> Study:

@@ -1,7 +1,6 @@
 """Scene files: TOML, checked key by key before a scene is made."""
 
 import reprlib
-import tomllib
 from math import inf, isfinite
 from pathlib import Path
 from typing import Annotated, Any, get_args
@@ -10,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart, Start
 from polhode.models.shape import Ellipsoid
+from polhode.models.toml_file import read_toml
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -113,14 +113,7 @@ def read_scene(path: str | Path) -> Scene:
     OSError
         If the file cannot be read.
     """
-    try:
-        table = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: expected a TOML file: {error}") from None
-    try:
-        return parse_scene(table)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
+    return read_toml(Path(path), parse_scene, where=str(path))
 
 
 def parse_scene(table: dict[str, Any]) -> Scene:

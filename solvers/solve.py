@@ -154,7 +154,10 @@ def solve(
         if first == 0:
             work = record.work
         else:
+            own = f"{record.work.steps} steps"
             work.add(record.work)
+            # The solver knows the steps of its own piece alone.
+            message = message.replace(own, f"{work.steps} steps")
         if not status.success:
             break
         if problem.periodic:

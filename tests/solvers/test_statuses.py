@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from dataclasses import replace
+from math import pi
 
 import numpy as np
 import pytest
@@ -33,6 +34,17 @@ def growth_field(ops: Operations) -> Field:
     return rhs
 
 
+def turning_field(ops: Operations) -> Field:
+    cos = ops.cos
+
+    def rhs(y, p):
+        return (1.0 + 0.0 * y[0], cos(y[0]))
+
+    return rhs
+
+
+# An angle that is wrapped every 100 pi, and its sine.
+TURNS = Problem("turns", turning_field, (0.0, 0.0), 700.0, periodic=(0,))
 # y = 1/(1 - t) is infinite at t = 1, y = exp(t) exceeds double precision at t = 709.8.
 BLOW_UP = Problem("blow-up", square_field, (1.0,), 2.0)
 GROWTH = Problem("growth", growth_field, (1.0,), 1000.0)
@@ -72,6 +84,18 @@ def test_step_limit_keeps_the_rows_before_it(name: str):
     assert 1 <= len(solution.times) < len(RUN.times)
     # A closer end makes a first step of its own; rows are the same to the tolerance.
     assert np.abs(solution.states - full.states[: len(solution.states)]).max() < 1e-3
+
+
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_messages_count_the_steps_of_all_pieces(name: str):
+    times = np.linspace(0.0, TURNS.end, 701)
+    steps = solve(TURNS, name, 1e-4, times, count=True).work.steps
+    assert steps is not None
+    limit = 7 * steps // 10
+    solution = solve(TURNS, name, 1e-4, times, max_steps=limit)
+    assert solution.status is Status.STEP_LIMIT
+    assert solution.times[-1] > 100 * pi, "beyond the first piece"
+    assert (solution.work.steps, solution.message) == (limit, f"{limit} steps")
 
 
 @pytest.mark.parametrize("name", INTEGRATORS)
