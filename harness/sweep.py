@@ -2,7 +2,6 @@
 
 import sqlite3
 import time
-import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +20,7 @@ from polhode.harness.store import DamagedStoreError, Store
 from polhode.harness.study import Name, Stokes
 from polhode.models.scene_file import FourVector, Positive, Vector, first_complaint
 from polhode.models.shape import Ellipsoid
+from polhode.models.toml_file import read_toml
 
 # Written into every record: side by side, tasks slow each other down.
 NO_TIMES = "no times: tasks may run side by side"
@@ -207,12 +207,7 @@ def read_sweep(path: Path | None) -> Sweep:
         If the file cannot be read.
     """
     source = path or Path(__file__).with_name("default_sweep.toml")
-    try:
-        return parse_sweep(tomllib.loads(source.read_text(encoding="utf-8")))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ValueError(f"{source}: expected a TOML file: {error}") from None
-    except ValueError as error:
-        raise ValueError(f"{source}: {error}") from None
+    return read_toml(source, parse_sweep)
 
 
 def parse_sweep(contents: dict[str, Any]) -> Sweep:
