@@ -39,7 +39,7 @@ def test_complaints_name_the_file(path: Path, contents: bytes, message: str):
         read_toml(path, twice)
     assert message in str(complaint.value)
     assert str(complaint.value).startswith(str(path.parent))
-    with pytest.raises(ValueError, match="^study 'x': "):
+    with pytest.raises(ValueError, match=r"^study 'x': "):
         read_toml(path, twice, where="study 'x'")
 
 
