@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from polhode.models.loading import hint
 from polhode.models.scene import Scene
 from polhode.models.scene_file import read_scene
 from polhode.models.scenes import SCENES, named_scene
@@ -20,4 +21,4 @@ def find_scene(word: str) -> Scene:
         return read_scene(path)
     if word in SCENES:
         return named_scene(word)
-    raise ValueError(f"scene: got {word!r}, expected a file or one of {', '.join(SCENES)}")
+    raise ValueError(f"scene: got {word!r}, expected a file or one of {', '.join(SCENES)}{hint(word, SCENES)}")

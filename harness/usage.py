@@ -4,11 +4,14 @@ import re
 
 import click
 
+from polhode.models.loading import hint
+
 _REWORDED = (
     (r"(.+) is not a valid float\.", r"got \1, expected a number"),
     (r"(.+) is not a valid integer( range)?\.", r"got \1, expected a whole number"),
     (r"(.+) is not one of (.+)\.", r"got \1, expected one of \2"),
     (r"(.+) is not in the range (.+)\.", r"got \1, expected a number in the range \2"),
+    (r"Directory (.+) is a file\.", r"got \1, expected a folder"),
 )
 
 
@@ -23,9 +26,13 @@ def complaint(error: click.ClickException) -> str:
     command = error.ctx.command
     if isinstance(error, click.NoSuchOption):
         options = [name for parameter in command.get_params(error.ctx) for name in parameter.opts if name[:1] == "-"]
-        return f"no such option {error.option_name!r}, expected one of {', '.join(options)}"
+        near = hint(error.option_name, options)
+        return f"no such option {error.option_name!r}, expected one of {', '.join(options)}{near}"
     if isinstance(command, click.Group):
-        return f"{message}, expected one of {', '.join(command.list_commands(error.ctx))}"
+        names = command.list_commands(error.ctx)
+        typed = re.search(r"'(.*)'", message)
+        near = hint(typed[1], names) if typed else "; see polhode --help"
+        return f"{message}, expected one of {', '.join(names)}{near}"
     usage = " ".join(command.get_usage(error.ctx).split()).removeprefix("Usage: ")
     return f"{message}, expected: {usage}"
 

@@ -2,13 +2,17 @@
 
 import json
 import subprocess
+import tomllib
 from pathlib import Path
 
 import pytest
 from commandline import SCENE, Run
 
 from polhode.harness.cli import COMMANDS, SUMMARIES
+from polhode.harness.commands.scenes import scene_text
 from polhode.models.catalogue import FORMS
+from polhode.models.scene_file import parse_scene, scene_table
+from polhode.models.scenes import SCENES, named_scene
 from polhode.solvers.catalogue import SOLVERS
 
 # What a folder holds when a scene file is all that there was: nothing half-written.
@@ -71,12 +75,28 @@ def test_shape_in_words(polhode: Run, axes: tuple[float, ...], kind: str):
     assert "nan" not in done.stdout
 
 
+@pytest.mark.parametrize("name", SCENES)
+def test_a_built_in_scene_printed_is_the_same_scene_as_a_file(name: str):
+    assert parse_scene(tomllib.loads(scene_text(scene_table(named_scene(name))))) == named_scene(name)
+
+
+def test_scenes_are_listed_and_printed(polhode: Run, tmp_path: Path):
+    rows = json.loads(polhode("scenes", "--json").stdout)
+    assert [row["name"] for row in rows] == list(SCENES)
+    assert [line.split()[0] for line in polhode("scenes").stdout.splitlines()[1:]] == list(SCENES)
+    (tmp_path / "mine.toml").write_text(polhode("scenes", "top").stdout, encoding="utf-8")
+    assert json.loads(polhode("scenes", "mine.toml", "--json").stdout) == scene_table(named_scene("top"))
+
+
 # Nothing left open, so that nothing needs to be picked.
 GIVEN = ("--form", "quaternion", "--tolerance", "1e-8", "--solver", "taylor")
 # Arguments, then what the line must say: the value, and what was expected.
 BAD_ARGUMENTS = [
     ([], "missing command", "expected one of shape, solve"),
     (["shap"], "'shap'", "expected one of shape, solve"),
+    (["sovle"], "'sovle'", "(did you mean 'solve'?)"),
+    (["scenes", "papr"], "got 'papr'", "(did you mean 'paper'?)"),
+    (["completion", "tcsh"], "got 'tcsh'", "expected one of 'bash', 'zsh', 'fish'"),
     (["--frobnicate"], "'--frobnicate'", "expected one of --version, --help"),
     (["shape"], "got 0 numbers", "expected 3"),
     (["shape", "1", "2"], "got 2 numbers", "expected 3"),
@@ -102,10 +122,13 @@ BAD_ARGUMENTS = [
     (
         ["solve", "scene.toml", "--out", "a.csv", "--form", "nothing:at_all"],
         "'nothing:at_all'",
-        "expected an importable",
+        "is its folder on PYTHONPATH?",
     ),
     (["solve", "scene.toml", "--out", "a.csv", "--form", "averaged-spheroid"], "[1.0, 0.8, 0.5]", "use 'averaged'"),
     (["solve", "scene.toml", "--out", "a.csv", "--solver", "rk4"], "got 'rk4'", "expected one of taylor, dop853"),
+    (["solve", "scene.toml", "--out", "a.csv", "--solver", "vern8"], "got 'vern8'", "(did you mean 'cyrk-vern8'?)"),
+    (["solve", "scene.toml", "--out", "a.csv", "--sample", "3"], "'--sample'", "(did you mean '--samples'?)"),
+    (["report", "--out", "scene.toml"], "--out: got 'scene.toml'", "expected a folder"),
     (["solve", "scene.toml", "--out", "a.csv", *GIVEN, "--solver", "exact"], "'quaternion'", "use solver 'taylor'"),
     (["solve", "scene.toml", "--out", "a.csv", "--tolerance", "0"], "got 0.0", "expected a finite positive number"),
     (["solve", "scene.toml", "--out", "a.csv", "--tolerance", "-1e-6"], "got -1e-06", "expected a finite positive"),

@@ -2,9 +2,10 @@
 
 import os
 import subprocess
+from pathlib import Path
 
 import pytest
-from commandline import SCRIPT
+from commandline import SCRIPT, Run
 
 from polhode.models.scenes import SCENES
 from polhode.solvers.catalogue import SOLVERS
@@ -29,3 +30,18 @@ def offered(words: str, count: int) -> list[str]:
 )
 def test_completion(words: str, count: int, expected: list[str]):
     assert offered(words, count) == expected
+
+
+def test_the_script_completes_in_a_shell(polhode: Run):
+    script = polhode("completion", "bash").stdout
+    typed = "COMP_WORDS=(polhode doc); COMP_CWORD=1; _polhode_completion polhode; echo ${COMPREPLY[@]}"
+    path = f"{Path(SCRIPT).parent}:{os.environ['PATH']}"
+    done = subprocess.run(
+        ["bash", "-c", f"{script}\n{typed}"],
+        env={**os.environ, "PATH": path},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
+    assert done.stdout.split() == ["doctor"]
