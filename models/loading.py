@@ -42,9 +42,8 @@ def load(kind: str, name: str, catalogue: Mapping[str, str], base: type[T]) -> T
     except (ImportError, AttributeError) as error:
         if name in catalogue:
             raise
-        raise ValueError(
-            f"{kind}: got {name!r}, expected an importable module:class ({error}){_where(error)}"
-        ) from None
+        place = "; is its folder on PYTHONPATH?" if isinstance(error, ModuleNotFoundError) else ""
+        raise ValueError(f"{kind}: got {name!r}, expected an importable module:class ({error}){place}") from None
     if not (isinstance(found, type) and issubclass(found, base)):
         raise ValueError(f"{kind}: got {name!r}, expected a class derived from {base.__module__}:{base.__qualname__}")
     return found()
