@@ -4,119 +4,23 @@ from dataclasses import dataclass
 from math import pi
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from polhode.harness.paper.drawing import BLACK, BLUE, VERMILLION, label, panels
-from polhode.harness.paper.item import Data, Grid, Item, Number, Verdict, Word
+from polhode.harness.paper.item import Data, Grid, Item, Number, Table, Verdict, Word
+from polhode.harness.paper.jeffery_section import chaos_border, half_turn, stretched_orbit
 from polhode.harness.paper.planes import columns
 from polhode.harness.paper.runs import share_interval
-from polhode.models.jeffery import field as jeffery_field
-from polhode.models.motion import jeffery_angular_velocity, shares
-from polhode.models.operations import Field, Operations, numpy_operations
-from polhode.models.problem import Problem
-from polhode.models.rotation import matrix_from_quaternion, quaternion_from_euler
+from polhode.harness.paper.stochastic_layer import Layer, measure_layer, saddle_growth
 from polhode.models.shape import Ellipsoid
-from polhode.solvers.solve import solve
 
-TOLERANCE = 1e-12
-# ψ of the starts next to the saddle.
-BESIDE = 1.57
-
-
-class Dual:
-    """A number and its derivative along a direction: one field gives its own tangent equations."""
-
-    __array_ufunc__ = None
-
-    def __init__(self, value: object, slope: object) -> None:
-        self.value, self.slope = value, slope
-
-    def __add__(self, other: object) -> "Dual":
-        value, slope = _parts(other)
-        return Dual(self.value + value, self.slope + slope)
-
-    __radd__ = __add__
-
-    def __neg__(self) -> "Dual":
-        return Dual(-self.value, -self.slope)  # pyright: ignore[reportOperatorIssue]
-
-    def __sub__(self, other: object) -> "Dual":
-        value, slope = _parts(other)
-        return Dual(self.value - value, self.slope - slope)
-
-    def __mul__(self, other: object) -> "Dual":
-        value, slope = _parts(other)
-        return Dual(self.value * value, self.value * slope + self.slope * value)
-
-    __rmul__ = __mul__
-
-    def __rtruediv__(self, other: object) -> "Dual":
-        value = 1.0 / self.value  # pyright: ignore[reportOperatorIssue]
-        return Dual(value, -value * value * self.slope) * other
-
-
-def _parts(number: object) -> tuple:
-    return (number.value, number.slope) if isinstance(number, Dual) else (number, 0.0)
-
-
-def tangent_field(ops: Operations) -> Field:
-    """Jeffery's equations with one tangent vector of unit length and the logarithm of its stretching.
-
-    State (q, u, s): u' = Ju - (u·Ju)u, s' = u·Ju with the Jacobian J of `jeffery`; all components stay of order one.
-    """
-    base = jeffery_field(ops)
-
-    def rhs(y, p):  # noqa: ANN001, ANN202
-        rates = base([Dual(y[i], y[4 + i]) for i in range(4)], [Dual(p[i], 0.0) for i in range(6)])
-        push = [rate.slope for rate in rates]
-        along = push[0] * y[4] + push[1] * y[5] + push[2] * y[6] + push[3] * y[7]
-        turned = [push[i] - along * y[4 + i] for i in range(4)]
-        return *(rate.value for rate in rates), *turned, along
-
-    return rhs
-
-
-def section_points(ellipsoid: Ellipsoid, times: np.ndarray, orientation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """θ and ψ in rad where φ = nπ, from quaternions, shape (n, 4), at times of shape (n,), by cubic interpolation.
-
-    φ = nπ is where the flow component t₃₁ of z' vanishes; ψ is given from -π/2 to π/2, its symmetry taken out.
-    """
-    q0, q1, q2, q3 = orientation.T
-    height = q1 * q3 + q0 * q2
-    before = np.flatnonzero(height[:-1] * height[1:] < 0)
-    step = (times[before + 1] - times[before])[:, None]
-    values, slopes = zip(*(_with_rates(ellipsoid, orientation[index]) for index in (before, before + 1)), strict=True)
-
-    def at(place: np.ndarray, row: int | slice, column: int) -> np.ndarray:
-        u = place[:, None]
-        ends = [array[:, row, column].reshape(len(u), -1) for array in (*values, *slopes)]
-        value = (1 + 2 * u) * (1 - u) ** 2 * ends[0] + u * (1 - u) ** 2 * step * ends[2]
-        return value + u * u * (3 - 2 * u) * ends[1] + u * u * (u - 1) * step * ends[3]
-
-    place = height[before] / (height[before] - height[before + 1])
-    for _ in range(4):
-        shift, nudge = at(place, 2, 0)[:, 0], at(place + 1e-6, 2, 0)[:, 0]
-        place = np.clip(place - 1e-6 * shift / (nudge - shift), 0.0, 1.0)
-    vorticity = at(place, slice(None), 2)
-    theta = np.arccos(np.clip(vorticity[:, 2] / np.linalg.norm(vorticity, axis=1), -1, 1))
-    psi = np.arctan2(vorticity[:, 0], vorticity[:, 1])
-    return theta, (psi + pi / 2) % pi - pi / 2
-
-
-def _with_rates(ellipsoid: Ellipsoid, orientation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """t_ij and its rates, shape (n, 3, 3): each column c of t_ij, a space axis in body axes, obeys c' = c × ω."""
-    rotation = matrix_from_quaternion(orientation)
-    jeffery = jeffery_angular_velocity(numpy_operations())
-    omega = np.stack(jeffery(rotation[:, :, 0].T, rotation[:, :, 1].T, shares(ellipsoid)), axis=1)
-    return rotation, np.cross(rotation, omega[:, :, None], axis=1)
-
-
-def chaos_border(turns: float) -> float:
-    """Stretching, as a logarithm, above which an orbit of so many half turns counts as chaotic.
-
-    Neighbours of a regular orbit part linearly in time, so that their stretching grows like the logarithm of the turns.
-    """
-    return 3 * float(np.log(turns))
+# Where a start lies: uniform over the section's area element; next to the saddle; about the separatrix, at ψ = 0.
+ISOTROPIC, BESIDE, ABOUT = 0.0, 1.0, 2.0
+# Distances from the separatrix, over its own from θ = π/2, of the starts about it.
+STEPS_OFF = (-16e-4, -9e-4, -4e-4, -1e-4, 0.0, 1e-4, 4e-4, 9e-4, 16e-4)
+# Width, in rad, that rounding alone gives a separatrix.
+ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -136,6 +40,8 @@ class Sections:
         What the claim earns.
     close : tuple of 2 float
         Half width in θ and ψ, in rad, of the magnified view of the saddle.
+    width : tuple of 2 float, optional
+        Range for the width, in rad, of the layer of chaos along the separatrix; without it none is looked for.
     """
 
     semi_axes: tuple[float, float, float]
@@ -143,87 +49,78 @@ class Sections:
     chaotic: tuple[float, float]
     earned: Word
     close: tuple[float, float]
+    width: tuple[float, float] | None = None
 
     @property
     def ellipsoid(self) -> Ellipsoid:
         """The body."""
         return Ellipsoid(self.semi_axes)
 
-    @property
-    def half_turn(self) -> float:
-        """Half a Jeffery period of the longest and the shortest axis, the slowest turn."""
-        kappa = max(self.semi_axes) / min(self.semi_axes)
-        return pi * (kappa + 1 / kappa)
-
-    def starts(self, grid: Grid) -> list[tuple[float, float]]:
-        """θ and ψ at φ = 0: uniform over the section's area element, and a row next to the saddle."""
+    def starts(self, grid: Grid, layers: list[Layer]) -> list[tuple[float, float, float]]:
+        """Kind, θ and ψ at φ = 0."""
         generator = np.random.default_rng(7)
         count = grid.of(72, 8)
         theta = np.arccos(generator.uniform(-1.0, 1.0, count))
         psi = generator.uniform(-pi / 2, pi / 2, count)
-        near = [(pi / 2 + offset, BESIDE) for offset in (1e-3, 5e-3, 2e-2)[: grid.of(3, 1)]]
-        return [*zip(theta.tolist(), psi.tolist(), strict=True), *near]
+        found = [(ISOTROPIC, *pair) for pair in zip(theta.tolist(), psi.tolist(), strict=True)]
+        found += [(BESIDE, pi / 2 + offset, 1.57) for offset in (1e-3, 5e-3, 2e-2)[: grid.of(3, 1)]]
+        if layers:
+            middle = (layers[-1].librating + layers[-1].circulating) / 2
+            # An orbit on a sharp separatrix would only rest at the saddle.
+            steps = [step for step in STEPS_OFF[:: grid.of(1, 2)] if step != 0 or layers[-1].width > ROUNDING]
+            found += [(ABOUT, pi / 2 + middle * (1 + step), 1e-9) for step in steps]
+        return found
 
     def compute(self, grid: Grid) -> Data:
-        """Section points and stretching of every start."""
+        """Section points and stretching of every start; the width of the layer of chaos."""
+        body = self.ellipsoid
         turns = grid.of(self.sections, self.sections // 6)
-        duration = turns * self.half_turn
-        parts, rows = [], []
-        for number, (theta, psi) in enumerate(self.starts(grid)):
-            times, states = self._orbit(theta, psi, duration)
-            found = section_points(self.ellipsoid, times, states[:, :4])
-            parts += [(number, *point) for point in zip(*found, strict=True)]
-            rows.append((number, theta, psi, states[-1, 8], states[-1, 8] / turns))
-        orbits = columns("orbit theta psi stretch exponent", rows)
-        thinned = parts[:: max(1, len(parts) // grid.of(9000, 2000))]
-        points = columns("orbit theta psi", thinned)
-        return {
-            "": {name: np.round(column, 5) for name, column in points.items()},
+        duration = turns * half_turn(body)
+        counts = grid.of((200, 800), (200,)) if self.width else ()
+        layers = [measure_layer(body, count) for count in counts]
+        parts, close, rows = [], [], []
+        for number, (kind, theta, psi) in enumerate(self.starts(grid, layers)):
+            found, stretch = stretched_orbit(body, theta, psi, duration)
+            points = [(number, *point) for point in zip(*found, strict=True)]
+            parts += points if kind != ABOUT else []
+            close += [point for point in points if self._is_close(*point[1:])]
+            rows.append((number, kind, theta, psi, stretch, stretch / turns))
+        orbits = columns("orbit kind theta psi stretch exponent", rows)
+        tables: dict[str, Table] = {
+            "": _thinned(parts, grid.of(9000, 2000)),
+            "close": _thinned(close, grid.of(6000, 1000)),
             "orbits": {**orbits, "chaotic": (orbits["stretch"] > chaos_border(turns)).astype(float)},
             "settings": {"duration": np.array([duration]), "turns": np.array([float(turns)])},
         }
+        if layers:
+            rows = [(layer.turns, layer.librating, layer.circulating, layer.width) for layer in layers]
+            tables["layer"] = columns("turns librating circulating width", rows)
+            tables["saddle"] = {"growth": np.array([saddle_growth(body)])}
+        return tables
 
-    def _orbit(self, theta: float, psi: float, duration: float) -> tuple[np.ndarray, np.ndarray]:
-        times = np.linspace(0.0, duration, int(duration / STEP) + 2)
-        start = (*quaternion_from_euler((theta, 0.0, psi)), 0.5, -0.5, 0.5, -0.5, 0.0)
-        problem = Problem("jeffery-tangent", tangent_field, start, duration, shares(self.ellipsoid))
-        solution = solve(problem, "taylor", TOLERANCE, times)
-        if not solution.success:
-            raise RuntimeError(f"the tangent run ended with {solution.status}")
-        return times, solution.states
+    def _is_close(self, theta: float, psi: float) -> bool:
+        return abs(theta - pi / 2) <= self.close[1] and pi / 2 - psi <= self.close[0]
 
     def figure(self, data: Data) -> Figure:
         """The section, and the neighbourhood of the saddle magnified."""
         figure, axes = panels(1, 2, 4.2, 3.6)
-        chaotic = dict(zip(data["orbits"]["orbit"], data["orbits"]["chaotic"] > 0, strict=True))
-        wild = np.array([chaotic[number] for number in data[""]["orbit"]])
-        for own in axes:
-            for chosen, color, text in ((~wild, BLUE, "regular"), (wild, VERMILLION, "chaotic")):
-                own.plot(
-                    data[""]["psi"][chosen],
-                    data[""]["theta"][chosen],
-                    linestyle="none",
-                    marker=".",
-                    markersize=1.2,
-                    color=color,
-                    label=text,
-                    rasterized=True,
-                )
-            label(own, "$\\psi$, rad", "$\\theta$, rad")
+        for own, name, size in zip(axes, ("", "close"), (1.2, 1.8), strict=True):
+            _draw_points(own, data[name], data["orbits"], size)
         axes[0].set(xlim=(-pi / 2, pi / 2), ylim=(0, pi))
         axes[0].plot([-pi / 2, pi / 2], [pi / 2, pi / 2], "x", color=BLACK, clip_on=False)
         figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, markerscale=5)
         width, height = self.close
         axes[1].set(xlim=(pi / 2 - width, pi / 2), ylim=(pi / 2 - height, pi / 2 + height), title="at the saddle")
+        axes[1].locator_params(axis="x", nbins=6)
         return figure
 
     def verdict(self, data: Data) -> Verdict:
-        """Share of chaotic orbits, and the exponents of either kind."""
+        """Share of chaotic orbits, the exponents of either kind, the width of the layer of chaos."""
         orbits = data["orbits"]
-        sampled = orbits["psi"] != BESIDE
+        sampled, beside = orbits["kind"] == ISOTROPIC, orbits["kind"] == BESIDE
         chaotic = orbits["chaotic"] > 0
         count, total = int(np.sum(chaotic & sampled)), int(np.sum(sampled))
-        low, high = share_interval(count, total)
+        interval = share_interval(count, total)
         area = 1 / np.sin(orbits["theta"][sampled])
         by_area = float(np.sum(area[chaotic[sampled]]) / np.sum(area))
         exponents = orbits["exponent"]
@@ -232,37 +129,82 @@ class Sections:
         turns = float(data["settings"]["turns"][0])
         limit = chaos_border(turns) / turns
         numbers = (
-            Number("share of chaotic orbits, isotropic starts", count / total, *self.chaotic, "", (low, high)),
+            Number("share of chaotic orbits, isotropic starts", count / total, *self.chaotic, "", interval),
             Number("the same, starts uniform in (θ, ψ)", by_area),
-            Number("median exponent of the chaotic orbits, per half turn", wild, low=limit if count else 0.0),
+            Number("median exponent of the chaotic orbits, per half turn", wild, low=limit if np.any(chaotic) else 0.0),
             Number("the same of the regular ones", regular, high=limit),
-            Number("chaotic share of starts next to the saddle", float(np.mean(chaotic[~sampled]))),
+            Number("chaotic share of starts next to the saddle", float(np.mean(chaotic[beside]))),
+            *self._layer_numbers(data),
         )
         sentence = (
             f"{count} of {total} orbits from isotropic starts are chaotic"
             + (f", with a median exponent of {wild:.2g} per half turn" if count else "")
-            + f" (regular ones: {regular:.1g}); {int(np.sum(chaotic & ~sampled))} of {int(np.sum(~sampled))} that "
-            "start within 0.02 rad of the saddle are."
+            + f" (regular ones: {regular:.1g}); {int(np.sum(chaotic & beside))} of {int(np.sum(beside))} that "
+            "start within 0.02 rad of the saddle are." + self._layer_sentence(data)
         )
         return Verdict(self.earned, sentence, numbers)
+
+    def _layer_numbers(self, data: Data) -> tuple[Number, ...]:
+        if self.width is None:
+            return ()
+        layer = data["layer"]
+        return (
+            Number(
+                f"width of the layer at ψ = 0 over {layer['turns'][-1]:g} half turns",
+                float(layer["width"][-1]),
+                *self.width,
+                "rad",
+            ),
+            Number("exponent of the saddle itself, per half turn", float(data["saddle"]["growth"][0]), low=0.0),
+        )
+
+    def _layer_sentence(self, data: Data) -> str:
+        if self.width is None:
+            return ""
+        layer, growth = data["layer"], float(data["saddle"]["growth"][0])
+        place, width, turns = (float(layer[name][-1]) for name in ("librating", "width", "turns"))
+        if width > ROUNDING:
+            return (
+                " Between orbits that librate and orbits that circulate lies a layer of chaos at least "
+                f"{width:.1g} rad wide, {place:.3f} rad from the plane θ = π/2 at ψ = 0 ({turns:g} half turns)."
+            )
+        return (
+            f" No layer of chaos is there: at ψ = 0 libration changes to circulation at {place:.3f} rad from θ = π/2 "
+            f"within {abs(width):.0e} rad, which is rounding, over {turns:g} half turns. The saddle repels by no "
+            f"more than {growth:.2g} per half turn, and a separatrix splits by what is exponentially small in the "
+            "inverse of that."
+        )
 
     def caption(self, data: Data) -> str:
         """What the figure shows."""
         axes = ", ".join(f"{length:.4g}" for length in self.semi_axes)
         return (
             f"Section φ = nπ of the inertialess ellipsoid with semi-axes ({axes}) along x', y', z', "
-            f"{len(data['orbits']['orbit'])} orbits over {data['settings']['duration'][0]:.3g} inverse shear rates; ψ "
-            "modulo π; crosses: saddles, one of them magnified on the right."
+            f"{int(np.sum(data['orbits']['kind'] != ABOUT))} orbits over {data['settings']['duration'][0]:.3g} inverse "
+            "shear rates; ψ modulo π; crosses: saddles, one of them magnified on the right"
+            + (", with more orbits about its separatrix." if self.width else ".")
         )
 
 
-# Sampling step, in inverse shear rates, of the orbits.
-STEP = 0.2
+def _thinned(points: list[tuple], count: int) -> Table:
+    """At most about so many of the points."""
+    table = columns("orbit theta psi", points[:: max(1, len(points) // count)])
+    return {name: np.round(column, 6) for name, column in table.items()}
+
+
+def _draw_points(axes: Axes, points: Table, orbits: Table, size: float) -> None:
+    chaotic = dict(zip(orbits["orbit"], orbits["chaotic"] > 0, strict=True))
+    wild = np.array([chaotic[number] for number in points["orbit"]])
+    for chosen, color, text in ((~wild, BLUE, "regular"), (wild, VERMILLION, "chaotic")):
+        style = {"linestyle": "none", "marker": ".", "markersize": size, "color": color, "rasterized": True}
+        axes.plot(points["psi"][chosen], points["theta"][chosen], label=text if chosen.any() else None, **style)
+    label(axes, "$\\psi$, rad", "$\\theta$, rad")
+
 
 SLENDER = Sections((1 / 20, 1 / 10, 1.0), 240, (0.2, 0.75), Word.SHARPENED, (0.8, 0.8))
-FAT_PROLATE = Sections((1 / 3, 1.2 / 3, 1.0), 400, (0.0, 0.1), Word.SHARPENED, (0.3, 0.3))
+FAT_PROLATE = Sections((1 / 3, 1.2 / 3, 1.0), 400, (0.0, 0.1), Word.SHARPENED, (0.06, 0.06), (1e-5, 1e-3))
 THIN_OBLATE = Sections((1.0, 1 / 2, 1 / 20), 240, (0.1, 0.5), Word.CORRECTED, (0.8, 0.8))
-FAT_OBLATE = Sections((1.0, 2 / 2.1, 1 / 2.1), 400, (0.0, 0.1), Word.SHARPENED, (0.3, 0.3))
+FAT_OBLATE = Sections((1.0, 2 / 2.1, 1 / 2.1), 400, (0.0, 0.05), Word.CORRECTED, (0.06, 0.03), (-ROUNDING, ROUNDING))
 
 
 def _item(name: str, title: str, claim: str, sections: Sections) -> Item:
