@@ -1,8 +1,15 @@
 """Numbers and tables as people read them."""
 
+import re
+import sys
+import textwrap
 from collections.abc import Sequence
 from math import isnan
+from shutil import get_terminal_size
 from typing import Any
+
+# Least width of a column that is wrapped.
+NARROWEST = 30
 
 
 def aligned(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
@@ -11,6 +18,19 @@ def aligned(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     widths = [max(len(row[i]) for row in cells) for i in range(len(header))]
     lines = ("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in cells)
     return "\n".join(lines)
+
+
+def on_terminal(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
+    """As `aligned`, the last column wrapped where the standard output is a terminal too narrow for it."""
+    if not sys.stdout.isatty():
+        return aligned(header, rows)
+    before = sum(2 + max(len(str(row[i])) for row in (header, *rows)) for i in range(len(header) - 1))
+    width = max(NARROWEST, get_terminal_size().columns - before)
+    wrapped: list[list[Any]] = []
+    for *first, last in rows:
+        lines = textwrap.wrap(str(last), width) or [""]
+        wrapped += [[*first, lines[0]], *([*("" for _ in first), line] for line in lines[1:])]
+    return aligned(header, wrapped)
 
 
 def markdown(header: Sequence[str], rows: Sequence[Sequence[Any]], right: Sequence[int] = ()) -> str:
@@ -40,6 +60,11 @@ def bracketed(value: float | None, known: bool | None) -> str:
     """A number as `scientific`, in brackets where the reference cannot tell it (`polhode.harness.uncertainty`)."""
     text = scientific(value)
     return f"({text})" if known is False else text
+
+
+def short(value: float) -> str:
+    """A number in as few characters as tell it, in six digits at most: 1000, 0.5, 1e-8."""
+    return re.sub(r"e([+-])0*", lambda sign: "e" + sign[1].strip("+"), f"{value:g}")
 
 
 def duration(seconds: float | None) -> str:

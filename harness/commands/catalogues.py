@@ -4,7 +4,7 @@ import json
 
 import click
 
-from polhode.harness.text import aligned
+from polhode.harness.text import on_terminal
 
 
 @click.command(epilog="Example: polhode forms --json")
@@ -23,7 +23,11 @@ def forms(as_json: bool) -> None:
         }
         for name in FORMS
     ]
-    _print(rows, ["name", "summary", "valid_for"], as_json)
+    if as_json:
+        click.echo(json.dumps(rows))
+        return
+    lines = [line for row in rows for line in ([row["name"], row["summary"]], ["", f"for {row['valid_for']}"])]
+    click.echo(on_terminal(["name", "what, and for which scenes"], lines))
 
 
 @click.command(epilog="Example: polhode solvers --json")
@@ -42,13 +46,8 @@ def solvers(as_json: bool) -> None:
         }
         for name in SOLVERS
     ]
-    for row in rows:
-        row["state"] = row["why_not"] or "available"
-    _print(rows, ["name", "summary", "state"], as_json)
-
-
-def _print(rows: list[dict[str, object]], columns: list[str], as_json: bool) -> None:
     if as_json:
-        click.echo(json.dumps([{key: value for key, value in row.items() if key != "state"} for row in rows]))
-    else:
-        click.echo(aligned(columns, [[row[column] for column in columns] for row in rows]))
+        click.echo(json.dumps(rows))
+        return
+    lines = [[row["name"], row["summary"], row["why_not"] or "available"] for row in rows]
+    click.echo(on_terminal(["name", "summary", "state"], lines))

@@ -2,15 +2,21 @@
 
 import json
 from dataclasses import asdict
+from shlex import quote
 from typing import TYPE_CHECKING
 
 import click
 
 from polhode.harness import completion
 from polhode.harness.cli import BadInput, bad_input
+from polhode.harness.text import aligned, duration, on_terminal, scientific, short
+from polhode.solvers.catalogue import SOLVERS
 
 if TYPE_CHECKING:
     from polhode.harness.pick import Recommendation
+
+# Ways shown unless all are asked for.
+FEW = 8
 
 
 @click.command(epilog="Example: polhode pick paper --error 1e-6 --want slow")
@@ -24,8 +30,9 @@ if TYPE_CHECKING:
     help="L and E, their error over I_max, or the orientation, its error in rad.",
 )
 @click.option("--samples", type=int, default=201, show_default=True, help="Equispaced times of the output.")
+@click.option("--all", "everything", is_flag=True, help="Show all ways, and why each other one will not do.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-def pick(scene: str, error: float, want: str, samples: int, as_json: bool) -> None:
+def pick(scene: str, error: float, want: str, samples: int, everything: bool, as_json: bool) -> None:
     """Rank the ways to run SCENE: form, solver and tolerance, with predicted error and time and their 95 % intervals.
 
     A loose run, of milliseconds, tells how many rotations there are and how they magnify errors; laws fitted on
@@ -35,7 +42,10 @@ def pick(scene: str, error: float, want: str, samples: int, as_json: bool) -> No
         raise BadInput("--want: got 'statistics', expected 'slow' or 'orientation': one run has no statistics")
     if samples < 2:
         raise BadInput(f"--samples: got {samples}, expected at least 2")
-    with bad_input():
+    from polhode.harness.progress import Progress
+
+    with bad_input(), Progress() as progress:
+        progress.begin("running it loosely")
         from polhode.harness.pick import pick as recommend
         from polhode.harness.scenes import find_scene
 
@@ -44,42 +54,60 @@ def pick(scene: str, error: float, want: str, samples: int, as_json: bool) -> No
         names = ("want", "error", "ranking", "excluded")
         click.echo(json.dumps({name: value for name, value in asdict(found).items() if name in names}))
         return
-    click.echo(_page(found))
+    click.echo(pick_page(found, everything))
+    options = f"--error {short(error)} --want {want}"
+    click.echo(f"\nTo run the first: polhode solve {quote(scene)} {options} --out FILE.csv")
 
 
-def _page(found: "Recommendation") -> str:
-    from polhode.harness.text import aligned, duration, scientific
-
-    header = ["form", "solver", "tolerance", "error", "95 % interval", "time", "95 % interval", "first run", ""]
+def pick_page(found: "Recommendation", everything: bool) -> str:
+    """What `polhode pick` prints of a recommendation."""
+    goal = "L and E within {} of I_max" if found.want == "slow" else "orientation within {} rad"
+    title = (
+        f"{goal.format(short(found.error))}, over {found.rotations:.3g} rotations "
+        f"and {found.damping_times:.3g} damping times"
+    )
+    header = ["form", "solver", "tolerance", "error below", "time", "95 % interval", "first run", ""]
+    shown = found.ranking if everything else found.ranking[:FEW]
     rows = [
         [
             row.form,
             row.solver,
-            f"{row.tolerance:g}",
-            scientific(row.error.predicted),
-            f"{scientific(row.error.low)} … {scientific(row.error.high)}",
+            short(row.tolerance),
+            scientific(row.error.high),
             duration(row.seconds.predicted),
             f"{duration(row.seconds.low)} … {duration(row.seconds.high)}",
             duration(row.first_run_seconds),
-            row.reason,
+            "tied" if row.tied else "",
         ]
-        for row in found.ranking
+        for row in shown
     ]
-    title = (
-        f"{found.want} error at most {found.error:g}; "
-        f"{found.rotations:.3g} rotations, {found.damping_times:.3g} damping times"
-    )
-    return "\n".join([title, "", aligned(header, rows), "", "Excluded:", aligned(["form", "solvers", ""], _why(found))])
+    parts = [title, aligned(header, rows), *_notes(found, len(shown))]
+    header = ["excluded", "solvers", "why"] if everything else ["excluded", "why"]
+    if excluded := _why(found, everything):
+        parts.append(on_terminal(header, excluded))
+    return "\n\n".join(parts)
 
 
-def _why(found: "Recommendation") -> list[list[str]]:
-    """Excluded methods, those of one form and one reason in one row."""
-    from polhode.solvers.catalogue import SOLVERS
+def _notes(found: "Recommendation", shown: int) -> list[str]:
+    """What the table does not say of itself."""
+    first = found.ranking[0]
+    notes = [f"{first.form} by {first.solver}: {first.reason}"]
+    if len(found.ranking) > shown:
+        notes.append(f"{len(found.ranking) - shown} more ways, dearer ones: --all")
+    return ["\n".join(notes)]
 
+
+def _why(found: "Recommendation", everything: bool) -> list[list[str]]:
+    """Excluded methods, those of one form and one reason in one row; else forms that will not do at all, and why."""
     groups: dict[tuple[str, str], list[str]] = {}
     for each in found.excluded:
         groups.setdefault((each.form, each.reason), []).append(each.solver)
-    return [
-        [form, "all" if len(solvers) == len(SOLVERS) else ", ".join(solvers), reason]
-        for (form, reason), solvers in groups.items()
-    ]
+    if everything:
+        return [
+            [form, "all" if len(solvers) == len(SOLVERS) else ", ".join(solvers), reason]
+            for (form, reason), solvers in groups.items()
+        ]
+    ranked = {row.form for row in found.ranking}
+    # The reason that most solvers share.
+    shared = {form: reason for (form, reason), _ in sorted(groups.items(), key=lambda group: len(group[1]))}
+    return [[form, reason] for form, reason in shared.items() if form not in ranked]
