@@ -6,7 +6,6 @@ import numpy as np
 
 from polhode.models import second_order_run as triaxial_run
 from polhode.models import second_order_spheroid as spheroidal
-from polhode.models import second_order_triaxial
 from polhode.models.form import Form
 from polhode.models.observables import Observables
 from polhode.models.problem import Problem
@@ -68,10 +67,10 @@ class SecondOrder(Form):
             run = triaxial_run.prepared(scene)
             return Problem(
                 name=self.name,
-                field=second_order_triaxial.field,
+                field=run.field,
                 start=run.state,
                 end=scene.slow_time,
-                parameters=second_order_triaxial.parameters(scene.ellipsoid, scene.torque_factor, run.table),
+                parameters=run.parameters,
                 invariant=frame_drift,
                 time_unit=scene.stokes,
             )

@@ -15,7 +15,8 @@ L⊥        n×(r₁S_n + r₂W_n)          [p₁S_n⊥ + p₂W_n + n×(p₃S_n 
 
 import numpy as np
 
-from polhode.models.second_order_torus import Polhode, Side, Torus, torque
+from polhode.models.second_order_polhode import Polhode, Side
+from polhode.models.second_order_torus import Mask, Torus, torque
 
 Array = np.ndarray
 
@@ -31,12 +32,12 @@ FRAMES = np.concatenate([_TURNS, np.swapaxes(_TURNS, 1, 2)])
 SIZES = np.array([1.0, 2.0])
 
 
-def averages(side: Side, y: Array) -> tuple[dict[str, Array], float]:
+def averages(side: Side, y: Array, masks: tuple[Mask, ...] = ()) -> tuple[dict[str, Array], float]:
     """Coefficients by name, each shape (m,), at y, shape (m,), and the largest relative residual of their fit."""
     found: dict[str, list[float]] = {name: [] for name in (*FIRST, *SECOND, "nu1", "nu2")}
     residual = 0.0
     for value in y:
-        first, second, left, rates = _at(side, float(value))
+        first, second, left, rates = _at(side, float(value), masks)
         residual = max(residual, left)
         for name, number in zip(found, (*first, *second, *rates), strict=True):
             found[name].append(float(number))
@@ -52,11 +53,11 @@ def phases(side: Side, y: float) -> int:
     return max(LEAST_PHASES, 2 * int(np.ceil(PHASES / nome / 2)))
 
 
-def _at(side: Side, y: float) -> tuple[Array, Array, float, tuple[float, float]]:
+def _at(side: Side, y: float, masks: tuple[Mask, ...]) -> tuple[Array, Array, float, tuple[float, float]]:
     frames, sizes = np.repeat(FRAMES, len(SIZES), axis=0), np.tile(SIZES, len(FRAMES))
     m = len(sizes)
     polhode = Polhode(side, np.full(m, y), np.zeros(m), phases(side, y))
-    torus = Torus(polhode, sizes, np.zeros(m), frames[:, 0], frames[:, 1])
+    torus = Torus(polhode, sizes, np.zeros(m), frames[:, 0], frames[:, 1], masks, averaging=True)
     mean = np.real(torus.spectrum[:, 0, 0])
     second = second_order(torus)
     first_rows, second_rows = _templates(frames, sizes)
@@ -66,7 +67,10 @@ def _at(side: Side, y: float) -> tuple[Array, Array, float, tuple[float, float]]
 
 
 def second_order(torus: Torus) -> Array:
-    """F₂ of (L in its frame, y), shape (m, 4): the mean of U·∂P, P along the flow of U being a polynomial."""
+    """F₂ of (L in its frame, y), shape (m, 4): the mean of U·∂P, P along the flow of U being a polynomial.
+
+    The torus must be one for averaging.
+    """
     p = torus.polhode
     change, turn = torus.ambient
     size = torus.size[:, None, None]

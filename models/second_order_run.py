@@ -14,11 +14,14 @@ from polhode.models import averaged
 from polhode.models import second_order_triaxial as triaxial
 from polhode.models.observables import Observables
 from polhode.models.operations import FLOAT
+from polhode.models.resonance import Resonance, mode_parameters, mode_table, resonances
 from polhode.models.scene import Scene
-from polhode.models.second_order_averages import FRAMES, phases
 from polhode.models.second_order_error import Estimate
-from polhode.models.second_order_torus import SMALLEST_DIVISOR, Polhode, Side, Torus
+from polhode.models.second_order_field import SlowField
+from polhode.models.second_order_polhode import Side
+from polhode.models.second_order_torus import Mask, Torus
 from polhode.models.second_order_triaxial import Pose
+from polhode.models.shape import Ellipsoid
 from polhode.models.slow_path import slow_path
 
 Array = np.ndarray
@@ -26,10 +29,11 @@ Array = np.ndarray
 # The table reaches beyond the first-order path by this share of a², and a² stays between these.
 MARGIN = 0.07
 LEAST, MOST = 1e-8, 5.0
-# Modes driven by less than this share of the torque kick by less than the form's own error.
-FAINT = 1e-8
-# Largest |k₁|, |k₂| of the resonances looked for, and points along the path at which they are.
-MODES, POINTS = (20, 3), 200
+# Modes driven by less than this share of the torque are left as they are; those that kick by less than this share of
+# the error expected anyway are left out at their resonance, and their kick joins the estimate.
+FAINT, SMALL_KICK = 1e-8, 0.1
+# Resonant modes that a run may hold.
+MOST_MODES = 4
 # Last Chebyshev coefficients over the largest, above which a table does not resolve its functions.
 UNRESOLVED = 1e-6
 START_PASSES, START_CLOSE = 60, 1e-14
@@ -51,30 +55,33 @@ class Prepared:
     ----------
     side : Side
     table : Table
+    field : SlowField
+    parameters : tuple of float
+        What the field receives.
     state : tuple of 9 float
-        Slow start in the coordinates of `second_order_triaxial.field`.
+        Slow start in the field's coordinates.
     phases : tuple of 2 float
         α and β of the slow start.
     path : ndarray, shape (m, 5)
         t₂ and (L, E) along the first-order solution.
+    treated, dropped : tuple of Resonance
+        Resonant modes that the field keeps, and those that neither it nor the transformation has.
     """
 
     side: Side
     table: triaxial.Table
+    field: SlowField
+    parameters: tuple[float, ...]
     state: tuple[float, ...]
     phases: tuple[float, float]
     path: Array
+    treated: tuple[Resonance, ...] = ()
+    dropped: tuple[Resonance, ...] = ()
 
-
-@dataclass(frozen=True)
-class Resonance:
-    """A resonance k₁ν₁ + k₂ν₂ = 0 met by a run, and the kick over I_max that it is predicted to give L."""
-
-    k1: int
-    k2: int
-    slow_time: float
-    share: float
-    kick: float
+    @property
+    def masks(self) -> tuple[Mask, ...]:
+        """Masks of all of them."""
+        return tuple(each.mask for each in (*self.treated, *self.dropped))
 
 
 @lru_cache(maxsize=64)
@@ -94,25 +101,56 @@ def prepared(scene: Scene) -> Prepared:
     if squares.min() < LEAST:
         raise NotAveragedError("the body rotates about a principal axis, where the polhode has no phase")
     low, high = _rounded(squares.min() * (1 - MARGIN), squares.max() * (1 + MARGIN))
-    for resonance in resonances(scene, side, path, low, high):
-        if resonance.share > FAINT:
-            raise NotAveragedError(
-                f"polhode and precession resonate ({resonance.k1}, {resonance.k2}) near "
-                f"t₂ = {resonance.slow_time:.3g}, which would kick L by {resonance.kick:.1e} I_max"
-            )
+    met = [each for each in resonances(scene, side, path, low, high) if each.share > FAINT]
+    treated, dropped = _sorted_out(scene, side, path, squares, met)
     longest = abs(side.axes[2, ellipsoid.order[0]]) == 1
-    averages = triaxial.table(ellipsoid, longest, low, high)
-    tail = np.abs(averages.series[:, -3:]).max(axis=1) / np.abs(averages.series).max(axis=1)
-    if tail.max() > UNRESOLVED:
-        raise NotAveragedError(f"the averages are not resolved (to {tail.max():.0e}): a resonance is too close")
+    masks = tuple(each.mask for each in (*treated, *dropped))
+    averages = _resolved(ellipsoid, longest, low, high, masks)
     exact = Pose(momentum[None], (rotation.T @ side.axes.T)[None])
-    slow, y, alpha, beta = _slow_start(side, scene.torque_factor, exact)
+    slow, y, alpha, beta = _slow_start(side, scene.torque_factor, exact, masks)
     a2 = float(np.log1p(np.exp(y)))
     if not low <= a2 <= high:
         raise NotAveragedError(f"St = {scene.stokes:g} is too small for this start")
     unit = max(ellipsoid.inertia)
     state = (*(slow.momentum[0] / unit).tolist(), sqrt(a2), *_first(slow.momentum)[0, :, 0].tolist(), 0.0, 0.0)
-    return Prepared(side, averages, state, (alpha, beta), path)
+    p = list(triaxial.parameters(ellipsoid, scene.torque_factor, averages))
+    for each in treated:
+        found = mode_table(ellipsoid, longest, each.mask, low, high)
+        p += mode_parameters(ellipsoid, scene.torque_factor, each.mask, found, (alpha, beta))
+    field = SlowField(averages.series.shape[1], len(treated))
+    return Prepared(side, averages, field, tuple(p), state, (alpha, beta), path, treated, dropped)
+
+
+def _sorted_out(
+    scene: Scene, side: Side, path: Array, squares: Array, met: list[Resonance]
+) -> tuple[tuple[Resonance, ...], tuple[Resonance, ...]]:
+    """Of the resonances of a run, those to be treated and those that it may do without."""
+    few = path[np.unique(np.linspace(0, len(path) - 1, ESTIMATES).astype(int))]
+    level = triaxial.level(np.interp(few[:, 0], path[:, 0], np.maximum(squares, LEAST)))
+    masks = tuple(each.mask for each in met)
+    swing = scene.torque_factor * _relative_swing(side, few[:, 1:4], _first(few[:, 1:4]), level, masks)[0]
+    size = np.linalg.norm(few[:, 1:4], axis=1) / max(scene.ellipsoid.inertia)
+    expected = float((swing**2 * size).max())
+    treated = [each for each in met if each.kick > SMALL_KICK * expected]
+    for each in treated[MOST_MODES:]:
+        if each.kick > expected:
+            raise NotAveragedError(
+                f"polhode and precession resonate in {len(treated)} modes, of which {MOST_MODES} are treated and "
+                f"({each.mask.k1}, {each.mask.k2}) near t₂ = {each.slow_time:.3g} would kick L by {each.kick:.1e} I_max"
+            )
+    kept = tuple(treated[:MOST_MODES])
+    return kept, tuple(each for each in met if each.met and each not in kept)
+
+
+def _resolved(ellipsoid: Ellipsoid, longest: bool, low: float, high: float, masks: tuple[Mask, ...]) -> triaxial.Table:
+    """The table, with as many nodes as it needs."""
+    tail = inf
+    for nodes in triaxial.NODES if masks else triaxial.NODES[:1]:
+        averages = triaxial.table(ellipsoid, longest, low, high, masks, nodes)
+        tail = float((np.abs(averages.series[:, -3:]).max(axis=1) / np.abs(averages.series).max(axis=1)).max())
+        if tail <= UNRESOLVED:
+            return averages
+    raise NotAveragedError(f"the averages are not resolved (to {tail:.0e}): a resonance is too close")
 
 
 def first_order_path(scene: Scene) -> tuple[Array, Array]:
@@ -140,45 +178,6 @@ def first_order_path(scene: Scene) -> tuple[Array, Array]:
     return np.column_stack([times, states]), triaxial.depth(np.maximum(x, 0))
 
 
-def resonances(scene: Scene, side: Side, path: Array, low: float, high: float) -> list[Resonance]:
-    """Resonances between polhode and precession for a² from `low` to `high`, the strongest first."""
-    squares = np.linspace(low, high, POINTS)
-    level = triaxial.level(squares)
-    polhode = Polhode(side, level, np.zeros(POINTS), phases(side, float(level.max())))
-    ratio = polhode.precession / polhode.rate
-    found = []
-    for k2 in range(1, MODES[1] + 1):
-        for k1 in range(-MODES[0], MODES[0] + 1):
-            divisor = k1 + k2 * ratio
-            nearest = int(np.argmin(np.abs(divisor)))
-            met = divisor.min() <= 0 <= divisor.max() or abs(divisor[nearest]) < 2 * SMALLEST_DIVISOR * ratio[nearest]
-            if (k1 + k2) % 2 == 0 and met:
-                found.append(_resonance(scene, side, path, squares[nearest], k1, k2))
-    return sorted(found, key=lambda resonance: -resonance.share)
-
-
-def _resonance(scene: Scene, side: Side, path: Array, a2: float, k1: int, k2: int) -> Resonance:
-    """Strength over all orientations of L at the point of the path where a² is nearest; rate of passage there."""
-    h = 2 * path[:, 4] / np.sum(path[:, 1:4] ** 2, axis=1)
-    passed = triaxial.depth(np.clip(side.share(h), 0, 1 - 1e-12))
-    i = int(np.argmin(np.abs(passed - a2)))
-    size = float(np.linalg.norm(path[i, 1:4]))
-    m = len(FRAMES)
-    level = np.full(m, float(triaxial.level(np.array(a2))))
-    polhode = Polhode(side, level, np.zeros(m), max(phases(side, level[0]), 2 * abs(k1) + 2))
-    spectrum = Torus(polhode, np.full(m, size), np.zeros(m), FRAMES[:, 0], FRAMES[:, 1]).spectrum[..., :3]
-    strength = float(np.abs(spectrum[:, k1, k2]).max())
-    j = min(max(i, 1), len(path) - 2)
-    drift = abs((passed[j + 1] - passed[j - 1]) / (path[j + 1, 0] - path[j - 1, 0]))
-    beside = polhode.beside
-    per_level = abs(k1 * beside.rate[0] + k2 * beside.precession[0]) * size
-    passage = per_level * drift / -np.expm1(-a2) if drift > 0 else 0.0
-    kick = (
-        sqrt(2 * pi * scene.torque_factor / passage) * 2 * strength / max(scene.ellipsoid.inertia) if passage else inf
-    )
-    return Resonance(k1, k2, float(path[i, 0]), strength / float(np.abs(spectrum).max()), kick)
-
-
 def _rounded(low: float, high: float) -> tuple[float, float]:
     """Bounds to three digits, outwards, so that near runs share a table."""
     down, up = 10 ** (np.floor(np.log10([low, high])) - 2)
@@ -191,7 +190,9 @@ def _first(momentum: Array) -> Array:
     return triaxial.frame(momentum, away)
 
 
-def _slow_start(side: Side, torque_factor: float, exact: Pose) -> tuple[Pose, float, float, float]:
+def _slow_start(
+    side: Side, torque_factor: float, exact: Pose, masks: tuple[Mask, ...]
+) -> tuple[Pose, float, float, float]:
     """Slow pose whose image is the exact one, with its y, α and β in the frame of `_first`."""
     slow = exact
     for _ in range(START_PASSES):
@@ -199,7 +200,8 @@ def _slow_start(side: Side, torque_factor: float, exact: Pose) -> tuple[Pose, fl
         y, alpha, beta = triaxial.coordinates(side, slow, q)
         if not np.all(np.isfinite([y, alpha, beta])):
             break
-        image = triaxial.swung(side, torque_factor, q, triaxial.torus_at(side, slow.momentum, q, y, alpha, beta))
+        torus = triaxial.torus_at(side, slow.momentum, q, y, alpha, beta, masks)
+        image = triaxial.swung(side, torque_factor, q, torus)
         excess = image.momentum - exact.momentum
         turn = image.rotation @ np.swapaxes(exact.rotation, 1, 2)
         vector = 0.5 * (turn - np.swapaxes(turn, 1, 2))[:, [2, 0, 1], [1, 2, 0]]
@@ -223,7 +225,7 @@ def _exact(scene: Scene, run: Prepared, states: Array) -> Pose:
     alpha, beta = (phase + scene.stokes * states[:, 7 + i] for i, phase in enumerate(run.phases))
     momentum = states[:, :3] * max(scene.ellipsoid.inertia)
     q = triaxial.frame(momentum, states[:, 4:7])
-    torus = triaxial.torus_at(run.side, momentum, q, triaxial.level(states[:, 3] ** 2), alpha, beta)
+    torus = triaxial.torus_at(run.side, momentum, q, triaxial.level(states[:, 3] ** 2), alpha, beta, run.masks)
     return triaxial.swung(run.side, scene.torque_factor, q, torus)
 
 
@@ -231,7 +233,7 @@ def _exact(scene: Scene, run: Prepared, states: Array) -> Pose:
 def estimated(scene: Scene) -> Estimate:
     """Model errors: the second-order term along the path, times the size of the transformation that it rests on."""
     run, factor, unit = prepared(scene), scene.torque_factor, max(scene.ellipsoid.inertia)
-    rhs = triaxial.field(FLOAT)
+    rhs = SlowField(run.table.series.shape[1])(FLOAT)
     both, without = (triaxial.parameters(scene.ellipsoid, each, run.table) for each in (factor, 0.0))
 
     def rates(y: Array) -> Array:
@@ -249,11 +251,31 @@ def estimated(scene: Scene) -> Estimate:
     times, states, second = times[few], states[few], second[few]
     momentum = states[:, :3] * unit
     level = triaxial.level(states[:, 3] ** 2)
-    torus = triaxial.torus_at(run.side, momentum, triaxial.frame(momentum, states[:, 4:]), level, 0 * level, 0 * level)
+    relative, torus = _relative_swing(run.side, momentum, triaxial.frame(momentum, states[:, 4:7]), level, run.masks)
+    swing = factor * relative
+    slow = (second + swing * torus.size / unit) * swing
+    speed = torus.polhode.precession * unit
+    phase = _phase(times, slow, speed, factor) + swing
+    # A kick is as wrong as the phase at which it comes.
+    for each in (*run.treated, *run.dropped):
+        i = int(np.searchsorted(times[:-1], each.slow_time))
+        wrong = min(1.0, phase[i] + swing[i]) if each in run.treated else 1.0
+        slow[i:] += each.kick * wrong
+    phase = _phase(times, slow, speed, factor) + swing.max()
+    return Estimate(float(slow.max()), min(float(phase[-1]), pi))
+
+
+def _phase(times: Array, slow: Array, speed: Array, torque_factor: float) -> Array:
+    """Angles that errors of L over I_max accumulate; a speed is that per error."""
+    lag = slow / torque_factor * speed
+    return np.concatenate([[0.0], np.cumsum(np.diff(times) * 0.5 * (lag[1:] + lag[:-1]))])
+
+
+def _relative_swing(
+    side: Side, momentum: Array, q: Array, level: Array, masks: tuple[Mask, ...]
+) -> tuple[Array, Torus]:
+    """Largest change of L over l and turn of R by the generator, shape (m,), over all phases; their torus."""
+    torus = triaxial.torus_at(side, momentum, q, level, 0 * level, 0 * level, masks)
     change, turn = torus.ambient
     relative = np.linalg.norm(change, axis=-1) / torus.size[:, None, None] + np.linalg.norm(turn, axis=-1)
-    swing = factor * relative.max(axis=(1, 2))
-    slow = (second + swing * torus.size / unit) * swing
-    speed = slow / factor * torus.polhode.precession * unit
-    phase = np.sum(np.diff(times) * 0.5 * (speed[1:] + speed[:-1])) + swing.max()
-    return Estimate(float(slow.max()), min(float(phase), pi))
+    return relative.max(axis=(1, 2)), torus

@@ -1,188 +1,69 @@
 """The torque as a perturbation of the Euler top, on the torus of polhode phase α and precession phase β.
 
-Body axes are permuted so that the polhode circles axis 3 and axis 2 is the intermediate one; with i_j = 1/I_j,
-h = 2E/L² lies between i₃ and i₂, and y = ln((h - i₃)/(i₂ - h)) is the variable used for it. Q carries the frame of L
-(e₃ = n = L/l) to space, S the body to the frame of L: R = QS, S = R_z(β + χ)S₀(z), S₀ the least rotation that carries
-the body vector z = Rᵀn to e₃. Unperturbed, dα/dt = lν₁(h) and dβ/dt = lν₂(h).
+Q carries the frame of L (e₃ = n = L/l) to space, S the body (`polhode.models.second_order_polhode`) to the frame of L:
+R = QS, S = R_z(β + χ)S₀(z), S₀ the least rotation that carries the body vector z = Rᵀn to e₃. Unperturbed,
+dα/dt = lν₁(h) and dβ/dt = lν₂(h).
 
 Arrays have shape (m, a, b, …): m states, a equal polhode phases and b equal precession phases counted from the state's
 own, which is entry (0, 0).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from math import pi
 
 import numpy as np
 
-from polhode.models.shape import Ellipsoid
+from polhode.models.second_order_field import POWER
+from polhode.models.second_order_polhode import Polhode, Side
 
 Array = np.ndarray
 
 # The torque holds |k₂| <= 3 in space, so that eight precession phases resolve it.
 PRECESSIONS = 8
-# Step in y of the sixth-order differences by which polhodes are differentiated.
-STEP = 0.02
 # Divisors below this share of ν₂ are not divided by; whether their modes matter is asked beforehand.
 SMALLEST_DIVISOR = 1e-3
-DIFFERENCES = ((1, 3 / 4), (2, -3 / 20), (3, 1 / 60))
 
 
 @dataclass(frozen=True)
-class Side:
-    """A triaxial body on one side of L² = 2EI₂, its axes permuted and turned so that z₃ > 0.
+class Mask:
+    """A mode and its conjugate, kept out of the generator by the share μ = (1 + d⁴/POWER)^-POWER, d = D/width.
+
+    D = k₁ν₁ + k₂ν₂ is the divisor over l. What it is divided by stays away from zero: 1 - μ falls like d⁴.
 
     Parameters
     ----------
-    axes : ndarray, shape (3, 3)
-        Rows are the permuted axes in the scene's body axes; a rotation.
-    inverse_inertia, drag, squares : ndarray, shape (3,)
-        1/I, 8πX and the squared semi-axes, in permuted order.
+    k1, k2 : int
+        k₂ > 0.
+    width : float
+        In the units of ν.
     """
 
-    axes: Array
-    inverse_inertia: Array
-    drag: Array
-    squares: Array
+    k1: int
+    k2: int
+    width: float
 
-    @classmethod
-    def of(cls, ellipsoid: Ellipsoid, momentum: Array) -> "Side":
-        """The side on which a body angular momentum, shape (3,), lies."""
-        inertia = np.array(ellipsoid.inertia)
-        order = list(ellipsoid.order)
-        if np.sum(momentum**2) < np.sum(momentum**2 / inertia) * inertia[order[1]]:
-            order.reverse()
-        axes = np.eye(3)[order]
-        axes[1] *= np.linalg.det(axes)
-        if momentum[order[2]] < 0:
-            axes[1:] *= -1
-        return cls(
-            axes,
-            1 / inertia[order],
-            8 * pi * np.array(ellipsoid.resistance)[order],
-            np.array(ellipsoid.scaled_axes)[order] ** 2,
-        )
+    def inverses(self, divisor: Array) -> Array:
+        """What stands for 1/D, 1/D² and again 1/D² in the generator: (1 - μ)/D and (1 - μ)/D², on a leading axis."""
+        left = self._kept(divisor)[0]
+        return np.array([divisor * left, left, left])
 
-    def share(self, h: Array) -> Array:
-        """(h - i₃)/(i₂ - i₃), from 0 at the permanent axis to 1 on the separatrix."""
-        _, i2, i3 = self.inverse_inertia
-        return (h - i3) / (i2 - i3)
+    def mean_inverses(self, divisor: Array) -> Array:
+        """What stands for them in the mean of the second order.
 
+        Of U = (1 - μ)P/D and F₁ = μP, ⟨U·∂P - F₁·∂U⟩ takes (1 - μ²)/D where U·∂P of the whole mode has 1/D, and
+        (1 - μ²)/D² + μμ'/D where it has 1/D² from the change of D; ⟨U·∂P + P·∂U⟩ = 0 for slow components is used.
+        """
+        left, share, slope = self._kept(divisor)
+        both = (1 + share) * left
+        return np.array([divisor * both, both, both + share * slope])
 
-@dataclass(frozen=True)
-class Polhode:
-    """Polhodes of m values of y at a phases each, which start at `phase`.
-
-    Parameters
-    ----------
-    side : Side
-    y, phase : ndarray, shape (m,)
-    nodes : int
-        Even number a of phases.
-    """
-
-    side: Side
-    y: Array
-    phase: Array
-    nodes: int
-
-    @cached_property
-    def x(self) -> Array:
-        """(h - i₃)/(i₂ - i₃), shape (m,)."""
-        return 1 / (1 + np.exp(-self.y))
-
-    @cached_property
-    def moduli(self) -> tuple[Array, Array, Array]:
-        """A², C² and 1 - m, shape (m,) each: squared amplitudes of z₁ and z₃, complementary parameter of sn, cn, dn."""
-        i1, i2, i3 = self.side.inverse_inertia
-        a2 = (i2 - i3) / (i1 - i3) * self.x
-        c2 = 1 - a2
-        return a2, c2, 1 / (1 + np.exp(self.y)) / c2
-
-    @cached_property
-    def h(self) -> Array:
-        """2E/L², shape (m,)."""
-        _, i2, i3 = self.side.inverse_inertia
-        return i3 + (i2 - i3) * self.x
-
-    @cached_property
-    def slope(self) -> Array:
-        """dh/dy, shape (m,)."""
-        _, i2, i3 = self.side.inverse_inertia
-        return (i2 - i3) * self.x / (1 + np.exp(self.y))
-
-    @cached_property
-    def rate(self) -> Array:
-        """ν₁, shape (m,): dα/dt over l."""
-        from scipy.special import ellipkm1
-
-        _, i2, i3 = self.side.inverse_inertia
-        a2, c2, complement = self.moduli
-        return pi / 2 * abs(i2 - i3) * np.sqrt(self.x * c2 / a2) / ellipkm1(complement)
-
-    @cached_property
-    def z(self) -> Array:
-        """Body components of n, shape (m, a, 3) (`eq:omg1`–`eq:omg3` over the frequency)."""
-        from scipy.special import ellipj, ellipkm1
-
-        _, i2, i3 = self.side.inverse_inertia
-        a2, c2, complement = self.moduli
-        phases = self.phase[:, None] + 2 * pi / self.nodes * np.arange(self.nodes)
-        turns = np.remainder(phases + pi, 2 * pi) - pi
-        sn, cn, dn, _ = ellipj(2 / pi * ellipkm1(complement)[:, None] * turns, (1 - complement)[:, None])
-        sizes = np.sqrt(a2), np.sign(i2 - i3) * np.sqrt(self.x), np.sqrt(c2)
-        return np.stack([size[:, None] * part for size, part in zip(sizes, (cn, sn, dn), strict=True)], axis=-1)
-
-    @cached_property
-    def along(self) -> Array:
-        """∂z/∂α, shape (m, a, 3), by Euler's equations."""
-        return np.cross(self.z, self.side.inverse_inertia * self.z) / self.rate[:, None, None]
-
-    @cached_property
-    def _precession(self) -> tuple[Array, Array]:
-        """ν₂, shape (m,), and χ, shape (m, a)."""
-        z, dz = self.z, self.along
-        lag = (z[..., 0] * dz[..., 1] - z[..., 1] * dz[..., 0]) / (1 + z[..., 2])
-        spectrum = np.fft.fft(self.h[:, None] - self.rate[:, None] * lag, axis=1)
-        mean = spectrum[:, 0].real / self.nodes
-        order = np.fft.fftfreq(self.nodes, 1 / self.nodes)
-        order[[0, self.nodes // 2]] = np.inf
-        return mean, np.fft.ifft(-1j * spectrum / order, axis=1).real / self.rate[:, None]
-
-    @property
-    def precession(self) -> Array:
-        """ν₂, shape (m,): dβ/dt over l."""
-        return self._precession[0]
-
-    @property
-    def lead(self) -> Array:
-        """χ, shape (m, a), of zero mean over the polhode."""
-        return self._precession[1]
-
-    @cached_property
-    def beside(self) -> "Derivatives":
-        """Derivatives with respect to y at fixed phases."""
-        total = Derivatives(0 * self.z, 0 * self.lead, 0 * self.rate, 0 * self.rate)
-        for steps, weight in DIFFERENCES:
-            up = replace(self, y=self.y + steps * STEP)
-            down = replace(self, y=self.y - steps * STEP)
-            total = Derivatives(
-                total.z + weight / STEP * (up.z - down.z),
-                total.lead + weight / STEP * (up.lead - down.lead),
-                total.rate + weight / STEP * (up.rate - down.rate),
-                total.precession + weight / STEP * (up.precession - down.precession),
-            )
-        return total
-
-
-@dataclass(frozen=True)
-class Derivatives:
-    """Derivatives with respect to y of z, χ, ν₁ and ν₂, shapes as in `Polhode`."""
-
-    z: Array
-    lead: Array
-    rate: Array
-    precession: Array
+    def _kept(self, divisor: Array) -> tuple[Array, Array, Array]:
+        """(1 - μ)/D², μ and μ'/D."""
+        square = (divisor / self.width) ** 2
+        rest = -np.expm1(-POWER * np.log1p(square**2 / POWER))
+        slope = -4 * square * (1 - rest) / (1 + square**2 / POWER)
+        return rest / np.maximum(square, 1e-30) / self.width**2, 1 - rest, slope / self.width**2
 
 
 @dataclass(frozen=True)
@@ -198,6 +79,10 @@ class Torus:
         β of the states.
     flow, gradient : ndarray, shape (m, 3)
         The flow's directions x and y in the frame of L.
+    masks : tuple of Mask, optional
+        Resonant modes.
+    averaging : bool
+        Whether the generator is that of the second-order averages, which differs in masked modes.
     """
 
     polhode: Polhode
@@ -205,6 +90,8 @@ class Torus:
     precession: Array
     flow: Array
     gradient: Array
+    masks: tuple[Mask, ...] = ()
+    averaging: bool = False
 
     @cached_property
     def rotation(self) -> Array:
@@ -252,15 +139,25 @@ class Torus:
         return self.polhode.beside.lead + (z[..., 0] * dz[..., 1] - z[..., 1] * dz[..., 0]) / (1 + z[..., 2])
 
     @cached_property
-    def divisors(self) -> Array:
-        """k₁ν₁ + k₂ν₂, shape (m, a, b), infinite for the mean, for Nyquist modes and for k₁ + k₂ odd."""
+    def inverses(self) -> Array:
+        """1/D, and 1/D² twice, of D = k₁ν₁ + k₂ν₂, shape (3, m, a, b), or what stands for them in masked modes.
+
+        Zero for the mean, for Nyquist modes, for k₁ + k₂ odd, and where D is too small. Of those of second order the
+        first comes from the change of l, the other from that of y.
+        """
+        rate, precession = (each[:, None, None] for each in (self.polhode.rate, self.polhode.precession))
         k1 = np.fft.fftfreq(self.polhode.nodes, 1 / self.polhode.nodes)[:, None]
         k2 = np.fft.fftfreq(PRECESSIONS, 1 / PRECESSIONS)
-        value = k1 * self.polhode.rate[:, None, None] + k2 * self.polhode.precession[:, None, None]
+        divisor = k1 * rate + k2 * precession
         left_out = ((k1 + k2) % 2 != 0) | ((k1 == 0) & (k2 == 0))
         left_out |= (k1 == -(self.polhode.nodes // 2)) | (k2 == -(PRECESSIONS // 2))
-        left_out = left_out | (np.abs(value) < SMALLEST_DIVISOR * self.polhode.precession[:, None, None])
-        return np.where(left_out, np.inf, value)
+        over = 1 / np.where(left_out | (np.abs(divisor) < SMALLEST_DIVISOR * precession), np.inf, divisor)
+        inverses = np.array([over, over**2, over**2])
+        for mask in self.masks:
+            for k in ((mask.k1, mask.k2), (-mask.k1, -mask.k2)):
+                d = divisor[:, k[0], k[1]]
+                inverses[:, :, k[0], k[1]] = mask.mean_inverses(d) if self.averaging else mask.inverses(d)
+        return inverses
 
     @cached_property
     def spectrum(self) -> Array:
@@ -270,27 +167,28 @@ class Torus:
     @cached_property
     def generator_spectrum(self) -> Array:
         """Fourier coefficients of the generator U of (L, y, α, β), shape (m, a, b, 6)."""
-        p, over = self.polhode, -1j / (self.divisors[..., None] * self.size[:, None, None, None])
-        u = self.spectrum * over
-        growth = u[..., 2:3] / self.size[:, None, None, None]
+        p, size = self.polhode, self.size[:, None, None, None]
+        once, longer, other = self.inverses[..., None]
+        u = -1j * self.spectrum * once / size
         rates = np.stack([p.rate, p.precession], axis=-1)[:, None, None]
         changes = np.stack([p.beside.rate, p.beside.precession], axis=-1)[:, None, None]
-        drift = self.size[:, None, None, None] * (rates * growth + changes * u[..., 3:4])
-        u[..., 4:] += drift * over
+        growth, rise = self.spectrum[..., 2:3] / size, self.spectrum[..., 3:4]
+        u[..., 4:] -= (rates * growth * longer + changes * rise * other) / size
         return u
 
     @cached_property
     def ambient(self) -> tuple[Array, Array]:
         """The generator as changes of L and turns of R, in the frame of L, shapes (m, a, b, 3), over all phases."""
-        return self._ambient(np.fft.ifft2(self.generator_spectrum, axes=(1, 2), norm="forward").real)
+        return self.along(np.fft.ifft2(self.generator_spectrum, axes=(1, 2), norm="forward").real)
 
     @cached_property
     def ambient_here(self) -> tuple[Array, Array]:
         """The generator at the states themselves: changes of L and turns of R, in the frame of L, shapes (m, 3)."""
-        change, turn = self._ambient(self.generator_spectrum.sum(axis=(1, 2)).real[:, None, None])
+        change, turn = self.along(self.generator_spectrum.sum(axis=(1, 2)).real[:, None, None])
         return change[:, 0, 0], turn[:, 0, 0]
 
-    def _ambient(self, u: Array) -> tuple[Array, Array]:
+    def along(self, u: Array) -> tuple[Array, Array]:
+        """Changes of (L, y, α, β), shape (m, a, b, 6), as changes of L and turns of R in the frame of L."""
         a, b = u.shape[1:3]
         p = self.polhode
         z, dz, yz = (part[:, :a, None] for part in (p.z, p.along, p.beside.z))

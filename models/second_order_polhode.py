@@ -1,0 +1,177 @@
+"""Polhodes of a triaxial ellipsoid on one side of L² = 2EI₂, at equal phases, with their two frequencies.
+
+Body axes are permuted so that the polhode circles axis 3 and axis 2 is the intermediate one; with i_j = 1/I_j,
+h = 2E/L² lies between i₃ and i₂, and y = ln((h - i₃)/(i₂ - h)) is the variable used for it. Frequencies are counted
+over l = |L|.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import pi
+
+import numpy as np
+
+from polhode.models.shape import Ellipsoid
+
+Array = np.ndarray
+
+# Step in y of the sixth-order differences by which polhodes are differentiated.
+STEP = 0.02
+DIFFERENCES = ((1, 3 / 4), (2, -3 / 20), (3, 1 / 60))
+
+
+@dataclass(frozen=True)
+class Side:
+    """A triaxial body on one side of L² = 2EI₂, its axes permuted and turned so that z₃ > 0.
+
+    Parameters
+    ----------
+    axes : ndarray, shape (3, 3)
+        Rows are the permuted axes in the scene's body axes; a rotation.
+    inverse_inertia, drag, squares : ndarray, shape (3,)
+        1/I, 8πX and the squared semi-axes, in permuted order.
+    """
+
+    axes: Array
+    inverse_inertia: Array
+    drag: Array
+    squares: Array
+
+    @classmethod
+    def of(cls, ellipsoid: Ellipsoid, momentum: Array) -> "Side":
+        """The side on which a body angular momentum, shape (3,), lies."""
+        inertia = np.array(ellipsoid.inertia)
+        order = list(ellipsoid.order)
+        if np.sum(momentum**2) < np.sum(momentum**2 / inertia) * inertia[order[1]]:
+            order.reverse()
+        axes = np.eye(3)[order]
+        axes[1] *= np.linalg.det(axes)
+        if momentum[order[2]] < 0:
+            axes[1:] *= -1
+        return cls(
+            axes,
+            1 / inertia[order],
+            8 * pi * np.array(ellipsoid.resistance)[order],
+            np.array(ellipsoid.scaled_axes)[order] ** 2,
+        )
+
+    def share(self, h: Array) -> Array:
+        """(h - i₃)/(i₂ - i₃), from 0 at the permanent axis to 1 on the separatrix."""
+        _, i2, i3 = self.inverse_inertia
+        return (h - i3) / (i2 - i3)
+
+
+@dataclass(frozen=True)
+class Polhode:
+    """Polhodes of m values of y at a phases each, which start at `phase`.
+
+    Parameters
+    ----------
+    side : Side
+    y, phase : ndarray, shape (m,)
+    nodes : int
+        Even number a of phases.
+    """
+
+    side: Side
+    y: Array
+    phase: Array
+    nodes: int
+
+    @cached_property
+    def x(self) -> Array:
+        """(h - i₃)/(i₂ - i₃), shape (m,)."""
+        return 1 / (1 + np.exp(-self.y))
+
+    @cached_property
+    def moduli(self) -> tuple[Array, Array, Array]:
+        """A², C² and 1 - m, shape (m,) each: squared amplitudes of z₁ and z₃, complementary parameter of sn, cn, dn."""
+        i1, i2, i3 = self.side.inverse_inertia
+        a2 = (i2 - i3) / (i1 - i3) * self.x
+        c2 = 1 - a2
+        return a2, c2, 1 / (1 + np.exp(self.y)) / c2
+
+    @cached_property
+    def h(self) -> Array:
+        """2E/L², shape (m,)."""
+        _, i2, i3 = self.side.inverse_inertia
+        return i3 + (i2 - i3) * self.x
+
+    @cached_property
+    def slope(self) -> Array:
+        """dh/dy, shape (m,)."""
+        _, i2, i3 = self.side.inverse_inertia
+        return (i2 - i3) * self.x / (1 + np.exp(self.y))
+
+    @cached_property
+    def rate(self) -> Array:
+        """ν₁, shape (m,): dα/dt over l."""
+        from scipy.special import ellipkm1
+
+        _, i2, i3 = self.side.inverse_inertia
+        a2, c2, complement = self.moduli
+        return pi / 2 * abs(i2 - i3) * np.sqrt(self.x * c2 / a2) / ellipkm1(complement)
+
+    @cached_property
+    def z(self) -> Array:
+        """Body components of n, shape (m, a, 3) (`eq:omg1`–`eq:omg3` over the frequency)."""
+        from scipy.special import ellipj, ellipkm1
+
+        _, i2, i3 = self.side.inverse_inertia
+        a2, c2, complement = self.moduli
+        phases = self.phase[:, None] + 2 * pi / self.nodes * np.arange(self.nodes)
+        turns = np.remainder(phases + pi, 2 * pi) - pi
+        sn, cn, dn, _ = ellipj(2 / pi * ellipkm1(complement)[:, None] * turns, (1 - complement)[:, None])
+        sizes = np.sqrt(a2), np.sign(i2 - i3) * np.sqrt(self.x), np.sqrt(c2)
+        return np.stack([size[:, None] * part for size, part in zip(sizes, (cn, sn, dn), strict=True)], axis=-1)
+
+    @cached_property
+    def along(self) -> Array:
+        """∂z/∂α, shape (m, a, 3), by Euler's equations."""
+        return np.cross(self.z, self.side.inverse_inertia * self.z) / self.rate[:, None, None]
+
+    @cached_property
+    def _precession(self) -> tuple[Array, Array]:
+        """ν₂, shape (m,), and χ, shape (m, a)."""
+        z, dz = self.z, self.along
+        lag = (z[..., 0] * dz[..., 1] - z[..., 1] * dz[..., 0]) / (1 + z[..., 2])
+        spectrum = np.fft.fft(self.h[:, None] - self.rate[:, None] * lag, axis=1)
+        mean = spectrum[:, 0].real / self.nodes
+        order = np.fft.fftfreq(self.nodes, 1 / self.nodes)
+        order[[0, self.nodes // 2]] = np.inf
+        return mean, np.fft.ifft(-1j * spectrum / order, axis=1).real / self.rate[:, None]
+
+    @property
+    def precession(self) -> Array:
+        """ν₂, shape (m,): dβ/dt over l."""
+        return self._precession[0]
+
+    @property
+    def lead(self) -> Array:
+        """χ, shape (m, a), of zero mean over the polhode."""
+        return self._precession[1]
+
+    @cached_property
+    def beside(self) -> "Derivatives":
+        """Derivatives with respect to y at fixed phases."""
+        total = Derivatives(0 * self.z, 0 * self.lead, 0 * self.rate, 0 * self.rate)
+        for steps, weight in DIFFERENCES:
+            up = replace(self, y=self.y + steps * STEP)
+            down = replace(self, y=self.y - steps * STEP)
+            total = Derivatives(
+                total.z + weight / STEP * (up.z - down.z),
+                total.lead + weight / STEP * (up.lead - down.lead),
+                total.rate + weight / STEP * (up.rate - down.rate),
+                total.precession + weight / STEP * (up.precession - down.precession),
+            )
+        return total
+
+
+@dataclass(frozen=True)
+class Derivatives:
+    """Derivatives with respect to y of z, χ, ν₁ and ν₂, shapes as in `Polhode`."""
+
+    z: Array
+    lead: Array
+    rate: Array
+    precession: Array
