@@ -1,13 +1,18 @@
 """Engines: who runs the tasks of a sweep. One code path; only the place differs."""
 
+import logging
+import multiprocessing
 import os
 import queue
+import re
 import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import cache
 from importlib import import_module
+from multiprocessing.connection import wait
 from typing import Any, Protocol, TypeVar
 
 from polhode.harness.worker import Failure, Reply, Worker
@@ -18,6 +23,8 @@ ATTEMPTS = 3
 # Tasks that wait for each worker: enough that none is ever idle, few enough to stop soon.
 AHEAD = 2
 CONNECT_SECONDS = 30
+# Host and port as Dask reads them.
+ADDRESS = re.compile(r"((tcp|tls|ws|wss|ucx)://)?(\[[0-9a-fA-F:.]+\]|[^\s:/\[\]]+):\d{1,5}")
 
 T = TypeVar("T")
 _NO_MORE = object()
@@ -61,7 +68,7 @@ class Serial:
 
 @dataclass(frozen=True)
 class Processes:
-    """Spawned processes on this machine, each with a thread here that feeds it.
+    """Spawned processes on this machine, each with a thread here that feeds it; they end when this process does.
 
     Parameters
     ----------
@@ -122,13 +129,30 @@ class Processes:
         reply = Reply(None, Failure.CRASHED, "", 0.0)
         for _ in range(ATTEMPTS):
             try:
-                reply = worker.run(function, task, limit=self.max_seconds)
+                reply = worker.run(_call, function, task, limit=self.max_seconds)
             except (EOFError, ConnectionError, TimeoutError) as error:
                 worker.close()
                 reply = Reply(None, Failure.CRASHED, f"no worker: {error}", 0.0)
             if stop.is_set() or reply.failure is not Failure.CRASHED:
                 break
         return Outcome(task, reply.value, reply.message.strip().rpartition("\n")[2] if reply.failure else "")
+
+
+def _call(function: Callable[[Any], Any], task: Any) -> Any:
+    """Run a task in a worker, which does not outlive its parent: not even a task of hours, after a SIGKILL."""
+    _end_with_parent()
+    return function(task)
+
+
+@cache
+def _end_with_parent() -> None:
+    def watch(parent: int) -> None:
+        wait([parent])
+        os._exit(1)
+
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=watch, args=(parent.sentinel,), daemon=True).start()
 
 
 def _kill(workers: list[Worker]) -> None:
@@ -151,19 +175,49 @@ class Dask:
     Raises
     ------
     ValueError
-        If Dask is not installed.
+        If the address is none, or Dask is not installed.
     """
 
     address: str
 
     def __post_init__(self) -> None:
+        if not ADDRESS.fullmatch(self.address):
+            raise ValueError(f"dask: got {self.address!r}, expected an address such as tcp://host:8786")
         if not installed("distributed"):
             raise ValueError("dask: distributed is not installed: pip install 'polhode[dask]'")
+
+    def check(self) -> None:
+        """Connect and leave again.
+
+        Raises
+        ------
+        ValueError
+            If no scheduler answers.
+        """
+        try:
+            with self._client():
+                pass
+        except (OSError, ValueError) as error:
+            raise ValueError(f"dask: got {self.address}, expected a scheduler that runs: {error}") from None
+
+    @contextmanager
+    def _client(self) -> Iterator[Any]:
+        """A connection; what goes wrong with it is raised, and not logged besides."""
+        distributed = import_module("distributed")
+        levels = {name: logging.getLogger(name).level for name in ("distributed", "distributed.client")}
+        for name in levels:
+            logging.getLogger(name).setLevel(logging.CRITICAL)
+        try:
+            with distributed.Client(self.address, timeout=CONNECT_SECONDS, set_as_default=False) as client:
+                yield client
+        finally:
+            for name, level in levels.items():
+                logging.getLogger(name).setLevel(level)
 
     def run(self, function: Callable[[Any], Any], tasks: Iterable[Any]) -> Iterator[Outcome]:
         """Run the function on each task; `task.key` is Dask's key, so that two clients share what is under way."""
         distributed = import_module("distributed")
-        with distributed.Client(self.address, timeout=CONNECT_SECONDS, set_as_default=False) as client:
+        with self._client() as client:
             remaining, tasks_of = iter(tasks), {}
             pending = distributed.as_completed(loop=client.loop)
             try:

@@ -4,6 +4,7 @@ import sqlite3
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from json import JSONDecodeError
 from pathlib import Path
 from random import Random
 from typing import Annotated, Any, Literal
@@ -109,6 +110,25 @@ class StoreFailedError(RuntimeError):
     """The store could not be written; what it holds is safe. The message names the file and the cause."""
 
 
+def open_store(path: Path) -> Store:
+    """Open a store.
+
+    Raises
+    ------
+    DamagedStoreError
+        If the file is no store, or a damaged one.
+    StoreFailedError
+        If the disk is full, or the file cannot be written for another reason.
+    """
+    try:
+        return Store(path)
+    except DamagedStoreError as error:
+        # SQLite's complaints about the place, not about the contents.
+        if isinstance(error.__context__, sqlite3.OperationalError):
+            raise _unwritable(path, error.__context__) from None
+        raise
+
+
 def perform(task: Task) -> Record:
     """Record of a task: its statistics, the machine it ran on, and that no times were taken."""
     statistics = run_task(task)
@@ -170,7 +190,11 @@ def _put(store: Store, task: Task, record: Record) -> None:
     try:
         store.put(task.key, task.content, record)
     except sqlite3.Error as error:
-        raise StoreFailedError(f"{store.path}: {error}, expected room to write") from None
+        raise _unwritable(store.path, error) from None
+
+
+def _unwritable(path: Path, error: sqlite3.Error) -> StoreFailedError:
+    return StoreFailedError(f"{path}: {error}, expected a writable file and room for it")
 
 
 def gather(ensemble: Ensemble, store: Store) -> Statistics:
@@ -183,17 +207,23 @@ def gather(ensemble: Ensemble, store: Store) -> Statistics:
     DamagedStoreError
         If a task's numbers are not those that were written.
     """
+    return merged(ensemble.layout, (_statistics(task, store) for task in ensemble.tasks()))
 
-    def parts() -> Iterator[Statistics]:
-        for task in ensemble.tasks():
-            record = store.result(task.key)
-            if record is None:
-                raise ValueError(f"{store.path}: task {task.index} is missing, expected a finished sweep; --resume")
-            if digest(record["statistics"]) != record["checksum"]:
-                raise DamagedStoreError(f"{store.path}: the store is damaged: task {task.key} fails its checksum")
-            yield Statistics.from_record(record["statistics"], ensemble.layout)
 
-    return merged(ensemble.layout, parts())
+def _statistics(task: Task, store: Store) -> Statistics:
+    """Statistics of one task."""
+    try:
+        record = store.result(task.key)
+        if record is None:
+            raise ValueError(f"{store.path}: task {task.index} is missing, expected a finished sweep; --resume")
+        if digest(record["statistics"]) == record["checksum"]:
+            return Statistics.from_record(record["statistics"], task.ensemble.layout)
+    except (KeyError, TypeError, JSONDecodeError):
+        pass
+    raise DamagedStoreError(
+        f"{store.path}: the store is damaged: task {task.key} fails its checksum, expected the numbers that were "
+        "written; take an undamaged copy, or delete that row"
+    )
 
 
 def read_sweep(path: Path | None) -> Sweep:

@@ -37,36 +37,44 @@ def sweep(
     Finished tasks are kept in FOLDER/store.sqlite; whatever ends a run, it goes on with --resume, and gives the same
     numbers. Several runs with --resume may share one store.
     """
-    from polhode.harness.store import DamagedStoreError, Store
-    from polhode.harness.sweep import StoreFailedError, read_sweep, run_sweep
+    from polhode.harness.store import DamagedStoreError
+    from polhode.harness.sweep import StoreFailedError, open_store, read_sweep, run_sweep
     from polhode.harness.sweep_results import write_results
 
     with bad_input():
         what = read_sweep(sweep_file)
         folder = out or Path("reports") / what.name
-        engine = _engine(workers, address)
         path = folder / "store.sqlite"
+        if folder.exists() and not folder.is_dir():
+            raise BadInput(f"--out: got {folder}, a file, expected a folder")
         if path.exists() and not resume:
             raise BadInput(f"{path}: exists, expected --resume to go on with it, or another --out")
+        engine = _engine(workers, address)
         try:
-            store = Store(path)
+            store = open_store(path)
         except DamagedStoreError as error:
             raise BadInput(f"{error}, expected one of an earlier run or none") from None
+        except StoreFailedError as error:
+            raise RunFailed(f"{error}; --resume goes on") from None
     with store:
         try:
             tally = run_sweep(what, store, engine, quiet=quiet, spread=resume)
         except KeyboardInterrupt:
             raise RunFailed(f"interrupted: finished tasks are in {path}, --resume goes on") from None
-        except (DamagedStoreError, StoreFailedError) as error:
-            raise RunFailed(f"{error}; finished tasks are in {path}, --resume goes on") from None
-        except OSError as error:
+        except DamagedStoreError as error:
+            raise RunFailed(str(error)) from None
+        except (StoreFailedError, OSError) as error:
             raise RunFailed(f"{error}; finished tasks are in {path}, --resume goes on") from None
         if tally.failed:
             raise RunFailed(f"{tally.failed} of {what.size} tasks failed, --resume tries again: {tally.message}")
         try:
             page, ensembles = write_results(what, store, folder)
-        except (DamagedStoreError, OSError) as error:
+        except (DamagedStoreError, ValueError) as error:
+            raise RunFailed(str(error)) from None
+        except OSError as error:
             raise RunFailed(f"{error}; all tasks are finished, --resume writes the tables") from None
+        except KeyboardInterrupt:
+            raise RunFailed("interrupted: all tasks are finished, --resume writes the tables") from None
         click.echo(json.dumps(ensembles) if as_json else f"{page}")
 
 
@@ -76,7 +84,9 @@ def _engine(workers: int | None, address: str | None) -> "Engine":
     if address is not None:
         if workers is not None:
             raise BadInput(f"--workers: got {workers} with --dask, expected one of them")
-        return Dask(address)
+        engine = Dask(address)
+        engine.check()
+        return engine
     if workers == 0:
         return Serial()
     return Processes(_cores() if workers is None else workers)

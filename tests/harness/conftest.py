@@ -1,15 +1,13 @@
 """The command line as a user runs it: the installed script, an empty home, a folder of its own."""
 
-import json
 import os
 import subprocess
-import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from commandline import SCENE, SCRIPT, Run
+from dasks import contact, dask_scheduler, dask_worker
 from sites import site, small_reports
 
 
@@ -54,25 +52,14 @@ def site_pages(tmp_path_factory: pytest.TempPathFactory, site_reports: Path) -> 
 
 
 @pytest.fixture(scope="session")
-def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, list[subprocess.Popen]]]:
-    """Address of a scheduler on the loopback, and its two workers' processes."""
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, list[subprocess.Popen], Path]]:
+    """Address of a scheduler on the loopback, its two workers' processes, and the folder that they know it from."""
     pytest.importorskip("distributed")
     folder = tmp_path_factory.mktemp("dask")
-    contact = folder / "scheduler.json"
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1]), "POLHODE_CACHE": str(folder / "cache")}
-
-    def start(*words: str) -> subprocess.Popen:
-        command = [sys.executable, "-m", "distributed.cli.dask_" + words[0], *words[1:]]
-        return subprocess.Popen(command, env=environment, cwd=folder, stderr=subprocess.DEVNULL)
-
-    where = ("--scheduler-file", str(contact))
-    scheduler = start("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", *where)
-    workers = [start("worker", "--nthreads", "2", "--no-nanny", "--no-dashboard", *where) for _ in range(2)]
+    scheduler = dask_scheduler(folder)
+    workers = [dask_worker(folder) for _ in range(2)]
     try:
-        end = time.monotonic() + 60
-        while not (contact.exists() and contact.read_text()) and time.monotonic() < end:
-            time.sleep(0.1)
-        yield json.loads(contact.read_text())["address"], workers
+        yield contact(folder), workers, folder
     finally:
         for process in (*workers, scheduler):
             process.kill()

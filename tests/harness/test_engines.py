@@ -1,12 +1,14 @@
 """Engines against workers that die, hang and raise; Dask's against a real scheduler and two workers."""
 
 import os
+import subprocess
+import sys
 import time
-from collections.abc import Iterator
-from importlib.util import find_spec
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from dasks import contact, dask_scheduler, dask_worker
 
 from oracle.labour import Job, die_always, die_once, refuse_odd, spin, square
 from polhode.harness.engines import AHEAD, Dask, Engine, Processes, Serial
@@ -97,27 +99,77 @@ def test_no_processes_are_refused():
         Processes(0)
 
 
-@pytest.mark.skipif(find_spec("distributed") is not None, reason="distributed is installed")
-def test_dask_says_what_is_missing():
+def test_processes_end_with_their_parent_even_in_a_long_task(tmp_path: Path):
+    code = (
+        "from pathlib import Path; from oracle.labour import Job, hold; from polhode.harness.engines import Processes\n"
+        "if __name__ == '__main__':\n"
+        "    list(Processes(1).run(hold, [Job(1, seconds=100, folder=Path('.'))]))\n"
+    )
+    (tmp_path / "parent.py").write_text(code)
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
+    with subprocess.Popen([sys.executable, "parent.py"], cwd=tmp_path, env=environment) as parent:
+        wait_until((tmp_path / "job-1").exists)
+        worker = Path("/proc", (tmp_path / "job-1").read_text())
+        assert worker.exists()
+        parent.kill()
+    wait_until(lambda: not worker.exists())
+
+
+def wait_until(condition: Callable[[], bool], seconds: float = 30) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "waited in vain"
+        time.sleep(0.02)
+
+
+def test_dask_says_what_is_missing(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("polhode.harness.engines.installed", lambda package: False)
     with pytest.raises(ValueError, match=r"pip install 'polhode\[dask\]'"):
         Dask("tcp://127.0.0.1:8786")
 
 
-def test_a_scheduler_out_of_reach_is_an_oserror(monkeypatch: pytest.MonkeyPatch):
+@pytest.mark.parametrize("address", ["", "foo", "tcp://", "tcp://:8786", "127.0.0.1", "http://127.0.0.1:80", "a b:1"])
+def test_what_is_no_address_is_refused(address: str):
+    with pytest.raises(ValueError, match="expected an address such as tcp://host:8786") as refusal:
+        Dask(address)
+    assert repr(address) in str(refusal.value)
+
+
+def test_a_scheduler_out_of_reach_is_named(monkeypatch: pytest.MonkeyPatch):
     pytest.importorskip("distributed")
     monkeypatch.setattr("polhode.harness.engines.CONNECT_SECONDS", 1)
     with pytest.raises(OSError, match=r"tcp://127\.0\.0\.1:9"):
         list(Dask("tcp://127.0.0.1:9").run(square, [Job(1)]))
+    with pytest.raises(ValueError, match=r"^dask: got tcp://127\.0\.0\.1:9, expected a scheduler that runs: Timed out"):
+        Dask("tcp://127.0.0.1:9").check()
+
+
+def test_a_killed_scheduler_ends_the_run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("polhode.harness.engines.CONNECT_SECONDS", 3)
+    with dask_scheduler(tmp_path) as scheduler:
+        address = contact(tmp_path)
+
+        def jobs() -> Iterator[Job]:
+            yield Job(1)
+            scheduler.kill()
+            yield Job(2)
+
+        # No worker, no result: the run waits for as long as it may.
+        with pytest.raises(OSError, match=r"127\.0\.0\.1"):
+            list(Dask(address).run(square, jobs()))
 
 
 def test_dask_survives_the_kill_of_a_worker(cluster):
-    address, workers = cluster
+    address, workers, folder = cluster
     jobs = [Job(3000 + number, seconds=0.2) for number in range(30)]
     run = Dask(address).run(square, jobs)
     found = {next(run).task.number for _ in range(4)}
     workers[0].kill()
     found |= {outcome.task.number for outcome in run if outcome.value is not None}
     assert found == {job.number for job in jobs}
+    workers[0].wait()
+    workers[0] = dask_worker(folder)
 
 
 def test_spinning_takes_as_long_as_it_says():

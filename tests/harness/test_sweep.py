@@ -8,13 +8,14 @@ import sqlite3
 import subprocess
 import time
 import tomllib
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import pytest
 from commandline import SCRIPT, Run
 
-from polhode.harness.engines import Dask, Serial
+from polhode.harness.engines import Serial
 from polhode.harness.ensemble_summary import second_moments
 from polhode.harness.store import DamagedStoreError, Store
 from polhode.harness.sweep import gather, parse_sweep, read_sweep, run_sweep
@@ -133,19 +134,26 @@ def test_two_runs_at_once_share_a_store(polhode: Run, environment, sweep_file: P
     assert rows(path) == undisturbed
 
 
-@pytest.mark.parametrize("words", [("--workers", "0"), ("--workers", "2")], ids=["serial", "processes"])
-def test_ctrl_c_ends_cleanly_and_says_how_to_go_on(environment, sweep_file: Path, tmp_path: Path, undisturbed, words):
+@pytest.mark.parametrize(
+    ("number", "workers"),
+    [(signal.SIGINT, "0"), (signal.SIGINT, "2"), (signal.SIGTERM, "2")],
+    ids=["Ctrl-C", "Ctrl-C with processes", "terminated"],
+)
+def test_ends_cleanly_and_says_how_to_go_on(
+    environment, sweep_file: Path, tmp_path: Path, undisturbed, number: int, workers: str
+):
     path = tmp_path / "out" / "store.sqlite"
-    with start(tmp_path, environment, *words) as process:
+    with start(tmp_path, environment, "--workers", workers) as process:
         wait_for_rows(path, 2, process)
-        workers = children(process.pid)
-        process.send_signal(signal.SIGINT)
+        pids = children(process.pid)
+        process.send_signal(number)
         _, text = process.communicate(timeout=30)
     assert process.returncode == 1
     last = text.splitlines()[-1].rpartition("\r")[2].strip()
     assert last == "polhode: interrupted: finished tasks are in out/store.sqlite, --resume goes on"
     assert "Traceback" not in text
-    for pid in workers:
+    assert len(pids) == int(workers)
+    for pid in pids:
         assert not Path(f"/proc/{pid}").exists()
     early = rows(path)
     assert early.items() <= undisturbed.items()
@@ -175,13 +183,21 @@ def test_a_limit_of_file_size_loses_nothing(polhode: Run, environment, sweep_fil
     finish(polhode, path, undisturbed)
 
 
-def test_a_full_disk_loses_nothing(polhode: Run, environment, sweep_file: Path, tmp_path: Path, undisturbed):
-    folder = tmp_path / "out"
+@contextmanager
+def small_disk(folder: Path, size: str) -> Iterator[Path]:
+    """A disk of that size at the folder."""
     folder.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", "size=300k", "tmpfs", str(folder)]
+    mount = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(folder)]
     if os.geteuid() != 0 or subprocess.run(mount, capture_output=True, check=False).returncode:
         pytest.skip("a small disk needs the right to mount one")
     try:
+        yield folder
+    finally:
+        subprocess.run(["umount", "-l", str(folder)], check=True)
+
+
+def test_a_full_disk_loses_nothing(polhode: Run, environment, sweep_file: Path, tmp_path: Path, undisturbed):
+    with small_disk(tmp_path / "out", "300k") as folder:
         with start(tmp_path, environment, "--workers", "1") as process:
             _, text = process.communicate(timeout=100)
         assert process.returncode == 1
@@ -190,8 +206,15 @@ def test_a_full_disk_loses_nothing(polhode: Run, environment, sweep_file: Path, 
         assert "Traceback" not in text
         subprocess.run(["mount", "-o", "remount,size=30m", str(folder)], check=True)
         finish(polhode, folder / "store.sqlite", undisturbed)
-    finally:
-        subprocess.run(["umount", "-l", str(folder)], check=True)
+
+
+def test_no_room_for_a_store_is_no_damage(polhode: Run, sweep_file: Path, tmp_path: Path):
+    with small_disk(tmp_path / "out", "4k"):
+        done = polhode("sweep", "sweep.toml", "--out", "out", "--workers", "0")
+    assert done.returncode == 1
+    assert done.stderr == (
+        "polhode: out/store.sqlite: database or disk is full, expected a writable file and room for it; --resume goes on\n"
+    )
 
 
 @pytest.mark.parametrize("size", [100, 5000, 0.5])
@@ -210,15 +233,31 @@ def test_a_truncated_store_is_named_and_left_alone(polhode: Run, sweep_file: Pat
     assert path.read_bytes() == content
 
 
-def test_a_changed_number_is_noticed(tmp_path: Path):
+@pytest.mark.parametrize(
+    "damage",
+    [
+        """replace(result, '"particles": 20', '"particles": 21')""",
+        "substr(result, 1, 100)",
+        """'{"statistics": {}}'""",
+        "'[]'",
+    ],
+    ids=["another number", "cut off", "no checksum", "no record"],
+)
+def test_a_changed_record_is_named_and_left_alone(tmp_path: Path, damage: str):
     sweep = parse_sweep({**tomllib.loads(SWEEP), "particles": 20, "stokes": [200.0], "shapes": [[1.0, 1.0, 2.0]]})
-    with Store(tmp_path / "store.sqlite") as store:
+    path = tmp_path / "store.sqlite"
+    with Store(path) as store:
         run_sweep(sweep, store, Serial(), quiet=True)
         gather(sweep.ensembles[0], store)
-    with closing(sqlite3.connect(tmp_path / "store.sqlite")) as connection, connection:
-        connection.execute("""UPDATE cases SET result = replace(result, '"particles": 20', '"particles": 21')""")
-    with Store(tmp_path / "store.sqlite") as store, pytest.raises(DamagedStoreError, match="checksum"):
-        gather(sweep.ensembles[0], store)
+    with closing(sqlite3.connect(path)) as connection, connection:
+        connection.execute(f"UPDATE cases SET result = {damage}")
+    content = path.read_bytes()
+    with Store(path) as store:
+        assert run_sweep(sweep, store, Serial(), quiet=True).finished == 0
+        (key,) = store.keys()
+        with pytest.raises(DamagedStoreError, match=f"store.sqlite: the store is damaged: task {key} fails its checks"):
+            gather(sweep.ensembles[0], store)
+    assert path.read_bytes() == content
 
 
 def test_results_tell_what_the_store_holds(polhode: Run, sweep_file: Path, tmp_path: Path):
@@ -241,11 +280,10 @@ def test_results_tell_what_the_store_holds(polhode: Run, sweep_file: Path, tmp_p
     assert names == ["README.md", "arrivals.csv", "distributions.csv", "moments.csv", "slow.csv"]
 
 
-def test_dask_gives_the_same_numbers(cluster, tmp_path: Path, undisturbed):
-    path = tmp_path / "store.sqlite"
-    with Store(path) as store:
-        run_sweep(parse_sweep(tomllib.loads(SWEEP)), store, Dask(cluster[0]), quiet=True)
-    assert rows(path) == undisturbed
+def test_dask_gives_the_same_numbers(polhode: Run, cluster, sweep_file: Path, tmp_path: Path, undisturbed):
+    done = polhode("sweep", "sweep.toml", "--out", "out", "--quiet", "--dask", cluster[0])
+    assert (done.returncode, done.stdout, done.stderr) == (0, "out/README.md\n", "")
+    assert rows(tmp_path / "out" / "store.sqlite") == undisturbed
 
 
 @pytest.mark.parametrize(
@@ -278,7 +316,8 @@ def test_the_sweep_that_comes_with_the_package_is_one():
 
 
 @pytest.mark.parametrize(
-    "words", [("--workers", "-1"), ("--workers", "1", "--dask", "tcp://127.0.0.1:9"), ("none.toml",)]
+    "words",
+    [("--workers", "-1"), ("--workers", "1", "--dask", "tcp://127.0.0.1:9"), ("--dask", "foo"), ("none.toml",)],
 )
 def test_bad_options_get_one_line(polhode: Run, tmp_path: Path, words):
     done = polhode("sweep", *words, "--out", "out")

@@ -28,6 +28,15 @@ def square(job: Job) -> int:
     return job.number**2
 
 
+def hold(job: Job) -> None:
+    """Leave a mark with the own process id, then sleep."""
+    assert job.folder is not None
+    mark = job.folder / "begun"
+    mark.write_text(str(os.getpid()))
+    mark.rename(job.folder / job.key)
+    time.sleep(job.seconds)
+
+
 def spin(job: Job) -> int:
     """Use the processor for as many seconds."""
     end = time.perf_counter() + job.seconds

@@ -1,0 +1,35 @@
+"""Dask's own scheduler and workers, as processes on the loopback."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+TESTS = str(Path(__file__).parent)
+
+
+def dask_scheduler(folder: Path) -> subprocess.Popen:
+    """Start a scheduler, which leaves its address in the folder."""
+    return _start(folder, "scheduler", "--host", "127.0.0.1", "--port", "0")
+
+
+def dask_worker(folder: Path) -> subprocess.Popen:
+    """Start a worker of the folder's scheduler, with two threads."""
+    return _start(folder, "worker", "--nthreads", "2", "--no-nanny")
+
+
+def _start(folder: Path, role: str, *words: str) -> subprocess.Popen:
+    shared = ("--scheduler-file", "contact.json", "--no-dashboard")
+    environment = {**os.environ, "PYTHONPATH": TESTS, "POLHODE_CACHE": str(folder / "cache")}
+    command = [sys.executable, "-m", f"distributed.cli.dask_{role}", *words, *shared]
+    return subprocess.Popen(command, env=environment, cwd=folder, stderr=subprocess.DEVNULL)
+
+
+def contact(folder: Path, seconds: float = 60) -> str:
+    """Address of the scheduler that was started in the folder."""
+    path, end = folder / "contact.json", time.monotonic() + seconds
+    while not (path.exists() and path.read_text()) and time.monotonic() < end:
+        time.sleep(0.05)
+    return json.loads(path.read_text())["address"]
