@@ -32,5 +32,5 @@ trap 'exit 130' INT TERM
 rm -rf "$venv"
 echo "polhode: setting up $venv with $("$python" --version)" >&2
 "$python" -m venv "$venv"
-"$venv/bin/python" -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
+"$venv/bin/python" -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dask,dev]'
 trap - EXIT
