@@ -56,7 +56,8 @@ def _arrival(slow_times: np.ndarray, slow: np.ndarray) -> float:
 def figure_endings(data: Data) -> Figure:
     """Arrival times against each other, and the shares."""
     figure, (left, right) = panels(1, 2, 3.9, 3.2)
-    left.plot([0, ENDING_TIME], [0, ENDING_TIME], color=AVERAGED, linewidth=0.8)
+    ends = [0.9 * min(data[""]["averaged"]), 1.1 * max(data[""]["full"])]
+    left.plot(ends, ends, color=AVERAGED, linewidth=0.8, label="equal")
     for color, (stokes, part) in zip(CYCLE, groups(data[""], "stokes"), strict=False):
         left.plot(part["averaged"], part["full"], ".", color=color, markersize=4, label=f"St = {power(stokes)}")
     label(left, "arrival of the averaged run, slow time", "arrival of the full run, slow time").legend()

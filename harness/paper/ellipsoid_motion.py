@@ -161,7 +161,8 @@ def figure_singular(data: Data) -> Figure:
     label(axes[0], "slow time from the singular point", r"$y = \mu'\delta$").legend()
     label(axes[1], "slow time from the singular point", "$L_z'/I_{max}$")
     for own in axes[:2]:
-        own.locator_params(axis="x", nbins=5)
+        own.locator_params(nbins=5)
+    axes[1].ticklabel_format(axis="y", style="sci", scilimits=(-2, 2), useMathText=True)
     logarithmic(label(axes[2], r"$y = \mu'\delta$", "$|dy/dt_2|$"), "x")
     logarithmic(label(axes[3], r"$y = \mu'\delta$", "$|dL_z'/dt_2|/I_{max}$"), "x")
     return figure

@@ -64,7 +64,7 @@ def figure_top(data: Data) -> Figure:
     unit_sphere(axes)
     table = data[""]
     axes.plot(table["x"], table["y"], table["z"], color=BLUE, linewidth=0.6)
-    axes.scatter(table["x"][0], table["y"][0], table["z"][0], color=VERMILLION, s=18)
+    axes.plot(table["x"][:1], table["y"][:1], table["z"][:1], "o", color=VERMILLION, markersize=5, zorder=5)
     return figure
 
 
@@ -105,7 +105,7 @@ def verdict_symmetric(data: Data) -> Verdict:
     expected = 2 * pi * SYMMETRIC.inertia[0] / float(numbers["momentum"][0])
     found = (
         Number("variation of the nutation angle", float(np.ptp(nutation)), high=1e-6, unit="rad"),
-        Number.near("measured precession period over 2πI_e/L", period / expected, 1.0, 1e-6),
+        Number("relative difference of the measured period from 2πI_e/L", abs(period / expected - 1), high=1e-6),
         Number("closed form against integration, largest |Δt_ij|", float(numbers["difference"][0]), high=1e-10),
     )
     sentence = f"The axis describes a circle {angle:.1f}° from L, once in {period:.5g} = 2πI_e/L."

@@ -1,0 +1,141 @@
+"""The transient of order √St of a particle that starts from rest."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from polhode.harness.paper.drawing import BLUE, CYCLE, NODE, draw_law, groups, label, logarithmic, panels, power
+from polhode.harness.paper.item import Data, Grid, Number, Table, Verdict, Word
+from polhode.harness.paper.planes import columns, stacked
+from polhode.harness.paper.runs import Run, full_run, power_law
+from polhode.harness.paper.slow_motion import NAMES
+from polhode.models.scene import EulerStart, Scene
+from polhode.models.shape import Ellipsoid
+
+# Rotation, in rad, of a particle since its start that marks the onset of inertia.
+ONSET = 1.0
+# Smallest St of the fits of the transient.
+LARGE = 5e5
+# Scaled time up to which the magnified views go.
+EARLY = 2.0
+
+
+@dataclass(frozen=True)
+class Transient:
+    """A particle from rest at several St, followed for some √St.
+
+    Parameters
+    ----------
+    ellipsoid : Ellipsoid
+    start : EulerStart
+    """
+
+    ellipsoid: Ellipsoid
+    start: EulerStart
+    stokes: tuple[float, ...] = (50.0, 500.0, 5e3, 5e4, 5e5)
+    scaled_time: float = 6.0
+
+    def compute(self, grid: Grid) -> Data:
+        """Slow variables against t/√St, and the onset at each St."""
+        scaled = np.linspace(0.0, self.scaled_time, grid.of(4001, 2001))
+        parts, rows = [], []
+        for stokes in (*self.stokes, 5e6, 5e7):
+            times = scaled * stokes**0.5
+            run = full_run(Scene(self.ellipsoid, stokes, self.start, times[-1]), times)
+            if stokes in self.stokes:
+                values = dict(zip(NAMES, run.slow[::8].T, strict=True))
+                parts.append(({"stokes": stokes}, {"scaled": scaled[::8], **values}))
+            rows.append((stokes, *onset_of(run, scaled)))
+        return {"": stacked(parts), "onset": columns("stokes turned wiggle speed", rows)}
+
+    def figure(self, data: Data) -> Figure:
+        """Four variables as they are; three of them, scaled, at the largest St; the onset."""
+        figure, axes = panels(3, 3, 3.2, 2.3)
+        onset = float(np.mean(data["onset"]["turned"][-2:]))
+        for place, (name, text) in zip((0, 1, 3, 4), NAMES.items(), strict=True):
+            self._draw(axes[place], data[""], name, text, onset)
+        for own, name in zip(axes[6:], ("Ly", "Lz", "E"), strict=True):
+            root = "\\mathrm{St}\\," if name == "E" else "\\mathrm{St}^{1/2}\\,"
+            large = {key: column[data[""]["stokes"] >= 5e3] for key, column in data[""].items()}
+            early = {key: column[large["scaled"] <= EARLY] for key, column in large.items()}
+            scaled = early | {name: early[name] * early["stokes"] ** (1.0 if name == "E" else 0.5)}
+            self._draw(own, scaled, name, f"${root}" + NAMES[name][1:], onset)
+        found = data["onset"]
+        for color, marker, name, text in (
+            (BLUE, "o", "turned", "turned by 1 rad"),
+            (NODE, "s", "wiggle", "first wiggle"),
+        ):
+            axes[2].plot(found["stokes"], found[name] * found["stokes"] ** 0.5, marker, color=color, label=text)
+        draw_law(axes[2], found["stokes"], onset * found["stokes"][-1] ** 0.5, 0.5)
+        logarithmic(label(axes[2], "Stokes number St", "onset time $t\\dot\\gamma$")).legend()
+        axes[5].axis("off")
+        handles, names = axes[0].get_legend_handles_labels()
+        axes[5].legend(handles, names, loc="center")
+        return figure
+
+    def _draw(self, axes: Axes, table: Table, name: str, text: str, onset: float) -> None:
+        for stokes, part in groups(table, "stokes"):
+            color = CYCLE[self.stokes.index(stokes)]
+            axes.plot(part["scaled"], part[name], color=color, linewidth=0.8, label=f"St = {power(stokes)}")
+        axes.axvline(onset, color="0.4", linestyle=":", label="turned by 1 rad")
+        label(axes, "$t\\dot\\gamma/\\mathrm{St}^{1/2}$", text)
+
+    def verdict(self, data: Data) -> Verdict:
+        """Exponent of the onset, and its range over the Stokes numbers shown."""
+        found = {name: column[data["onset"]["stokes"] >= LARGE] for name, column in data["onset"].items()}
+        shown = {name: column[data["onset"]["stokes"] <= self.stokes[-1]] for name, column in data["onset"].items()}
+        root = found["stokes"] ** 0.5
+        turned, wiggle = (power_law(found["stokes"], found[name] * root).exponent for name in ("turned", "wiggle"))
+        speed = power_law(found["stokes"], found["speed"]).exponent
+        numbers = (
+            Number.near(f"exponent in St of the time of the first radian, St ≥ {LARGE:g}", turned, 0.5, 0.02),
+            Number.near("exponent of the time of the first wiggle", wiggle, 0.5, 0.05),
+            Number.near("exponent of the angular velocity at t = √St", speed, -0.5, 0.05),
+            Number("time of the first radian over √St, largest St", float(found["turned"][-1]), 0.1, 1.0, "1/γ̇"),
+            Number("time of the first wiggle over √St, largest St", float(found["wiggle"][-1]), 0.1, 2.0, "1/γ̇"),
+        )
+        sentence = (
+            f"At large St the particle has turned by one radian at t = {found['turned'][-1]:.2f} √St, and the power of "
+            f"the torque falls for the first time, the first wiggle, at {found['wiggle'][-1]:.2f} √St. At t = √St the "
+            f"angular velocity is still of order St^({speed:.2f}), not of order one as an earlier sentence of the "
+            f"paper has it. From St = {self.stokes[0]:g} to {self.stokes[-1]:g} these times are not quite the same, "
+            f"{_range(shown['turned'])} √St and {_range(shown['wiggle'])} √St."
+        )
+        return Verdict(Word.SHARPENED, sentence, numbers)
+
+    def caption(self, data: Data) -> str:
+        """What the figure shows."""
+        axes = ", ".join(f"{length:g}" for length in self.ellipsoid.semi_axes)
+        angles = ", ".join(f"{value:g}" for value in self.start.angles)
+        return (
+            f"Slow variables of ({axes}) from rest at (θ, φ, ψ) = ({angles}) against t/√St; below, early and scaled by "
+            "√St and St, from St = 5000 on; dotted, where the particle has turned by one radian at the largest St; "
+            "right, the onset against St."
+        )
+
+
+def onset_of(run: Run, scaled: np.ndarray) -> tuple[float, float, float]:
+    """Scaled times of the first radian and of the first wiggle, and the angular velocity at t = √St."""
+    speed = angular_speed(run)
+    steps = np.diff(run.times) * (speed[1:] + speed[:-1]) / 2
+    turned = float(np.interp(ONSET, np.concatenate([[0.0], np.cumsum(steps)]), scaled))
+    power_ = np.gradient(run.observables.energy, run.times)
+    falling = np.flatnonzero((np.diff(power_) < 0) & (scaled[1:] > 3 * (scaled[1] - scaled[0])))
+    return turned, float(scaled[falling[0]]), float(np.interp(1.0, scaled, speed))
+
+
+def angular_speed(run: Run) -> np.ndarray:
+    """|ω| in units of the shear rate, shape (n,), from L and the orientation; a spheroid's axis is enough."""
+    momentum, rotation = run.observables.angular_momentum, run.observables.rotation
+    inertia = np.array(run.scene.ellipsoid.inertia)
+    axial = np.einsum("nj,nj->n", rotation[:, 2], momentum)
+    if run.scene.ellipsoid.kind == "triaxial":
+        return np.linalg.norm(np.einsum("nij,nj->ni", rotation, momentum) / inertia, axis=1)
+    across = np.linalg.norm(momentum - axial[:, None] * rotation[:, 2], axis=1)
+    return np.hypot(axial / inertia[2], across / inertia[0])
+
+
+def _range(values: np.ndarray) -> str:
+    return f"{values.min():.2g} … {values.max():.2g}"
