@@ -4,7 +4,7 @@ from typing import Any
 
 from polhode.harness.machine import machine, versions
 from polhode.harness.site.markup import Page, bullets, missing, table
-from polhode.harness.site.sources import Sources, StudyRecords
+from polhode.harness.site.sources import Sources, StudyRecords, measured
 
 LEAD = "Times belong to the machine they were measured on; errors and counts carry over to others."
 
@@ -29,16 +29,24 @@ def about_page(sources: Sources) -> Page:
 def _row(study: StudyRecords) -> list[str]:
     machines = {_machine(record["machine"]) for record in study.records if isinstance(record.get("machine"), dict)}
     packages = {_versions(record["versions"]) for record in study.records if isinstance(record.get("versions"), dict)}
-    dates = sorted({str(record["date"])[:10] for record in study.records if record.get("date")})
     sentinels = [record["sentinel_seconds"] for record in study.records if record.get("sentinel_seconds")]
     spread = f"{min(sentinels) * 1e6:.0f} to {max(sentinels) * 1e6:.0f} µs" if sentinels else "–"
     scenes = study.groups()
-    when = " to ".join(dict.fromkeys((dates[0], dates[-1]))) if dates else "–"
-    return [study.name, str(len(study.records)), str(len(scenes)), _all(machines), _all(packages), when, spread]
+    when = measured([study]) or "–"
+    elsewhere = f"see reports/{study.name.partition('/')[0]}/README.md"
+    return [
+        study.name,
+        str(len(study.records)),
+        str(len(scenes)),
+        _all(machines) or elsewhere,
+        _all(packages) or elsewhere,
+        when,
+        spread,
+    ]
 
 
 def _all(texts: set[str]) -> str:
-    return "; ".join(sorted(texts)) or "–"
+    return "; ".join(sorted(texts))
 
 
 def _machine(content: dict[str, Any]) -> str:

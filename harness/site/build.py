@@ -15,7 +15,7 @@ from polhode.harness.site.laws_page import laws_page
 from polhode.harness.site.markup import Page, document
 from polhode.harness.site.motion_page import motion_page
 from polhode.harness.site.paper_page import copy_figures, paper_page
-from polhode.harness.site.sources import read_sources
+from polhode.harness.site.sources import measured, read_sources
 from polhode.harness.site.verdict_page import verdict_page
 from polhode.models.scene import Scene
 
@@ -64,7 +64,7 @@ def build(reports: Path, out: Path, scenes: dict[str, Scene], tell: Callable[[st
         "motion": lambda: motion_page(scenes, tell),
         "about": lambda: about_page(sources),
     }
-    foot = _foot()
+    foot = _foot(measured(sources.studies.values()))
     for name, make in makers.items():
         tell(MENU[name])
         with PartialFile(out / f"{name}.html") as file:
@@ -73,11 +73,12 @@ def build(reports: Path, out: Path, scenes: dict[str, Scene], tell: Callable[[st
     return out / "index.html"
 
 
-def _foot() -> str:
+def _foot(when: str) -> str:
     here, packages = machine(), versions()
     libraries = ", ".join(f"{name} {number}" for name, number in packages.items())
     today = datetime.now(UTC).strftime("%Y-%m-%d")
+    data = f"Data measured {when}. " if when else ""
     return escape(
-        f"Built on {today} by polhode report, {here['processor']}, {here['system']}, Python {here['python']}; "
+        f"{data}Built on {today} by polhode report, {here['processor']}, {here['system']}, Python {here['python']}; "
         f"{libraries}."
     )

@@ -111,7 +111,7 @@ def bullets(sentences: Iterable[str]) -> str:
 
 def missing(what: str, command: str) -> str:
     """Say what is not there yet, and how to make it."""
-    return f'<p class="missing">{escape(what)} not there yet. <code>{escape(command)}</code> makes it.</p>'
+    return f'<p class="missing">{escape(what)} not there yet; to make: <code>{escape(command)}</code></p>'
 
 
 def chart(key: str, caption: str) -> str:

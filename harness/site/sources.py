@@ -2,7 +2,7 @@
 
 import csv
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,7 +13,7 @@ import pandas as pd
 from polhode.harness.accuracy import VARIABLES, Measured
 from polhode.harness.paper import store as paper_store
 from polhode.harness.paper.catalogue import sections
-from polhode.harness.paper.item import Data
+from polhode.harness.paper.item import Data, Item
 from polhode.harness.store import DamagedStoreError, Record, Store, read_export
 from polhode.harness.tables import frame, where
 from polhode.models.scene import Scene
@@ -53,6 +53,10 @@ class StudyRecords:
             found += [(str(scene), stokes, where(own, own["stokes"] == stokes)) for stokes in numbers]
         return found
 
+    def days(self) -> list[str]:
+        """Days on which runs were measured, as far as the records tell, in order."""
+        return sorted({str(record["date"])[:10] for record in self.records if record.get("date")})
+
     def scenes(self) -> dict[str, Scene]:
         """Scenes by their contents as JSON."""
         contents = {json.dumps(record["scene"], sort_keys=True) for record in self.records if "scene" in record}
@@ -83,13 +87,32 @@ class Sources:
 
     @cached_property
     def paper(self) -> dict[str, Data]:
-        """Data of the paper's items that are there, by item."""
-        found = {
-            item.name: paper_store.read(self.folder / "paper" / section.name, item)
-            for section in sections()
-            for item in section.items
-        }
-        return {name: content[0] for name, content in found.items() if content is not None}
+        """Data of the paper's items that are there, by item; those that other code left behind are not."""
+        found = {}
+        for section in sections():
+            for item in section.items:
+                content = paper_store.read(self.folder / "paper" / section.name, item)
+                if content is not None and _understood(item, content[0]):
+                    found[item.name] = content[0]
+        return found
+
+
+def _understood(item: Item, data: Data) -> bool:
+    """Whether the item as it is now can tell anything of the data."""
+    try:
+        item.verdict(data)
+        item.caption(data)
+    except (LookupError, ValueError, TypeError):
+        return False
+    return True
+
+
+def measured(studies: Iterable[StudyRecords]) -> str:
+    """On which day, or from when to when, runs were measured; empty where no record tells."""
+    days = sorted({day for study in studies for day in study.days()})
+    if not days:
+        return ""
+    return f"on {days[0]}" if len(days) == 1 else f"from {days[0]} to {days[-1]}"
 
 
 def read_sources(folder: Path) -> Sources:

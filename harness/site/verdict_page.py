@@ -7,7 +7,7 @@ from polhode.harness.regime_page import COLORS
 from polhode.harness.regimes import Cell, cells
 from polhode.harness.regimes import sentences as map_sentences
 from polhode.harness.site.markup import Page, bullets, missing, scroll
-from polhode.harness.site.sources import Sources, StudyRecords
+from polhode.harness.site.sources import Sources, StudyRecords, measured
 from polhode.harness.tables import where
 from polhode.harness.text import duration
 from polhode.harness.verdict import TIE, sentences
@@ -45,6 +45,8 @@ def verdict_page(sources: Sources) -> Page:
     study = regimes or sources.studies.get("bench")
     body += _maps(study) if study else []
     body.append("<p>For a scene of your own: <code>polhode pick ice.toml --error 1e-6 --want slow</code>.</p>")
+    if when := measured(study for study in (sources.studies.get("bench"), regimes) if study):
+        body.append(f"<p class=note>Measured {when}.</p>")
     return Page("index", TITLE, LEAD, "".join(body), tuple(made_by))
 
 
@@ -58,7 +60,7 @@ def _maps(study: StudyRecords) -> list[str]:
             if len(runs[error].dropna()):
                 found = cells(runs, error)
                 title = f"<h3>{escape(str(scene))}: {what}</h3>{bullets(map_sentences(found, what))}"
-                parts.append(f"{title}{_map(found, unit)}")
+                parts.append(f'<section class="region">{title}{_map(found, unit)}</section>')
     if not parts:
         return []
     text = (

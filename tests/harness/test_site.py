@@ -12,11 +12,15 @@ from commandline import STUDY, Run
 from sites import C, data_of, site
 
 from polhode.harness.outcomes import outcome, reasons, write_page
+from polhode.harness.paper import store
+from polhode.harness.paper.catalogue import sections
+from polhode.harness.paper.item import Grid
 from polhode.harness.regimes import cells
 from polhode.harness.site.build import MENU
 from polhode.harness.site.markup import bullets, plain
 from polhode.harness.site.motion_page import examples, motion
 from polhode.harness.site.sources import read_sources
+from polhode.harness.store import export
 from polhode.harness.study import parse_study
 from polhode.harness.text import duration
 from polhode.models.scenes import named_scene
@@ -41,7 +45,30 @@ COMMANDS = {
 @pytest.mark.parametrize("name", COMMANDS)
 def test_what_is_missing_is_named_with_its_command(bare: dict[str, str], name: str):
     messages = re.findall(r'<p class="missing">.*?</p>', bare[name])
-    assert any(f"<code>{COMMANDS[name]}</code> makes it" in message for message in messages)
+    assert any(f"to make: <code>{COMMANDS[name]}</code>" in message for message in messages)
+
+
+def test_every_page_tells_when_its_data_were_measured(tmp_path: Path, site_reports: Path, bare: dict[str, str]):
+    reports = tmp_path / "reports"
+    for name, days in (("one", ("2031-02-03T04:05:06Z", "2031-02-04T00:00:00Z")), ("two", ("2031-02-03T23:59:59Z",))):
+        (reports / name).mkdir(parents=True)
+        records = [{**record, "date": days[-1]} for record in read_sources(site_reports).studies["bench"].records]
+        records[0]["date"] = days[0]
+        export(records, reports / name / "records.jsonl")
+    pages = site(tmp_path / "site", reports)
+    assert all("Data measured from 2031-02-03 to 2031-02-04." in page for page in pages.values())
+    about = re.findall(r"<td>on (\S+)</td>|<td>from (\S+) to (\S+)</td>", pages["about"])
+    assert about == [("", "2031-02-03", "2031-02-04"), ("2031-02-03", "", "")]
+    assert not any("Data measured" in page for page in bare.values())
+
+
+def test_data_of_the_paper_that_other_code_left_are_named_as_missing(tmp_path: Path):
+    section, item = next((section, item) for section in sections() for item in section.items)
+    store.write(
+        tmp_path / "reports" / "paper" / section.name, item, Grid.REDUCED, {"else": {"unknown": np.arange(3.0)}}
+    )
+    page = site(tmp_path / "site", tmp_path / "reports")["paper"]
+    assert "to make: <code>polhode paper</code>" in page
 
 
 @pytest.mark.parametrize("name", MENU)
