@@ -13,8 +13,18 @@ from polhode.harness.study import Study
 from polhode.harness.tables import frame, where
 from polhode.harness.text import bracketed, duration, markdown, scientific
 from polhode.harness.uncertainty import BRACKETS, least_known, uncertainty_of
-from polhode.harness.verdict import TARGETS, averaged_costs, cheapest, sentences
+from polhode.harness.verdict import TARGETS, averaged_costs, by_scene, cheapest, sentences
 from polhode.solvers.contract import Status
+
+# By the name of their file: error, label of its axis, and what stands for the picture where it is not shown.
+FIGURES = {
+    "slow": ("slow_error", "slow error over $I_{max}$", "Wall time against slow error, one panel per St"),
+    "orientation": (
+        "orientation_error",
+        "orientation error, rad",
+        "Wall time against orientation error, one panel per St",
+    ),
+}
 
 
 def write_page(study: Study, records: Sequence[Record], folder: Path, command: str) -> Path:
@@ -22,11 +32,19 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     table = frame(records)
     folder.mkdir(parents=True, exist_ok=True)
     export(list(records), folder / "records.jsonl")
-    save(work_precision_panels(table, "slow_error", "slow error over $I_{max}$"), folder, "slow")
-    save(work_precision_panels(table, "orientation_error", "orientation error, rad"), folder, "orientation")
+    for (scene, runs), ending in zip(by_scene(table), _endings(table), strict=True):
+        for name, (error, label, _) in FIGURES.items():
+            if len(runs[error].dropna()):
+                title = f"{scene}: {label}" if scene else label
+                save(work_precision_panels(runs, error, title), folder, f"{name}{ending}")
     page = folder / "README.md"
     page.write_text("\n".join(_lines(study, table, records, command)), encoding="utf-8")
     return page
+
+
+def _endings(table: pd.DataFrame) -> list[str]:
+    """What is added to the names of each scene's figures: nothing to those of the first."""
+    return ["", *(f"-{scene}" for scene, _ in by_scene(table)[1:])]
 
 
 def _lines(study: Study, table: pd.DataFrame, records: Sequence[Record], command: str) -> list[str]:
@@ -36,18 +54,16 @@ def _lines(study: Study, table: pd.DataFrame, records: Sequence[Record], command
         "",
         *(f"- {sentence}" for sentence in [*sentences(table), *averaged_costs(table)]),
         "",
-        "The cheapest run that meets a slow error (form, solver, tolerance: time; methods within 15 % of it):",
-        "",
-        _winners(table, "slow_error"),
-        "The same for the orientation error, in rad:",
-        "",
-        _winners(table, "orientation_error"),
+        *(line for scene, runs in by_scene(table) for line in _best(scene, runs)),
         "## Cost against error",
         "",
-        "![Wall time against slow error, one panel per St](slow.png)",
-        "",
-        "![Wall time against orientation error, one panel per St](orientation.png)",
-        "",
+        *(
+            line
+            for (scene, runs), ending in zip(by_scene(table), _endings(table), strict=True)
+            for name, (error, _, text) in FIGURES.items()
+            if len(runs[error].dropna())
+            for line in (f"![{f'{scene}: ' if scene else ''}{text}]({name}{ending}.png)", "")
+        ),
         "## Every run",
         "",
         f"Times are the minimum of up to five warm runs in interleaved order, over {study.samples} samples; "
@@ -55,8 +71,21 @@ def _lines(study: Study, table: pd.DataFrame, records: Sequence[Record], command
         "averaged form is split into solver error and model error; *RHS* counts every call of the vector field. "
         f"{BRACKETS}",
         "",
-        *_every_run(table),
+        *(line for scene, runs in by_scene(table) for line in _every_run(scene, runs)),
         _uncertainties(table),
+    ]
+
+
+def _best(scene: str, runs: pd.DataFrame) -> list[str]:
+    """Who is the cheapest at each error."""
+    return [
+        *([f"### The cheapest: {scene}", ""] if scene else []),
+        "The cheapest run that meets a slow error (form, solver, tolerance: time; methods within 15 % of it):",
+        "",
+        _winners(runs, "slow_error"),
+        "The same for the orientation error, in rad:",
+        "",
+        _winners(runs, "orientation_error"),
     ]
 
 
@@ -83,14 +112,18 @@ def _winners(table: pd.DataFrame, error: str) -> str:
     return markdown(["error", *(f"St = {stokes:g}" for stokes in numbers)], rows)
 
 
-def _every_run(table: pd.DataFrame) -> list[str]:
+def _every_run(scene: str, table: pd.DataFrame) -> list[str]:
     lines = []
     for stokes in sorted(set(table["stokes"].astype(float))):
         runs = where(table, table["stokes"] == stokes)
         rows = [_row(run) for run in runs.to_dict("records")]
-        header = ["form", "solver", "tolerance", "slow error", "of which solver", "of which model", "orientation"]
-        header += ["time", "spread", "first", "RHS", "steps", "status"]
-        lines += [f"### St = {stokes:g}", "", markdown(header, rows, right=range(2, 12))]
+        columns = ["form", "solver", "tolerance", "slow error", "of which solver", "of which model", "orientation"]
+        columns += ["time", "spread", "first", "RHS", "steps", "status"]
+        lines += [
+            f"### {f'{scene}, ' if scene else ''}St = {stokes:g}",
+            "",
+            markdown(columns, rows, right=range(2, 12)),
+        ]
     return lines
 
 
@@ -131,11 +164,11 @@ def _count(value: Any) -> str:
 
 def _uncertainties(table: pd.DataFrame) -> str:
     rows = []
-    for stokes in sorted(set(table["stokes"].astype(float))):
-        runs = where(table, (table["stokes"] == stokes) & table["slow_uncertainty"].notna())
-        if not runs.empty:
-            first = runs.iloc[0]
+    for scene, runs in by_scene(where(table, table["slow_uncertainty"].notna())):
+        for stokes in sorted(set(runs["stokes"].astype(float))):
+            first = where(runs, runs["stokes"] == stokes).iloc[0]
             numbers = scientific(first["slow_uncertainty"]), scientific(first["orientation_uncertainty"])
-            rows.append([f"{stokes:g}", *numbers])
+            rows.append([*([scene] if scene else []), f"{stokes:g}", *numbers])
     text = "Uncertainty of the references (long double Taylor runs; not less than what half an ulp in the start makes):"
-    return f"{text}\n\n{markdown(['St', 'slow', 'orientation, rad'], rows)}"
+    columns = [*(["scene"] if rows and len(rows[0]) == 4 else []), "St", "slow", "orientation, rad"]
+    return f"{text}\n\n{markdown(columns, rows)}"

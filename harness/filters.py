@@ -24,14 +24,14 @@ def chosen(
     """
     offered = {
         "scene": (scenes, {name for name, _ in study.scenes}),
-        "tag": (tags, {tag for own in study.tags.values() for tag in own}),
+        "tag": (tags, {tag for own in study.choices.values() for tag in own.tags}),
         "form": (forms, study.forms),
         "solver": (solvers, study.solvers),
     }
     wanted = {kind: _offered(kind, names, known) for kind, (names, known) in offered.items()}
 
     def kept(name: str, scene: Scene) -> bool:
-        own = study.tags.get((name, scene.stokes), ())
+        own = study.choice(name, scene).tags
         return (not wanted["scene"] or name in wanted["scene"]) and (
             not wanted["tag"] or not wanted["tag"].isdisjoint(own)
         )

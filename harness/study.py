@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from importlib.resources import files
 from pathlib import Path
-from typing import Annotated, Any, Protocol
+from typing import Annotated, Any, Literal, Protocol
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
@@ -21,6 +21,8 @@ from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Backend, Jacobian, SolverNotValidError
 
 QUICK_SECONDS = 0.2
+# What a study may say of a built-in scene.
+BESIDE_BUILTIN = ("time", "tags", "forms", "solvers")
 
 
 def _as_list(value: Any) -> Any:
@@ -29,18 +31,23 @@ def _as_list(value: Any) -> Any:
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
 Stokes = Annotated[float, Field(ge=0)]
+Page = Literal["costs", "outcomes"]
+"""What the page of a study is about: which run is the cheapest, or who gets through."""
 
 
 class StudySceneTable(BaseModel):
     """``[[scenes]]``: a scene file's contents with a name, and one or several Stokes numbers.
 
-    ``{name = "pinch-point", builtin = true}`` stands for a built-in scene. Tags are what a run may be limited to.
+    ``{name = "pinch-point", builtin = true}`` stands for a built-in scene, `time` beside it for another duration. Tags
+    are what a run may be limited to; forms and solvers, some of the study's, limit those of the scene.
     """
 
     model_config = ConfigDict(extra="allow", strict=True)
     name: Name
     stokes: Annotated[list[Stokes], Field(min_length=1), BeforeValidator(_as_list)]
     tags: list[str] = []
+    forms: Annotated[list[str], Field(min_length=1)] | None = None
+    solvers: Annotated[list[str], Field(min_length=1)] | None = None
 
 
 class StudyTable(BaseModel):
@@ -56,6 +63,7 @@ class StudyTable(BaseModel):
     solvers: Annotated[list[str], Field(min_length=1)] = list(SOLVERS)
     backends: Annotated[list[Backend], Field(min_length=1)] | None = None
     jacobians: Annotated[list[Jacobian], Field(min_length=1)] | None = None
+    page: Page | None = None
     scenes: Annotated[list[StudySceneTable], Field(min_length=1)]
 
     @model_validator(mode="after")
@@ -64,6 +72,12 @@ class StudyTable(BaseModel):
             for name in names:
                 if name not in known:
                     raise ValueError(f"got {name!r} in {kind}, expected some of {', '.join(known)}")
+        for scene in self.scenes:
+            for kind, own, known in (("forms", scene.forms, self.forms), ("solvers", scene.solvers, self.solvers)):
+                for name in own or ():
+                    if name not in known:
+                        expected = f"some of the study's: {', '.join(known)}"
+                        raise ValueError(f"got {name!r} in {kind} of scene {scene.name!r}, expected {expected}")
         return self
 
     @model_validator(mode="after")
@@ -91,11 +105,23 @@ class Batches(Protocol):
 
 
 @dataclass(frozen=True)
+class Choice:
+    """What a study says of one scene: its tags, and the forms and solvers it is limited to, if it is."""
+
+    tags: tuple[str, ...] = ()
+    forms: tuple[str, ...] | None = None
+    solvers: tuple[str, ...] | None = None
+
+
+ANY = Choice()
+
+
+@dataclass(frozen=True)
 class Study:
     """What to measure: every solver on every form of every scene, from the loosest tolerance to the tightest.
 
     Where back ends or Jacobians are named, every solver runs with each of them that it offers; else with its first one.
-    Tags belong to a scene's name and St.
+    Choices belong to a scene's name and St.
     """
 
     name: str
@@ -108,19 +134,24 @@ class Study:
     max_seconds: float
     backends: tuple[Backend, ...] | None = None
     jacobians: tuple[Jacobian, ...] | None = None
-    tags: Mapping[tuple[str, float], tuple[str, ...]] = field(default_factory=dict)
+    choices: Mapping[tuple[str, float], Choice] = field(default_factory=dict)
+    page: Page = "costs"
 
     def batches(self) -> Iterator[list[Case]]:
         """Cases in batches that are timed in interleaved order: one scene, form and tolerance, all solvers."""
         for scene_name, scene in self.scenes:
-            tags = self.tags.get((scene_name, scene.stokes), ())
+            choice = self.choice(scene_name, scene)
             for form_name in self.forms:
+                if choice.forms is not None and form_name not in choice.forms:
+                    continue
                 try:
                     problem = find_form(form_name).problem(scene)
                 except FormNotValidError:
                     continue
                 accepted = []
                 for solver_name in self.solvers:
+                    if choice.solvers is not None and solver_name not in choice.solvers:
+                        continue
                     try:
                         find_solver(solver_name).check(problem)
                     except SolverNotValidError:
@@ -138,11 +169,15 @@ class Study:
                             self.max_seconds,
                             backend,
                             jacobian,
-                            tags,
+                            choice.tags,
                         )
                         for solver_name in accepted
                         for backend, jacobian in self._ways(solver_name)
                     ]
+
+    def choice(self, scene_name: str, scene: Scene) -> Choice:
+        """What the study says of a scene."""
+        return self.choices.get((scene_name, scene.stokes), ANY)
 
     def _ways(self, solver_name: str) -> list[tuple[Backend | None, Jacobian | None]]:
         """Back ends and Jacobians with which to run a solver."""
@@ -198,11 +233,18 @@ def parse_study(contents: dict[str, Any]) -> Study:
         table.max_seconds,
         tuple(table.backends) if table.backends else None,
         tuple(table.jacobians) if table.jacobians else None,
-        {(scene.name, stokes): tuple(scene.tags) for scene in table.scenes for stokes in scene.stokes},
+        {(scene.name, stokes): _choice(scene) for scene in table.scenes for stokes in scene.stokes},
+        # Which is the cheapest makes sense for one scene; several ask who gets through.
+        table.page or ("costs" if len({scene.name for scene in table.scenes}) == 1 else "outcomes"),
     )
     if not any(study.batches()):
         raise ValueError(f"forms: got {list(study.forms)}, expected one that some scene and solver accept")
     return study
+
+
+def _choice(table: StudySceneTable) -> Choice:
+    forms, solvers = (None if names is None else tuple(names) for names in (table.forms, table.solvers))
+    return Choice(tuple(table.tags), forms, solvers)
 
 
 def _with_builtin_scenes(contents: dict[str, Any]) -> dict[str, Any]:
@@ -216,11 +258,12 @@ def _with_builtin_scenes(contents: dict[str, Any]) -> dict[str, Any]:
 def _spelled_out(position: int, scene: Any) -> Any:
     if not (isinstance(scene, dict) and scene.get("builtin") is True):
         return scene
-    if set(scene) - {"tags"} != {"name", "builtin"}:
-        raise ValueError(f"scenes[{position}]: got {sorted(scene)}, expected name, builtin and perhaps tags")
-    tags = {"tags": scene["tags"]} if "tags" in scene else {}
+    if not {"name", "builtin"} <= set(scene) <= {"name", "builtin", *BESIDE_BUILTIN}:
+        expected = f"name, builtin and perhaps {', '.join(BESIDE_BUILTIN)}"
+        raise ValueError(f"scenes[{position}]: got {sorted(scene)}, expected {expected}")
+    own = {key: value for key, value in scene.items() if key in BESIDE_BUILTIN}
     try:
-        return {"name": scene["name"], **tags, **scene_table(named_scene(scene["name"]))}
+        return {"name": scene["name"], **scene_table(named_scene(scene["name"])), **own}
     except ValueError as error:
         raise ValueError(f"scenes[{position}]: {error}") from None
 

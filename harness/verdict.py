@@ -3,12 +3,15 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import pandas as pd
 
 from polhode.harness.tables import where
+from polhode.harness.text import scientific
 from polhode.models.catalogue import FORMS
 from polhode.models.catalogue import form as find_form
 
+SECOND_ORDER = "averaged-second-order"
 TARGETS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10)
 # Runs within this factor of the fastest are a tie: two thirds of it is what the machine's noise makes.
 TIE = 1.15
@@ -56,7 +59,21 @@ def averaged_wins_from(records: pd.DataFrame, target: float) -> float | None:
 
 
 def sentences(records: pd.DataFrame, targets: Sequence[float] = TARGETS) -> list[str]:
-    """The verdict on slow errors in sentences, from the records alone."""
+    """The verdict on slow errors in sentences, from the records alone, scene by scene."""
+    return [
+        f"{scene}: {line}" if scene else line for scene, runs in by_scene(records) for line in _sentences(runs, targets)
+    ]
+
+
+def by_scene(records: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
+    """Runs of each scene under its name; those of a single one under none."""
+    names = list(dict.fromkeys(records["scene_name"])) if "scene_name" in records else []
+    if len(names) < 2:
+        return [("", records)]
+    return [(str(name), where(records, records["scene_name"] == name)) for name in names]
+
+
+def _sentences(records: pd.DataFrame, targets: Sequence[float]) -> list[str]:
     lines, never = [], []
     for target in targets:
         start = averaged_wins_from(records, target)
@@ -72,11 +89,17 @@ def sentences(records: pd.DataFrame, targets: Sequence[float] = TARGETS) -> list
 
 
 def averaged_costs(records: pd.DataFrame) -> list[str]:
-    """How little an averaged form's cost depends on St, in sentences, one per form."""
+    """How little an averaged form's cost depends on St, and how much the second order gains, scene by scene."""
+    return [
+        f"{scene}: {line}" if scene else line
+        for scene, runs in by_scene(records)
+        for line in [*_costs_over_stokes(runs), *_second_against_first(runs)]
+    ]
+
+
+def _costs_over_stokes(records: pd.DataFrame) -> list[str]:
     lines = []
-    for name in dict.fromkeys(records["form"]):
-        if not find_form(name).averaged:
-            continue
+    for name in _averaged_forms(records):
         done = where(records, (records["form"] == name) & records["seconds"].notna())
         table = (
             done.pivot_table(index=["solver", "tolerance"], columns="stokes", values="seconds").dropna().astype(float)
@@ -90,3 +113,28 @@ def averaged_costs(records: pd.DataFrame) -> list[str]:
             f"solvers and tolerances; nine in ten lie between {ratio[0]:.2f} and {ratio[2]:.2f})."
         )
     return lines
+
+
+def _second_against_first(records: pd.DataFrame) -> list[str]:
+    """Model errors and costs of the second order of averaging against the first, one sentence per St."""
+    first = next((name for name in _averaged_forms(records) if name != SECOND_ORDER), None)
+    if first is None:
+        return []
+    lines = []
+    for stokes in sorted(set(records["stokes"].astype(float))):
+        runs = where(records, (records["stokes"] == stokes) & records["seconds"].notna())
+        of = {name: where(runs, runs["form"] == name) for name in (first, SECOND_ORDER)}
+        both = pd.merge(of[first], of[SECOND_ORDER], on=["solver", "tolerance"])
+        if both.empty:
+            continue
+        ratios = both["seconds_y"].to_numpy(float) / both["seconds_x"].to_numpy(float)
+        error, second_error = (own["model_slow_error"].to_numpy(float).max() for own in of.values())
+        lines.append(
+            f"At St = {stokes:g} the second order of averaging is off by {scientific(second_error)}, the first by "
+            f"{scientific(error)}; it costs {np.median(ratios):.2f} times as much (median over solvers and tolerances)."
+        )
+    return lines
+
+
+def _averaged_forms(records: pd.DataFrame) -> list[str]:
+    return [str(name) for name in dict.fromkeys(records["form"]) if find_form(name).averaged]

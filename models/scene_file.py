@@ -167,6 +167,7 @@ _OUR_WORDS = (
     ("Input should be a valid list", "expected a list"),
     ("Input should be a valid dictionary", "expected a table"),
     ("Input should be a finite number", "expected a finite number"),
+    ("Input should be '", "expected '"),
     ("Input should be", "expected a number"),
     ("List should have", "expected"),
     ("String should", "expected a string that should"),

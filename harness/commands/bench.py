@@ -24,9 +24,11 @@ def bench(
 ) -> None:
     """Run a work-precision study and write its page, figures and records.
 
-    The page of a study of several scenes tells who gets through; of one scene, who is the cheapest.
+    The page tells which run is the cheapest, or, of a study of several scenes that does not say otherwise, who gets
+    through.
 
-    Without a study file: the paper's triaxial ellipsoid at St = 1e2 to 1e5, by every solver, with the averaged form.
+    Without a study file: the paper's triaxial ellipsoid at St = 1e2 to 1e5, by every solver, with the averaged form,
+    and a spheroid with the first and the second order of averaging.
     The main job also fits the costs that `polhode pick` predicts to this machine.
 
     An interrupted run keeps its finished cases in FOLDER/store.sqlite and goes on with --resume; a run that starts
@@ -51,9 +53,8 @@ def bench(
         *(["--quick"] if quick else []),
         *filter_words(filters),
     ]
-    # Which is the cheapest makes sense for one scene; several ask who gets through.
-    one_scene = len({name for name, _ in study.scenes}) == 1
-    page = (bench_page if one_scene else outcomes).write_page(study, records, folder, " ".join(words))
+    make = bench_page.write_page if study.page == "costs" else outcomes.write_page
+    page = make(study, records, folder, " ".join(words))
     if study_file is None and not quick and not any(filters.values()):
         refit(load_laws(), records).save(own_laws_path())
     click.echo(f"{page}")

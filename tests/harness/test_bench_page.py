@@ -83,3 +83,19 @@ def test_nobody_wins_an_error_that_the_reference_cannot_tell(study: Study, tmp_p
     orientation = dict(table_below(page, "The same for the orientation error"))
     assert orientation["1e-06"] == "unknown: the reference cannot tell"
     assert orientation["0.0001"].startswith("quaternion, taylor, 1e-08")
+
+
+def test_several_scenes_have_figures_tables_and_verdicts_of_their_own(study: Study, tmp_path: Path):
+    other = [{**record, "scene_name": "round", "seconds": 10 * record["seconds"]} for record in RECORDS]
+    page = write_page(study, [*RECORDS, *other], tmp_path, "polhode bench").read_text(encoding="utf-8")
+    names = {"slow.png", "orientation.png", "slow-round.png", "orientation-round.png"}
+    assert {path.name for path in tmp_path.glob("*.png")} == names
+    assert all(f"]({name})" in page for name in names)
+    assert dict(table_below(page, "### The cheapest: paper"))["0.001"].endswith("100 ms")
+    assert dict(table_below(page, "### The cheapest: round"))["0.001"].endswith("1.0 s")
+    assert len(table_below(page, "### round, St = 50")) == len(RECORDS) + 1
+    assert table_below(page, "Uncertainty of the references") == [
+        ["scene", "St", "slow", "orientation, rad"],
+        ["paper", "50", "1.0e-9", "1.0e-7"],
+        ["round", "50", "1.0e-9", "1.0e-7"],
+    ]

@@ -18,7 +18,7 @@ from polhode.harness.case import Record
 from polhode.harness.reference import reference
 from polhode.harness.run import Runner
 from polhode.harness.store import Store, read_export
-from polhode.harness.study import Study, read_study
+from polhode.harness.study import Choice, Study, read_study
 from polhode.harness.tables import frame
 from polhode.harness.verdict import cheapest
 
@@ -36,8 +36,8 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
     path.write_text(STUDY, encoding="utf-8")
     whole = read_study(path)
     name, scene = whole.scenes[0]
-    tags = {(name, scene.stokes): ("short", "warm")}
-    return replace(whole, scenes=whole.scenes[:1], solvers=SOLVERS, tolerances=TOLERANCES, tags=tags)
+    choices = {(name, scene.stokes): Choice(tags=("short", "warm"))}
+    return replace(whole, scenes=whole.scenes[:1], solvers=SOLVERS, tolerances=TOLERANCES, choices=choices)
 
 
 @pytest.fixture(scope="module")

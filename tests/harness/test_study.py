@@ -2,6 +2,7 @@
 
 import copy
 import tomllib
+from dataclasses import replace
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ import pytest
 from commandline import STUDY
 
 from polhode.harness.study import parse_study, quick_study, read_study
+from polhode.models.scenes import named_scene
 from polhode.solvers.catalogue import SOLVERS
 
 GOOD: dict[str, Any] = tomllib.loads(STUDY)
@@ -122,3 +124,50 @@ def test_bad_files_are_named(tmp_path: Path, content: bytes):
     path.write_bytes(content)
     with pytest.raises(ValueError, match=r"study\.toml: expected a TOML file"):
         read_study(path)
+
+
+def test_a_scene_may_limit_forms_and_solvers():
+    forms = {"forms": ["quaternion", "euler-angles", "averaged"]}
+    study = parse_study({**changed("scenes.0.forms", ["averaged"]), **forms})
+    assert {case.form for batch in study.batches() for case in batch} == {"averaged"}
+    study = parse_study({**changed("scenes.0.solvers", ["taylor"]), **forms})
+    assert {(case.form, case.solver) for batch in study.batches() for case in batch} == {
+        (form, "taylor") for form in forms["forms"]
+    }
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        (
+            "scenes.0.forms",
+            ["averaged"],
+            "got 'averaged' in forms of scene 'paper', expected some of the study's: quaternion",
+        ),
+        ("scenes.0.solvers", ["ida"], "got 'ida' in solvers of scene 'paper', expected some of the study's: taylor"),
+        ("page", "both", "page: got 'both', expected 'costs' or 'outcomes'"),
+    ],
+)
+def test_limits_that_do_not_fit_are_one_line(path: str, value: Any, message: str):
+    with pytest.raises(ValueError, match=message):
+        parse_study(changed(path, value))
+
+
+def test_a_built_in_scene_may_have_a_duration_of_its_own():
+    scenes = [
+        {"name": "stiff", "builtin": True, "time": 5.0, "tags": ["stiff"]},
+        {"name": "stiff-too", "builtin": True},
+    ]
+    study = parse_study({**GOOD, "scenes": scenes[:1]})
+    ((name, scene),) = study.scenes
+    assert (name, scene.time) == ("stiff", 5.0)
+    assert scene == replace(named_scene("stiff"), time=5.0)
+    with pytest.raises(ValueError, match="expected name, builtin and perhaps time, tags, forms, solvers"):
+        parse_study({**GOOD, "scenes": [{"name": "stiff", "builtin": True, "stokes": 5.0}]})
+
+
+def test_the_page_is_about_costs_of_one_scene_and_about_outcomes_of_several():
+    two = {**GOOD, "scenes": [GOOD["scenes"][0], {**GOOD["scenes"][0], "name": "other"}]}
+    assert parse_study(GOOD).page == "costs"
+    assert parse_study(two).page == "outcomes"
+    assert parse_study({**two, "page": "costs"}).page == "costs"
