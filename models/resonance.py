@@ -91,7 +91,7 @@ def resonances(scene: Scene, side: Side, path: Array, low: float, high: float) -
             met = bool(divisor.min() <= 0 <= divisor.max())
             if (k1 + k2) % 2 == 0 and (met or abs(divisor[nearest]) < mask.width):
                 found.append(_resonance(scene, side, path, float(squares[nearest]), mask, met))
-    return sorted(found, key=lambda resonance: -resonance.share)
+    return sorted(found, key=lambda resonance: -resonance.kick)
 
 
 def _resonance(scene: Scene, side: Side, path: Array, a2: float, mask: Mask, met: bool) -> Resonance:

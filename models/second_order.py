@@ -1,12 +1,14 @@
 """Form `averaged-second-order`: slow variables to O(1/St²) and orientation to O(1/St), at a cost free of St."""
 
 from functools import lru_cache
+from math import inf
 
 import numpy as np
 
+from polhode.models import second_order_bound
 from polhode.models import second_order_run as triaxial_run
 from polhode.models import second_order_spheroid as spheroidal
-from polhode.models.form import Form
+from polhode.models.form import Form, FormNotValidError
 from polhode.models.observables import Observables
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
@@ -23,16 +25,15 @@ MEANINGLESS = 1.0
 class SecondOrder(Form):
     """State (L, q, σ) of a spheroid in slow time: L over I_e, its axis without fast turning, that angle over St.
 
-    A triaxial ellipsoid has the state of `polhode.models.second_order_triaxial` instead, and its complete orientation;
-    it is followed on one side of L² = 2EI₂ alone. Caveat: the angle St σ carries St times the tolerance, and at best St
-    times rounding, so that the orientation stops gaining accuracy near St = 1e8.
+    A triaxial ellipsoid has the state of `polhode.models.second_order_field` instead, and its complete orientation; it
+    is followed on one side of L² = 2EI₂ alone, through resonances by partial averaging. Caveat: the angle St σ carries
+    St times the tolerance, and at best St times rounding, so that the orientation stops gaining accuracy near St =
+    1e8.
     """
 
     name = "averaged-second-order"
     summary = "second-order averaging: L and E to O(1/St²), orientation to O(1/St), at a cost free of St"
-    valid_for = (
-        "large finite St, L away from 0: spheroids; triaxial ellipsoids on one side of L² = 2EI₂, away from resonances"
-    )
+    valid_for = "large finite St, L away from 0: spheroids; triaxial ellipsoids on one side of L² = 2EI₂"
     state = ("Lx/Ie", "Ly/Ie", "Lz/Ie", "qx", "qy", "qz", "sigma")
     orientation = "axis"
     averaged = True
@@ -109,6 +110,27 @@ class SecondOrder(Form):
         self.check(scene)
         return estimated(scene)
 
+    def reach(self, scene: Scene) -> float:
+        """Slow time to which the form follows a scene: its end, or, of a triaxial one, short of L² = 2EI₂.
+
+        Raises
+        ------
+        FormNotValidError
+            If the scene cannot be followed at all.
+        """
+        try:
+            self.check(scene)
+        except FormNotValidError:
+            if scene.ellipsoid.kind == "triaxial" and 0 < scene.stokes < inf and np.any(scene.initial.angular_momentum):
+                for part in triaxial_run.shorter(scene):
+                    try:
+                        self.check(part)
+                    except FormNotValidError:
+                        continue
+                    return part.slow_time
+            raise
+        return scene.slow_time
+
     def error_estimate(self, scene: Scene) -> float:
         """Slow model error over I_max, as `estimate` gives it."""
         return self.estimate(scene).slow
@@ -137,7 +159,7 @@ def slow_start(scene: Scene) -> tuple[float, ...] | None:
 def estimated(scene: Scene) -> Estimate:
     """Estimated model errors of a scene that has a slow start."""
     if scene.ellipsoid.kind == "triaxial":
-        return triaxial_run.estimated(scene)
+        return second_order_bound.estimated(scene)
     start = slow_start(scene)
     assert start is not None
     return estimate(Spheroid.of(scene.ellipsoid), scene.torque_factor, start, scene.slow_time)

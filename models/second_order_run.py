@@ -4,9 +4,10 @@ A run is refused where averaging to second order does not hold: through L² = 2E
 resonate, k₁ν₁ + k₂ν₂ = 0, in a mode that the torque drives.
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from math import inf, pi, sqrt
+from math import inf, sqrt
 
 import numpy as np
 
@@ -16,10 +17,9 @@ from polhode.models.observables import Observables
 from polhode.models.operations import FLOAT
 from polhode.models.resonance import Resonance, mode_parameters, mode_table, resonances
 from polhode.models.scene import Scene
-from polhode.models.second_order_error import Estimate
 from polhode.models.second_order_field import SlowField
 from polhode.models.second_order_polhode import Side
-from polhode.models.second_order_torus import Mask, Torus
+from polhode.models.second_order_torus import Mask
 from polhode.models.second_order_triaxial import Pose
 from polhode.models.shape import Ellipsoid
 from polhode.models.slow_path import slow_path
@@ -33,7 +33,7 @@ LEAST, MOST = 1e-8, 5.0
 # the error expected anyway are left out at their resonance, and their kick joins the estimate.
 FAINT, SMALL_KICK = 1e-8, 0.1
 # Resonant modes that a run may hold.
-MOST_MODES = 4
+MOST_MODES = 8
 # Last Chebyshev coefficients over the largest, above which a table does not resolve its functions.
 UNRESOLVED = 1e-6
 START_PASSES, START_CLOSE = 60, 1e-14
@@ -43,8 +43,16 @@ ESTIMATES = 40
 CHUNK = 128
 
 
+# Shares of the time to L² = 2EI₂ at which a run is tried to be stopped.
+STOPS = (0.97, 0.94, 0.9, 0.85, 0.8, 0.7, 0.6, 0.5)
+
+
 class NotAveragedError(ValueError):
-    """Second-order averaging does not hold for a run; the message is the condition."""
+    """Second-order averaging does not hold for a run; the message is the condition, `until` the t₂ where it fails."""
+
+    def __init__(self, condition: str, until: float = 0.0) -> None:
+        super().__init__(condition)
+        self.until = until
 
 
 @dataclass(frozen=True)
@@ -121,6 +129,15 @@ def prepared(scene: Scene) -> Prepared:
     return Prepared(side, averages, field, tuple(p), state, (alpha, beta), path, treated, dropped)
 
 
+def shorter(scene: Scene) -> Iterator[Scene]:
+    """The same triaxial run, ended ever shorter of L² = 2EI₂; nothing if it does not meet it."""
+    try:
+        first_order_path(scene)
+    except NotAveragedError as error:
+        if error.until > 0:
+            yield from (replace(scene, time=share * error.until * scene.stokes) for share in STOPS)
+
+
 def _sorted_out(
     scene: Scene, side: Side, path: Array, squares: Array, met: list[Resonance]
 ) -> tuple[tuple[Resonance, ...], tuple[Resonance, ...]]:
@@ -128,7 +145,7 @@ def _sorted_out(
     few = path[np.unique(np.linspace(0, len(path) - 1, ESTIMATES).astype(int))]
     level = triaxial.level(np.interp(few[:, 0], path[:, 0], np.maximum(squares, LEAST)))
     masks = tuple(each.mask for each in met)
-    swing = scene.torque_factor * _relative_swing(side, few[:, 1:4], _first(few[:, 1:4]), level, masks)[0]
+    swing = scene.torque_factor * triaxial.relative_swing(side, few[:, 1:4], _first(few[:, 1:4]), level, masks)[0]
     size = np.linalg.norm(few[:, 1:4], axis=1) / max(scene.ellipsoid.inertia)
     expected = float((swing**2 * size).max())
     treated = [each for each in met if each.kick > SMALL_KICK * expected]
@@ -172,7 +189,8 @@ def first_order_path(scene: Scene) -> tuple[Array, Array]:
     x = (h - near) / (1 / inertia[1] - near)
     beyond = np.flatnonzero(~(x < -np.expm1(-MOST)))
     if len(beyond):
-        raise NotAveragedError(f"the run meets L² = 2EI₂ near t₂ = {times[beyond[0]]:.3g}")
+        until = float(times[beyond[0]])
+        raise NotAveragedError(f"the run meets L² = 2EI₂ near t₂ = {until:.3g}", until)
     if times[-1] < scene.slow_time:
         raise NotAveragedError(f"|L| falls to 0 near t₂ = {times[-1]:.3g}")
     return np.column_stack([times, states]), triaxial.depth(np.maximum(x, 0))
@@ -227,55 +245,3 @@ def _exact(scene: Scene, run: Prepared, states: Array) -> Pose:
     q = triaxial.frame(momentum, states[:, 4:7])
     torus = triaxial.torus_at(run.side, momentum, q, triaxial.level(states[:, 3] ** 2), alpha, beta, run.masks)
     return triaxial.swung(run.side, scene.torque_factor, q, torus)
-
-
-@lru_cache(maxsize=64)
-def estimated(scene: Scene) -> Estimate:
-    """Model errors: the second-order term along the path, times the size of the transformation that it rests on."""
-    run, factor, unit = prepared(scene), scene.torque_factor, max(scene.ellipsoid.inertia)
-    rhs = SlowField(run.table.series.shape[1])(FLOAT)
-    both, without = (triaxial.parameters(scene.ellipsoid, each, run.table) for each in (factor, 0.0))
-
-    def rates(y: Array) -> Array:
-        return np.array(rhs((*y.tolist(), 0.0, 0.0), both)[:7])
-
-    times, states = slow_path(rates, np.array(run.state[:7]), scene.slow_time)
-    inside = (run.table.low <= states[:, 3] ** 2) & (states[:, 3] ** 2 <= run.table.high)
-    if times[-1] < scene.slow_time or not inside.all():
-        return Estimate(inf, pi)
-    gained = np.array([np.array(rhs((*y, 0.0, 0.0), without)[:3]) for y in states.tolist()])
-    gained = np.abs(np.array([rates(y)[:3] for y in states]) - gained)
-    second = np.concatenate([[0.0], np.cumsum(np.diff(times) * 0.5 * (gained[1:] + gained[:-1]).max(axis=1))])
-
-    few = np.unique(np.linspace(0, len(times) - 1, ESTIMATES).astype(int))
-    times, states, second = times[few], states[few], second[few]
-    momentum = states[:, :3] * unit
-    level = triaxial.level(states[:, 3] ** 2)
-    relative, torus = _relative_swing(run.side, momentum, triaxial.frame(momentum, states[:, 4:7]), level, run.masks)
-    swing = factor * relative
-    slow = (second + swing * torus.size / unit) * swing
-    speed = torus.polhode.precession * unit
-    phase = _phase(times, slow, speed, factor) + swing
-    # A kick is as wrong as the phase at which it comes.
-    for each in (*run.treated, *run.dropped):
-        i = int(np.searchsorted(times[:-1], each.slow_time))
-        wrong = min(1.0, phase[i] + swing[i]) if each in run.treated else 1.0
-        slow[i:] += each.kick * wrong
-    phase = _phase(times, slow, speed, factor) + swing.max()
-    return Estimate(float(slow.max()), min(float(phase[-1]), pi))
-
-
-def _phase(times: Array, slow: Array, speed: Array, torque_factor: float) -> Array:
-    """Angles that errors of L over I_max accumulate; a speed is that per error."""
-    lag = slow / torque_factor * speed
-    return np.concatenate([[0.0], np.cumsum(np.diff(times) * 0.5 * (lag[1:] + lag[:-1]))])
-
-
-def _relative_swing(
-    side: Side, momentum: Array, q: Array, level: Array, masks: tuple[Mask, ...]
-) -> tuple[Array, Torus]:
-    """Largest change of L over l and turn of R by the generator, shape (m,), over all phases; their torus."""
-    torus = triaxial.torus_at(side, momentum, q, level, 0 * level, 0 * level, masks)
-    change, turn = torus.ambient
-    relative = np.linalg.norm(change, axis=-1) / torus.size[:, None, None] + np.linalg.norm(turn, axis=-1)
-    return relative.max(axis=(1, 2)), torus

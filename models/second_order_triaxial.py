@@ -166,3 +166,11 @@ def rotation_by(vectors: Array) -> Array:
     zero = np.zeros_like(x)
     skew = np.moveaxis(np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]), (0, 1), (-2, -1))
     return np.eye(3) + np.sinc(angle / pi) * skew + 0.5 * np.sinc(angle / (2 * pi)) ** 2 * (skew @ skew)
+
+
+def relative_swing(side: Side, momentum: Array, q: Array, level: Array, masks: tuple[Mask, ...]) -> tuple[Array, Torus]:
+    """Largest change of L over l and turn of R by the generator, shape (m,), over all phases; their torus."""
+    torus = torus_at(side, momentum, q, level, 0 * level, 0 * level, masks)
+    change, turn = torus.ambient
+    relative = np.linalg.norm(change, axis=-1) / torus.size[:, None, None] + np.linalg.norm(turn, axis=-1)
+    return relative.max(axis=(1, 2)), torus

@@ -171,3 +171,17 @@ def test_refusal_names_the_resonance_and_its_kick(monkeypatch):
     second_order_run.prepared.cache_clear()
     with pytest.raises(FormNotValidError, match=r"\(-4, 2\) near t₂ = 0\.029\d? would kick L by 2\.\de-06 I_max"):
         form(NAME).problem(scene_of((1.0, 0.6, 0.4), (0.5, -0.4, -1.2), 1e5, 0.0499))
+
+
+def test_reach_ends_short_of_the_separatrix():
+    scene = scene_of((1.0, 0.8, 0.5), (0.8, 0.5, 0.3), 1e5, 0.1)
+    with pytest.raises(FormNotValidError, match=r"meets L² = 2EI₂ near t₂ = 0\.0686"):
+        form(NAME).check(scene)
+    reach = form(NAME).reach(scene)
+    assert 0.9 * 0.0686 < reach < 0.0686
+    form(NAME).check(scene_of((1.0, 0.8, 0.5), (0.8, 0.5, 0.3), 1e5, reach))
+
+
+def test_reach_of_a_run_on_one_side_is_its_end():
+    axes, omega, slow_time, _ = RESONANT
+    assert form(NAME).reach(scene_of(axes, omega, 1e5, slow_time)) == slow_time
