@@ -11,6 +11,7 @@ import pandas as pd
 from polhode.harness.tables import where
 from polhode.harness.uncertainty import KNOWN, known
 from polhode.models.catalogue import form as find_form
+from polhode.solvers.catalogue import SOLVERS
 from polhode.solvers.catalogue import solver as find_solver
 
 if TYPE_CHECKING:
@@ -84,15 +85,15 @@ def work_precision(axes: "Axes", runs: pd.DataFrame, error: str = "slow_error") 
 
 
 def _styles(solvers: Iterable[str]) -> dict[str, dict[str, Any]]:
-    """Colour and marker of each solver, in the order of the records."""
+    """Colour and marker of each solver, in the order of the records; the same in every figure."""
     counts: dict[str, int] = {}
     styles = {}
-    for solver in dict.fromkeys(solvers):
+    for solver in dict.fromkeys([*SOLVERS, *solvers]):
         library = library_of(solver)
         marker = MARKERS[counts.get(library, 0) % len(MARKERS)]
         counts[library] = counts.get(library, 0) + 1
         styles[solver] = {"marker": marker, "color": (IMPLICIT if find_solver(solver).implicit else EXPLICIT)[library]}
-    return styles
+    return {solver: styles[solver] for solver in dict.fromkeys(solvers)}
 
 
 def _front(axes: "Axes", runs: pd.DataFrame, error: str) -> None:

@@ -1,6 +1,6 @@
 """A study: scenes × forms × solvers × tolerances, as data."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from importlib.resources import files
 from pathlib import Path
@@ -22,7 +22,7 @@ from polhode.solvers.contract import Backend, Jacobian, SolverNotValidError
 
 QUICK_SECONDS = 0.2
 # What a study may say of a built-in scene.
-BESIDE_BUILTIN = ("time", "tags", "forms", "solvers")
+BESIDE_BUILTIN = ("time", "tags", "forms", "solvers", "max_seconds")
 
 
 def _as_list(value: Any) -> Any:
@@ -39,7 +39,8 @@ class StudySceneTable(BaseModel):
     """``[[scenes]]``: a scene file's contents with a name, and one or several Stokes numbers.
 
     ``{name = "pinch-point", builtin = true}`` stands for a built-in scene, `time` beside it for another duration. Tags
-    are what a run may be limited to; forms and solvers, some of the study's, limit those of the scene.
+    are what a run may be limited to; forms and solvers, some of the study's, limit those of the scene; `max_seconds`
+    is a time limit of its own.
     """
 
     model_config = ConfigDict(extra="allow", strict=True)
@@ -48,6 +49,7 @@ class StudySceneTable(BaseModel):
     tags: list[str] = []
     forms: Annotated[list[str], Field(min_length=1)] | None = None
     solvers: Annotated[list[str], Field(min_length=1)] | None = None
+    max_seconds: Positive | None = None
 
 
 class StudyTable(BaseModel):
@@ -68,10 +70,15 @@ class StudyTable(BaseModel):
 
     @model_validator(mode="after")
     def _known_names(self) -> "StudyTable":
-        for kind, names, known in (("forms", self.forms, FORMS), ("solvers", self.solvers, SOLVERS)):
+        for kind, names, known, find in (
+            ("forms", self.forms, FORMS, find_form),
+            ("solvers", self.solvers, SOLVERS, find_solver),
+        ):
             for name in names:
-                if name not in known:
-                    raise ValueError(f"got {name!r} in {kind}, expected some of {', '.join(known)}")
+                if ":" in name:
+                    _outside(kind, name, find)
+                elif name not in known:
+                    raise ValueError(f"got {name!r} in {kind}, expected some of {', '.join(known)}, or module:class")
         for scene in self.scenes:
             for kind, own, known in (("forms", scene.forms, self.forms), ("solvers", scene.solvers, self.solvers)):
                 for name in own or ():
@@ -106,11 +113,12 @@ class Batches(Protocol):
 
 @dataclass(frozen=True)
 class Choice:
-    """What a study says of one scene: its tags, and the forms and solvers it is limited to, if it is."""
+    """What a study says of one scene: its tags, forms and solvers if it is limited to some, and time limit."""
 
     tags: tuple[str, ...] = ()
     forms: tuple[str, ...] | None = None
     solvers: tuple[str, ...] | None = None
+    max_seconds: float | None = None
 
 
 ANY = Choice()
@@ -166,7 +174,7 @@ class Study:
                             solver_name,
                             tolerance,
                             self.samples,
-                            self.max_seconds,
+                            choice.max_seconds or self.max_seconds,
                             backend,
                             jacobian,
                             choice.tags,
@@ -206,7 +214,17 @@ def read_study(path: Path | None, default: str = "bench") -> Study:
 
 def quick_study(study: Study) -> Study:
     """The same study with every other tolerance and short time limits, for a look."""
-    return replace(study, tolerances=study.tolerances[::2], max_seconds=min(study.max_seconds, QUICK_SECONDS))
+    choices = {scene: replace(choice, max_seconds=None) for scene, choice in study.choices.items()}
+    seconds = min(study.max_seconds, QUICK_SECONDS)
+    return replace(study, tolerances=study.tolerances[::2], max_seconds=seconds, choices=choices)
+
+
+def _outside(kind: str, name: str, find: Callable[[str], object]) -> None:
+    """Refuse a "module:class" that cannot be found, in the words of study files."""
+    try:
+        find(name)
+    except ValueError as error:
+        raise ValueError(f"got {name!r} in {kind}, {str(error).partition(', ')[2]}") from None
 
 
 def parse_study(contents: dict[str, Any]) -> Study:
@@ -244,7 +262,7 @@ def parse_study(contents: dict[str, Any]) -> Study:
 
 def _choice(table: StudySceneTable) -> Choice:
     forms, solvers = (None if names is None else tuple(names) for names in (table.forms, table.solvers))
-    return Choice(tuple(table.tags), forms, solvers)
+    return Choice(tuple(table.tags), forms, solvers, table.max_seconds)
 
 
 def _with_builtin_scenes(contents: dict[str, Any]) -> dict[str, Any]:
