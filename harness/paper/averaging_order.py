@@ -5,7 +5,7 @@ from math import sqrt
 import numpy as np
 from matplotlib.figure import Figure
 
-from polhode.harness.paper.drawing import CYCLE, groups, label, logarithmic, panels
+from polhode.harness.paper.drawing import CYCLE, draw_law, groups, label, logarithmic, panels
 from polhode.harness.paper.item import Data, Grid, Item, Number, Table, Verdict, Word
 from polhode.harness.paper.planes import columns
 from polhode.harness.paper.runs import averaged_run, full_run, largest_difference, mean_interval, power_law
@@ -89,8 +89,12 @@ def figure_order(data: Data) -> Figure:
         fit = _exponents(part)[0]
         stokes = np.unique(part["stokes"])
         middle = np.array([np.exp(np.log(part["error"][part["stokes"] == number]).mean()) for number in stokes])
-        own.plot(stokes, 2 * middle[-1] * (stokes / stokes[-1]) ** -1, "k:", label="slope -1")
-        own.plot(stokes, 2 * middle[-1] * (stokes / stokes[-1]) ** fit, "k--", label=f"slope {fit:.2f} (mean of fits)")
+        for slope, line, text in (
+            (-1, ":", "slope -1"),
+            (-0.5, "-.", "slope -1/2"),
+            (fit, "--", f"mean fit, {fit:.2f}"),
+        ):
+            draw_law(own, stokes, 2 * middle[-1], slope, line, label=text)
         title = ("no crossing of $L^2 = 2EI_2$", "crossing $L^2 = 2EI_2$")[int(side)]
         logarithmic(label(own, "Stokes number St", "largest slow error$/I_{max}$", title)).legend()
     return figure
@@ -110,13 +114,24 @@ def _exponents(part: Table) -> tuple[float, float, float]:
     return mean_interval(_start_exponents(part))
 
 
+def _local_exponents(part: Table) -> np.ndarray:
+    """Mean over starts of the exponents between neighbouring St, and its 95 % interval, shape (n - 1, 3)."""
+    runs = [run for _, run in groups(part, "start")]
+    steps = np.diff(np.log(runs[0]["stokes"]))
+    slopes = np.array([np.diff(np.log(run["error"])) / steps for run in runs])
+    return np.array([mean_interval(column) for column in slopes.T])
+
+
 def verdict_order(data: Data) -> Verdict:
-    """Exponents without and with a crossing."""
+    """Exponents without and with a crossing, over the range of St and at its end."""
+    local = {side: _local_exponents(part) for side, part in groups(data[""], "side")}
+    last, low, high = local[1.0][-1].tolist()
     (free, *free_range), (crossed, *crossed_range) = (_exponents(part) for _, part in groups(data[""], "side"))
     single = max(float(_start_exponents(part).max()) for side, part in groups(data[""], "side") if side == 0)
     numbers = (
         Number("exponent without a crossing", free, -1.1, -0.8, "", (free_range[0], free_range[1])),
         Number("exponent with a crossing", crossed, -1.1, -0.45, "", (crossed_range[0], crossed_range[1])),
+        Number("exponent with a crossing between the two largest St", last, -1.1, -0.3, "", (low, high)),
         Number("slowest fall of a single start, without", single, high=-0.2),
         Number("υ = 1 + exponent, without", 1 + free),
         Number("υ = 1 + exponent, with", 1 + crossed),
@@ -125,8 +140,10 @@ def verdict_order(data: Data) -> Verdict:
         f"From St = {ASYMPTOTIC:.0e} on the largest error falls like St^({free:.3f}) without and St^({crossed:.3f}) "
         f"with a crossing: υ = {1 + free:.3f} ({1 + free_range[0]:.3f} … {1 + free_range[1]:.3f}) and "
         f"{1 + crossed:.3f} ({1 + crossed_range[0]:.3f} … {1 + crossed_range[1]:.3f}) at 95 % over starts, in this "
-        f"range of St. Without a crossing most starts fall like 1/St, but one that meets a low resonance does not "
-        f"(St^({single:.2f}))."
+        "range of St. With a crossing the exponent still changes: from neighbouring St it is "
+        f"{', '.join(f'{value:.2f}' for value in local[1.0][:, 0])}, as for a/St + b/St^½, and at the end υ = "
+        f"{1 + last:.3f} ({1 + low:.3f} … {1 + high:.3f}). Without a crossing most starts fall like 1/St, but one that "
+        f"meets a low resonance does not (St^({single:.2f}))."
     )
     return Verdict(Word.MEASURED, sentence, numbers)
 

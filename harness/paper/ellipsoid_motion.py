@@ -40,6 +40,7 @@ SECOND = Comparison(
     (8.0, 30.0),
     (0.2, 0.35),
     Word.SHARPENED,
+    lingers=True,
 )
 
 SIDES: tuple[Side, Side] = ("long", "short")

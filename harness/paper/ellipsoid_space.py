@@ -40,9 +40,9 @@ def figure_space(data: Data) -> Figure:
             momentum, energy = plane_point(ELLIPSOID, point)
             own.scatter(0.0, momentum, energy, color=NODE, edgecolor=BLACK, s=25)
         own.set(xlabel=f"$L_{name[1]}/I_{{max}}$", ylabel="$L_z/I_{max}$", zlabel="$E/I_{max}$", ylim=(-0.6, 0.6))
-        own.set_title(f"$L_{'xy'[int(zero)]} = 0$", y=0.92)
+        own.set_title(f"$L_{'xy'[int(zero)]} = 0$", y=1.0)
         own.view_init(22, 35)
-        own.set_box_aspect((1, 1, 0.8), zoom=1.05)
+        own.set_box_aspect((1, 1, 0.8), zoom=1.0)
     return figure
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
-from polhode.harness.paper.drawing import BLUE, draw_law, label, logarithmic, panels, styled_runs
+from polhode.harness.paper.drawing import BLUE, draw_law, groups, label, logarithmic, panels, styled_runs
 from polhode.harness.paper.item import Data, Grid, Number, Table, Verdict, Word
 from polhode.harness.paper.planes import distance_from_node, node, path_table
 from polhode.harness.paper.runs import averaged_run, full_run, largest_difference, power_law
@@ -36,6 +36,8 @@ class Comparison:
         Range for the largest slow error at St = 100.
     earned : Word
         What the claim earns.
+    lingers : bool
+        Whether the run lingers at the saddle, so that the time at which it leaves is worth telling.
     """
 
     ellipsoid: Ellipsoid
@@ -47,6 +49,7 @@ class Comparison:
     constant: tuple[float, float]
     at_100: tuple[float, float]
     earned: Word
+    lingers: bool = False
 
     def compute(self, grid: Grid) -> Data:
         """Runs of the figure, and the largest error at each St."""
@@ -129,7 +132,22 @@ class Comparison:
             f"largest slow error along the run is {constant:.2g}/St at large St, and "
             f"{', '.join(f'{error:.2g} at St = {stokes:g}' for stokes, error in self._shown(found))}."
         )
+        if self.lingers:
+            sentence += " " + self._leaving(data[""])
         return Verdict(self.earned, sentence, numbers)
+
+    def _leaving(self, table: Table) -> str:
+        """When E is halfway from its plateau to the node's, averaged and full."""
+        times = {}
+        averaged = table["E"][np.isinf(table["path"])]
+        half = (min(averaged) + node(self.ellipsoid)[1]) / 2
+        for stokes, part in groups(table, "path"):
+            below = int(np.flatnonzero(part["E"] < half)[-1])
+            name = "averaged" if np.isinf(stokes) else f"St = {stokes:g}"
+            gone = part["t2"][below] < 0.95 * self.slow_time
+            times[name] = f"at t₂ = {part['t2'][below]:.2f}" if gone else "not yet at the end"
+        told = ", ".join(f"{time} ({name})" for name, time in times.items())
+        return f"The plateau at the saddle is left, E halfway to its end, {told}."
 
     def _shown(self, found: Table) -> list[tuple[float, float]]:
         pairs = zip(found["stokes"].tolist(), found["error"].tolist(), strict=True)

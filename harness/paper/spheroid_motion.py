@@ -18,7 +18,9 @@ from polhode.models.shape import Ellipsoid
 SHOWN, MEASURED = (50.0, 100.0, 500.0, 5e3), (1e3, 2e3, 1e4, 2e4, 5e4)
 PROLATE = spheroid(2.0)
 FIRST = Comparison(PROLATE, SPHEROID_START, SHOWN, MEASURED, 0.5, 500.0, (20.0, 60.0), (0.0, 0.25), Word.SHARPENED)
-SECOND = Comparison(PROLATE, NEAR_POLE_START, SHOWN, MEASURED, 1.0, 5e3, (20.0, 90.0), (0.25, 0.35), Word.CORRECTED)
+SECOND = Comparison(
+    PROLATE, NEAR_POLE_START, SHOWN, MEASURED, 1.0, 5e3, (20.0, 90.0), (0.25, 0.35), Word.CORRECTED, lingers=True
+)
 
 # Effective Stokes number, and L_z and E over I_max, of the figure on the collapse.
 STOKES_STAR, MOMENTUM, ENERGY = 2.071, -1.0, 0.6
