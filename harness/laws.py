@@ -6,7 +6,7 @@ Cost of a warm run, in seconds, at tolerance tol and with m samples::
 
 with N = ∫|ω|dt/2π the rotations, S = T max(8πX/I)/St the damping times, and F = TS/(T + S) the time spent following
 the flow: the duration T, in inverse shear rates, where damping is faster than shear, and next to none of it where
-the particle spins freely. N and F count by the steps that they cost in the form's own variables, which a pilot run
+the particle spins freely. N, F and S count by the steps that they cost the form in the scene at hand, which a pilot run
 tells (`polhode.harness.laws_pilot.load_of`). Explicit methods on stiff scenes are held back by stability, whatever the
 tolerance; hence the damping times have an exponent of their own.
 
@@ -61,7 +61,7 @@ class Load:
     Parameters
     ----------
     rotations, following, damping_times : float
-        N and F, weighed by the form's own steps, and S.
+        N, F and S, weighed by the form's own steps.
     samples : int
     """
 

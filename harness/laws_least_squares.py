@@ -89,7 +89,7 @@ class Fit:
     parameters : ndarray, shape (d,)
     replicates : ndarray, shape (`REPLICATES`, d)
     strays : tuple of 3 float
-        Quantiles 2.5, 50 and 97.5 % of measured less predicted in the groups left out.
+        Quantiles 2.5, 50 and 97.5 % of measured less predicted in the groups left out, wider for few groups.
     """
 
     names: tuple[str, ...]
@@ -129,4 +129,13 @@ def bootstrap(groups: Sequence[str], misfit: Misfit) -> Fit:
         replicates.append(fitted)
         strays.append(misfit.residual(fitted)[weights == 0])
     low, middle, high = np.quantile(np.concatenate(strays), QUANTILES).tolist()
-    return Fit(tuple(misfit.prior), x, np.array(replicates), (low, middle, high))
+    wider = _few(len(index))
+    ends = middle + wider * (low - middle), middle, middle + wider * (high - middle)
+    return Fit(tuple(misfit.prior), x, np.array(replicates), ends)
+
+
+def _few(groups: int) -> float:
+    """How much wider an interval for one more group is when only a few were seen: Student's t over the normal one."""
+    from scipy.special import ndtri, stdtrit
+
+    return float(stdtrit(groups - 1, QUANTILES[2]) * np.sqrt(1 + 1 / groups) / ndtri(QUANTILES[2]))

