@@ -154,15 +154,13 @@ def test_limits_that_do_not_fit_are_one_line(path: str, value: Any, message: str
 
 
 def test_a_built_in_scene_may_have_a_duration_of_its_own():
-    scenes = [
-        {"name": "stiff", "builtin": True, "time": 5.0, "tags": ["stiff"]},
-        {"name": "stiff-too", "builtin": True},
-    ]
-    study = parse_study({**GOOD, "scenes": scenes[:1]})
+    study = parse_study({**GOOD, "scenes": [{"name": "stiff", "builtin": True, "time": 5.0, "max_seconds": 3.0}]})
+    assert {case.max_seconds for batch in study.batches() for case in batch} == {3.0}
+    assert {case.max_seconds for batch in quick_study(study).batches() for case in batch} == {0.2}
     ((name, scene),) = study.scenes
     assert (name, scene.time) == ("stiff", 5.0)
     assert scene == replace(named_scene("stiff"), time=5.0)
-    with pytest.raises(ValueError, match="expected name, builtin and perhaps time, tags, forms, solvers"):
+    with pytest.raises(ValueError, match="expected name, builtin and perhaps time, tags, forms, solvers, max_seconds"):
         parse_study({**GOOD, "scenes": [{"name": "stiff", "builtin": True, "stokes": 5.0}]})
 
 
