@@ -1,10 +1,14 @@
 """The examples run as they stand, and say what is true."""
 
+import json
+import os
 import re
 import runpy
+import subprocess
 from pathlib import Path
 
 import pytest
+from commandline import SCRIPT
 
 EXAMPLES = Path(__file__).parents[1] / "docs" / "examples"
 
@@ -38,6 +42,28 @@ def test_own_solver_is_of_order_four(example):
     loose, middle, tight = (float(text) for text in re.findall(r"error ([\d.e+-]+)", out))
     assert loose / middle == pytest.approx(16, rel=0.5)
     assert middle / tight == pytest.approx(16, rel=0.5)
+
+
+def test_own_form_agrees_with_the_quaternion_form(example):
+    _, out = example("own_form")
+    loose, middle, tight = (float(text) for text in re.findall(r"error ([\d.e+-]+)", out))
+    assert tight < 1e-10 < middle < 1e-7 < loose < 1e-3
+
+
+def test_a_form_and_a_solver_of_ones_own_stand_in_the_tables(tmp_path: Path):
+    environment = {**os.environ, "PYTHONPATH": str(EXAMPLES), "POLHODE_CACHE": str(tmp_path / "cache")}
+    words = [SCRIPT, "bench", str(EXAMPLES / "own_study.toml"), "--out", "own", "--quick", "--quiet"]
+    done = subprocess.run(
+        words, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    runs = [json.loads(line) for line in (tmp_path / "own" / "records.jsonl").read_text().splitlines()]
+    errors = {(run["form"], run["solver"]): run["slow_error"] for run in runs if run["status"] == "reached_end"}
+    for form in ("quaternion", "own_form:Directions"):
+        assert errors[form, "own_solver:ClassicalRungeKutta"] < 1e-6
+        assert errors[form, "taylor"] < 1e-2
+    page = (tmp_path / "own" / "README.md").read_text()
+    assert re.search(r"\| own_form:Directions +\| own_solver:ClassicalRungeKutta", page)
 
 
 def test_choose_a_solver(example):
