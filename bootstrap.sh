@@ -30,7 +30,8 @@ fi
 trap 'rm -rf "$venv"' EXIT
 trap 'exit 130' INT TERM
 rm -rf "$venv"
-echo "polhode: setting up $venv with $("$python" --version)" >&2
+echo "polhode: setting up $venv with $("$python" --version); this takes a minute or two" >&2
 "$python" -m venv "$venv"
 "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dask,dev]'
 trap - EXIT
+echo "polhode: ready: $venv/bin/polhode --help lists the commands" >&2

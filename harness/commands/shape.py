@@ -35,6 +35,13 @@ def shape(semi_axes: tuple[float, ...], as_json: bool) -> None:
         return
     for name, value in content.items():
         click.echo(f"{name:24}{_text(value)}")
+    click.echo(f"\n{_UNITS}")
+
+
+_UNITS = (
+    "Inertia in units of ρ l⁵, resistance of 8π μ l³, with density ρ of the particle, viscosity μ of the fluid and\n"
+    "the longest semi-axis l. St* = St I/(8π X) about the symmetry axis of a spheroid."
+)
 
 
 def _text(value: object) -> str:

@@ -70,7 +70,9 @@ def test_shape_of_a_sphere_and_of_the_papers_ellipsoid(polhode: Run):
 def test_shape_in_words(polhode: Run, axes: tuple[float, ...], kind: str):
     done = polhode("shape", *axes)
     assert done.stderr == ""
-    table = dict(line.split(maxsplit=1) for line in done.stdout.splitlines())
+    numbers, _, units = done.stdout.partition("\n\n")
+    assert units.startswith("Inertia in units of")
+    table = dict(line.split(maxsplit=1) for line in numbers.splitlines())
     assert table["kind"] == kind
     assert "nan" not in done.stdout
 
