@@ -90,7 +90,10 @@ def resonances(scene: Scene, side: Side, path: Array, low: float, high: float) -
             mask = Mask(k1, k2, WIDTH * float(polhode.precession[nearest]))
             met = bool(divisor.min() <= 0 <= divisor.max())
             if (k1 + k2) % 2 == 0 and (met or abs(divisor[nearest]) < mask.width):
-                found.append(_resonance(scene, side, path, float(squares[nearest]), mask, met))
+                each = _resonance(scene, side, path, float(squares[nearest]), mask, met)
+                # Beyond it the mode's P/D² is no larger than that of other modes.
+                if met or abs(divisor[nearest]) < sqrt(each.share) * polhode.precession[nearest]:
+                    found.append(each)
     return sorted(found, key=lambda resonance: -resonance.kick)
 
 
