@@ -23,3 +23,4 @@ if __name__ == "__main__":
     print(study.frame[["solver", "tolerance", "status", "error", "seconds", "rhs_calls"]].to_string(index=False))
     study.plot(plt.figure(figsize=(7, 5)).gca()).legend(fontsize=7, ncols=2)
     plt.savefig("brusselator.png", dpi=120)
+    print("drawn: brusselator.png")
