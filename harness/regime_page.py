@@ -2,15 +2,16 @@
 
 import csv
 from collections.abc import Sequence
-from math import isnan, log10
+from math import inf, isnan, log10, nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pandas as pd
 
 from polhode.harness.figures import save
 from polhode.harness.provenance import header
-from polhode.harness.regimes import Cell, Method, Side, cells, sentences
+from polhode.harness.regimes import Cell, Method, Side, cells, sentences, standings
 from polhode.harness.store import Record
 from polhode.harness.study import Study
 from polhode.harness.tables import frame, where
@@ -38,6 +39,7 @@ COLORS = {
     "averaged-spheroid": "#CC79A7",
     "averaged-second-order": "#8E4585",
 }
+OTHER = "#999999"
 # Colours darker than this carry white numbers.
 DARK = 0.4
 NOBODY, UNKNOWN = "#FFFFFF", "#E4E4E4"
@@ -102,11 +104,11 @@ def draw(axes: "Axes", found: Sequence[Cell]) -> "Axes":
     for i, stokes in enumerate(numbers):
         for j, target in enumerate(targets):
             cell = at[stokes, target]
-            color = COLORS[cell.winner.label] if cell.winner else NOBODY if cell.known else UNKNOWN
+            color = color_of(cell.winner) if cell.winner else NOBODY if cell.known else UNKNOWN
             axes.add_patch(Rectangle((i, j), 1, 1, facecolor=color, edgecolor="white", linewidth=0.8))
             if cell.tied and cell.second:
-                corner = [(i + 1, j), (i + 1, j + 1), (i + 0.55, j + 1)]
-                axes.add_patch(Polygon(corner, facecolor=COLORS[cell.second.label], edgecolor="none"))
+                corner = [(i + 0.72, j), (i + 1, j), (i + 1, j + 0.9)]
+                axes.add_patch(Polygon(corner, facecolor=color_of(cell.second), edgecolor="none"))
             _write_in(axes, cell, i, j, usual)
     _borders(axes, [[_side(at[stokes, target]) for target in targets] for stokes in numbers])
     axes.set_xlim(0, len(numbers))
@@ -117,6 +119,11 @@ def draw(axes: "Axes", found: Sequence[Cell]) -> "Axes":
     for spine in axes.spines.values():
         spine.set_visible(False)
     return axes
+
+
+def color_of(method: Method) -> str:
+    """Colour of a method; grey for those that have none of their own."""
+    return COLORS.get(method.label, OTHER)
 
 
 def usual_form(found: Sequence[Cell]) -> str:
@@ -130,11 +137,11 @@ def _write_in(axes: "Axes", cell: Cell, i: int, j: int, usual: str) -> None:
     if cell.winner is None:
         axes.text(i + 0.5, j + 0.5, "–" if cell.known else "?", ha="center", va="center", fontsize=8, color="0.55")
         return
-    ink = "white" if _luminance(COLORS[cell.winner.label]) < DARK else "black"
+    ink = "white" if _luminance(color_of(cell.winner)) < DARK else "black"
     lead = "tie" if cell.tied else "alone" if isnan(cell.lead) else f"×{_factor(cell.lead)}"
     lines = [(duration(cell.seconds), 7.5), (lead, 6.5)]
     if cell.winner.side != "averaged" and cell.winner.form != usual:
-        lines.append((cell.winner.form, 5.5))
+        lines.append((cell.winner.form, 6.0))
     for k, (line, size) in enumerate(lines):
         y = j + 0.52 + LINE * (k - (len(lines) - 1) / 2)
         axes.text(i + 0.46, y, line, ha="center", va="center", fontsize=size, color=ink)
@@ -164,8 +171,8 @@ def _legend(drawing: Any, found: Sequence[Cell]) -> None:
         if shown[side]:
             title = rf"$\bf{{{heading.replace(' ', '~')}}}$"
             handles.append(Patch(facecolor="none", label=f"{title}\n{what}"))
-            own = sorted(shown[side], key=lambda method: list(COLORS).index(method.label))
-            handles += [Patch(facecolor=COLORS[method.label], label=method.label) for method in own]
+            own = sorted(shown[side], key=lambda method: [*COLORS, method.label].index(method.label))
+            handles += [Patch(facecolor=color_of(method), label=method.label) for method in own]
             handles.append(Patch(facecolor="none", label=" "))
     handles.append(Patch(facecolor=NOBODY, edgecolor="0.7", label="nobody gets there\nin the time allowed"))
     handles.append(Patch(facecolor=UNKNOWN, label="below what the\nreference can tell"))
@@ -200,8 +207,36 @@ def _lines(study: Study, table: pd.DataFrame, records: Sequence[Record], maps: d
         for error, what in (("orientation_error", "orientation"), ("slow_error", "slow variables")):
             text += [f"- {sentence}" for sentence in (*sentences(maps[name, error], what), _forms(maps[name, error]))]
         rows = [[f"{scene.stokes:g}", f"{scene.time:g}"] for scene in scenes]
-        text += ["", "Duration in units of the inverse shear rate:", "", markdown(["St", "time"], rows, right=(0, 1))]
+        text += ["", _methods(where(table, table["scene_name"] == name), name, maps)]
+        text += ["Duration in units of the inverse shear rate:", "", markdown(["St", "time"], rows, right=(0, 1))]
     return text
+
+
+def _methods(table: pd.DataFrame, name: str, maps: dict) -> str:
+    """Every method that was run, those that never win too."""
+    full, slow = (
+        {row.method: row for row in standings(table, error, maps[name, error])}
+        for error in ("orientation_error", "slow_error")
+    )
+    rows = [
+        [
+            *(row.method.form, row.method.solver),
+            *(f"{full[method].won} / {row.won}", f"{full[method].tied} / {row.tied}"),
+            f"{full[method].front} / {row.front} of {row.measured}",
+            ", ".join(f"{status.replace('_', ' ')} {number}" for status, number in row.failures.items()),
+        ]
+        for method, row in slow.items()
+    ]
+    columns = [
+        "form",
+        "solver",
+        "cells won",
+        "ties with the winner",
+        "on the Pareto front, St",
+        "runs without a result",
+    ]
+    text = "Every method, full solution / slow variables; at the other St somebody is both faster and more accurate:"
+    return f"{text}\n\n{markdown(columns, rows, right=(2, 3, 4))}"
 
 
 def _forms(found: Sequence[Cell]) -> str:
@@ -233,7 +268,8 @@ def _factor(value: float) -> str:
 
 
 def _power(value: float) -> str:
-    return f"$10^{{{round(log10(value))}}}$"
+    exponent = log10(value) if 0 < value < inf else nan
+    return f"$10^{{{round(exponent)}}}$" if abs(exponent - np.round(exponent)) < 1e-9 else f"{value:g}"
 
 
 def _luminance(color: str) -> float:

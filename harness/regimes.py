@@ -9,12 +9,14 @@ import numpy as np
 import pandas as pd
 
 from polhode.harness.case import Case
+from polhode.harness.figures import pareto_front
 from polhode.harness.study import Study
 from polhode.harness.tables import where
-from polhode.harness.uncertainty import least_known, uncertainty_of
+from polhode.harness.uncertainty import known, least_known, uncertainty_of
 from polhode.harness.verdict import TIE
 from polhode.models.catalogue import form as find_form
 from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.contract import Status
 
 Side = Literal["implicit", "explicit", "averaged"]
 
@@ -126,6 +128,57 @@ def cells(records: pd.DataFrame, error: str, targets: Sequence[float] = TARGETS)
             costs = {method: cost(points, target) for method, points in fronts.items()}
             found.append(_cell(stokes, target, target > limit, costs))
     return found
+
+
+@dataclass(frozen=True)
+class Standing:
+    """How a method fares on a map, whether it wins or not.
+
+    Parameters
+    ----------
+    method : Method
+    won, tied : int
+        Cells that it wins, and in which it ties with the winner.
+    front : int
+        Stokes numbers at which a run of it lies on the Pareto front of all known runs.
+    measured : int
+        Stokes numbers at which it was run.
+    failures : dict
+        Number of its runs without a result, by status.
+    """
+
+    method: Method
+    won: int
+    tied: int
+    front: int
+    measured: int
+    failures: dict[str, int]
+
+
+def standings(records: pd.DataFrame, error: str, found: Sequence[Cell]) -> list[Standing]:
+    """Every method of one scene, those that win most first.
+
+    Parameters
+    ----------
+    records : DataFrame
+        Of one scene at several St.
+    error : {"slow_error", "orientation_error"}
+    found : sequence of Cell
+        The map of the same records.
+    """
+    done = where(records, (records["status"] == Status.REACHED_END) & records["seconds"].notna())
+    sure = where(done, known(done, error).fillna(value=False))
+    fronts = [pareto_front(runs, error) for _, runs in sure.groupby("stokes")]
+    on_front = [method for each in fronts for method, _ in methods(each)]
+    winners = [cell.winner for cell in found]
+    ties = [cell.second for cell in found if cell.tied]
+    rows = []
+    for method, own in methods(records):
+        statuses = [str(status) for status in own["status"] if status != Status.REACHED_END]
+        failures = {status: statuses.count(status) for status in dict.fromkeys(statuses)}
+        counts = winners.count(method), ties.count(method), on_front.count(method), len(set(own["stokes"]))
+        rows.append(Standing(method, *counts, failures))
+    return sorted(rows, key=lambda row: (-row.won, -row.front, -row.tied, str(row.method)))
 
 
 def methods(runs: pd.DataFrame) -> Iterator[tuple[Method, pd.DataFrame]]:

@@ -1,13 +1,14 @@
 """The regime map, on records with known winners."""
 
+import re
 from math import isnan, nan
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from polhode.harness.regime_page import COLORS, draw, write_page
-from polhode.harness.regimes import Method, cells, cost, front, parts, sentences
+from polhode.harness.regime_page import COLORS, draw, picture, write_page
+from polhode.harness.regimes import Method, cells, cost, front, parts, sentences, standings
 from polhode.harness.study import read_study
 from polhode.models.catalogue import form as find_form
 
@@ -130,6 +131,33 @@ def test_averaged_forms_are_left_out_where_slow_time_is_endless():
         assert any(find_form(name).averaged for name in part.forms) == (scene.stokes >= 1)
 
 
+def test_every_method_stands_somewhere_whether_it_wins_or_not(table: pd.DataFrame):
+    lost = {**runs("quaternion", "ida", 1e3, 1.0, 0.0)[0], "status": "time_limit", "seconds": nan, "slow_error": nan}
+    beaten = runs("quaternion", "lsoda", 1e3, 5.0, 0.02)
+    table = pd.concat([table, pd.DataFrame([lost, *beaten])])
+    found = cells(table, "slow_error")
+    rows = {str(row.method): row for row in standings(table, "slow_error", found)}
+    assert set(rows) == {f"{form}, {solver}" for form, solver in zip(table["form"], table["solver"], strict=True)}
+    assert sum(row.won for row in rows.values()) == sum(cell.winner is not None for cell in found)
+    taylor = rows["quaternion, taylor"]
+    assert (taylor.won, taylor.tied) == (18, 0)
+    assert (taylor.front, taylor.measured, taylor.failures) == (2, 3, {})
+    assert rows["quaternion, cyrk-vern8"].tied == len(TOLERANCES)
+    assert rows["quaternion, cyrk-vern8"].front == 0
+    assert (rows["quaternion, lsoda"].front, rows["quaternion, lsoda"].won) == (0, 0)
+    assert rows["quaternion, ida"].failures == {"time_limit": 1}
+
+
+def test_methods_without_a_colour_of_their_own_and_any_st_are_drawn():
+    import matplotlib.pyplot as plt
+
+    table = pd.DataFrame(runs("quaternion", "lsoda", 50.0, 1.0, 0.1) + runs("quaternion", "lsoda", 0.0, 1.0, 0.1))
+    drawing = picture([cells(table, error) for error in ("orientation_error", "slow_error")])
+    labels = [label.get_text() for label in drawing.axes[1].get_xticklabels()]
+    assert labels == ["0", "50"]
+    plt.close(drawing)
+
+
 def test_the_page_is_written_from_records(table: pd.DataFrame, tmp_path):
     study = read_study(None, "regimes")
     from dataclasses import replace
@@ -139,4 +167,5 @@ def test_the_page_is_written_from_records(table: pd.DataFrame, tmp_path):
     records = [{**row, **surroundings} for row in table.to_dict("records")]
     page = write_page(study, records, tmp_path, "polhode regimes").read_text(encoding="utf-8")
     assert "An averaged form wins 4 of 33 cells" in page
+    assert re.search(r"\| quaternion +\| cyrk-vern8 +\| +0 / 0 \|", page)
     assert {path.name for path in tmp_path.iterdir()} == {"README.md", "ellipsoid.png", "cells.csv", "runs.csv"}
