@@ -48,7 +48,7 @@ def run_batches(
     lanes = integrator.batch_size
     integrator.pars[:] = parameters[:, None]
     grid = np.repeat(times[:, None], lanes, axis=1)
-    states = np.empty((len(times), *starts.shape))
+    states = np.empty((len(starts), len(times), starts.shape[1])).swapaxes(0, 1)
     statuses = np.empty(len(starts), dtype=object)
     order = np.argsort(_speed(problem, starts, parameters), kind="stable")
     for first in range(0, len(order), lanes):

@@ -17,11 +17,11 @@ import numpy as np
 from polhode.harness.engines import Outcome, Processes, Serial
 from polhode.harness.ensemble import Ensemble, Task, run_task
 from polhode.harness.ensemble_batch import run_batches
+from polhode.harness.ensemble_page import page
 from polhode.harness.ensemble_starts import Starts
-from polhode.harness.ensemble_vector import run_vectorised
+from polhode.harness.ensemble_vector import array_field, integrate, run_vectorised
 from polhode.harness.machine import machine, versions
 from polhode.harness.partial_file import PartialFile
-from polhode.harness.text import markdown, scientific
 from polhode.harness.timing import collector_off, sentinel
 from polhode.harness.worker import Worker
 from polhode.models.catalogue import form as find_form
@@ -37,15 +37,6 @@ ROUNDS = 7
 # Seconds of a task whose engine overhead is measured, and how many of them.
 TASK_SECONDS, TASKS = 1.0, 10
 LIMIT = 3600.0
-# Sweeps whose cost is laid out: equations, particles, St; the first two are 10⁹ particle·St.
-PLANS = (
-    ("full", 1_000_000, 1e3),
-    ("full", 10_000, 1e5),
-    ("full", 1_000_000_000, 1e3),
-    ("averaged", 1_000_000_000, 1e3),
-)
-BLOCK = 100_000
-
 Row = dict[str, Any]
 
 
@@ -54,6 +45,14 @@ def main(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     steady = sentinel()
     found = {
+        "settings": {
+            "stokes": STOKES,
+            "slow_time": SLOW_TIME,
+            "tolerance": TOLERANCE,
+            "averaged_tolerance": AVERAGED_TOLERANCE,
+            "rounds": ROUNDS,
+            "task_seconds": TASK_SECONDS,
+        },
         "full": [full_throughput(name, shape) for name, shape in SHAPES.items()],
         "averaged": [averaged_throughput(name, shape) for name, shape in SHAPES.items()],
         "tasks": [task_throughput(equations) for equations in ("full", "averaged")],
@@ -100,17 +99,45 @@ def full_throughput(name: str, shape: Ellipsoid, particles: int = 512) -> Row:
     }
 
 
-def averaged_throughput(name: str, shape: Ellipsoid, particles: int = 50_000) -> Row:
-    """Particles per second of the averaged equations, end alone, with the error's median and 99th percentile."""
+def averaged_throughput(name: str, shape: Ellipsoid, particles: int = 20_000) -> Row:
+    """Particles per second of the averaged equations by how much is kept of them, and what bounds them.
+
+    With the end alone, with 101 samples, and in whole tasks, statistics included; the share of the first that the
+    field takes, and how often it is asked; the error's median and 99th percentile.
+    """
     problem, starts = _problem(shape, "averaged", particles)
-    times = np.array([0.0, problem.end])
-    ((seconds, states),) = _alternate(lambda: run_vectorised(problem, starts, times, AVERAGED_TOLERANCE)[0][-1])
+    two, samples = np.array([0.0, problem.end]), np.linspace(0.0, problem.end, 101)
+    field = array_field(problem)
+    asked: list[tuple[int, float]] = []
+    spent: list[float] = []
+
+    def timed_field(y: np.ndarray, rates: np.ndarray) -> None:
+        began = process_time()
+        field(y, rates)
+        asked.append((y.shape[1], process_time() - began))
+
+    def field_alone() -> None:
+        asked.clear()
+        integrate(timed_field, starts, two, AVERAGED_TOLERANCE)
+        spent.append(sum(seconds for _, seconds in asked))
+
+    ensemble = _ensemble(shape, "averaged", particles)
+    (end, result), _, (sampled, _), (task, _) = _alternate(
+        lambda: run_vectorised(problem, starts, two, AVERAGED_TOLERANCE)[0][-1],
+        field_alone,
+        lambda: [run_vectorised(problem, part, samples, AVERAGED_TOLERANCE) for part in np.array_split(starts, 5)],
+        lambda: run_task(Task(ensemble, 0)),
+    )
     some = slice(0, 2000)
-    exact = run_vectorised(problem, starts[some], times, 1e-11)[0][-1]
-    error = np.max(np.abs(states[some] - exact), axis=1)
+    exact = run_vectorised(problem, starts[some], two, 1e-11)[0][-1]
+    error = np.max(np.abs(result[some] - exact), axis=1)
     return {
         "shape": name,
-        "per_second": particles / seconds,
+        "per_second": particles / end,
+        "sampled_per_second": particles / sampled,
+        "task_per_second": particles / task,
+        "evaluations_per_particle": sum(width for width, _ in asked) / particles,
+        "field_share": min(spent) / end,
         "median_error": float(np.median(error)),
         "error_of_99_percent": float(np.quantile(error, 0.99)),
     }
@@ -219,84 +246,6 @@ def _alternate(*functions: Callable[[], Any]) -> list[tuple[float, Any]]:
                 function()
                 best[k] = min(best[k], process_time() - began)
     return list(zip(best, results, strict=True))
-
-
-def plan(tasks: list[Row]) -> list[tuple[str, ...]]:
-    """Tasks, bytes in the store and core hours of large sweeps, in blocks of `BLOCK`, from measured whole tasks."""
-    rows = []
-    for equations, particles, stokes in PLANS:
-        row = next(row for row in tasks if row["equations"] == equations)
-        # The number of rotations, and with it the cost of full equations, grows in proportion to St.
-        rate = row["per_second"] * (STOKES / stokes if equations == "full" else 1.0)
-        count = -(-particles // BLOCK)
-        rows.append(
-            (
-                equations,
-                f"{particles:,}",
-                f"{stokes:g}",
-                f"{count:,}",
-                f"{count * row['record_bytes'] / 2**20:,.1f} MiB",
-                f"{particles / rate / 3600:,.2f}",
-            )
-        )
-    return rows
-
-
-def page(found: dict[str, Any]) -> str:
-    """The measured figures as a page."""
-    full = [
-        (
-            row["shape"],
-            f"{row['scalar_per_second']:,.0f}",
-            f"{row['lanes_per_second']:,.0f}",
-            f"{row['speedup']:.2f}",
-            scientific(row["scalar_error"]),
-            scientific(row["lanes_error"]),
-        )
-        for row in found["full"]
-    ]
-    averaged = [
-        (
-            row["shape"],
-            f"{row['per_second']:,.0f}",
-            scientific(row["median_error"]),
-            scientific(row["error_of_99_percent"]),
-        )
-        for row in found["averaged"]
-    ]
-    tasks = [(row["equations"], f"{row['per_second']:,.0f}", f"{row['record_bytes']:,}") for row in found["tasks"]]
-    engines = [(row["engine"], f"{100 * row['share']:.2f} %") for row in found["overhead"]]
-    two, used = found["two_processes"], found["memory"]
-    return "\n".join(
-        [
-            "# What ensembles cost\n",
-            f"St = {STOKES:g}, t₂ = {SLOW_TIME:g}, isotropic starts of |L| = 0.7 I_max, on "
-            f"{found['machine']['processor']}. Made by `python -m polhode.harness.ensemble_bench`; "
-            "the numbers are in [throughput.json](throughput.json). Processor time, the least of "
-            f"{ROUNDS} runs in turns, one process at a time.\n",
-            f"## Full equations, Taylor at tolerance {TOLERANCE:g}, particles per second and core\n",
-            markdown(
-                ("shape", "one by one", "in lanes", "ratio", "error", "error in lanes"), full, right=(1, 2, 3, 4, 5)
-            ),
-            f"## Averaged equations at tolerance {AVERAGED_TOLERANCE:g}, particles per second and core\n",
-            markdown(("shape", "end alone", "median error", "error of 99 %"), averaged, right=(1, 2, 3)),
-            "## Whole tasks, statistics at 101 samples and 11 snapshots included\n",
-            markdown(("equations", "particles per second and core", "bytes of a record"), tasks, right=(1, 2)),
-            f"## What large sweeps to t₂ = {SLOW_TIME:g} take, in tasks of up to {BLOCK:,} particles\n",
-            markdown(
-                ("equations", "particles", "St", "tasks", "store", "core hours"),
-                plan(found["tasks"]),
-                right=(1, 2, 3, 4, 5),
-            ),
-            f"## What an engine adds to tasks of {TASK_SECONDS:g} s\n",
-            markdown(("engine", "overhead"), engines, right=(1,)),
-            "## Memory and processes\n",
-            f"- {used['particles']:,} particles of the full equations: at most "
-            f"{(used['bytes'] or 0) / 2**20:.0f} MiB in the process that runs them, {used['seconds']:.1f} s.",
-            f"- Two processes against one on {found['machine']['cores']} cores, {two['particles']:,} particles: "
-            f"{two['ratio']:.2f} times as fast ({two['one_seconds']:.1f} s and {two['two_seconds']:.1f} s).\n",
-        ]
-    )
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from polhode.harness.ensemble_kernels import kernels
 from polhode.models.problem import Problem
 from polhode.solvers.compile import FieldFactory, load_heyoka, traced_system
 from polhode.solvers.contract import Status
@@ -28,7 +29,7 @@ WIDTH = 4096
 # Finished particles are replaced when they make up this share of those under way.
 REFILL = 1 / 8
 
-ArrayField = Callable[[np.ndarray], np.ndarray]
+ArrayField = Callable[[np.ndarray, np.ndarray], None]
 
 
 @dataclass
@@ -73,11 +74,18 @@ def run_vectorised(
         NaN from where a particle failed.
     statuses : ndarray of str, shape (n,)
     """
-    states = np.full((len(times), *starts.shape), np.nan)
-    states[0] = starts
+    return integrate(array_field(problem), starts, times, tolerance)
+
+
+def integrate(
+    field: ArrayField, starts: np.ndarray, times: np.ndarray, tolerance: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Do what `run_vectorised` does, of a field."""
+    # Particle by particle in memory: a step fills rows that lie side by side.
+    states = np.full((len(starts), len(times), starts.shape[1]), np.nan)
+    states[:, 0] = starts
     statuses = np.full(len(starts), str(Status.REACHED_END), dtype=object)
-    field, end = array_field(problem), float(times[-1])
-    begun = min(WIDTH, len(starts))
+    end, begun = float(times[-1]), min(WIDTH, len(starts))
     front = _enter(field, starts, 0, begun, end)
     most = _most_steps(front, end, tolerance)
     while front.index.size:
@@ -92,20 +100,21 @@ def run_vectorised(
             more = min(gone, len(starts) - begun)
             front.exchange(under_way, _enter(field, starts, begun, begun + more, end))
             begun += more
-    return states, statuses
+    return states.swapaxes(0, 1), statuses
 
 
 def array_field(problem: Problem) -> ArrayField:
-    """The problem's field as a function of states, shape (d, n), contiguous."""
+    """The problem's field as a function of states, that fills rates; both of shape (d, n), contiguous."""
     parameters = np.array(problem.parameters, dtype=float)
     compiled = _compiled(problem.field, problem.dimension, len(parameters))
     repeated = np.empty((len(parameters), 0))
 
-    def field(y: np.ndarray) -> np.ndarray:
+    def field(y: np.ndarray, rates: np.ndarray) -> None:
         nonlocal repeated
         if repeated.shape[1] != y.shape[1]:
             repeated = np.repeat(parameters[:, None], y.shape[1], axis=1)
-        return compiled(y, pars=repeated)
+        # Left to itself, heyoka shares wide arrays among all cores, which other tasks use.
+        compiled(y, outputs=rates, pars=repeated, batch_parallel=False)
 
     return field
 
@@ -113,7 +122,9 @@ def array_field(problem: Problem) -> ArrayField:
 def _enter(field: ArrayField, starts: np.ndarray, first: int, last: int, end: float) -> _Front:
     state = np.ascontiguousarray(starts[first:last].T)
     n = last - first
-    rate = field(state) if n else state
+    rate = np.empty_like(state)
+    if n:
+        field(state, rate)
     due, tried = np.ones(n, dtype=int), np.zeros(n, dtype=int)
     return _Front(np.arange(first, last), np.zeros(n), np.full(n, FIRST_STEP * end), state, rate, due, tried)
 
@@ -127,44 +138,26 @@ def _most_steps(front: _Front, end: float, tolerance: float) -> float:
 def _step(front: _Front, field: ArrayField, times: np.ndarray, tolerance: float, states: np.ndarray) -> None:
     """Try one step of every particle; those that succeed move on and fill the rows that they pass."""
     nodes, weights, error_weights, dense = _pair()
+    loops = kernels(len(front.state), *dense.shape)
     y, left = front.state, times[-1] - front.time
     h = np.minimum(front.step, left)
-    slopes = np.empty((len(weights) + 1, *y.shape))
-    flat = slopes.reshape(len(slopes), -1)
+    slopes, new, ratio = np.empty((len(weights) + 1, *y.shape)), np.empty_like(y), np.empty_like(h)
     slopes[0] = front.rate
-    for stage, row in enumerate(nodes, start=1):
-        slopes[stage] = field(y + h * (row[:stage] @ flat[:stage]).reshape(y.shape))
-    new = y + h * (weights @ flat[:-1]).reshape(y.shape)
-    slopes[-1] = field(new)
-    error = np.abs((error_weights @ flat).reshape(y.shape)) / np.maximum(1, np.abs(new))
-    ratio = np.max(error, axis=0) * h / tolerance
+    for stage, row in enumerate((*nodes, weights), start=1):
+        loops.advance(y, h, slopes, row, new)
+        field(new, slopes[stage])
+    loops.error(new, h, slopes, error_weights, ratio)
+    ratio /= tolerance
     with np.errstate(divide="ignore", invalid="ignore"):
         factor = np.clip(SAFETY * ratio**-0.2, LEAST_FACTOR, GREATEST_FACTOR)
     front.step = h * np.where(np.isfinite(ratio), factor, LEAST_FACTOR)
     accepted = (ratio <= 1) & (left > 0)
-    arrived = np.where(h < left, front.time + h, times[-1])
-    passed = np.where(accepted, np.searchsorted(times, arrived, side="right") - front.due, 0)
-    if np.any(passed):
-        _fill(front, h, passed, (dense.T @ flat).reshape(-1, *y.shape), times, states)
-        front.due += passed
+    arrived = np.where(accepted, np.where(h < left, front.time + h, times[-1]), front.time)
+    loops.interpolate(y, h, slopes, dense, front.time, arrived, times, front.due, front.index, states)
     front.state = np.where(accepted, new, y)
     front.rate = np.where(accepted, slopes[-1], front.rate)
-    front.time = np.where(accepted, arrived, front.time)
+    front.time = arrived
     front.tried += 1
-
-
-def _fill(
-    front: _Front, h: np.ndarray, passed: np.ndarray, powers: np.ndarray, times: np.ndarray, states: np.ndarray
-) -> None:
-    """Interpolate the rows that a step has passed, `passed` of them for each particle."""
-    who = np.repeat(np.arange(len(passed)), passed)
-    first = np.cumsum(passed) - passed
-    rows = front.due[who] + np.arange(len(who)) - first[who]
-    share = (times[rows] - front.time[who]) / h[who]
-    slope = np.zeros((powers.shape[1], len(who)))
-    for coefficient in powers[::-1]:
-        slope = (slope + coefficient[:, who]) * share
-    states[rows, front.index[who]] = (front.state[:, who] + h[who] * slope).T
 
 
 @cache
@@ -172,7 +165,8 @@ def _pair() -> tuple[list[np.ndarray], np.ndarray, np.ndarray, np.ndarray]:
     """Stages, weights, error weights and dense output of the pair."""
     from scipy.integrate import RK45
 
-    return list(RK45.A[1:]), RK45.B, RK45.E, RK45.P
+    nodes = [np.ascontiguousarray(row[:stage]) for stage, row in enumerate(RK45.A[1:], start=1)]
+    return nodes, RK45.B, RK45.E, np.ascontiguousarray(RK45.P)
 
 
 @cache
