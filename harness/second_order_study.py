@@ -1,6 +1,6 @@
-"""Orders and cost of `averaged-second-order`: ``python -m polhode.harness.second_order_study [--quick]``.
+"""Orders and cost of `averaged-second-order`: ``python -m polhode.harness.second_order_study [--quick | --resonant]``.
 
-Writes `orders.csv`, `slopes.csv`, `cost.csv` and `README.md` under `reports/second-order`.
+Writes `README.md` and its data (orders, slopes, resonances, crossings, cost) under `reports/second-order`.
 """
 
 import csv
@@ -8,57 +8,38 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, fields
 from functools import partial
-from math import nan, pi
+from math import nan
 from pathlib import Path
-from time import perf_counter
-from typing import Any
+from typing import Any, get_type_hints
 
 import numpy as np
 
-from polhode.harness.errors import Errors, errors
+from polhode.harness import second_order_resonances as resonant
+from polhode.harness.errors import errors
+from polhode.harness.second_order_cases import (
+    AGAINST,
+    GENTLE,
+    PAPER,
+    SAMPLES,
+    TILTED,
+    TOLERANCE,
+    Case,
+    timed_run,
+    true_observables,
+)
+from polhode.harness.second_order_resonances import ResonantRow
 from polhode.harness.text import duration, markdown, scientific
-from polhode.models.catalogue import form as find_form
-from polhode.models.observables import Observables
-from polhode.models.scene import BodyStart, EulerStart, Scene, Start
+from polhode.models.scene import BodyStart, Scene, Start
 from polhode.models.second_order import SecondOrder
 from polhode.models.shape import Ellipsoid
-from polhode.solvers.contract import Record
-from polhode.solvers.solve import Solution, solve
-from polhode.solvers.taylor import propagate, taylor_integrator
+
+# Rows of the resonant runs, and of those that meet L² = 2EI₂.
+Passages = tuple[Sequence[ResonantRow], Sequence[ResonantRow]]
 
 REPORT = Path("reports/second-order")
-SAMPLES = 2001
-REFERENCE_TOLERANCES = (1e-18, 1e-16)
 FULL_TOLERANCES = (1e-8, 1e-9, 1e-10, 1e-11, 1e-12)
-TOLERANCE = 1e-14
 # Slopes are fitted where the error is below this and above so many times the reference's uncertainty.
 LARGEST_ERROR, FLOORS = 1e-2, 100.0
-
-PAPER = EulerStart((pi / 3, pi / 6, 0.0), (1.0, 1.0, 1.0))
-AGAINST = EulerStart((1.0, 0.3, 0.2), (-1.0, 0.5, -2.0))
-GENTLE = EulerStart((1.5, 2.0, 0.2), (0.6, 0.4, -0.3))
-TILTED = (0.8, 0.3, -0.4, 0.2)
-
-
-@dataclass(frozen=True)
-class Case:
-    """A shape and a start, followed to one slow time at a range of Stokes numbers."""
-
-    axes: tuple[float, float, float]
-    start: Start
-    slow_time: float
-    exponents: tuple[float, ...] = (4.0, 4.5, 5.0, 5.5, 6.0)
-
-    def scene(self, stokes: float) -> Scene:
-        """The scene at one Stokes number."""
-        return Scene(Ellipsoid(self.axes), stokes, self.start, self.slow_time * stokes)
-
-    @property
-    def names(self) -> tuple[str, str]:
-        """Shape and start in words."""
-        names: dict[Start, str] = {PAPER: "paper", AGAINST: "against", GENTLE: "gentle"}
-        spin = ", ".join(f"{rate:g}" for rate in getattr(self.start, "angular_velocity", ()))
-        return ":".join(f"{axis:g}" for axis in self.axes), names.get(self.start, f"ω = ({spin})")
 
 
 def _spheroid(kappa: float, start: Start, slow_time: float, exponents: tuple[float, ...] = (4, 4.5, 5, 5.5, 6)) -> Case:
@@ -119,10 +100,10 @@ def measure(case: Case, stokes: float) -> Row:
     """Errors of first and second order, and the form's own estimate, against the full form in long double."""
     scene = case.scene(stokes)
     form = SecondOrder()
-    true, uncertainty = _true(scene)
-    found, _ = _run(scene, form.name, TOLERANCE, SAMPLES)
+    true, uncertainty = true_observables(scene)
+    found, _ = timed_run(scene, form.name, TOLERANCE, SAMPLES)
     triaxial = scene.ellipsoid.kind == "triaxial"
-    first, _ = _run(scene, "averaged" if triaxial else "averaged-spheroid", TOLERANCE, SAMPLES)
+    first, _ = timed_run(scene, "averaged" if triaxial else "averaged-spheroid", TOLERANCE, SAMPLES)
     error, estimate = errors(scene.ellipsoid, found, true), form.estimate(scene)
     return Row(
         *case.names,
@@ -136,26 +117,6 @@ def measure(case: Case, stokes: float) -> Row:
         uncertainty.slow,
         nan if uncertainty.orientation is None else uncertainty.orientation,
     )
-
-
-def _true(scene: Scene) -> tuple[Observables, Errors]:
-    """Observables of the full form in long double, and what a hundredfold tolerance changes in them."""
-    form = find_form("quaternion" if scene.ellipsoid.kind == "triaxial" else "spheroid-axis")
-    problem = form.problem(scene)
-    times = np.linspace(0.0, problem.end, SAMPLES)
-    number = np.longdouble
-    start, parameters = np.array(problem.start, number), np.array(problem.parameters, number)
-    runs = []
-    for tolerance in REFERENCE_TOLERANCES:
-        integrator = taylor_integrator(problem.field, problem.dimension, len(parameters), tolerance, "long double")
-        integrator.time, integrator.state[:], integrator.pars[:] = number(0), start, parameters
-        rows = np.empty((len(times), len(start)), number)
-        rows[0] = start
-        status, message = propagate(integrator, Record(times, rows))
-        if not status.success:
-            raise RuntimeError(f"the full form ended with {status}: {message}")
-        runs.append(form.observe(scene, rows))
-    return runs[0], errors(scene.ellipsoid, runs[1], runs[0])
 
 
 def slopes(rows: Sequence[Row]) -> list[Slope]:
@@ -199,7 +160,7 @@ def costs(repeats: int = 7) -> Iterator[Cost]:
         seconds = _best(partial(_seconds, scene, SecondOrder.name, 1e-9, few), repeats)
         yield Cost(SecondOrder.name, "taylor", 1e-9, scene.stokes, few, seconds, nan)
     scene = Scene(Ellipsoid((1.0, 1.0, 2.0)), 1e6, PAPER, 0.5e6)
-    true, _ = _run(scene, "spheroid-axis", 1e-16, few)
+    true, _ = timed_run(scene, "spheroid-axis", 1e-16, few)
     trials = [
         (SecondOrder.name, "taylor", (1e-9,)),
         ("averaged-spheroid", "taylor", (1e-9,)),
@@ -207,7 +168,7 @@ def costs(repeats: int = 7) -> Iterator[Cost]:
     ]
     for name, solver, tolerances in trials:
         for tolerance in tolerances:
-            found, seconds = _run(scene, name, tolerance, few, solver)
+            found, seconds = timed_run(scene, name, tolerance, few, solver)
             slow = errors(scene.ellipsoid, found, true).slow
             if slow <= 1e-6 or len(tolerances) == 1:
                 best = _best(partial(_seconds, scene, name, tolerance, few, solver), 2)
@@ -220,22 +181,10 @@ def _best(run: Callable[[], float], repeats: int) -> float:
 
 
 def _seconds(scene: Scene, name: str, tolerance: float, samples: int, solver: str = "taylor") -> float:
-    return _run(scene, name, tolerance, samples, solver)[1]
+    return timed_run(scene, name, tolerance, samples, solver)[1]
 
 
-def _run(scene: Scene, name: str, tolerance: float, samples: int, solver: str = "taylor") -> tuple[Observables, float]:
-    """Observables at equispaced times, and the seconds of integration and of the observables together."""
-    form = find_form(name)
-    problem = form.problem(scene)
-    solution: Solution = solve(problem, solver, tolerance, np.linspace(0.0, problem.end, samples))
-    if not solution.success:
-        raise RuntimeError(f"form {name!r} ended with {solution.status}: {solution.message}")
-    began = perf_counter()
-    observables = form.observe(scene, solution.states)
-    return observables, solution.seconds + perf_counter() - began
-
-
-def page(rows: Sequence[Row], fitted: Sequence[Slope], cost: Sequence[Cost]) -> str:
+def page(rows: Sequence[Row], fitted: Sequence[Slope], passages: Passages, cost: Sequence[Cost]) -> str:
     """The report as Markdown."""
     orders = markdown(
         ("axes", "start", "slope, slow", "points", "slope, orientation", "points"),
@@ -277,6 +226,7 @@ def page(rows: Sequence[Row], fitted: Sequence[Slope], cost: Sequence[Cost]) -> 
             orders,
             "## Errors and the form's own estimates\n",
             table,
+            resonant.section(*passages),
             "## Cost\n",
             "Axes 1:1:2, t₂ = 0.5, eleven output times; integration and observables, best of several.\n",
             times,
@@ -284,14 +234,16 @@ def page(rows: Sequence[Row], fitted: Sequence[Slope], cost: Sequence[Cost]) -> 
     )
 
 
-def write(directory: Path, rows: Sequence[Row], cost: Sequence[Cost]) -> None:
+def write(directory: Path, rows: Sequence[Row], passages: Passages, cost: Sequence[Cost]) -> None:
     """Write data and page."""
     directory.mkdir(parents=True, exist_ok=True)
     fitted = slopes(rows)
     _write_csv(directory / "orders.csv", Row, rows)
     _write_csv(directory / "slopes.csv", Slope, fitted)
+    _write_csv(directory / "resonances.csv", ResonantRow, passages[0])
+    _write_csv(directory / "crossings.csv", ResonantRow, passages[1])
     _write_csv(directory / "cost.csv", Cost, cost)
-    (directory / "README.md").write_text(page(rows, fitted, cost), encoding="utf-8")
+    (directory / "README.md").write_text(page(rows, fitted, passages, cost), encoding="utf-8")
 
 
 def _write_csv(path: Path, kind: type, rows: Sequence[Any]) -> None:
@@ -301,15 +253,36 @@ def _write_csv(path: Path, kind: type, rows: Sequence[Any]) -> None:
         writer.writerows(asdict(row) for row in rows)
 
 
-def main(arguments: Sequence[str]) -> None:
-    """Run the study; with `--quick`, one case and no cost."""
-    quick = "--quick" in arguments
+def _read_csv(path: Path, kind: type) -> list[Any]:
+    readers: dict[str, Callable[[str], Any]] = get_type_hints(kind)
+    with path.open(newline="", encoding="utf-8") as file:
+        return [kind(**{name: read(row[name]) for name, read in readers.items()}) for row in csv.DictReader(file)]
+
+
+def _measured(cases: Sequence[Case], points: int | None, take: Callable[[Case, float], Any]) -> list[Any]:
     rows = []
-    for case in CASES[:1] if quick else CASES:
-        for exponent in case.exponents[:3] if quick else case.exponents:
-            rows.append(measure(case, float(f"{10**exponent:.3g}")))
+    for case in cases:
+        for exponent in case.exponents[:points]:
+            rows.append(take(case, float(f"{10**exponent:.3g}")))
             print(rows[-1], file=sys.stderr, flush=True)
-    write(REPORT, rows, [] if quick else list(costs()))
+    return rows
+
+
+def _passages(cases: int | None = None, points: int | None = None) -> Passages:
+    return (
+        _measured(resonant.CASES[:cases], points, resonant.measure),
+        _measured(resonant.CROSSING[:cases], points, resonant.measure_crossing),
+    )
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Run the study; with `--quick`, one case of each kind and no cost; with `--resonant`, the last two kinds alone."""
+    if "--quick" in arguments:
+        write(REPORT, _measured(CASES[:1], 3, measure), _passages(1, 2), [])
+    elif "--resonant" in arguments:
+        write(REPORT, _read_csv(REPORT / "orders.csv", Row), _passages(), _read_csv(REPORT / "cost.csv", Cost))
+    else:
+        write(REPORT, _measured(CASES, None, measure), _passages(), list(costs()))
 
 
 if __name__ == "__main__":

@@ -59,7 +59,7 @@ class SecondOrder(Form):
         elif slow_start(scene) is None:
             raise self.refuse(f"St = {scene.stokes:g} is too small for the start's |L|", full)
         if not estimated(scene).slow < MEANINGLESS:
-            raise self.refuse(f"St = {scene.stokes:g} is too small for the run's least |L|", full)
+            raise self.refuse(f"St = {scene.stokes:g} is too small for this run", full)
 
     def problem(self, scene: Scene) -> Problem:
         """Initial value problem in slow time t₂ = t/St."""
