@@ -1,6 +1,5 @@
 """`polhode compare`: two saved runs, and what got worse."""
 
-import json
 from pathlib import Path
 
 import click
@@ -25,6 +24,7 @@ def compare(before: Path, after: Path, slower: float, less_accurate: float, as_j
     """
     from polhode.harness.benchmark_table import read_runs
     from polhode.harness.comparison import compare as compare_runs
+    from polhode.harness.plain_json import dumps
     from polhode.harness.store import DamagedStoreError
 
     with bad_input():
@@ -38,7 +38,7 @@ def compare(before: Path, after: Path, slower: float, less_accurate: float, as_j
     worse = found.regressions.astype(object).where(found.regressions.notna(), None).to_dict("records")
     if as_json:
         numbers = {"shared": found.shared, "only_before": found.only_before, "only_after": found.only_after}
-        click.echo(json.dumps({**numbers, "drift": found.drift, "regressions": worse}))
+        click.echo(dumps({**numbers, "drift": found.drift, "regressions": worse}))
     else:
         click.echo(_words(found.shared, found.only_before, found.only_after, found.drift))
         _print(worse)

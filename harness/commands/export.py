@@ -11,7 +11,11 @@ from polhode.harness.cli import bad_input
 @click.argument("store", type=click.Path(path_type=Path))
 @click.argument("out", type=click.Path(path_type=Path))
 def export(store: Path, out: Path) -> None:
-    """Write the records of STORE to OUT, as CSV or JSON Lines by its ending."""
+    """Write the records of STORE to OUT, as CSV or JSON Lines by its ending.
+
+    Numbers that JSON has no sign for are the words "Infinity", "-Infinity" and "NaN"; nested results are JSON in CSV's
+    cells. The file is called OUT.partial until it is complete.
+    """
     from polhode.harness.cli import BadInput
     from polhode.harness.store import DamagedStoreError, Store
     from polhode.harness.store import export as write
