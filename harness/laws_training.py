@@ -54,11 +54,13 @@ def solvers_for(scene: Scene, row: int) -> list[str]:
 
 
 def forms_for(scene: Scene, rotations: float) -> list[str]:
-    """Forms that accept a scene; averaged ones only where there is something to average over."""
+    """Forms that accept a scene and are soon prepared; averaged ones only where there is something to average over."""
     accepted = []
     for name in FORMS:
         form = find_form(name)
         try:
+            if form.demands(scene):
+                continue
             form.problem(scene)
         except FormNotValidError:
             continue

@@ -163,6 +163,8 @@ def _candidates(
     for form_name in FORMS:
         form = find_form(form_name)
         try:
+            if demands := form.demands(scene):
+                raise _UnfitError(demands)
             problem = form.problem(scene)
             load = load_of(form, found, samples)
             budget, model = _budget(form, found, error, want)

@@ -61,6 +61,10 @@ class Form(ABC):
     def observe(self, scene: "Scene", states: "np.ndarray") -> "Observables":
         """Observables of the states, shape (n, d), of a solution of `problem`."""
 
+    def demands(self, scene: "Scene") -> str:
+        """What makes a scene so costly to prepare that nobody would run this form unasked; empty where nothing does."""
+        return ""
+
     def require_orientation(self, scene: "Scene") -> "EulerStart | BodyStart":
         """The scene's start, if it has an orientation.
 

@@ -131,6 +131,12 @@ class SecondOrder(Form):
             raise
         return scene.slow_time
 
+    def demands(self, scene: Scene) -> str:
+        """Partial averaging of resonances: seconds to prepare and to compile."""
+        if scene.ellipsoid.kind != "triaxial" or not triaxial_run.resonates(scene):
+            return ""
+        return "the run comes near resonances of polhode and precession, whose treatment takes seconds to prepare"
+
     def error_estimate(self, scene: Scene) -> float:
         """Slow model error over I_max, as `estimate` gives it."""
         return self.estimate(scene).slow

@@ -106,10 +106,7 @@ def prepared(scene: Scene) -> Prepared:
     body = rotation @ momentum
     side = Side.of(ellipsoid, body)
     path, squares = first_order_path(scene)
-    if squares.min() < LEAST:
-        raise NotAveragedError("the body rotates about a principal axis, where the polhode has no phase")
-    low, high = _rounded(squares.min() * (1 - MARGIN), squares.max() * (1 + MARGIN))
-    met = [each for each in resonances(scene, side, path, low, high) if each.share > FAINT]
+    low, high, met = _met(scene, side, path, squares)
     treated, dropped = _sorted_out(scene, side, path, squares, met)
     longest = abs(side.axes[2, ellipsoid.order[0]]) == 1
     masks = tuple(each.mask for each in (*treated, *dropped))
@@ -127,6 +124,28 @@ def prepared(scene: Scene) -> Prepared:
         p += mode_parameters(ellipsoid, scene.torque_factor, each.mask, found, (alpha, beta))
     field = SlowField(averages.series.shape[1], len(treated))
     return Prepared(side, averages, field, tuple(p), state, (alpha, beta), path, treated, dropped)
+
+
+@lru_cache(maxsize=256)
+def resonates(scene: Scene) -> bool:
+    """Whether a run comes near resonances; False where it cannot be followed at all."""
+    if not (0 < scene.stokes < inf and np.any(scene.initial.angular_momentum)):
+        return False
+    body = scene.initial.rotation[0] @ scene.initial.angular_momentum[0]
+    if not np.all(np.isfinite(body)):
+        return False
+    try:
+        return bool(_met(scene, Side.of(scene.ellipsoid, body), *first_order_path(scene))[2])
+    except NotAveragedError:
+        return False
+
+
+def _met(scene: Scene, side: Side, path: Array, squares: Array) -> tuple[float, float, list[Resonance]]:
+    """Bounds of a² for tables, and the resonances between them."""
+    if squares.min() < LEAST:
+        raise NotAveragedError("the body rotates about a principal axis, where the polhode has no phase")
+    low, high = _rounded(squares.min() * (1 - MARGIN), squares.max() * (1 + MARGIN))
+    return low, high, [each for each in resonances(scene, side, path, low, high) if each.share > FAINT]
 
 
 def shorter(scene: Scene) -> Iterator[Scene]:

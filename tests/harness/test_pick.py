@@ -15,7 +15,7 @@ from polhode.harness.heldout import Answer, Evaluation, Outcome, Prediction, ans
 from polhode.harness.heldout import studies as held_out_studies
 from polhode.harness.laws import Interval, load_laws
 from polhode.harness.laws_page import summary, write_pages
-from polhode.harness.laws_scenes import HELD_OUT_SEED, questions
+from polhode.harness.laws_scenes import HELD_OUT_SEED, TRAINING_SEED, questions
 from polhode.harness.pick import LOOSEST, TIGHTEST, NotAttainableError, Recommendation, Row, one_digit, pick
 from polhode.models.catalogue import FORMS, form
 from polhode.models.observables import Observables
@@ -310,3 +310,13 @@ def test_held_out_scene_is_measured_by_the_first_choice_and_by_tens():
     tolerances = [study.tolerances[0] for study in others]
     assert tolerances == sorted(tolerances, reverse=True)
     assert all(tolerance == float(f"{tolerance:.0e}") for tolerance in tolerances)
+
+
+def test_nobody_is_sent_into_resonances_unasked():
+    """Seed 70 of the training scenes: the run comes near resonances, which `averaged-second-order` treats in seconds."""
+    scene = questions(TRAINING_SEED, 71)[70].scene
+    found = pick(scene, 1e-4)
+    assert all(row.form != "averaged-second-order" for row in found.ranking)
+    reasons = {each.reason for each in found.excluded if each.form == "averaged-second-order"}
+    assert len(reasons) == 1
+    assert "resonances" in reasons.pop()
