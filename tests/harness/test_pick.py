@@ -313,7 +313,7 @@ def test_held_out_scene_is_measured_by_the_first_choice_and_by_tens():
 
 
 def test_nobody_is_sent_into_resonances_unasked():
-    """Seed 70 of the training scenes: the run comes near resonances, which `averaged-second-order` treats in seconds."""
+    """A training scene that comes near resonances, which `averaged-second-order` takes seconds to prepare."""
     scene = questions(TRAINING_SEED, 71)[70].scene
     found = pick(scene, 1e-4)
     assert all(row.form != "averaged-second-order" for row in found.ranking)
