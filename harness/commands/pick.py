@@ -55,7 +55,7 @@ def pick(scene: str, error: float, want: str, samples: int, everything: bool, as
         click.echo(json.dumps({name: value for name, value in asdict(found).items() if name in names}))
         return
     click.echo(pick_page(found, everything))
-    options = f"--error {short(error)} --want {want}"
+    options = f"--error {error!r} --want {want} --samples {samples}"
     click.echo(f"\nTo run the first: polhode solve {quote(scene)} {options} --out FILE.csv")
 
 
