@@ -13,14 +13,14 @@ from polhode.harness.study import Batches
 from polhode.harness.timing import Timing, sentinel
 from polhode.harness.worker import Failure, Worker
 from polhode.solvers.catalogue import solver as find_solver
-from polhode.solvers.contract import Status
+from polhode.solvers.contract import Backend, Jacobian, Status
 
 # Seconds that a first run may spend on compilation, beyond its time limit, before it is killed.
 COMPILATION = 60.0
 # A stopped run that was further off than this had gone wrong: a tighter tolerance may well be faster.
 SANE_ERROR = 1.0
 
-Group = tuple[str, float, str, str]
+Group = tuple[str, float, str, str, Backend | None, Jacobian | None]
 
 
 @dataclass
@@ -119,4 +119,4 @@ def _too_slow(record: Record) -> bool:
 
 
 def _group(case: Case) -> Group:
-    return case.scene_name, case.scene.stokes, case.form, case.solver
+    return case.scene_name, case.scene.stokes, case.form, case.solver, case.backend, case.jacobian

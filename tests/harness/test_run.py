@@ -145,6 +145,20 @@ def test_no_liar_wins(records: list[Record]):
         assert {winner.row["solver"], *winner.tied} <= honest
 
 
+def test_a_slow_back_end_says_nothing_of_the_others(study: Study, tmp_path: Path, environment, monkeypatch):
+    monkeypatch.setenv("POLHODE_CACHE", environment["POLHODE_CACHE"])
+    name, scene = study.scenes[0]
+    long = replace(scene, time=2e3)
+    ways = {"solvers": ("rk45",), "backends": ("python", "numba"), "tolerances": (1e-8, 1e-10), "max_seconds": 0.05}
+    with Store(tmp_path / "store.sqlite") as store:
+        found = Runner(store, quiet=True).run(replace(study, scenes=((name, long),), choices={}, samples=3, **ways))
+    stopped = [(record["tolerance"], record["backend"], record["status"], record["inferred"]) for record in found]
+    assert stopped == [
+        *((1e-8, backend, "time_limit", False) for backend in ("python", "numba")),
+        *((1e-10, backend, "time_limit", True) for backend in ("python", "numba")),
+    ]
+
+
 # What a repeated run must give again; times differ.
 LASTING = ("status", "slow_error", "orientation_error", "errors", "work", "slow_uncertainty", "reached", "inferred")
 
