@@ -132,7 +132,7 @@ def torus_at(
 
 
 def coordinates(side: Side, pose: Pose, q: Array) -> tuple[Array, Array, Array]:
-    """y, α and β, each shape (m,), of poses in frames Q."""
+    """y, α and β, each shape (m,), of poses in frames Q; NaN if any of them lies on the other side of L² = 2EI₂."""
     from scipy.special import ellipkinc, ellipkm1
 
     n = q[:, :, 2]
@@ -140,6 +140,8 @@ def coordinates(side: Side, pose: Pose, q: Array) -> tuple[Array, Array, Array]:
     i1, i2, i3 = side.inverse_inertia
     below = (i1 - i3) * z[:, 0] ** 2 + (i2 - i3) * z[:, 1] ** 2
     above = (i2 - i3) * z[:, 2] ** 2 - (i1 - i2) * z[:, 0] ** 2
+    if not np.all((below > 0) & (above > 0)):
+        return (np.full(len(z), np.nan),) * 3
     y = np.log(below / above)
     a2, _, complement = Polhode(side, y, np.zeros_like(y), 2).moduli
     share = 1 / (1 + np.exp(-y))
