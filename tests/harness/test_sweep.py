@@ -213,7 +213,8 @@ def test_no_room_for_a_store_is_no_damage(polhode: Run, sweep_file: Path, tmp_pa
         done = polhode("sweep", "sweep.toml", "--out", "out", "--workers", "0")
     assert done.returncode == 1
     assert done.stderr == (
-        "polhode: out/store.sqlite: database or disk is full, expected a writable file and room for it; --resume goes on\n"
+        "polhode: out/store.sqlite: database or disk is full, expected a writable file and room for it; "
+        "--resume goes on\n"
     )
 
 
