@@ -100,10 +100,10 @@ class Runner:
         return record
 
     def _recall(self, cases: Iterable[Case]) -> None:
-        known = {case.key: case for case in cases}
-        for record in self.store.records() if known else ():
-            if record["key"] in known and _too_slow(record):
-                self._too_slow.setdefault(_group(known[record["key"]]), record)
+        for case in cases:
+            record = self.store.result(case.key)
+            if record is not None and _too_slow(record):
+                self._too_slow.setdefault(_group(case), record)
 
 
 def _lost(failure: Failure | None, message: str) -> Record:
