@@ -3,7 +3,7 @@
 import hashlib
 import json
 from dataclasses import asdict, dataclass, field, replace
-from functools import cache, cached_property
+from functools import cached_property
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from time import perf_counter
@@ -85,7 +85,7 @@ class Case:
             "versions": {name: _version(name) for name in ("polhode", package)},
         }
 
-    @cached_property
+    @property
     def key(self) -> str:
         """Hash of the canonical content."""
         return hashlib.sha256(json.dumps(self.content, sort_keys=True).encode()).hexdigest()
@@ -234,7 +234,6 @@ def _error_columns(total: Errors, own: Errors, model: Errors | None, full: Refer
     }
 
 
-@cache
 def _version(package: str) -> str:
     try:
         return version(package)
