@@ -141,7 +141,8 @@ def coordinates(side: Side, pose: Pose, q: Array) -> tuple[Array, Array, Array]:
     below = (i1 - i3) * z[:, 0] ** 2 + (i2 - i3) * z[:, 1] ** 2
     above = (i2 - i3) * z[:, 2] ** 2 - (i1 - i2) * z[:, 0] ** 2
     if not np.all((below > 0) & (above > 0)):
-        return (np.full(len(z), np.nan),) * 3
+        nothing = np.full(len(z), np.nan)
+        return nothing, nothing, nothing
     y = np.log(below / above)
     a2, _, complement = Polhode(side, y, np.zeros_like(y), 2).moduli
     share = 1 / (1 + np.exp(-y))
