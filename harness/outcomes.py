@@ -1,4 +1,4 @@
-"""What became of runs on hard cases: reached, inaccurate, stopped or failed, with the reason."""
+"""What became of runs on hard cases: reached, inaccurate, of unknown error, stopped or failed, with the reason."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,11 +17,13 @@ from polhode.solvers.contract import Status
 
 # A run that reached its end but is further off the exact solution of its own form has no digit to trust.
 INACCURATE = 1e-3
-KINDS = ("reached", "inaccurate", "stopped", "failed")
-SIGNS = {"reached": "✓", "inaccurate": "≈", "stopped": "◷", "failed": "✕", "absent": "·"}
+KINDS = ("reached", "inaccurate", "unknown", "stopped", "failed")
+SIGNS = {"reached": "✓", "inaccurate": "≈", "unknown": "?", "stopped": "◷", "failed": "✕", "absent": "·"}
+# What the shared records leave out, for there are thousands: `polhode export` writes all.
+LEFT_OUT = ("key", "errors", "seconds_runs", "statistics_uncertainty", "statistics_distance", "solver_slow_uncertainty")
 
-Block = tuple[str, float, float]
-"""Scene, St and tolerance."""
+Block = tuple[str, float, float | None, float]
+"""Scene, St, duration in inverse shear rates where it is known, and tolerance."""
 Outcome = tuple[str, str]
 """One of `KINDS`, and the reason in words."""
 
@@ -37,7 +39,7 @@ def outcome(run: dict[Any, Any]) -> Outcome:
     took = f"{duration(seconds)}, " if seconds is not None else ""
     if error is None:
         failure = _known(run.get("reference_failed"))
-        return "inaccurate", f"{took}error unknown: {failure or 'no certified reference'}"
+        return "unknown", f"reached the end, but {failure or 'there is no certified reference'}"
     model = _known(run.get("model_slow_error")) or 0.0
     off = f"; the form itself is off by {scientific(model)}" if model > 0 else ""
     return ("reached" if error <= INACCURATE else "inaccurate"), f"{took}solver error {scientific(error)}{off}"
@@ -47,15 +49,17 @@ def blocks(table: pd.DataFrame) -> dict[Block, dict[str, dict[str, Outcome]]]:
     """Outcomes by scene, form and solver."""
     found: dict[Block, dict[str, dict[str, Outcome]]] = {}
     for run in table.to_dict("records"):
-        block = str(run["scene_name"]), float(run["stokes"]), float(run["tolerance"])
+        time = _known(run.get("scene.time"))
+        block = str(run["scene_name"]), float(run["stokes"]), time, float(run["tolerance"])
         found.setdefault(block, {}).setdefault(str(run["form"]), {})[str(run["solver"])] = outcome(run)
     return found
 
 
 def title(block: Block) -> str:
-    """Scene, St and tolerance in words."""
-    scene, stokes, tolerance = block
-    return f"{scene}, St = {stokes:g}, tolerance {tolerance:g}"
+    """Scene, St, duration and tolerance in words."""
+    scene, stokes, time, tolerance = block
+    duration_in_words = "" if time is None else f", t = {time:g}"
+    return f"{scene}, St = {stokes:g}{duration_in_words}, tolerance {tolerance:g}"
 
 
 def about(block: Block) -> str:
@@ -91,8 +95,8 @@ def sentences(table: pd.DataFrame) -> list[str]:
     worst = best[-1]
     return [
         f"{sums['reached']} of {sum(total.values())} runs reached the end with a solver error below {INACCURATE:g}; "
-        f"{sums['inaccurate']} reached it with a larger one; {sums['stopped']} were stopped at the limit of "
-        f"{limit(table)}; {sums['failed']} failed.",
+        f"{sums['inaccurate']} reached it with a larger one, {sums['unknown']} with one that no reference tells; "
+        f"{sums['stopped']} were stopped at the limit of {limit(table)}; {sums['failed']} failed.",
         f"Through every case they take: {', '.join(through) or 'nobody'}.",
         f"Most often stuck: {worst}, {total[worst] - counts[worst]['reached']} of {total[worst]}.",
     ]
@@ -108,10 +112,15 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     """Write the page of a study of several scenes, and its records, into a folder and return the page's path."""
     table = frame(records)
     folder.mkdir(parents=True, exist_ok=True)
-    export(list(records), folder / "records.jsonl")
+    export([_shared(record) for record in records], folder / "records.jsonl")
     page = folder / "README.md"
     page.write_text("\n".join(_lines(study, table, records, command)), encoding="utf-8")
     return page
+
+
+def _shared(record: Record) -> Record:
+    """What of a record is shared: nothing that is empty, and not `LEFT_OUT`."""
+    return {name: value for name, value in record.items() if value is not None and name not in LEFT_OUT}
 
 
 def _lines(study: Study, table: pd.DataFrame, records: Sequence[Record], command: str) -> list[str]:
@@ -120,8 +129,10 @@ def _lines(study: Study, table: pd.DataFrame, records: Sequence[Record], command
         *header(study.title, command, records),
         *(f"- {sentence}" for sentence in sentences(table)),
         "",
-        f"✓ reached; ≈ reached, but off by more than {INACCURATE:g}; ◷ stopped at the limit of {limit(table)}; "
-        "✕ failed; · not run, since the form or the solver does not take the scene.",
+        f"✓ reached; ≈ reached, but off by more than {INACCURATE:g}; ? reached, with an error no reference tells; "
+        f"◷ stopped at the limit of {limit(table)}; ✕ failed; · not run: the form or the solver does not take it. "
+        "Errors are slow errors over I_max against the exact solution of the same form. Every run: "
+        "[records.jsonl](records.jsonl); `polhode export` of the store writes them in full.",
         "",
     ]
     for block, forms in blocks(table).items():

@@ -20,7 +20,7 @@ from polhode.harness.site.sources import Sources
 
 STUDY = "hard-cases"
 COMMAND = "polhode bench harness/studies/hard_cases.toml"
-LEAD = "Every built-in scene, by every form that accepts it and every solver, at one tolerance."
+LEAD = "Every built-in scene, by every form that accepts it and every solver, at a usual and at a tight tolerance."
 
 
 def hard_page(sources: Sources) -> Page:
@@ -32,7 +32,8 @@ def hard_page(sources: Sources) -> Page:
     body = (
         bullets(sentences(study.table))
         + '<p class="key signs"><span class="reached">✓ reached</span><span class="inaccurate">≈ reached, but off by '
-        f'more than {INACCURATE:g}</span><span class="stopped">◷ stopped at the limit of {limit(study.table)}</span>'
+        f'more than {INACCURATE:g}</span><span class="unknown">? reached, no reference tells the error</span>'
+        f'<span class="stopped">◷ stopped at the limit of {limit(study.table)}</span>'
         '<span class="failed">✕ failed</span><span>· not run: the form or solver does not take the scene</span></p>'
         + scroll(_matrix(found, columns(study.table)))
         + "<h2>Reasons</h2>"

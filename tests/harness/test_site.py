@@ -146,7 +146,7 @@ RUN = {"status": "reached_end", "seconds": 0.1, "solver_slow_error": 1e-9, "mode
         ({}, "reached", "solver error 1.0e-9"),
         ({"model_slow_error": 0.5}, "reached", "the form itself is off by 5.0e-1"),
         ({"solver_slow_error": 0.1}, "inaccurate", "solver error 1.0e-1"),
-        ({"solver_slow_error": None, "reference_failed": "no agreement"}, "inaccurate", "no agreement"),
+        ({"solver_slow_error": None, "reference_failed": "no agreement"}, "unknown", "no agreement"),
         ({"status": "time_limit"}, "stopped", "time limit"),
         ({"status": "non_finite", "message": "at t = 3"}, "failed", "non finite: at t = 3"),
         ({"status": "something_new"}, "failed", "something new"),
@@ -175,6 +175,7 @@ def test_page_of_several_scenes_has_a_sign_for_every_run(tmp_path: Path, site_re
     assert sum(signs.count(sign) for sign in "✓≈◷✕") == len(records)
     assert signs.count("◷") == 1
     assert "time limit: stopped by hand" in page
+    assert "## paper, St = 50, t = 1, tolerance 0.0001" in page
     assert len((tmp_path / "records.jsonl").read_text().splitlines()) == len(records)
 
 
