@@ -140,7 +140,7 @@ def coordinates(side: Side, pose: Pose, q: Array) -> tuple[Array, Array, Array]:
     i1, i2, i3 = side.inverse_inertia
     below = (i1 - i3) * z[:, 0] ** 2 + (i2 - i3) * z[:, 1] ** 2
     above = (i2 - i3) * z[:, 2] ** 2 - (i1 - i2) * z[:, 0] ** 2
-    if not np.all((below > 0) & (above > 0)):
+    if not np.all(below * above > 0):
         nothing = np.full(len(z), np.nan)
         return nothing, nothing, nothing
     y = np.log(below / above)
