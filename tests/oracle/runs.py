@@ -54,7 +54,7 @@ class Run:
     @property
     def rotations(self) -> float:
         """∫|ω|dt / 2π, with half the shear rate without inertia; one for forms that do not follow the rotation."""
-        return 1.0 if form(self.form).averaged else _rotations(self.scene)
+        return 1.0 if form(self.form).orientation == "none" else _rotations(self.scene)
 
     def error(self, states: np.ndarray) -> float:
         """Largest error of L and E over I_max, and of the entries of the rotation matrix."""
