@@ -6,8 +6,8 @@ Cost of a warm run, in seconds, at tolerance tol and with m samples::
 
 with N = ∫|ω|dt/2π the rotations, S = T max(8πX/I)/St the damping times, and F = TS/(T + S) the time spent following
 the flow: the duration T, in inverse shear rates, where damping is faster than shear, and next to none of it where
-the particle spins freely. N, F and S count by the steps that they cost the form in the scene at hand, which a pilot run
-tells (`polhode.harness.laws_pilot.load_of`). Explicit methods on stiff scenes are held back by stability, whatever the
+the particle spins freely. N, F and S count by the steps that they cost the form in the scene at hand, which pilot
+runs tell (`polhode.harness.laws_load`). Explicit methods on stiff scenes are held back by stability, whatever the
 tolerance; hence the damping times have an exponent of their own.
 
 Error, in the pilot's terms (`polhode.harness.laws_pilot`), e₀ being the pilot's error at its tolerance tol₀::
@@ -30,7 +30,7 @@ import numpy as np
 
 from polhode.harness.cache import cache_folder
 
-SCHEMA = 2
+SCHEMA = 3
 EPS = float(np.finfo(float).eps)
 WANTS = ("slow", "orientation")
 # Damping times, T max(8πX/I)/St, from which on an explicit method is held back by stability.

@@ -9,7 +9,8 @@ import numpy as np
 
 from polhode.harness.laws import EPS, WANTS, CostLaw, ErrorLaw, Laws, Load, MethodLaws, Sensitivity, Stray, regime
 from polhode.harness.laws_least_squares import Misfit, bootstrap
-from polhode.harness.laws_pilot import Pilot, PilotFailedError, form_sensitivity, held_back, load_of, pilot
+from polhode.harness.laws_load import load_of
+from polhode.harness.laws_pilot import Pilot, PilotFailedError, form_sensitivity, held_back, pilot
 from polhode.harness.store import Record
 from polhode.models.catalogue import form as find_form
 from polhode.models.scene_file import parse_scene
@@ -69,7 +70,7 @@ def sample_of(record: Record, pilot: Pilot) -> Sample | None:
         return None
     form = find_form(record["form"])
     try:
-        load = load_of(form, pilot, record["samples"])
+        load = load_of(form, record["solver"], pilot, record["samples"])
     except PilotFailedError:
         return None
     try:

@@ -43,6 +43,9 @@ def model_errors(form: Form, pilot: Pilot) -> dict[str, Interval | None]:
     NotApplicableError
         If there is nothing to average over, or no pilot can tell.
     """
+    if pilot.scene.ellipsoid.kind == "sphere":
+        # L obeys the averaged equation itself.
+        return {"slow": Interval(0.0, 0.0, 0.0), "orientation": None}
     rotations, damping = pilot.rotations, pilot.damping_times
     if rotations < LEAST_ROTATIONS * damping:
         share = rotations / damping

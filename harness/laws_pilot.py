@@ -13,7 +13,7 @@ from math import inf, isfinite, isinf, pi
 import numpy as np
 
 from polhode.harness.errors import Errors, errors
-from polhode.harness.laws import STIFF, Load, Sensitivity
+from polhode.harness.laws import STIFF, Sensitivity
 from polhode.harness.rotations import rotations
 from polhode.models.catalogue import form as find_form
 from polhode.models.form import Form
@@ -28,9 +28,6 @@ TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 SATURATED = 0.03
 # Forms that take a second to compile, and whose errors are those of the quaternion form, or worse.
 ANGLES = ("euler-angles", "spheroid-angles")
-# Tolerance at which a form's steps are counted, and how many of them a rotation, a time of following the flow and a
-# damping time usually cost at it, and any run: medians over random scenes of the quaternion form, within a quarter.
-EFFORT_TOLERANCE, USUAL_STEPS = 1e-9, (8.0, 1.6, 0.36, 4.0)
 # A pilot whose error is a smaller share of its tolerance was lucky, or took a handful of steps: others will not be.
 LUCKY = 0.1
 SAMPLES = 401
@@ -183,11 +180,11 @@ def held_back(solver: str, scene: Scene) -> bool:
     return damping_times(scene) > STIFF and not find_solver(solver).implicit and solver != "exact"
 
 
-def follow(form: Form, scene: Scene, tolerance: float) -> Solution:
-    """One pilot run of a form."""
+def follow(form: Form, scene: Scene, tolerance: float, solver: str | None = None) -> Solution:
+    """One pilot run of a form, by the scene's pilot solver or another one."""
     problem = form.problem(scene)
     times = np.linspace(0.0, problem.end, SAMPLES)
-    return solve(problem, pilot_solver(scene), tolerance, times, max_steps=MOST_STEPS)
+    return solve(problem, solver or pilot_solver(scene), tolerance, times, max_steps=MOST_STEPS)
 
 
 def gains(ellipsoid: Ellipsoid, found: list[tuple[float, Observables]]) -> tuple[Gain, Gain | None]:
@@ -264,46 +261,3 @@ def form_sensitivity(form: Form, pilot: Pilot) -> tuple[Sensitivity, Sensitivity
         if orientation is None
         else Sensitivity(orientation.tolerance, orientation.error, turns, stiffness, 1.0, stiff),
     )
-
-
-@cache
-def effort(form: Form, scene: Scene) -> float:
-    """Steps that a pilot run of a form takes, which its variables' own wiggles make more or fewer.
-
-    Raises
-    ------
-    PilotFailedError
-        If the run does not reach its end.
-    """
-    run = follow(form, scene, EFFORT_TOLERANCE)
-    if not run.success or not run.work.steps:
-        raise PilotFailedError(f"pilot: {form.name!r} by {pilot_solver(scene)!r} ended with {run.status.value}")
-    return float(run.work.steps)
-
-
-def load_of(form: Form, pilot: Pilot, samples: int) -> Load:
-    """Load of a run of a form.
-
-    Rotations, the flow's own time and damping times count by the steps that they cost this form in this scene, as
-    against the usual: near a pole angles take many, a body that has settled takes few. Averaged forms know nothing of
-    rotations, and count by their steps alone.
-
-    Raises
-    ------
-    PilotFailedError
-        If the form's own pilot does not reach its end.
-    """
-    scene, stiff = pilot.scene, pilot.damping_times
-    if form.averaged:
-        return Load(effort(form, scene) / USUAL_STEPS[0], 0.0, stiff, samples)
-    following = scene.time if scene.stokes == 0 else scene.time * stiff / (scene.time + stiff)
-    weight = _weight(form, pilot, (pilot.rotations, following, stiff, 1.0))
-    return Load(weight * pilot.rotations, weight * following, weight * stiff, samples)
-
-
-def _weight(form: Form, pilot: Pilot, amounts: tuple[float, ...]) -> float:
-    """Steps of a form over the usual ones; 1 without inertia, and where the pilot is an implicit one."""
-    if pilot.scene.stokes == 0 or pilot.damping_times > STIFF or form.problem(pilot.followed).parameters is None:
-        return 1.0
-    usual = sum(steps * amount for steps, amount in zip(USUAL_STEPS, amounts, strict=True))
-    return effort(form, pilot.followed) * pilot.scene.time / pilot.followed.time / usual

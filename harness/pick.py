@@ -5,8 +5,9 @@ from math import floor, inf, isfinite, log10
 
 from polhode.harness.errors import attainable
 from polhode.harness.laws import EPS, STIFF, WANTS, Interval, Laws, Load, MethodLaws, Sensitivity, load_laws
+from polhode.harness.laws_load import load_of
 from polhode.harness.laws_model import NotApplicableError, causes, model_errors
-from polhode.harness.laws_pilot import Pilot, PilotFailedError, form_sensitivity, held_back, load_of, pilot
+from polhode.harness.laws_pilot import Pilot, PilotFailedError, form_sensitivity, held_back, pilot
 from polhode.harness.text import scientific
 from polhode.models.catalogue import FORMS
 from polhode.models.catalogue import form as find_form
@@ -166,7 +167,6 @@ def _candidates(
             if demands := form.demands(scene):
                 raise _UnfitError(demands)
             problem = form.problem(scene)
-            load = load_of(form, found, samples)
             budget, model = _budget(form, found, error, want)
             sensitivity = form_sensitivity(form, found)[WANTS.index(want)]
         except (FormNotValidError, PilotFailedError, _UnfitError) as refusal:
@@ -176,8 +176,9 @@ def _candidates(
             try:
                 find_solver(solver).check(problem)
                 law = _law(laws, form_name, solver, scene)
+                load = load_of(form, solver, found, samples)
                 rows.append(_row(law, load, found, (error, budget, model), want, sensitivity))
-            except (SolverNotValidError, _UnfitError) as refusal:
+            except (SolverNotValidError, PilotFailedError, _UnfitError) as refusal:
                 excluded.append(Excluded(form_name, solver, _plain(refusal)))
     return rows, excluded
 

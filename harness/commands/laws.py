@@ -18,7 +18,7 @@ FOLDER = Path("reports/pick")
 @click.option("--resume", is_flag=True, help="Take up an interrupted run instead of starting afresh.")
 @click.option("--quiet", is_flag=True, help="No progress.")
 def laws(out: Path, to: Path | None, scenes: int, resume: bool, quiet: bool) -> None:
-    """Measure the training scenes on this machine, some 15 minutes, and fit the laws that `polhode pick` goes by."""
+    """Measure the training scenes on this machine, over an hour, and fit the laws that `polhode pick` goes by."""
     from polhode.harness.laws import own_laws_path
     from polhode.harness.laws_fit import fit_laws
     from polhode.harness.laws_training import train

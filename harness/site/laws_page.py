@@ -8,7 +8,8 @@ from statistics import median
 
 from polhode.harness.figures import MARKERS, library_of
 from polhode.harness.laws import Interval, Laws, load_laws
-from polhode.harness.laws_pilot import Pilot, PilotFailedError, load_of, pilot
+from polhode.harness.laws_load import load_of
+from polhode.harness.laws_pilot import Pilot, PilotFailedError, pilot
 from polhode.harness.site.cost_page import colour_of
 from polhode.harness.site.markup import Page, bullets, chart, missing, table
 from polhode.harness.site.sources import Sources, StudyRecords
@@ -117,7 +118,7 @@ def compare(study: StudyRecords, laws: Laws, tell: Callable[[str], None]) -> lis
             continue
         for record in own:
             try:
-                load = load_of(find_form(record["form"]), guide, record["samples"])
+                load = load_of(find_form(record["form"]), record["solver"], guide, record["samples"])
             except PilotFailedError:
                 continue
             predicted = laws.methods[record["form"], record["solver"]].cost.predict(load, record["tolerance"])

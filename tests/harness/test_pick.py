@@ -11,7 +11,7 @@ import pytest
 from polhode.harness.choose import Choice, choose
 from polhode.harness.cli import main
 from polhode.harness.errors import errors
-from polhode.harness.heldout import Answer, Evaluation, Outcome, Prediction, answer, judge
+from polhode.harness.heldout import FINAL, FINALISTS, Answer, Evaluation, Outcome, Prediction, answer, finalists, judge
 from polhode.harness.heldout import studies as held_out_studies
 from polhode.harness.laws import Interval, load_laws
 from polhode.harness.laws_page import summary, write_pages
@@ -264,7 +264,8 @@ def test_held_out_judgement(own_error, own_seconds, met, factor):
         a_record(question, "cyrk-vern8", 1e-6, 0.1, 90 * question.error),
     ]
     lawless = replace(load_laws(), methods={})
-    (outcome,) = judge([told], [{**record, "scene": None} for record in records], lawless).outcomes
+    last = [{**record, "scene": None, "scene_name": question.name + FINAL} for record in records]
+    (outcome,) = judge([told], [], last, lawless).outcomes
     assert outcome.met is met
     assert outcome.factor == pytest.approx(factor)
 
@@ -310,6 +311,24 @@ def test_held_out_scene_is_measured_by_the_first_choice_and_by_tens():
     tolerances = [study.tolerances[0] for study in others]
     assert tolerances == sorted(tolerances, reverse=True)
     assert all(tolerance == float(f"{tolerance:.0e}") for tolerance in tolerances)
+
+
+def test_the_first_choice_and_the_cheapest_that_meet_the_error_go_into_the_finals():
+    told = answer(questions(HELD_OUT_SEED, 1)[0], load_laws())
+    question = told.question
+    assert told.recommendation is not None
+    row = told.recommendation.ranking[0]
+    dear = {"form": row.form, "samples": 201, "max_seconds": 1.0}
+    records = [
+        {**a_record(question, row.solver, row.tolerance, 9.0, 2 * question.error), **dear},
+        *({**a_record(question, "taylor", 10.0**-k, k, question.error / 2), **dear} for k in range(14, 0, -1)),
+        {**a_record(question, "cyrk-bdf", 1e-3, 0.1, 2 * question.error), **dear},
+        {"scene_name": question.name, "status": "step_limit", "form": "quaternion", "solver": "taylor"},
+    ]
+    first, *others = finalists(told, records)
+    assert (first.form, first.solver, first.tolerance) == (row.form, row.solver, row.tolerance)
+    assert [case.tolerance for case in others] == [10.0**-k for k in range(1, FINALISTS + 1)]
+    assert {case.scene_name for case in (first, *others)} == {question.name + FINAL}
 
 
 def test_nobody_is_sent_into_resonances_unasked():
