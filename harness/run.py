@@ -3,6 +3,7 @@
 import gc
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from math import inf
 
 from tqdm import tqdm
 
@@ -10,7 +11,7 @@ from polhode.harness.case import Attempt, Case, Record, attempt, judge, missing,
 from polhode.harness.machine import machine, now, versions
 from polhode.harness.store import Store
 from polhode.harness.study import Batches
-from polhode.harness.timing import Timing, sentinel
+from polhode.harness.timing import Patience, Timing, sentinel
 from polhode.harness.worker import Failure, Worker
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Backend, Jacobian, Status
@@ -39,6 +40,10 @@ class Runner:
     quiet: bool = False
     _worker: Worker = field(default_factory=Worker)
     _too_slow: dict[Group, Record] = field(default_factory=dict)
+    _patience: Patience = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._patience = Patience(self._sentinel)
 
     def run(self, study: Batches) -> list[Record]:
         """Run what the store does not hold yet and return the records of the whole study."""
@@ -60,7 +65,6 @@ class Runner:
 
     def _measure(self, batch: list[Case], progress: tqdm) -> list[tuple[Case, Record]]:
         gc.collect()
-        steadiness = sentinel() if batch else 0.0
         records: dict[Case, Record] = {}
         timed: list[Case] = []
         for case in batch:
@@ -70,7 +74,9 @@ class Runner:
                 timed.append(case)
             progress.update()
         timings: dict[Case, Timing] = {}
+        steadiness = self._patience.look() if batch else 0.0
         while timed:
+            steadiness = min(steadiness, self._patience.steady())
             for case in timed:
                 reply = self._worker.run(time_once, case, limit=case.max_seconds)
                 earlier = timings[case].runs if case in timings else ()
@@ -85,6 +91,10 @@ class Runner:
                 "seconds_runs": list(timing.runs),
             }
         return [(case, {**record, "sentinel_seconds": steadiness}) for case, record in records.items()]
+
+    def _sentinel(self) -> float:
+        reply = self._worker.run(sentinel, limit=COMPILATION)
+        return inf if reply.failure else float(reply.value)
 
     def _examine(self, case: Case) -> Record:
         if not find_solver(case.solver).available:

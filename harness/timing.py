@@ -1,14 +1,18 @@
-"""Timing: repeated runs with the collector off, their minimum and spread, and a sentinel for a drifting machine."""
+"""Timing: repeated runs with the collector off, their minimum and spread, and a sentinel for an unsteady machine."""
 
 import gc
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
-from time import perf_counter
+from dataclasses import dataclass, field
+from math import inf
+from time import perf_counter, sleep
 
 MOST_RUNS = 5
 BUDGET = 1.0
 SENTINEL_ROUNDS = 20_000
+# A machine is steady while the sentinel takes at most this many times its quickest; it is waited for, between looks of
+# so many seconds, during a share of the time at most.
+NEAR, PAUSE, SHARE = 1.15, 0.02, 0.2
 
 
 @dataclass(frozen=True)
@@ -71,3 +75,34 @@ def sentinel() -> float:
         return x
 
     return min(seconds_of(kernel) for _ in range(3))
+
+
+@dataclass
+class Patience:
+    """Waits while a machine is slow: some halve their speed for seconds on end, as others work on the same processor.
+
+    Parameters
+    ----------
+    look : callable
+        Returns the sentinel's time where the timed runs take place.
+    """
+
+    look: Callable[[], float]
+    _quickest: float = field(default=inf, init=False)
+    _began: float = field(default_factory=perf_counter, init=False)
+    _waited: float = field(default=0.0, init=False)
+
+    def steady(self) -> float:
+        """The sentinel's time, once it is near its quickest or patience has run out."""
+        found = self._look()
+        while found > NEAR * self._quickest and self._waited < SHARE * (perf_counter() - self._began):
+            paused = perf_counter()
+            sleep(PAUSE)
+            found = self._look()
+            self._waited += perf_counter() - paused
+        return found
+
+    def _look(self) -> float:
+        found = self.look()
+        self._quickest = min(self._quickest, found)
+        return found

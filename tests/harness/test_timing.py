@@ -2,11 +2,11 @@
 
 import gc
 import time
-from itertools import count
+from itertools import chain, count, repeat
 
 import pytest
 
-from polhode.harness.timing import BUDGET, MOST_RUNS, Timing, collector_off, seconds_of, sentinel, time_runs
+from polhode.harness.timing import BUDGET, MOST_RUNS, Patience, Timing, collector_off, seconds_of, sentinel, time_runs
 
 
 def test_a_sleeper_is_timed():
@@ -58,3 +58,22 @@ def test_every_run_counts():
 
 def test_the_sentinel_takes_a_millisecond_or_so():
     assert 1e-4 < sentinel() < 0.1
+
+
+def test_slow_moments_are_waited_out():
+    looks = iter([1.0, 2.0, 1.8, 1.1, 3.0])
+    patience = Patience(lambda: next(looks))
+    assert patience.steady() == 1.0
+    time.sleep(0.5)
+    assert patience.steady() == 1.1
+    assert next(looks) == 3.0
+
+
+def test_patience_ends():
+    """A machine that stays slow is waited for during a fifth of the time, and no longer."""
+    looks = chain([1.0], repeat(2.0))
+    patience, began = Patience(lambda: next(looks)), time.perf_counter()
+    patience.steady()
+    time.sleep(0.4)
+    assert patience.steady() == 2.0
+    assert time.perf_counter() - began < 2.0
