@@ -17,6 +17,7 @@ from polhode.harness.reference import Reference, full_form, reference
 from polhode.harness.rotations import rotations
 from polhode.harness.timing import seconds_of
 from polhode.models.catalogue import form as find_form
+from polhode.models.observables import Observables
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 from polhode.models.scene_file import scene_table
@@ -155,22 +156,26 @@ def judge(case: Case, tried: Attempt) -> Record:
     form, ellipsoid, record = find_form(case.form), case.scene.ellipsoid, tried.record
     try:
         full = reference(case.scene, full_form(case.scene), case.samples)
-        exact = reference(case.scene, form, case.samples) if form.averaged else full
     except ReferenceFailedError as error:
         return {**record, "reference_failed": str(error)}
+    exact = full
+    if form.averaged:
+        try:
+            exact = reference(case.scene, form, case.samples)
+        except ReferenceFailedError as error:
+            exact, record = None, {**record, "reference_failed": str(error)}
     found = form.observe(case.scene, tried.states)
     if record["status"] != Status.REACHED_END:
         so_far = errors(ellipsoid, found, full.observables.first(len(tried.times)))
         return {**record, "slow_error_so_far": so_far.slow}
     n = full.meaningful
-    truth, own_truth, early = full.observables.first(n), exact.observables.first(n), found.first(n)
+    truth, early = full.observables.first(n), found.first(n)
     total = errors(ellipsoid, early, truth, case.scene if n == case.samples else None)
-    own = errors(ellipsoid, early, own_truth) if form.averaged else total
-    model = errors(ellipsoid, own_truth, truth) if form.averaged else None
     distance = None if n == case.samples else statistics_distance(ellipsoid, found, full.observables)
     return (
         record
-        | _error_columns(total, own, model, full, exact)
+        | _error_columns(total, full)
+        | (_parted(case, early, truth, exact) if form.averaged else _undivided(total, full))
         | {"statistics_distance": distance}
         | _broken_balance(total, case.tolerance)
     )
@@ -215,22 +220,44 @@ def _first_preparation(case: Case) -> float:
     return perf_counter() - began
 
 
-def _error_columns(total: Errors, own: Errors, model: Errors | None, full: Reference, exact: Reference) -> Record:
+def _error_columns(total: Errors, full: Reference) -> Record:
     return {
         "slow_error": total.slow,
         "orientation_error": total.orientation,
-        "solver_slow_error": own.slow,
-        "solver_orientation_error": own.orientation,
-        "model_slow_error": model.slow if model else 0.0,
-        "model_orientation_error": model.orientation if model else 0.0,
         "slow_uncertainty": full.slow_uncertainty,
         "orientation_uncertainty": full.orientation_uncertainty,
-        "solver_slow_uncertainty": exact.slow_uncertainty,
         "statistics_uncertainty": full.statistics_uncertainty,
         "meaningful_until": full.meaningful_until,
         "worst_time": float(full.times[total.worst_sample]),
         "certified_pieces": full.certificate.pieces,
         "errors": asdict(total),
+    }
+
+
+def _undivided(total: Errors, full: Reference) -> Record:
+    """A full form's error is its solver's."""
+    return {
+        "solver_slow_error": total.slow,
+        "solver_orientation_error": total.orientation,
+        "solver_slow_uncertainty": full.slow_uncertainty,
+        "model_slow_error": 0.0,
+        "model_orientation_error": 0.0,
+    }
+
+
+def _parted(case: Case, found: Observables, truth: Observables, exact: Reference | None) -> Record:
+    """An averaged form's error, parted by its own exact solution, if that is known."""
+    if exact is None:
+        parts = ("slow_error", "orientation_error")
+        return {f"{whose}_{part}": None for whose in ("solver", "model") for part in parts}
+    own_truth = exact.observables.first(len(truth.slow))
+    own, model = (errors(case.scene.ellipsoid, *pair) for pair in ((found, own_truth), (own_truth, truth)))
+    return {
+        "solver_slow_error": own.slow,
+        "solver_orientation_error": own.orientation,
+        "solver_slow_uncertainty": exact.slow_uncertainty,
+        "model_slow_error": model.slow,
+        "model_orientation_error": model.orientation,
     }
 
 

@@ -61,6 +61,17 @@ class Form(ABC):
     def observe(self, scene: "Scene", states: "np.ndarray") -> "Observables":
         """Observables of the states, shape (n, d), of a solution of `problem`."""
 
+    def reach(self, scene: "Scene") -> float:
+        """Slow time to which the form follows a scene: its end, unless the form is one that stops short.
+
+        Raises
+        ------
+        FormNotValidError
+            If the scene cannot be followed at all.
+        """
+        self.problem(scene)
+        return scene.slow_time
+
     def demands(self, scene: "Scene") -> str:
         """What makes a scene so costly to prepare that nobody would run this form unasked; empty where nothing does."""
         return ""

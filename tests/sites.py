@@ -43,7 +43,16 @@ def small_reports(folder: Path) -> Path:
     (folder / "reports" / "pick" / "runs.csv").write_text(HELD_OUT, encoding="utf-8")
     rows = [
         Measured(
-            "case", "spheroid", "averaged-spheroid", (1.0, 1.0, 2.0), stokes, (C / stokes,) * 4, (1e-9,) * 4, 1e-12, 9
+            "case",
+            "spheroid",
+            "averaged-spheroid",
+            (1.0, 1.0, 2.0),
+            stokes,
+            0.5,
+            (C / stokes,) * 4,
+            (1e-9,) * 4,
+            1e-12,
+            9,
         )
         for stokes in (1e2, 1e3, 1e4, 1e5)
     ]

@@ -9,7 +9,7 @@ from polhode.harness.site.sources import Sources
 from polhode.harness.text import scientific
 
 LEAD = "Model error: the averaged equations' exact solution against the full equations', along the whole run."
-HEADER = ["case", "form", "St", "model error", "solver error", "reference"]
+HEADER = ["case", "form", "St", "to t₂", "model error", "solver error", "reference"]
 
 
 def accuracy_page(sources: Sources) -> Page:
@@ -46,6 +46,7 @@ def accuracy_page(sources: Sources) -> Page:
             row.subject,
             row.form,
             f"{row.stokes:.3g}",
+            f"{row.until:.3g}",
             *map(scientific, (row.model_error, row.solver_error, row.uncertainty)),
         ]
         for row in rows
@@ -57,7 +58,7 @@ def accuracy_page(sources: Sources) -> Page:
         f"<p>Fitted from St = {FITTED_FROM:g} on, with the 95 % interval. "
         "“&lt;”: already at the smallest St measured; “~”: beyond the largest one, by the fitted law.</p>"
         + table(LAWS_HEADER, law_rows(rows), range(2, len(LAWS_HEADER)))
-        + f"<details><summary>{escape('Every error')}</summary>{table(HEADER, errors, range(2, 6))}</details>"
+        + f"<details><summary>{escape('Every error')}</summary>{table(HEADER, errors, range(2, 7))}</details>"
     )
     scripts = ("tables.js", "chart.js")
     return Page(

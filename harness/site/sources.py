@@ -188,6 +188,7 @@ def _accuracy(path: Path) -> Sequence[Measured]:
                 row["form"],
                 (float(row["a"]), float(row["b"]), float(row["c"])),
                 float(row["St"]),
+                float(row["slow_time"]),
                 tuple(float(row[f"model_{name}"]) for name in VARIABLES),
                 tuple(float(row[f"solver_{name}"]) for name in VARIABLES),
                 float(row["reference_uncertainty"]),

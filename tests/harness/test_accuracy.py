@@ -30,7 +30,16 @@ def planted(constant: float, order: float, noise: float = 0.0) -> Law:
 def rows(errors: dict[float, float], uncertainty: float = 1e-16, family: str = "spheroid") -> list[Measured]:
     return [
         Measured(
-            f"a {family}", family, "averaged", (1, 1, 2), stokes, (error, error / 2, 0, 0), (1e-9,) * 4, uncertainty, 24
+            f"a {family}",
+            family,
+            "averaged",
+            (1, 1, 2),
+            stokes,
+            0.5,
+            (error, error / 2, 0, 0),
+            (1e-9,) * 4,
+            uncertainty,
+            24,
         )
         for stokes, error in errors.items()
     ]
@@ -123,6 +132,16 @@ def test_the_model_error_is_that_of_two_plain_runs(index: int, tmp_path, monkeyp
     assert found.model == pytest.approx(plain, rel=1e-6)
     assert 0 < found.solver_error < 1e-6 < found.model_error
     assert found.pieces >= 20
+
+
+def test_the_second_order_goes_as_far_as_the_separatrix(tmp_path, monkeypatch):
+    monkeypatch.setenv("POLHODE_CACHE", str(tmp_path))
+    monkeypatch.setattr(module, "SAMPLES", 101)
+    first, second = sorted(measure(list(subjects())[2], 1000.0), key=lambda row: row.form)
+    assert (first.form, second.form) == ("averaged", "averaged-second-order")
+    assert first.until == 0.5
+    assert 0.045 < second.until < 0.049
+    assert second.model_error < first.model_error
 
 
 def test_statements_quote_the_measured_numbers():

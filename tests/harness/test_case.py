@@ -4,7 +4,10 @@ from dataclasses import replace
 
 import pytest
 
-from polhode.harness.case import Case, missing
+from polhode.harness import case as module
+from polhode.harness.case import Case, attempt, judge, missing
+from polhode.harness.extended import ReferenceFailedError
+from polhode.harness.reference import reference
 from polhode.models.scene import EulerStart, Scene
 from polhode.models.shape import Ellipsoid
 
@@ -54,3 +57,21 @@ def test_a_missing_library_is_a_record(monkeypatch):
     record = missing(CASE)
     assert record["status"] == "adapter_missing"
     assert record["message"] == "heyoka is not installed: pip install heyoka"
+
+
+def test_the_whole_error_is_told_without_the_averaged_forms_own_reference(monkeypatch):
+    scene = Scene(Ellipsoid((1.0, 1.0, 2.0)), 300.0, EulerStart((1.0, 0.5, 0.0), (1.0, 1.0, 1.0)), 30.0)
+    case = Case("spheroid", scene, "averaged-spheroid", "cyrk-vern8", 1e-8, 51, 10.0)
+    tried = attempt(case)
+    known = judge(case, tried)
+
+    def refuse(scene, form, samples):
+        if str(getattr(form, "name", form)) == "averaged-spheroid":
+            raise ReferenceFailedError("no agreement")
+        return reference(scene, form, samples)
+
+    monkeypatch.setattr(module, "reference", refuse)
+    found = judge(case, tried)
+    assert found["slow_error"] == known["slow_error"] > 1e-4
+    assert found["solver_slow_error"] is found["model_slow_error"] is None
+    assert found["reference_failed"] == "no agreement"
