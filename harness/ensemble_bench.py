@@ -22,7 +22,7 @@ from polhode.harness.ensemble_starts import Starts
 from polhode.harness.ensemble_vector import array_field, integrate, run_vectorised
 from polhode.harness.machine import machine, versions
 from polhode.harness.partial_file import PartialFile
-from polhode.harness.timing import collector_off, sentinel
+from polhode.harness.timing import Patience, collector_off, sentinel
 from polhode.harness.worker import Worker
 from polhode.models.catalogue import form as find_form
 from polhode.models.problem import Problem
@@ -239,9 +239,11 @@ def _alternate(*functions: Callable[[], Any]) -> list[tuple[float, Any]]:
     """Least processor time of each of several functions in turns, after a first run of each, and what it returned."""
     results = [function() for function in functions]
     best = [np.inf] * len(functions)
+    patience = Patience(sentinel, share=0.5)
     with collector_off():
         for _ in range(ROUNDS):
             for k, function in enumerate(functions):
+                patience.steady()
                 began = process_time()
                 function()
                 best[k] = min(best[k], process_time() - began)

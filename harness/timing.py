@@ -10,9 +10,9 @@ from time import perf_counter, sleep
 MOST_RUNS = 5
 BUDGET = 1.0
 SENTINEL_ROUNDS = 20_000
-# A machine is steady while the sentinel takes at most this many times its quickest; it is waited for, between looks of
-# so many seconds, during a share of the time at most.
-NEAR, PAUSE, SHARE = 1.15, 0.02, 0.2
+# A machine is steady while the sentinel takes at most this many times its quickest; else it is looked at again after so
+# many seconds.
+NEAR, PAUSE = 1.15, 0.02
 
 
 @dataclass(frozen=True)
@@ -85,9 +85,12 @@ class Patience:
     ----------
     look : callable
         Returns the sentinel's time where the timed runs take place.
+    share : float
+        Part of the time that may be spent waiting.
     """
 
     look: Callable[[], float]
+    share: float = 0.2
     _quickest: float = field(default=inf, init=False)
     _began: float = field(default_factory=perf_counter, init=False)
     _waited: float = field(default=0.0, init=False)
@@ -95,7 +98,7 @@ class Patience:
     def steady(self) -> float:
         """The sentinel's time, once it is near its quickest or patience has run out."""
         found = self._look()
-        while found > NEAR * self._quickest and self._waited < SHARE * (perf_counter() - self._began):
+        while found > NEAR * self._quickest and self._waited < self.share * (perf_counter() - self._began):
             paused = perf_counter()
             sleep(PAUSE)
             found = self._look()
