@@ -33,7 +33,7 @@ from polhode.solvers.taylor import taylor_integrator
 STOKES, SLOW_TIME, TOLERANCE, AVERAGED_TOLERANCE = 1e3, 0.2, 1e-9, 1e-6
 SHAPES = {"1 : 0.8 : 0.5": Ellipsoid((1.0, 0.8, 0.5)), "1 : 1 : 2": Ellipsoid((1.0, 1.0, 2.0))}
 STARTS = Starts("momentum-isotropic", (0.0, 0.0, 0.7))
-ROUNDS = 7
+ROUNDS = 21
 # Seconds of a task whose engine overhead is measured, and how many of them.
 TASK_SECONDS, TASKS = 1.0, 10
 LIMIT = 3600.0
