@@ -90,7 +90,7 @@ class Patience:
     """
 
     look: Callable[[], float]
-    share: float = 0.2
+    share: float = 0.1
     _quickest: float = field(default=inf, init=False)
     _began: float = field(default_factory=perf_counter, init=False)
     _waited: float = field(default=0.0, init=False)

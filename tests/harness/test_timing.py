@@ -70,7 +70,7 @@ def test_slow_moments_are_waited_out():
 
 
 def test_patience_ends():
-    """A machine that stays slow is waited for during a fifth of the time, and no longer."""
+    """A machine that stays slow is waited for during a tenth of the time, and no longer."""
     looks = chain([1.0], repeat(2.0))
     patience, began = Patience(lambda: next(looks)), time.perf_counter()
     patience.steady()
