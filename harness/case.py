@@ -177,7 +177,7 @@ def judge(case: Case, tried: Attempt) -> Record:
         | _error_columns(total, full)
         | (_parted(case, early, truth, exact) if form.averaged else _undivided(total, full))
         | {"statistics_distance": distance}
-        | _broken_balance(total, case.tolerance)
+        | ({} if form.averaged else _broken_balance(total, case.tolerance))
     )
 
 

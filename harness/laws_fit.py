@@ -9,8 +9,8 @@ import numpy as np
 
 from polhode.harness.laws import EPS, WANTS, CostLaw, ErrorLaw, Laws, Load, MethodLaws, Sensitivity, Stray, regime
 from polhode.harness.laws_least_squares import Misfit, bootstrap
-from polhode.harness.laws_load import load_of
-from polhode.harness.laws_pilot import Pilot, PilotFailedError, form_sensitivity, held_back, pilot
+from polhode.harness.laws_load import held_back, load_of
+from polhode.harness.laws_pilot import Pilot, PilotFailedError, form_sensitivity, pilot
 from polhode.harness.store import Record
 from polhode.models.catalogue import form as find_form
 from polhode.models.scene_file import parse_scene
@@ -74,7 +74,7 @@ def sample_of(record: Record, pilot: Pilot) -> Sample | None:
     except PilotFailedError:
         return None
     try:
-        found = (None, None) if held_back(record["solver"], pilot.scene) else form_sensitivity(form, pilot)
+        found = (None, None) if held_back(form, record["solver"], pilot) else form_sensitivity(form, pilot)
     except PilotFailedError:
         found = None, None
     pairs = []

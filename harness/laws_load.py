@@ -18,6 +18,9 @@ from polhode.solvers.catalogue import solver as find_solver
 SWITCHING = ("lsoda", "cyrk-lsoda")
 # Most steps that stability costs, over the usual ones.
 MOST_STABILITY = 2.0
+# Where stability asks for more of an explicit method's steps than this, errors do not follow the tolerance; those of
+# Taylor's method, whose order is higher, still do.
+HELD = 0.4
 
 
 @dataclass(frozen=True)
@@ -85,6 +88,24 @@ def load_of(form: Form, solver: str, pilot: Pilot, samples: int) -> Load:
     usual = gauge.per_damping_time * damping_times(pilot.followed)
     held = stability / usual if gauge is EXPLICIT and usual > 0 else share
     return Load(share * turns, share * following, held * damped, samples)
+
+
+def held_back(form: Form, solver: str, pilot: Pilot) -> bool:
+    """Whether stability sets so many of a solver's steps that its error says little about its tolerance.
+
+    Raises
+    ------
+    PilotFailedError
+        If the form's own pilot does not reach its end.
+    """
+    if find_solver(solver).implicit or solver == "exact":
+        return False
+    if pilot.damping_times > STIFF:
+        return True
+    if solver == "taylor" or form.averaged or form.problem(pilot.followed).parameters is None:
+        return False
+    accuracy, stability = steps(form, pilot.followed, EXPLICIT)
+    return stability > HELD * (accuracy + stability)
 
 
 @cache

@@ -20,7 +20,6 @@ from polhode.models.form import Form
 from polhode.models.observables import Observables
 from polhode.models.scene import BodyStart, Scene, SlowStart
 from polhode.models.shape import Ellipsoid
-from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.solve import Solution, solve
 
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
@@ -173,11 +172,6 @@ def _grown(slow: Gain, orientation: Gain | None, gap: float) -> tuple[Gain, Gain
 def pilot_solver(scene: Scene) -> str:
     """The solver that follows a scene: implicit where stability would hold back an explicit one."""
     return "cyrk-radau" if damping_times(scene) > STIFF else "cyrk-vern8"
-
-
-def held_back(solver: str, scene: Scene) -> bool:
-    """Whether a solver's steps are bound by stability alone, so that its error says nothing about its tolerance."""
-    return damping_times(scene) > STIFF and not find_solver(solver).implicit and solver != "exact"
 
 
 def follow(form: Form, scene: Scene, tolerance: float, solver: str | None = None) -> Solution:

@@ -5,9 +5,9 @@ from math import floor, inf, isfinite, log10
 
 from polhode.harness.errors import attainable
 from polhode.harness.laws import EPS, STIFF, WANTS, Interval, Laws, Load, MethodLaws, Sensitivity, load_laws
-from polhode.harness.laws_load import load_of
+from polhode.harness.laws_load import held_back, load_of
 from polhode.harness.laws_model import NotApplicableError, causes, model_errors
-from polhode.harness.laws_pilot import Pilot, PilotFailedError, form_sensitivity, held_back, pilot
+from polhode.harness.laws_pilot import Pilot, PilotFailedError, form_sensitivity, pilot
 from polhode.harness.text import scientific
 from polhode.models.catalogue import FORMS
 from polhode.models.catalogue import form as find_form
@@ -175,7 +175,7 @@ def _candidates(
         for solver in SOLVERS:
             try:
                 find_solver(solver).check(problem)
-                law = _law(laws, form_name, solver, scene)
+                law = _law(laws, form, solver, found)
                 load = load_of(form, solver, found, samples)
                 rows.append(_row(law, load, found, (error, budget, model), want, sensitivity))
             except (SolverNotValidError, PilotFailedError, _UnfitError) as refusal:
@@ -204,15 +204,17 @@ def _budget(form: Form, found: Pilot, error: float, want: str) -> tuple[float, I
     return budget, model
 
 
-def _law(laws: Laws, form: str, solver: str, scene: Scene) -> MethodLaws:
+def _law(laws: Laws, form: Form, solver: str, found: Pilot) -> MethodLaws:
     method = find_solver(solver)
     if not method.available:
         raise _UnfitError(str(method.why_not))
-    law = laws.methods.get((form, solver))
+    law = laws.methods.get((form.name, solver))
     if law is None:
         raise _UnfitError("no law: not measured often enough")
-    if held_back(solver, scene):
-        raise _UnfitError(f"explicit: stability holds its steps back over more than {STIFF:g} damping times")
+    if held_back(form, solver, found):
+        raise _UnfitError(
+            f"explicit: stability, not the tolerance, sets its steps over {found.damping_times:.2g} damping times"
+        )
     return law
 
 

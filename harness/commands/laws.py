@@ -14,7 +14,7 @@ FOLDER = Path("reports/pick")
 @click.option(
     "--to", type=click.Path(path_type=Path, dir_okay=False), help="File for the laws; by default this user's."
 )
-@click.option("--scenes", type=int, default=160, show_default=True, help="Training scenes.")
+@click.option("--scenes", type=click.IntRange(min=3), default=160, show_default=True, help="Training scenes.")
 @click.option("--resume", is_flag=True, help="Take up an interrupted run instead of starting afresh.")
 @click.option("--quiet", is_flag=True, help="No progress.")
 def laws(out: Path, to: Path | None, scenes: int, resume: bool, quiet: bool) -> None:
@@ -35,7 +35,7 @@ def laws(out: Path, to: Path | None, scenes: int, resume: bool, quiet: bool) -> 
 
 @click.command(epilog="Example: polhode heldout --out look")
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=FOLDER, show_default=True)
-@click.option("--scenes", type=int, default=40, show_default=True, help="Held-out scenes.")
+@click.option("--scenes", type=click.IntRange(min=1), default=40, show_default=True, help="Held-out scenes.")
 @click.option("--resume", is_flag=True, help="Take up an interrupted run instead of starting afresh.")
 @click.option("--quiet", is_flag=True, help="No progress.")
 def heldout(out: Path, scenes: int, resume: bool, quiet: bool) -> None:

@@ -23,9 +23,9 @@ from polhode.harness.laws import (
 )
 from polhode.harness.laws_fit import Sample, fit_cost, fit_error, fit_errors, refit
 from polhode.harness.laws_least_squares import Misfit
-from polhode.harness.laws_load import load_of
+from polhode.harness.laws_load import held_back, load_of
 from polhode.harness.laws_model import NotApplicableError, causes, model_errors
-from polhode.harness.laws_pilot import form_sensitivity, held_back, oriented, pilot
+from polhode.harness.laws_pilot import form_sensitivity, oriented, pilot
 from polhode.harness.laws_scenes import HELD_OUT_SEED, TRAINING_SEED, questions
 from polhode.harness.laws_training import Collection, fast_solvers, forms_for, solvers_for, training
 from polhode.models.catalogue import form
@@ -313,9 +313,9 @@ def test_loads_and_regimes():
     assert (averaged.following, averaged.damping_times, averaged.samples) == (0.0, damping, 201)
     assert 0 < averaged.rotations < load.rotations
     assert form_sensitivity(form("quaternion"), found)[0].error == found.slow.error
-    assert held_back("cyrk-vern8", stiff)
-    assert not held_back("cyrk-radau", stiff)
-    assert not held_back("cyrk-vern8", paper)
+    assert held_back(form("quaternion"), "cyrk-vern8", pilot(stiff))
+    assert not held_back(form("quaternion"), "cyrk-radau", pilot(stiff))
+    assert not held_back(form("quaternion"), "cyrk-vern8", found)
 
 
 def test_angles_near_their_pole_weigh_more():
