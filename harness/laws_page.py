@@ -70,7 +70,8 @@ def _lines(laws: Laws, evaluation: Evaluation, command: str) -> list[str]:
         "The best measured choice is the cheapest of all runs that met the error: compiled solvers on every form that "
         "accepts the scene, save those that cannot win it (explicit ones over very many damping times, low orders at "
         "tight tolerances, averaged forms without rotations to average over), at tolerances by tens, and the first "
-        "choice itself. The five cheapest of them and the first choice were then timed once more, in turns; these times are compared.",
+        "choice itself. The five cheapest of them and the first choice were then timed once more, in turns; "
+        "these times are compared.",
         "",
         "![Predicted against measured times and errors of the held-out runs](predicted.png)",
         "",
