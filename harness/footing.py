@@ -5,7 +5,6 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import pandas as pd
 
@@ -17,16 +16,14 @@ from polhode.harness.store import Record, export
 from polhode.harness.tables import frame, where
 from polhode.harness.text import bracketed, duration, markdown, scientific
 from polhode.harness.timing import seconds_of
-from polhode.harness.worker import Worker
 from polhode.models.problem import Problem
 from polhode.solvers.catalogue import SOLVERS
 from polhode.solvers.contract import Backend
-from polhode.solvers.cost import FirstRun, first_run, rhs_seconds
+from polhode.solvers.cost import FirstRun, rhs_seconds
 
 ERRORS = (1e-4, 1e-6, 1e-8)
 STIFF, OSCILLATORY_FROM = 1e-4, 1.0
 STARTS = 5
-FIRST_RUN_LIMIT = 60.0
 STIFF_SOLVERS = ("cyrk-radau", "cvode-bdf", "ida")
 
 
@@ -108,20 +105,6 @@ def rhs_costs(problem: Problem) -> dict[Backend, float]:
     """Wall time of one right-hand side by every back end."""
     names: tuple[Backend, ...] = ("python", "numba", "compiled")
     return {name: rhs_seconds(problem, name) for name in names}
-
-
-def first_runs(problem: Problem, solvers: Sequence[str]) -> dict[str, tuple[FirstRun, FirstRun]]:
-    """Cold and warm first run of each solver, every one in a fresh process."""
-    found = {}
-    for name in solvers:
-        with TemporaryDirectory() as folder:
-            pair = []
-            for _ in range(2):
-                with Worker() as worker:
-                    pair.append(worker.run(first_run, problem, name, 1e-8, folder, limit=FIRST_RUN_LIMIT).value)
-        if all(pair):
-            found[name] = tuple(pair)
-    return found
 
 
 def startup_seconds() -> float:

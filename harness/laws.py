@@ -189,7 +189,7 @@ class MethodLaws:
         Error laws of "slow" and "orientation", and of "stiff slow" and "stiff orientation" beyond `STIFF` damping
         times, where errors die out and the pilot is an implicit one; without what was not measured often enough.
     compile_seconds : float
-        Compilation on first use in a process.
+        What the first of all runs takes more: importing the library and compiling the form.
     tightest : float
         Tightest tolerance at which runs still ended well.
     """

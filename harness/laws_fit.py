@@ -7,14 +7,15 @@ from typing import Any
 
 import numpy as np
 
+from polhode.harness.first_runs import first_seconds
 from polhode.harness.laws import EPS, WANTS, CostLaw, ErrorLaw, Laws, Load, MethodLaws, Sensitivity, Stray, regime
 from polhode.harness.laws_least_squares import Misfit, bootstrap
 from polhode.harness.laws_load import held_back, load_of
 from polhode.harness.laws_pilot import Pilot, PilotFailedError, form_sensitivity, pilot
 from polhode.harness.store import Record
 from polhode.models.catalogue import form as find_form
+from polhode.models.scene import Scene
 from polhode.models.scene_file import parse_scene
-from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Status
 
 Array = np.ndarray
@@ -102,28 +103,27 @@ def _uncertainty(record: Record, want: str) -> float:
 
 
 def fit_laws(records: Iterable[Record], source: dict[str, Any]) -> Laws:
-    """Fit the laws of every method of which there are enough records."""
+    """Fit the laws of every method of which there are enough records, and time its first run on this machine."""
     pilots = Pilots()
     samples: dict[tuple[str, str], list[Sample]] = {}
-    prepared: dict[tuple[str, str], float] = {}
+    examples: dict[str, Scene] = {}
     for record in records:
         method = record["form"], record["solver"]
-        group = record["form"], compile_group(record["solver"])
-        prepared[group] = max(prepared.get(group, 0.0), record.get("prepare_seconds") or 0.0)
         found = pilots.of(record)
         sample = sample_of(record, found) if found else None
-        if sample is not None:
+        if found and sample:
             samples.setdefault(method, []).append(sample)
+            examples.setdefault(record["form"], found.scene)
+    samples = {method: runs for method, runs in samples.items() if len({run.scene for run in runs}) >= LEAST_SCENES}
+    firsts = first_seconds(examples, samples)
     methods = {}
     for (form, solver), runs in samples.items():
-        if len({run.scene for run in runs}) < LEAST_SCENES:
-            continue
         methods[form, solver] = MethodLaws(
             form=form,
             solver=solver,
             cost=fit_cost(runs),
             errors=fit_errors(runs, solver == "exact"),
-            compile_seconds=prepared[form, compile_group(solver)],
+            compile_seconds=firsts[form, solver],
             tightest=min(run.tolerance for run in runs),
         )
     scenes = {run.scene for runs in samples.values() for run in runs}
@@ -154,12 +154,6 @@ def refit(laws: Laws, records: Iterable[Record]) -> Laws:
         factor = float(np.median(own)) if len(own) >= LEAST_RUNS else usual
         methods[name] = replace(law, cost=replace(law.cost, scale=law.cost.scale * factor))
     return Laws(methods, {**laws.source, "refitted": sum(map(len, ratios.values()))})
-
-
-def compile_group(solver: str) -> str:
-    """Solvers that share what is compiled for a form: the first to come pays for all."""
-    method = find_solver(solver)
-    return f"{method.library}{' implicit' if method.implicit else ''}" if method.library != "CyRK" else "CyRK"
 
 
 # Parameters with what is expected of them before anything is measured, mean and standard deviation: it decides only

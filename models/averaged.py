@@ -1,5 +1,6 @@
 """Averaged form of a triaxial ellipsoid: the slow variables L and E alone, in slow time (`lxmain`–`emain`)."""
 
+from functools import partial
 from math import pi
 
 import numpy as np
@@ -95,6 +96,21 @@ def coefficients(ellipsoid: Ellipsoid) -> tuple[float, ...]:
     return *inertia, *a, *drag, *c, *d, *f
 
 
+def range_excess(states: np.ndarray, least: float) -> np.ndarray:
+    """How far L²/2E lies outside the moments of inertia of states, shape (n, 4), over the largest energy of them.
+
+    Parameters
+    ----------
+    states : ndarray, shape (n, 4)
+        L and E in units of the largest moment of inertia.
+    least : float
+        The least moment of inertia in the same units.
+    """
+    momentum2, energy2 = np.sum(states[:, :3] ** 2, axis=1), 2 * states[:, 3]
+    outside = np.maximum(momentum2 - energy2, least * energy2 - momentum2)
+    return np.maximum(outside, 0.0) / np.max(np.abs(energy2))
+
+
 class Averaged(Form):
     """State (L_x, L_y, L_z, E) in slow time, in units of the largest moment of inertia, so that it is of order one.
 
@@ -134,6 +150,7 @@ class Averaged(Form):
             start=tuple(start.tolist()),
             end=scene.slow_time,
             parameters=coefficients(scene.ellipsoid),
+            invariant=partial(range_excess, least=min(scene.ellipsoid.inertia) / max(scene.ellipsoid.inertia)),
             time_unit=scene.stokes,
         )
 

@@ -1,5 +1,6 @@
 """Averaged form of a spheroid: the slow variables L and η = ω·p̂ alone, in slow time (`lxsmain`–`nsmain`)."""
 
+from functools import partial
 from math import sqrt
 
 import numpy as np
@@ -41,6 +42,12 @@ def field(ops: Operations) -> Field:
     return rhs
 
 
+def range_excess(states: np.ndarray, ratio: float) -> np.ndarray:
+    """How far L·p̂ = I_a η exceeds |L|, squared, over the largest |L|² of states, shape (n, 4); `ratio` is I_a/I_e."""
+    momentum2 = np.sum(states[:, :3] ** 2, axis=1)
+    return np.maximum((ratio * states[:, 3]) ** 2 - momentum2, 0.0) / np.max(momentum2)
+
+
 class AveragedSpheroid(Form):
     """State (L_x, L_y, L_z, η) in slow time, L in units of I_e; E follows by `EetaL`.
 
@@ -75,6 +82,7 @@ class AveragedSpheroid(Form):
             start=(*momentum.tolist(), initial_spin(scene)),
             end=scene.slow_time,
             parameters=(spheroid.inertia_ratio, spheroid.axial_damping, spheroid.equatorial_damping),
+            invariant=partial(range_excess, ratio=spheroid.inertia_ratio),
             time_unit=scene.stokes,
         )
 

@@ -14,9 +14,12 @@ from polhode.models.averaged import Averaged, mean_squares
 from polhode.models.catalogue import form
 from polhode.models.operations import FLOAT
 from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart
+from polhode.models.scenes import named_scene
 from polhode.models.shape import Ellipsoid
+from polhode.models.spheroid import Spheroid
 from polhode.models.spheroid_correction import CorrectedSpheroid
-from polhode.solvers.contract import Record
+from polhode.solvers.contract import Record, Status
+from polhode.solvers.solve import solve
 from polhode.solvers.taylor import propagate, taylor_integrator
 
 TRIAXIAL = (1.0, 0.8, 0.5)
@@ -218,3 +221,28 @@ def test_a_start_on_the_separatrix_is_refused():
     start = SlowStart((0.0, 0.0, -1.0), 0.5 / middle)
     with pytest.raises(ValueError, match="L² = 2EI₂"):
         form("averaged").check(Scene(ellipsoid, 10.0, start, 1.0))
+
+
+@pytest.mark.parametrize(("name", "averaged"), [("paper", "averaged"), ("spheroid", "averaged-spheroid")])
+def test_moment_of_inertia_about_the_axis_of_rotation_stays_in_its_range(name, averaged):
+    scene = named_scene(name)
+    problem = form(averaged).problem(scene)
+    assert problem.invariant is not None
+    exact = solve(problem, "taylor", 1e-12, np.linspace(0.0, problem.end, 101))
+    assert np.abs(problem.invariant(exact.states)).max() < 1e-11
+    # L²/2E beyond the largest moment of inertia by a tenth, and for a spheroid L·p̂ beyond |L|.
+    start = exact.states[:1]
+    beyond = start.copy()
+    if averaged == "averaged":
+        beyond[0, 3] = np.sum(start[0, :3] ** 2) / 2 / 1.1
+    else:
+        spheroid = Spheroid.of(scene.ellipsoid)
+        beyond[0, 3] = np.sqrt(1.1 * np.sum(start[0, :3] ** 2)) / spheroid.inertia_ratio
+    assert problem.invariant(beyond) == pytest.approx([0.1])
+
+
+def test_a_run_that_leaves_the_range_is_no_success():
+    problem = form("averaged").problem(named_scene("paper-saddle"))
+    solution = solve(problem, "cvode-bdf", 1e-6)
+    assert solution.status == Status.FALSE_SUCCESS
+    assert "invariant" in solution.message
