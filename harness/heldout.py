@@ -16,6 +16,7 @@ from polhode.harness.pick import NotAttainableError, Recommendation, pick
 from polhode.harness.run import Runner
 from polhode.harness.store import Record, Store
 from polhode.harness.study import Study
+from polhode.harness.timing import paced
 from polhode.models.catalogue import form as find_form
 from polhode.solvers.contract import Status
 
@@ -77,9 +78,20 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Prediction:
-    """A measured run and what the laws said of it before."""
+    """A measured run and what the laws said of it before.
+
+    Parameters
+    ----------
+    record : dict
+    measured : float
+        Its wall time in seconds, at the pace that the machine had when the laws were fitted.
+    seconds, error : Interval
+        What the laws say of its time and of its solver's slow error; no error where they are silent.
+    measured_error : float, optional
+    """
 
     record: Record
+    measured: float
     seconds: Interval
     error: Interval | None
     measured_error: float | None
@@ -87,7 +99,15 @@ class Prediction:
     @property
     def close(self) -> bool:
         """Whether the time was predicted within the factor."""
-        return abs(log(self.record["seconds"] / self.seconds.predicted)) <= log(FACTOR)
+        return self._within(self.measured)
+
+    @property
+    def close_as_timed(self) -> bool:
+        """The same without regard to the machine's pace."""
+        return self._within(self.record["seconds"])
+
+    def _within(self, seconds: float) -> bool:
+        return abs(log(seconds / self.seconds.predicted)) <= log(FACTOR)
 
 
 @dataclass(frozen=True)
@@ -119,6 +139,11 @@ class Evaluation:
     def predicted(self) -> float:
         """Share of the runs whose time was predicted within `FACTOR`."""
         return _share(prediction.close for prediction in self.predictions)
+
+    @property
+    def predicted_as_timed(self) -> float:
+        """The same without regard to the machine's pace."""
+        return _share(prediction.close_as_timed for prediction in self.predictions)
 
     @property
     def bounded(self) -> float:
@@ -230,7 +255,8 @@ def predictions(records: Sequence[Record], laws: Laws) -> list[Prediction]:
         sensitivity = form_sensitivity(form, known)[0]
         slow = law.error_law("slow", sensitivity) if sensitivity.error < inf else None
         error = slow.predict(sensitivity, tolerance) if slow else None
-        found.append(Prediction(record, seconds, error, record.get("solver_slow_error")))
+        measured = paced(record, laws.source.get("sentinel_seconds"))
+        found.append(Prediction(record, measured, seconds, error, record.get("solver_slow_error")))
     return found
 
 

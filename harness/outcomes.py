@@ -1,9 +1,10 @@
 """What became of runs on hard cases: reached, inaccurate, of unknown error, stopped or failed, with the reason."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from polhode.harness.provenance import header
@@ -11,12 +12,15 @@ from polhode.harness.store import Record, export
 from polhode.harness.study import Study
 from polhode.harness.tables import frame
 from polhode.harness.text import duration, markdown, scientific
+from polhode.models.scene_file import parse_scene
 from polhode.models.scenes import SCENES
 from polhode.solvers.catalogue import SOLVERS
 from polhode.solvers.contract import Status
 
-# A run that reached its end but is further off the exact solution of its own form has no digit to trust.
+# A run that reached its end but is further off the exact solution of its own form, in units of I_max or of the slow
+# variables at the start if those are larger, has no digits to trust.
 INACCURATE = 1e-3
+BEYOND = f"off by more than {INACCURATE:g} of the largest slow variable at the start, or of I_max if that is larger"
 KINDS = ("reached", "inaccurate", "unknown", "stopped", "failed")
 SIGNS = {"reached": "✓", "inaccurate": "≈", "unknown": "?", "stopped": "◷", "failed": "✕", "absent": "·"}
 # What the shared records leave out, for there are thousands: `polhode export` writes all.
@@ -28,8 +32,19 @@ Outcome = tuple[str, str]
 """One of `KINDS`, and the reason in words."""
 
 
-def outcome(run: dict[Any, Any]) -> Outcome:
-    """Outcome of a run, from its record as a row of `polhode.harness.tables.frame`."""
+def limits(records: Iterable[Record]) -> dict[str, float]:
+    """Slow error over I_max beyond which a run counts as inaccurate, by scene."""
+    found: dict[str, float] = {}
+    for record in records:
+        if record["scene_name"] not in found:
+            scene = parse_scene(record["scene"])
+            largest = float(np.max(np.abs(scene.initial.slow))) / max(scene.ellipsoid.inertia)
+            found[record["scene_name"]] = INACCURATE * max(1.0, largest)
+    return found
+
+
+def outcome(run: dict[Any, Any], allowed: float = INACCURATE) -> Outcome:
+    """Outcome of a run, from its record as a row of `polhode.harness.tables.frame`; `allowed` is one of `limits`."""
     status = str(run["status"])
     if status != Status.REACHED_END:
         meaning = Status(status).meaning if status in set(Status) else ""
@@ -42,16 +57,18 @@ def outcome(run: dict[Any, Any]) -> Outcome:
         return "unknown", f"reached the end, but {failure or 'there is no certified reference'}"
     model = _known(run.get("model_slow_error")) or 0.0
     off = f"; the form itself is off by {scientific(model)}" if model > 0 else ""
-    return ("reached" if error <= INACCURATE else "inaccurate"), f"{took}solver error {scientific(error)}{off}"
+    return ("reached" if error <= allowed else "inaccurate"), f"{took}solver error {scientific(error)}{off}"
 
 
-def blocks(table: pd.DataFrame) -> dict[Block, dict[str, dict[str, Outcome]]]:
+def blocks(table: pd.DataFrame, allowed: Mapping[str, float]) -> dict[Block, dict[str, dict[str, Outcome]]]:
     """Outcomes by scene, form and solver."""
     found: dict[Block, dict[str, dict[str, Outcome]]] = {}
     for run in table.to_dict("records"):
         time = _known(run.get("scene.time"))
         block = str(run["scene_name"]), float(run["stokes"]), time, float(run["tolerance"])
-        found.setdefault(block, {}).setdefault(str(run["form"]), {})[str(run["solver"])] = outcome(run)
+        found.setdefault(block, {}).setdefault(str(run["form"]), {})[str(run["solver"])] = outcome(
+            run, allowed[block[0]]
+        )
     return found
 
 
@@ -83,18 +100,21 @@ def reasons(forms: dict[str, dict[str, Outcome]]) -> list[str]:
     return [f"{form}, {', '.join(names)}: {kind}, {reason}" for (form, kind, reason), names in found.items()]
 
 
-def sentences(table: pd.DataFrame) -> list[str]:
+def sentences(table: pd.DataFrame, allowed: Mapping[str, float]) -> list[str]:
     """How many got through, and who."""
     counts: dict[str, dict[str, int]] = {}
     for run in table.to_dict("records"):
-        counts.setdefault(str(run["solver"]), dict.fromkeys(KINDS, 0))[outcome(run)[0]] += 1
+        counts.setdefault(str(run["solver"]), dict.fromkeys(KINDS, 0))[
+            outcome(run, allowed[str(run["scene_name"])])[0]
+        ] += 1
     total = {name: sum(own.values()) for name, own in counts.items()}
     sums = {kind: sum(own[kind] for own in counts.values()) for kind in KINDS}
     best = sorted(counts, key=lambda name: (-counts[name]["reached"] / total[name], name))
     through = [name for name in best if counts[name]["reached"] == total[name]]
     worst = best[-1]
     return [
-        f"{sums['reached']} of {sum(total.values())} runs reached the end with a solver error below {INACCURATE:g}; "
+        f"{sums['reached']} of {sum(total.values())} runs reached the end with a solver error below {INACCURATE:g} of the "
+        "start; "
         f"{sums['inaccurate']} reached it with a larger one, {sums['unknown']} with one that no reference tells; "
         f"{sums['stopped']} were stopped at the limit of {limit(table)}; {sums['failed']} failed.",
         f"Through every case they take: {', '.join(through) or 'nobody'}.",
@@ -124,18 +144,18 @@ def _shared(record: Record) -> Record:
 
 
 def _lines(study: Study, table: pd.DataFrame, records: Sequence[Record], command: str) -> list[str]:
-    solvers = columns(table)
+    solvers, allowed = columns(table), limits(records)
     lines = [
         *header(study.title, command, records),
-        *(f"- {sentence}" for sentence in sentences(table)),
+        *(f"- {sentence}" for sentence in sentences(table, allowed)),
         "",
-        f"✓ reached; ≈ reached, but off by more than {INACCURATE:g}; ? reached, with an error no reference tells; "
+        f"✓ reached; ≈ reached, but {BEYOND}; ? reached, with an error no reference tells; "
         f"◷ stopped at the limit of {limit(table)}; ✕ failed; · not run: the form or the solver does not take it. "
         "Errors are slow errors over I_max against the exact solution of the same form. Every run: "
         "[records.jsonl](records.jsonl); `polhode export` of the store writes them in full.",
         "",
     ]
-    for block, forms in blocks(table).items():
+    for block, forms in blocks(table, allowed).items():
         rows = [
             [form, *(SIGNS[cells.get(name, ("absent", ""))[0]] for name in solvers)] for form, cells in forms.items()
         ]

@@ -3,7 +3,7 @@
 from html import escape
 
 from polhode.harness.outcomes import (
-    INACCURATE,
+    BEYOND,
     SIGNS,
     Block,
     Outcome,
@@ -11,6 +11,7 @@ from polhode.harness.outcomes import (
     blocks,
     columns,
     limit,
+    limits,
     reasons,
     sentences,
     title,
@@ -28,11 +29,12 @@ def hard_page(sources: Sources) -> Page:
     study = sources.studies.get(STUDY)
     if study is None:
         return Page("hard", "Hard cases", LEAD, missing("The hard cases are", COMMAND))
-    found = blocks(study.table)
+    allowed = limits(study.records)
+    found = blocks(study.table, allowed)
     body = (
-        bullets(sentences(study.table))
-        + '<p class="key signs"><span class="reached">✓ reached</span><span class="inaccurate">≈ reached, but off by '
-        f'more than {INACCURATE:g}</span><span class="unknown">? reached, no reference tells the error</span>'
+        bullets(sentences(study.table, allowed))
+        + '<p class="key signs"><span class="reached">✓ reached</span><span class="inaccurate">≈ reached, but '
+        f'{BEYOND}</span><span class="unknown">? reached, no reference tells the error</span>'
         f'<span class="stopped">◷ stopped at the limit of {limit(study.table)}</span>'
         '<span class="failed">✕ failed</span><span>· not run: the form or solver does not take the scene</span></p>'
         + scroll(_matrix(found, columns(study.table)))

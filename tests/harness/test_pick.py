@@ -288,12 +288,13 @@ def test_held_out_shares_and_pages(tmp_path):
     told = Answer(question, Recommendation(question.want, question.error, 1.0, 1.0, (row,), ()), "")
     outcomes = Outcome(told, good, good), Outcome(told, None, good)
     predictions = tuple(
-        Prediction({**good, "seconds": seconds}, interval, Interval(1e-7, 1e-8, 1e-6), error)
+        Prediction({**good, "seconds": 2 * seconds}, seconds, interval, Interval(1e-7, 1e-8, 1e-6), error)
         for seconds, error in ((1.4, 1e-7), (0.7, 1e-5), (1.6, 1e-9))
     )
     found = Evaluation(outcomes, predictions)
     assert (found.met, found.cheap) == (0.5, 0.5)
     assert found.predicted == pytest.approx(2 / 3)
+    assert found.predicted_as_timed == pytest.approx(1 / 3)
     assert found.bounded == pytest.approx(2 / 3)
     assert not found.reached
     assert outcomes[1].factor == inf

@@ -11,7 +11,7 @@ import pytest
 from commandline import STUDY, Run
 from sites import C, data_of, site
 
-from polhode.harness.outcomes import outcome, reasons, write_page
+from polhode.harness.outcomes import INACCURATE, limits, outcome, reasons, write_page
 from polhode.harness.paper import store
 from polhode.harness.paper.catalogue import sections
 from polhode.harness.paper.item import Grid
@@ -23,6 +23,7 @@ from polhode.harness.site.sources import read_sources
 from polhode.harness.store import export
 from polhode.harness.study import parse_study
 from polhode.harness.text import duration
+from polhode.models.scene_file import scene_table
 from polhode.models.scenes import named_scene
 
 
@@ -156,6 +157,20 @@ def test_outcomes_of_hard_cases(change: dict, kind: str, words: str):
     found = outcome({**RUN, **change})
     assert found[0] == kind
     assert words in found[1]
+
+
+def test_errors_of_a_fast_body_are_measured_against_it():
+    """Ω = 1e3 makes L² and E large: the limit grows with the larger of them."""
+    records = [{"scene_name": name, "scene": scene_table(named_scene(name))} for name in ("fast-spin", "rest-50")]
+    allowed = limits(records)
+    scene = named_scene("fast-spin")
+    assert allowed["rest-50"] == INACCURATE
+    assert allowed["fast-spin"] == pytest.approx(
+        INACCURATE * float(scene.initial.energy[0]) / max(scene.ellipsoid.inertia)
+    )
+    run = {**RUN, "solver_slow_error": 10.0}
+    assert outcome(run, allowed["fast-spin"])[0] == "reached"
+    assert outcome(run, allowed["rest-50"])[0] == "inaccurate"
 
 
 def test_hard_cases_show_every_outcome_with_its_reason(site_pages: dict[str, str], site_reports: Path):
