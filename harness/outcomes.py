@@ -113,8 +113,8 @@ def sentences(table: pd.DataFrame, allowed: Mapping[str, float]) -> list[str]:
     through = [name for name in best if counts[name]["reached"] == total[name]]
     worst = best[-1]
     return [
-        f"{sums['reached']} of {sum(total.values())} runs reached the end with a solver error below {INACCURATE:g} of the "
-        "start; "
+        f"{sums['reached']} of {sum(total.values())} runs reached the end with a solver error below {INACCURATE:g} of "
+        "the start; "
         f"{sums['inaccurate']} reached it with a larger one, {sums['unknown']} with one that no reference tells; "
         f"{sums['stopped']} were stopped at the limit of {limit(table)}; {sums['failed']} failed.",
         f"Through every case they take: {', '.join(through) or 'nobody'}.",
