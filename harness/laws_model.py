@@ -15,6 +15,7 @@ from polhode.harness.laws_pilot import (
     form_ladder,
     full_form,
 )
+from polhode.harness.unfit import apart
 from polhode.models.form import Form
 from polhode.models.observables import Observables
 from polhode.models.scene import Scene
@@ -46,10 +47,8 @@ def model_errors(form: Form, pilot: Pilot) -> dict[str, Interval | None]:
     if pilot.scene.ellipsoid.kind == "sphere":
         # L obeys the averaged equation itself.
         return {"slow": Interval(0.0, 0.0, 0.0), "orientation": None}
-    rotations, damping = pilot.rotations, pilot.damping_times
-    if rotations < LEAST_ROTATIONS * damping:
-        share = rotations / damping
-        raise NotApplicableError(f"{share:.1g} rotations per damping time: St is too small to average over rotations")
+    if unfit := unfit_to_average(pilot):
+        raise NotApplicableError(unfit)
     if pilot.slow.error == np.inf:
         raise NotApplicableError("the pilot lost the motion, so that nothing tells the model error")
     if pilot.direct:
@@ -59,12 +58,23 @@ def model_errors(form: Form, pilot: Pilot) -> dict[str, Interval | None]:
     return _carried_on(form, pilot)
 
 
+def unfit_to_average(pilot: Pilot) -> str:
+    """Why a scene has nothing to average over, in words; empty where it has."""
+    rotations, damping = pilot.rotations, pilot.damping_times
+    if pilot.scene.ellipsoid.kind == "sphere" or rotations >= LEAST_ROTATIONS * damping:
+        return ""
+    share, least = apart(rotations / damping, LEAST_ROTATIONS)
+    return f"St is too small to average over rotations: {share} of them per damping time, expected at least {least}"
+
+
 def causes(form: Form, pilot: Pilot) -> list[str]:
     """What makes averaging poor on a scene, in words; empty where nothing in particular does."""
     scene = pilot.scene
     observables = form_ladder(form, scene)[-1][1]
     size = np.linalg.norm(observables.angular_momentum, axis=1)
     found = []
+    if pilot.damping_times > 0 and pilot.rotations < 10 * pilot.damping_times:
+        found.append(f"St is small, only {pilot.rotations / pilot.damping_times:.2g} rotations per damping time")
     if size.min() < PINCHED * size.max():
         found.append("L nearly vanishes on the way (pinch point)")
     if scene.ellipsoid.kind == "triaxial":
@@ -74,8 +84,6 @@ def causes(form: Form, pilot: Pilot) -> list[str]:
             found.append("the run crosses L² = 2EI₂")
         elif np.min(np.abs(ratio - 1)) < NEAR:
             found.append("the run comes close to L² = 2EI₂")
-    if pilot.damping_times > 0 and pilot.rotations < 10 * pilot.damping_times:
-        found.append(f"only {pilot.rotations / pilot.damping_times:.2g} rotations per damping time")
     return found
 
 

@@ -6,12 +6,14 @@ from math import floor, inf, isfinite, log10
 from polhode.harness.errors import attainable
 from polhode.harness.laws import EPS, STIFF, WANTS, Interval, Laws, Load, MethodLaws, Sensitivity, load_laws
 from polhode.harness.laws_load import held_back, load_of
-from polhode.harness.laws_model import NotApplicableError, causes, model_errors
+from polhode.harness.laws_model import NotApplicableError, causes, model_errors, unfit_to_average
 from polhode.harness.laws_pilot import Pilot, PilotFailedError, form_sensitivity, pilot
 from polhode.harness.text import scientific
+from polhode.harness.unfit import Refusal, Stage, UnfitError, too_far_off, too_tight, why_nothing
 from polhode.models.catalogue import FORMS
 from polhode.models.catalogue import form as find_form
 from polhode.models.form import Form, FormNotValidError
+from polhode.models.problem import Problem
 from polhode.models.scene import Scene, SlowStart
 from polhode.solvers.catalogue import SOLVERS
 from polhode.solvers.catalogue import solver as find_solver
@@ -46,7 +48,8 @@ class Row:
     first_run_seconds : float
         The same with the compilation that a first run in a process pays.
     tied : bool
-        Whether it is among the first ones between whose times there is no significant difference.
+        Whether it is among those, more than one, whose intervals of time overlap with the first one's: no significant
+        difference.
     reason : str
     """
 
@@ -91,10 +94,6 @@ class Recommendation:
     excluded: tuple[Excluded, ...]
 
 
-class _UnfitError(Exception):
-    """A method will not do; the message says why."""
-
-
 def pick(
     scene: Scene, error: float, want: str = "slow", samples: int = DEFAULT_SAMPLES, laws: Laws | None = None
 ) -> Recommendation:
@@ -133,13 +132,14 @@ def pick(
         raise NotAttainableError(
             f"error: got {error!r}, not attainable in double precision, expected at least {least:.2g}"
         )
-    rows, excluded = _candidates(scene, found, error, want, samples, laws or load_laws())
+    rows, refusals = _candidates(scene, found, error, want, samples, laws or load_laws())
     if not rows:
-        raise NotAttainableError(f"error: got {error!r}, not attainable: {_why_nothing(found, want)}")
+        raise NotAttainableError(f"error: got {error!r}, not attainable: {why_nothing(refusals)}")
+    excluded = tuple(Excluded(each.form, each.solver, each.reason) for each in refusals)
     rows.sort(key=lambda row: row.seconds.predicted)
     tied = [row for row in rows if row.seconds.overlaps(rows[0].seconds)]
     ranking = tuple(_tied(row) if len(tied) > 1 and row in tied else row for row in rows)
-    return Recommendation(want, error, found.rotations, found.damping_times, ranking, tuple(excluded))
+    return Recommendation(want, error, found.rotations, found.damping_times, ranking, excluded)
 
 
 def _check(scene: Scene, error: float, want: str) -> None:
@@ -159,18 +159,16 @@ def _check(scene: Scene, error: float, want: str) -> None:
 
 def _candidates(
     scene: Scene, found: Pilot, error: float, want: str, samples: int, laws: Laws
-) -> tuple[list[Row], list[Excluded]]:
-    rows, excluded = [], []
+) -> tuple[list[Row], list[Refusal]]:
+    rows, refusals = [], []
     for form_name in FORMS:
         form = find_form(form_name)
         try:
-            if demands := form.demands(scene):
-                raise _UnfitError(demands)
-            problem = form.problem(scene)
+            problem = _problem(form, scene, found, want)
             budget, model = _budget(form, found, error, want)
             sensitivity = form_sensitivity(form, found)[WANTS.index(want)]
-        except (FormNotValidError, PilotFailedError, _UnfitError) as refusal:
-            excluded += [Excluded(form_name, solver, _plain(refusal)) for solver in SOLVERS]
+        except (FormNotValidError, PilotFailedError, UnfitError) as refusal:
+            refusals += [Refusal.of(form_name, solver, refusal) for solver in SOLVERS]
             continue
         for solver in SOLVERS:
             try:
@@ -178,42 +176,49 @@ def _candidates(
                 law = _law(laws, form, solver, found)
                 load = load_of(form, solver, found, samples)
                 rows.append(_row(law, load, found, (error, budget, model), want, sensitivity))
-            except (SolverNotValidError, PilotFailedError, _UnfitError) as refusal:
-                excluded.append(Excluded(form_name, solver, _plain(refusal)))
-    return rows, excluded
+            except (SolverNotValidError, PilotFailedError, UnfitError) as refusal:
+                refusals.append(Refusal.of(form_name, solver, refusal))
+    return rows, refusals
+
+
+def _problem(form: Form, scene: Scene, found: Pilot, want: str) -> Problem:
+    """The scene's problem in a form that takes it; the first of several reasons against it is the plainest one."""
+    if want == "orientation" and form.orientation == "none":
+        raise UnfitError("gives no orientation", Stage.FORM)
+    if form.averaged and (unfit := unfit_to_average(found)):
+        raise UnfitError(unfit, Stage.AVERAGING)
+    if demands := form.demands(scene):
+        raise UnfitError(demands, Stage.AVERAGING)
+    return form.problem(scene)
 
 
 def _budget(form: Form, found: Pilot, error: float, want: str) -> tuple[float, Interval | None]:
     """Error left for the solver, and the model error; none for a full form."""
-    if want == "orientation" and form.orientation == "none":
-        raise _UnfitError("gives no orientation")
     if not form.averaged:
         return error, None
     try:
         model = model_errors(form, found)[want]
     except (NotApplicableError, PilotFailedError) as refusal:
-        raise _UnfitError(str(refusal)) from None
+        raise UnfitError(str(refusal), Stage.AVERAGING) from None
     if model is None:
-        raise _UnfitError("gives no orientation")
+        raise UnfitError("gives no orientation", Stage.FORM)
     budget = error - model.high
     if budget < SHARE * error:
-        because = "; ".join(causes(form, found))
-        raise _UnfitError(
-            f"model error up to {scientific(model.high)} exceeds {error:g}" + (f": {because}" if because else "")
-        )
+        raise too_far_off(model.high, error, SHARE, causes(form, found))
     return budget, model
 
 
 def _law(laws: Laws, form: Form, solver: str, found: Pilot) -> MethodLaws:
     method = find_solver(solver)
     if not method.available:
-        raise _UnfitError(str(method.why_not))
+        raise UnfitError(str(method.why_not), Stage.LIBRARY)
     law = laws.methods.get((form.name, solver))
     if law is None:
-        raise _UnfitError("no law: not measured often enough")
+        raise UnfitError("no law: not measured often enough", Stage.LAW)
     if held_back(form, solver, found):
-        raise _UnfitError(
-            f"explicit: stability, not the tolerance, sets its steps over {found.damping_times:.2g} damping times"
+        raise UnfitError(
+            f"explicit: stability, not the tolerance, sets its steps over {found.damping_times:.2g} damping times",
+            Stage.STABILITY,
         )
     return law
 
@@ -229,14 +234,15 @@ def _row(
     error, budget, model = target
     errors = None if sensitivity is None else law.error_law(want, sensitivity)
     if errors is None or sensitivity is None:
-        raise _UnfitError("no law of the error wanted: not measured often enough")
+        raise UnfitError("no law of the error wanted: not measured often enough", Stage.LAW)
     if sensitivity.error == inf:
-        raise _UnfitError("the motion magnifies errors beyond all tolerances that a pilot tried: chaotic, or too long")
+        raise UnfitError(
+            "the motion magnifies errors beyond all tolerances that a pilot tried: chaotic, or too long", Stage.MOTION
+        )
     tolerance = one_digit(min(LOOSEST, errors.tolerance(sensitivity, budget)))
     tightest = max(TIGHTEST, law.tightest / BEYOND)
     if tolerance < tightest:
-        least = errors.predict(sensitivity, tightest).high
-        raise _UnfitError(f"meets {error:g} at no tolerance that it takes: up to {scientific(least)} at its tightest")
+        raise too_tight(errors, sensitivity, one_digit_up(tightest), error, budget)
     own = errors.predict(sensitivity, tolerance)
     whole = own if model is None else Interval(*(a + b for a, b in zip(_ends(own), _ends(model), strict=True)))
     seconds = law.cost.predict(load, tolerance)
@@ -265,6 +271,12 @@ def one_digit(tolerance: float) -> float:
     return float(f"{digit}e{floor(log10(tolerance))}")
 
 
+def one_digit_up(tolerance: float) -> float:
+    """The tolerance at one digit, never tighter."""
+    below = one_digit(tolerance)
+    return below if tolerance <= below * (1 + 1e-9) else below + 10.0 ** floor(log10(tolerance))
+
+
 def _reason(law: MethodLaws, found: Pilot, model: Interval | None, own: Interval) -> str:
     if law.solver == "exact":
         return "closed form: neither time nor tolerance matter"
@@ -276,17 +288,4 @@ def _reason(law: MethodLaws, found: Pilot, model: Interval | None, own: Interval
 
 
 def _tied(row: Row) -> Row:
-    return replace(row, tied=True, reason=f"no significant difference; {row.reason}")
-
-
-def _plain(refusal: Exception) -> str:
-    """A refusal without the words that name form or solver, which stand beside it."""
-    text = str(refusal)
-    return text.split(": ", 1)[1] if text.startswith(("form '", "solver '")) else text
-
-
-def _why_nothing(found: Pilot, want: str) -> str:
-    gain = found.slow if want == "slow" else found.orientation
-    if gain is not None and gain.error == inf:
-        return "the motion is chaotic or too long: errors grow to its own size at every tolerance tried"
-    return "rounding along the run makes more, whatever the method"
+    return replace(row, tied=True, reason=f"no significant difference in time from the others tied; {row.reason}")
