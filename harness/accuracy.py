@@ -1,68 +1,26 @@
-"""How accurate the averaged forms are: their model error in each slow variable, for the paper's cases, as St grows."""
+"""How accurate the averaged forms are: what was measured of them, and what it says about orders in 1/St."""
 
-import os
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
-from math import log10, pi
-from multiprocessing import get_context
+from math import isnan, log10
 
 import numpy as np
-from tqdm import tqdm
 
-from polhode.harness.errors import Errors, errors
-from polhode.harness.reference import ReferenceFailedError, reference
-from polhode.models.catalogue import FORMS
-from polhode.models.catalogue import form as find_form
-from polhode.models.form import FormNotValidError
-from polhode.models.rotation import Triple, matrix_from_quaternion, quaternion_from_euler
-from polhode.models.scene import BodyStart, EulerStart, Scene, Start
-from polhode.models.scenes import NEAR_POLE_START, PAPER_ELLIPSOID, PAPER_START, PROLATE, SPHEROID_START
-from polhode.models.shape import Ellipsoid
-from polhode.solvers.solve import solve
+from polhode.harness.text import short
+from polhode.models.rotation import Triple
 
 VARIABLES = ("Lx", "Ly", "Lz", "E")
 TARGETS = (1e-1, 1e-2, 1e-3, 1e-4)
-SLOW_TIME = 0.5
-SAMPLES = 501
-STOKES = (1e2, 10**2.5, 1e3, 10**3.5, 1e4, 1e5)
-# Long double runs over T = 5e5 take half a minute: only cases in the first group are taken so far.
-LARGEST_STOKES = 1e6
-QUICK_STOKES = (1e2, 10**2.5, 1e3)
-# What a user would integrate an averaged form with; its error is the column of the solver error.
-SOLVER, TOLERANCE = "taylor", 1e-9
-# The law c/St^order is fitted from this St on, where it has set in.
+# The law c/St^order is fitted from this St on, where it has set in, to at least so many St.
 FITTED_FROM = 300.0
-# Fitted orders below this are named: averaging promises 1.
-SLOW_ORDER = 0.8
+LEAST_POINTS = 4
+# Runs of a case belong together if none ends before this share of the longest one: a shorter run errs less.
+SAME_HORIZON = 0.99
 # Where the paper says that the averaged equations are good.
 GOOD_FROM = {"spheroid": 1e2, "ellipsoid": 1e3}
-
-
-@dataclass(frozen=True)
-class Subject:
-    """A case of the paper: everything but St.
-
-    Parameters
-    ----------
-    name : str
-    family : {"spheroid", "ellipsoid"}
-    ellipsoid : Ellipsoid
-    start : Start
-    far : bool
-        Whether to follow it up to `LARGEST_STOKES`.
-    """
-
-    name: str
-    family: str
-    ellipsoid: Ellipsoid
-    start: Start
-    far: bool = False
-
-    def scene(self, stokes: float) -> Scene:
-        """The case at one St, over `SLOW_TIME`."""
-        return Scene(self.ellipsoid, stokes, self.start, SLOW_TIME * stokes)
+# The paper's averaged equations, by family of shapes.
+FIRST_ORDER = {"spheroid": "averaged-spheroid", "ellipsoid": "averaged"}
 
 
 @dataclass(frozen=True)
@@ -79,7 +37,7 @@ class Measured:
     model : tuple of 4 float
         Of the form's exact solution against the certified full one, in L_x, L_y, L_z, E.
     solver : tuple of 4 float
-        Of the form solved by `SOLVER` at `TOLERANCE` against the form's exact solution.
+        Of the form solved as a user would (`polhode.harness.accuracy_runs`) against the form's exact solution.
     uncertainty : float
         Of the full reference.
     pieces : int
@@ -109,6 +67,24 @@ class Measured:
 
 
 @dataclass(frozen=True)
+class Absent:
+    """A case that an averaged form has no errors for at one St, and why.
+
+    Parameters
+    ----------
+    subject, family, form : str
+    stokes : float
+    reason : str
+    """
+
+    subject: str
+    family: str
+    form: str
+    stokes: float
+    reason: str
+
+
+@dataclass(frozen=True)
 class Law:
     """Model error of one form in one case as c St^(-order), and the St that it needs.
 
@@ -117,6 +93,8 @@ class Law:
     subject, family, form : str
     stokes, error : tuple of float
         What was measured, St increasing.
+    until : tuple of float
+        Slow time to which each run went; order and needed St rest on those of the longest horizon alone.
     """
 
     subject: str
@@ -124,19 +102,35 @@ class Law:
     form: str
     stokes: tuple[float, ...]
     error: tuple[float, ...]
+    until: tuple[float, ...]
+
+    @property
+    def horizon(self) -> float:
+        """Slow time up to which order and needed St hold."""
+        return max(self.until)
+
+    @property
+    def alike(self) -> tuple[np.ndarray, np.ndarray]:
+        """St and errors of the runs that share the longest horizon."""
+        same = np.array(self.until) >= SAME_HORIZON * self.horizon
+        return np.array(self.stokes)[same], np.array(self.error)[same]
+
+    @property
+    def fitted(self) -> tuple[np.ndarray, np.ndarray]:
+        """St and errors that the order is fitted to: of `alike`, those above `FITTED_FROM`."""
+        stokes, error = self.alike
+        return stokes[stokes >= FITTED_FROM], error[stokes >= FITTED_FROM]
 
     @cached_property
     def fit(self) -> tuple[float, float, float]:
-        """log₁₀ c, the order, and the half width of the order's 95 % interval, by least squares above `FITTED_FROM`.
+        """log₁₀ c, the order, and the half width of the order's 95 % interval, by least squares.
 
-        NaN where fewer than three St were measured there.
+        NaN where fewer than `LEAST_POINTS` St were measured: with one degree of freedom an interval says nothing.
         """
         from scipy.stats import t
 
-        x, y = np.log10(self.stokes), np.log10(self.error)
-        late = x >= log10(FITTED_FROM)
-        x, y = x[late], y[late]
-        if len(x) < 3:
+        x, y = np.log10(self.fitted)
+        if len(x) < LEAST_POINTS:
             return float("nan"), float("nan"), float("nan")
         slope, constant = np.polyfit(x, y, 1)
         rest = y - (constant + slope * x)
@@ -165,116 +159,16 @@ class Law:
             "measured": between two measured St, by interpolation of logarithms; "at most": already at the smallest St
             measured; "extrapolated": beyond the largest one, by the fitted law.
         """
-        above = [i for i, error in enumerate(self.error) if error > target]
-        if not above:
-            return self.stokes[0], "at most"
+        stokes, error = self.alike
+        above = np.flatnonzero(error > target)
+        if not len(above):
+            return float(stokes[0]), "at most"
         i = above[-1]
-        if i + 1 == len(self.stokes):
+        if i + 1 == len(stokes):
             constant, order, _ = self.fit
             return 10 ** ((constant - log10(target)) / order), "extrapolated"
-        x, y = np.log10(self.stokes[i : i + 2]), np.log10(self.error[i : i + 2])
+        x, y = np.log10(stokes[i : i + 2]), np.log10(error[i : i + 2])
         return float(10 ** np.interp(-log10(target), -y, x)), "measured"
-
-
-def aligned_with_vorticity(ellipsoid: Ellipsoid, theta: float, psi: float, momentum: float) -> BodyStart:
-    """Start with φ = 0 and L = momentum · I_max ẑ: the phase planes' starts (`fig:SI1005550`, spheroid figures)."""
-    quaternion = quaternion_from_euler((theta, 0.0, psi))
-    vertical = matrix_from_quaternion(np.array(quaternion))[:, 2].tolist()
-    size = momentum * max(ellipsoid.inertia)
-    w1, w2, w3 = (size * z / i for z, i in zip(vertical, ellipsoid.inertia, strict=True))
-    return BodyStart(quaternion, (w1, w2, w3))
-
-
-def subjects() -> Iterator[Subject]:
-    """The paper's cases: its two starts of each shape, and one start of each phase plane."""
-    saddle = EulerStart((1.57, 0.0, pi / 2), (0.0, -0.61, 0.0003))
-    yield Subject("spheroid κ = 2", "spheroid", Ellipsoid(PROLATE), SPHEROID_START, far=True)
-    yield Subject("spheroid κ = 2, near the saddle", "spheroid", Ellipsoid(PROLATE), NEAR_POLE_START)
-    yield Subject("ellipsoid (1, 0.8, 0.5)", "ellipsoid", Ellipsoid(PAPER_ELLIPSOID), PAPER_START, far=True)
-    yield Subject("ellipsoid (1, 0.8, 0.5), near the saddle", "ellipsoid", Ellipsoid(PAPER_ELLIPSOID), saddle)
-    for kappa in (2.0, 3.33, 0.5, 0.3):
-        shape = Ellipsoid((1.0, 1.0, kappa))
-        start = aligned_with_vorticity(shape, pi / 4, 0.0, -1.0)
-        yield Subject(f"phase plane κ = {kappa:g}", "spheroid", shape, start)
-    for b in (0.55, 0.75, 0.95):
-        for c in (0.5, 0.3):
-            shape = Ellipsoid((1.0, b, c))
-            start = aligned_with_vorticity(shape, pi / 4, pi / 2, -1.0)
-            yield Subject(f"phase plane (1, {b:g}, {c:g})", "ellipsoid", shape, start)
-
-
-def measure(subject: Subject, stokes: float) -> list[Measured]:
-    """Errors of every averaged form that is valid for a case at one St, as far as it follows it.
-
-    A form whose own exact solution is not certified gives no row.
-
-    Raises
-    ------
-    ReferenceFailedError
-        If there is no certified reference of the full solution.
-    """
-    whole = subject.scene(stokes)
-    rows = []
-    for name in FORMS:
-        form = find_form(name)
-        if not form.averaged:
-            continue
-        try:
-            until = form.reach(whole)
-        except FormNotValidError:
-            continue
-        scene = replace(whole, time=until * stokes)
-        full = reference(scene, "quaternion", SAMPLES)
-        try:
-            exact = reference(scene, form, SAMPLES)
-        except ReferenceFailedError:
-            continue
-        solution = solve(form.problem(scene), SOLVER, TOLERANCE, exact.times)
-        if not solution.success:
-            raise ReferenceFailedError(f"{subject.name}, St = {stokes:g}: {name} ended with {solution.status}")
-        model: Errors = errors(scene.ellipsoid, exact.observables, full.observables)
-        own = errors(scene.ellipsoid, form.observe(scene, solution.states), exact.observables)
-        rows.append(
-            Measured(
-                subject.name,
-                subject.family,
-                name,
-                scene.ellipsoid.semi_axes,
-                stokes,
-                until,
-                model.slow_each,
-                own.slow_each,
-                full.slow_uncertainty,
-                full.certificate.pieces,
-            )
-        )
-    return rows
-
-
-def measure_all(*, quick: bool = False, quiet: bool = False, workers: int | None = None) -> list[Measured]:
-    """Measure all cases over all St, the longest runs first, on as many processes as there are cores.
-
-    Parameters
-    ----------
-    quick : bool
-        Small St alone: a look.
-    quiet : bool
-        No progress on stderr.
-    workers : int, optional
-        Number of processes.
-    """
-    numbers = QUICK_STOKES if quick else STOKES
-    cases = list(subjects())
-    tasks = [(subject, stokes) for subject in cases for stokes in numbers]
-    tasks += [] if quick else [(subject, LARGEST_STOKES) for subject in cases if subject.far]
-    tasks.sort(key=lambda task: -task[1])
-    rows: list[Measured] = []
-    with ProcessPoolExecutor(workers or os.cpu_count(), mp_context=get_context("spawn")) as pool:
-        outcomes = pool.map(measure, *zip(*tasks, strict=True))
-        for measured in tqdm(outcomes, total=len(tasks), disable=quiet, unit="reference", desc="accuracy", leave=False):
-            rows += measured
-    order = {subject.name: i for i, subject in enumerate(cases)}
-    return sorted(rows, key=lambda row: (order[row.subject], row.form, row.stokes))
 
 
 def laws(rows: Sequence[Measured], variable: str | None = None) -> list[Law]:
@@ -288,45 +182,93 @@ def laws(rows: Sequence[Measured], variable: str | None = None) -> list[Law]:
     found = []
     for key, unordered in groups.items():
         group = sorted(unordered, key=lambda row: row.stokes)
-        pairs = [
-            (row.stokes, row.model_error if variable is None else row.model[VARIABLES.index(variable)]) for row in group
+        points = [
+            (row.stokes, row.model_error if variable is None else row.model[VARIABLES.index(variable)], row.until)
+            for row in group
         ]
-        known = [pair for pair, row in zip(pairs, group, strict=True) if pair[1] > 10 * row.uncertainty]
+        known = [point for point, row in zip(points, group, strict=True) if point[1] > 10 * row.uncertainty]
         if known:
             found.append(Law(*key, *(tuple(column) for column in zip(*known, strict=True))))
     return found
 
 
 def statements(rows: Sequence[Measured]) -> list[str]:
+    """What a reader may conclude: how good the paper's "good from St ≈ 100" is, and which orders hold."""
+    own = laws(rows)
+    first = [law for law in own if first_order(law.form)]
+    second = [law for law in own if not first_order(law.form)]
+    found = [_good(rows, first, family, stokes) for family, stokes in GOOD_FROM.items()]
+    found += [_promise("First order", first, 1), _slower(rows)]
+    for family, title in (("spheroid", "spheroids"), ("ellipsoid", "ellipsoids, no farther than L² = 2EI₂")):
+        found.append(_promise(f"Second order, {title}", [law for law in second if law.family == family], 2))
+    return [sentence for sentence in found if sentence]
+
+
+def _good(rows: Sequence[Measured], first: Sequence[Law], family: str, stokes: float) -> str:
     """What the measured errors make of the paper's "good from St ≈ 100 (spheroid), ≈ 1000 (ellipsoid)"."""
-    sentences = []
-    for family, stokes in GOOD_FROM.items():
-        there = [row for row in rows if row.family == family and row.stokes == stokes and first_order(row.form)]
-        own = [law for law in laws(rows) if law.family == family and first_order(law.form)]
-        if not there:
-            continue
-        worst, best = max(there, key=lambda row: row.model_error), min(there, key=lambda row: row.model_error)
-        needed = sorted(law.needed(1e-2)[0] for law in own)
-        sentences.append(
-            f'"Good from St ≈ {stokes:g} for the {family}" means a slow error, along the whole run and over I_max, '
-            f"between {best.model_error:.2g} ({best.subject}) and {worst.model_error:.2g} ({worst.subject}) at that "
-            f"St; 1 % is met from St ≈ {needed[0]:.0f} to {needed[-1]:.0f} on, depending on the case."
-        )
+    there = [row for row in rows if row.family == family and row.stokes == stokes and first_order(row.form)]
+    if not there:
+        return ""
+    best, worst = (pick(there, key=lambda row: row.model_error) for pick in (min, max))
+    needed = [law.needed(1e-2)[0] for law in first if law.family == family]
+    needed = sorted(number for number in needed if not isnan(number))
+    if needed:
+        met = f"an error of 1 % is met from St ≈ {in_two_digits(needed[0])} to {in_two_digits(needed[-1])} on"
+    else:
+        met = "an error of 1 % is met at none of the St measured"
+    return (
+        f'The paper\'s "good from St ≈ {stokes:g} for the {family}" means, at that St, a slow error between '
+        f"{best.model_error:.2g} ({best.subject}) and {worst.model_error:.2g} ({worst.subject}); {met}, depending on "
+        "the case."
+    )
+
+
+def _promise(title: str, own: Sequence[Law], promised: int) -> str:
+    """How the fitted orders compare with the order that averaging promises."""
+    known = [law for law in own if not isnan(law.order)]
+    few = len(own) - len(known)
+    if not known:
+        return f"{title}: too few St for an order." if few else ""
+    orders = sorted(law.order for law in known)
+    missed = [law for law in known if not _rounded(law)[0] <= promised <= _rounded(law)[1]]
+    where = " and ".join(f"{law.subject} ({'{:.2f} to {:.2f}'.format(*_rounded(law))})" for law in missed)
+    return (
+        f"{title}: the slow error falls like 1/St^p, p fitted between {orders[0]:.2f} and {orders[-1]:.2f}. Averaging "
+        f"promises p = {promised}, which lies in the 95 % interval of p in {len(known) - len(missed)} of {len(known)} "
+        "cases"
+        + (f", not in {where}" if missed else "")
+        + (f". In {few} more there are fewer than {LEAST_POINTS} St to fit." if few else ".")
+    )
+
+
+def _slower(rows: Sequence[Measured]) -> str:
+    """In which single variables first order falls more slowly than it promises."""
     slower = [
-        f"{law.order:.2f} in {name} ({law.subject})"
+        f"{name} of {law.subject} ({law.order:.2f})"
         for name in VARIABLES
         for law in laws(rows, name)
-        if first_order(law.form) and law.order < SLOW_ORDER
+        if first_order(law.form) and _rounded(law)[1] < 1
     ]
-    if slower:
-        sentences.append(
-            "The error does not always fall like 1/St: the fitted order is "
-            + ", ".join(slower)
-            + ". The paper allows for that where the motion passes transient resonances."
-        )
-    return sentences
+    if not slower:
+        return ""
+    return (
+        "In single variables first order falls more slowly than 1/St, the whole interval of p lying below 1: "
+        + ", ".join(slower)
+        + ". The paper allows for that where the motion passes transient resonances."
+    )
+
+
+def _rounded(law: Law) -> tuple[float, float]:
+    """The order's interval in the two decimals that are shown."""
+    low, high = law.order_interval
+    return round(low, 2), round(high, 2)
+
+
+def in_two_digits(stokes: float) -> str:
+    """An St that was interpolated or fitted, in the digits that mean something."""
+    return short(float(f"{stokes:.2g}"))
 
 
 def first_order(form: str) -> bool:
     """Whether an averaged form is one of the paper's."""
-    return form in ("averaged", "averaged-spheroid")
+    return form in FIRST_ORDER.values()

@@ -54,7 +54,7 @@ def small_reports(folder: Path) -> Path:
             1e-12,
             9,
         )
-        for stokes in (1e2, 1e3, 1e4, 1e5)
+        for stokes in (1e2, 1e3, 1e4, 1e5, 1e6)
     ]
     write_page(rows, folder / "reports" / "accuracy", "polhode accuracy")
     return folder / "reports"

@@ -11,8 +11,9 @@ from polhode.harness.cli import RunFailed, bad_input
 @click.option("--out", type=click.Path(path_type=Path), default=Path("reports/accuracy"), show_default=True)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @click.option("--quick", is_flag=True, help="St up to 1000 alone: a look, not a result.")
+@click.option("--page-only", is_flag=True, help="Measure nothing: write the page anew from the data in --out.")
 @click.option("--quiet", is_flag=True, help="No progress.")
-def accuracy(out: Path, as_json: bool, quick: bool, quiet: bool) -> None:
+def accuracy(out: Path, as_json: bool, quick: bool, page_only: bool, quiet: bool) -> None:
     """Measure the averaged forms' errors in L_x, L_y, L_z and E against certified full solutions.
 
     For every case of the paper: model error and solver error, the fitted order in 1/St, and the St from which on an
@@ -21,15 +22,19 @@ def accuracy(out: Path, as_json: bool, quick: bool, quiet: bool) -> None:
     import json
 
     from polhode.harness import accuracy_page as page
-    from polhode.harness.accuracy import measure_all
+    from polhode.harness.accuracy_data import read_data
+    from polhode.harness.accuracy_runs import measure_all
     from polhode.harness.reference import ReferenceFailedError
 
     with bad_input():
+        if page_only and quick:
+            raise ValueError("--quick: got --page-only too, expected one of them")
+        read = read_data(out) if page_only else None
         out.mkdir(parents=True, exist_ok=True)
     try:
-        rows = measure_all(quick=quick, quiet=quiet)
+        rows, absent = read or measure_all(quick=quick, quiet=quiet)
     except ReferenceFailedError as error:
         raise RunFailed(str(error)) from None
-    written = page.write_page(rows, out, " ".join(["polhode accuracy", *(["--quick"] if quick else [])]))
-    click.echo(json.dumps(page.as_json(rows)) if as_json else page.as_text(rows))
+    written = page.write_page(rows, out, " ".join(["polhode accuracy", *(["--quick"] if quick else [])]), absent)
+    click.echo(json.dumps(page.as_json(rows, absent)) if as_json else page.as_text(rows, absent))
     click.echo(f"{written}", err=True)
