@@ -4,11 +4,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+from click.core import ParameterSource
 
 from polhode.harness import completion
 from polhode.harness.cli import BadInput, RunFailed, bad_input
 
 if TYPE_CHECKING:
+    from polhode.harness.choose import Choice
     from polhode.harness.partial_file import PartialFile
     from polhode.harness.progress import Progress
     from polhode.models.form import Form
@@ -34,9 +36,15 @@ MOST_SAMPLES = 10_000_000
     shell_complete=completion.solvers,
     help="Solver (`polhode solvers`); by default what fits the scene.",
 )
-@click.option("--tolerance", type=float, help="The solver's tolerance; by default what meets --error.")
+@click.option("--tolerance", type=float, help="The solver's tolerance, from 1e-16 to 1; by default what meets --error.")
 @click.option("--error", type=float, default=1e-6, show_default=True, help="Error wanted, where no tolerance is given.")
-@click.option("--want", type=click.Choice(["slow", "orientation"]), default="slow", show_default=True)
+@click.option(
+    "--want",
+    type=click.Choice(["slow", "orientation"]),
+    default="slow",
+    show_default=True,
+    help="What that error is of: L and E, over I_max, or the orientation, in rad.",
+)
 @click.option("--samples", type=int, default=201, show_default=True, help="Equispaced times, start and end included.")
 @click.option(
     "--out", type=click.Path(path_type=Path), required=True, help="CSV file to write; - or /dev/stdout to print."
@@ -55,9 +63,10 @@ def solve(
 ) -> None:
     """Solve SCENE and write t, t2, L, E and the rotation matrix at equispaced times.
 
-    Until it is complete the file is called FILE.partial; a run that fails or is interrupted leaves that behind.
+    Until it is complete the file is called FILE.partial; a run that fails or is interrupted leaves that behind. A form
+    or solver that is not expected to meet the error runs all the same, and a note on standard error says why.
     """
-    from polhode.harness.choose import choose
+    from polhode.harness.choose import check_tolerance, choose
     from polhode.harness.partial_file import PartialFile
     from polhode.harness.progress import Progress
     from polhode.harness.scenes import find_scene
@@ -73,6 +82,8 @@ def solve(
             target = PartialFile(out)
             what = find_scene(scene)
             # What is plainly wrong is refused before anything is tried.
+            if tolerance is not None and tolerance > 0:
+                check_tolerance(tolerance)
             if form_name is not None:
                 find_form(form_name).check(what)
             if solver_name is not None:
@@ -88,9 +99,18 @@ def solve(
             target.open()
         if not quiet:
             click.echo(f"{choice.form} by {choice.solver} at tolerance {choice.tolerance:g}", err=True)
+            for note in _notes(choice, tolerance):
+                click.echo(f"note: {note}", err=True)
         seconds = _write(what, form, problem, method, choice.tolerance, samples, target, progress)
     if not quiet and target.atomic:
         click.echo(f"{out}: {samples} rows, solved in {duration(seconds)}", err=True)
+
+
+def _notes(choice: "Choice", tolerance: float | None) -> list[str]:
+    """What the user should know of what is run: that the error will not be met, or has no say."""
+    asked = click.get_current_context().get_parameter_source("error") is not ParameterSource.DEFAULT
+    ruled = "the --tolerance given governs the run: --error is only for choosing one"
+    return [ruled] * (asked and tolerance is not None) + [choice.note] * bool(choice.note)
 
 
 def _write(

@@ -136,6 +136,13 @@ BAD_ARGUMENTS = [
     (["solve", "scene.toml", "--out", "a.csv", "--tolerance", "-1e-6"], "got -1e-06", "expected a finite positive"),
     (["solve", "scene.toml", "--out", "a.csv", "--tolerance", "nan"], "got nan", "expected a finite positive number"),
     (["solve", "scene.toml", "--out", "a.csv", "--tolerance", "tight"], "got 'tight'", "expected a number"),
+    (["solve", "scene.toml", "--out", "a.csv", "--tolerance", "1e-30"], "got 1e-30", "expected a number from 1e-16"),
+    (["solve", "scene.toml", *GIVEN, "--out", "a.csv", "--tolerance", "3"], "got 3.0", "to 1"),
+    (
+        ["solve", "scene.toml", "--out", "a.csv", "--form", "averaged", "--want", "orientation"],
+        "got 'orientation' for form 'averaged'",
+        "expected 'slow'",
+    ),
     (["solve", "scene.toml", "--out", "a.csv", "--error", "-1"], "got -1.0", "expected a finite positive number"),
     (["solve", "scene.toml", "--out", "a.csv", "--want", "all"], "got 'all'", "expected one of 'slow', 'orientation'"),
     (["solve", "scene.toml", "--out", "a.csv", "--samples", "1"], "got 1,", "expected a number from 2 to"),

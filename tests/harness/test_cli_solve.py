@@ -145,6 +145,31 @@ def test_averaged_forms_leave_the_rotation_empty(solved):
     assert not np.isnan(table.numbers[:, :6]).any()
 
 
+@pytest.mark.parametrize(
+    ("arguments", "note"),
+    [
+        (
+            ["--form", "averaged", "--error", "1e-9"],
+            "note: averaged by taylor is not expected to meet the error 1e-9, as",
+        ),
+        (["--form", "averaged", "--error", "1e-9", "--quiet"], ""),
+        ([*GIVEN, "--error", "1e-9"], "note: the --tolerance given governs the run"),
+        ([*GIVEN], ""),
+    ],
+    ids=["averaged", "quiet", "tolerance and error", "tolerance"],
+)
+def test_what_the_error_asked_for_does_not_get_is_noted(
+    scene_file: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], arguments: list, note: str
+):
+    monkeypatch.chdir(scene_file.parent)
+    with pytest.raises(SystemExit) as end:
+        main(["solve", "scene.toml", *arguments, "--samples", "3", "--out", "out.csv"])
+    assert end.value.code == 0
+    noted = [line for line in capsys.readouterr().err.splitlines() if line.startswith("note")]
+    assert len(noted) == bool(note)
+    assert all(line.startswith(note) for line in noted)
+
+
 def test_averaged_forms_start_from_l_and_e(solved):
     start = "angular_momentum = [0.1, 0.2, 0.3]\nenergy = 0.15"
     table = solved(scene_text(1000.0, 500.0, start=start), "--form", "averaged", *GIVEN[2:], "--samples", 3)

@@ -8,7 +8,6 @@ from math import inf
 import numpy as np
 import pytest
 
-from polhode.harness.choose import Choice, choose
 from polhode.harness.cli import main
 from polhode.harness.errors import errors
 from polhode.harness.heldout import FINAL, FINALISTS, Answer, Evaluation, Outcome, Prediction, answer, finalists, judge
@@ -208,20 +207,6 @@ def test_table_for_people(capsys):
 )
 def test_tolerances_have_one_digit(tolerance, rounded):
     assert one_digit(tolerance) == rounded
-
-
-def test_choice_is_the_first_row_that_agrees():
-    scene = named_scene("paper")
-    rows = pick(scene, 1e-6).ranking
-    first = choose(scene, None, None, None, 1e-6, "slow")
-    assert first == Choice(rows[0].form, rows[0].solver, rows[0].tolerance)
-    taylor = next(row for row in rows if row.solver == "taylor")
-    assert choose(scene, None, "taylor", None, 1e-6, "slow") == Choice(taylor.form, "taylor", taylor.tolerance)
-    assert choose(scene, None, "taylor", 1e-9, 1e-6, "slow").tolerance == 1e-9
-    assert choose(scene, "averaged", None, None, 1e-6, "slow") == Choice("averaged", "taylor", 1e-8)
-    assert choose(scene, "quaternion", "radau", 1e-5, 1e-99, "slow") == Choice("quaternion", "radau", 1e-5)
-    with pytest.raises(NotAttainableError):
-        choose(scene, None, None, None, 1e-17, "slow")
 
 
 def test_solve_runs_what_pick_says(tmp_path, capsys):
