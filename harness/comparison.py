@@ -31,8 +31,8 @@ class Comparison:
     only_before, only_after : int
         Numbers of cases that one of the runs alone has.
     drift : float
-        How many times as long the fixed piece of arithmetic took in the second run; times are compared after division
-        by it.
+        How many times as long the fixed piece of arithmetic took in the second run. Times are compared after division
+        by it, or by what it took beside the case itself if that is more: a slow moment is no regression.
     regressions : DataFrame
         The cases that got worse: `IDENTITY`, `what`, `before` and `after`.
     """
@@ -98,8 +98,9 @@ def _changes(before: Row, after: Row, drift: float, slower: float, less_accurate
         return [] if near and after["status"] == "time_limit" else [told]
     changes = []
     if before.get("seconds") is not None and after.get("seconds") is not None:
-        first, second = before["seconds"], after["seconds"] / drift
-        noise = _scatter(before["seconds_runs"]) + _scatter(after["seconds_runs"]) / drift
+        pace = max(drift, _pace(before, after))
+        first, second = before["seconds"], after["seconds"] / pace
+        noise = _scatter(before["seconds_runs"]) + _scatter(after["seconds_runs"]) / pace
         if second > slower * first and second - first > max(LEAST_SECONDS, noise):
             changes.append({"what": "seconds", "before": first, "after": second})
     for error in ERRORS:
@@ -110,6 +111,12 @@ def _changes(before: Row, after: Row, drift: float, slower: float, less_accurate
         if second > max(floor, less_accurate * first):
             changes.append({"what": error.replace("_", " "), "before": first, "after": second})
     return changes
+
+
+def _pace(before: Row, after: Row) -> float:
+    """How many times as long the fixed piece of arithmetic took beside the case itself; 0 where it was not timed."""
+    first, second = before.get("sentinel_seconds"), after.get("sentinel_seconds")
+    return second / first if first and second else 0.0
 
 
 def _scatter(runs: list[float]) -> float:

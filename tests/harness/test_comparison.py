@@ -84,6 +84,17 @@ def test_what_got_worse(change: dict[str, Any], expected: list[str]):
     assert set(found.regressions["solver"]) <= {"taylor"}
 
 
+def test_a_slow_moment_is_no_regression():
+    """One case of five took twice as long while the machine did, too; another one did so by itself."""
+    names = ("taylor", "dop853", "radau", "lsoda", "bdf")
+    before = frame([record(name) for name in names])
+    changes = {"taylor": {**timed(0.02), "sentinel_seconds": 2e-3}, "dop853": timed(0.02)}
+    after = frame([record(name, **changes.get(name, {})) for name in names])
+    found = compare(before, after, slower=1.5, less_accurate=3.0)
+    assert found.drift == 1.0
+    assert list(found.regressions["solver"]) == ["dop853"]
+
+
 def test_a_run_that_was_near_its_limit_may_pass_it():
     before = frame([record(counted_seconds=0.25)])
     after = frame([record(status="time_limit", seconds=None, seconds_runs=None)])
