@@ -2,11 +2,10 @@
 
 import csv
 from collections.abc import Iterable, Sequence
-from math import inf, log10
+from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from polhode.harness.figures import IMPLICIT, library_of, save
 from polhode.harness.heldout import (
     CHEAP,
     FACTOR,
@@ -16,11 +15,9 @@ from polhode.harness.heldout import (
     Outcome,
     Prediction,
 )
-from polhode.harness.laws import Interval, Laws
+from polhode.harness.laws import Laws
+from polhode.harness.laws_figures import write_figures
 from polhode.harness.text import duration, markdown, scientific
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 
 def write_pages(folder: Path, laws: Laws, evaluation: Evaluation, command: str) -> Path:
@@ -29,7 +26,7 @@ def write_pages(folder: Path, laws: Laws, evaluation: Evaluation, command: str) 
     _write_rows(folder / "laws.csv", _law_rows(laws))
     _write_rows(folder / "scenes.csv", [_scene_row(outcome) for outcome in evaluation.outcomes])
     _write_rows(folder / "runs.csv", [_run_row(prediction) for prediction in evaluation.predictions])
-    _figures(folder, evaluation)
+    write_figures(folder, evaluation)
     page = folder / "README.md"
     page.write_text("\n".join(_lines(laws, evaluation, command)), encoding="utf-8")
     return page
@@ -83,6 +80,10 @@ def _lines(laws: Laws, evaluation: Evaluation, command: str) -> list[str]:
         "![Error and cost of the first choice on each held-out scene](choices.png)",
         "",
         "## The scenes",
+        "",
+        "N rotations. – stands for what is not known: the error, where the first choice failed, falsely claimed "
+        "success or has no reference to be compared with; the time, where it failed; N, error and time, where the "
+        "request was refused. It is inf times over the best where it failed and another run met the error.",
         "",
         markdown(
             [
@@ -141,7 +142,7 @@ def _scene_cells(outcome: Outcome) -> list[str]:
     return [
         f"{question.scene.stokes:.2g}",
         question.scene.ellipsoid.kind,
-        "" if found is None else f"{found.rotations:.3g}",
+        "–" if found is None else f"{found.rotations:.3g}",
         question.want,
         scientific(question.error),
         chosen,
@@ -249,56 +250,3 @@ def _write_rows(path: Path, rows: Sequence[dict[str, Any]]) -> None:
         writer = csv.DictWriter(file, list(rows[0]) if rows else ["none"])
         writer.writeheader()
         writer.writerows(rows)
-
-
-def _figures(folder: Path, evaluation: Evaluation) -> None:
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(1, 2, figsize=(11.0, 5.0))
-    times = [(p.seconds, p.measured, p.record["solver"]) for p in evaluation.predictions]
-    _against(axes[0], times, "measured time of a warm run, s", "predicted, s", FACTOR)
-    errors = [
-        (p.error, p.measured_error, p.record["solver"])
-        for p in evaluation.predictions
-        if p.error is not None and p.measured_error
-    ]
-    _against(
-        axes[1], errors, "measured slow error of the solver, over I_max", "predicted, middle of the interval", 10.0
-    )
-    axes[0].legend(frameon=False, fontsize=8, loc="upper left", markerscale=2)
-    figure.tight_layout()
-    save(figure, folder, "predicted")
-
-    figure, axes = plt.subplots(1, 2, figsize=(11.0, 4.6))
-    choices(axes[0], axes[1], evaluation.outcomes)
-    figure.tight_layout()
-    save(figure, folder, "choices")
-
-
-def _against(axes: "Axes", points: Sequence[tuple[Interval, float, str]], x: str, y: str, band: float) -> None:
-    groups: dict[str, list[tuple[float, float]]] = {}
-    for predicted, measured, solver in points:
-        groups.setdefault(library_of(solver), []).append((measured, predicted.predicted))
-    for library, pairs in groups.items():
-        axes.loglog(*zip(*pairs, strict=True), ".", markersize=2.5, alpha=0.5, color=IMPLICIT[library], label=library)
-    values = [value for pairs in groups.values() for pair in pairs for value in pair if value > 0]
-    ends = 10 ** (log10(min(values)) - 0.2), 10 ** (log10(max(values)) + 0.2)
-    axes.plot(ends, ends, color="0.3", linewidth=0.9)
-    for factor in (band, 1 / band):
-        axes.plot(ends, [end * factor for end in ends], color="0.3", linewidth=0.7, linestyle=":")
-    axes.set(xlim=ends, ylim=ends, xlabel=f"{x} (dotted: factor {band:g})", ylabel=y)
-    axes.grid(True, which="major", linewidth=0.4, alpha=0.5)
-
-
-def choices(left: "Axes", right: "Axes", outcomes: Sequence[Outcome]) -> None:
-    """Draw error over the error asked for, and time over the best one, of the first choices, sorted."""
-    margins = sorted(outcome.error / outcome.answer.question.error for outcome in outcomes if outcome.error < inf)
-    left.semilogy(range(1, len(margins) + 1), margins, "o", markersize=4, color="#0072B2")
-    left.axhline(1.0, color="#D55E00", linewidth=1.0)
-    left.set(xlabel="held-out scene, sorted", ylabel="error of the first choice over the error asked for")
-    factors = sorted(outcome.factor for outcome in outcomes if outcome.factor < inf)
-    right.plot(range(1, len(factors) + 1), factors, "o", markersize=4, color="#0072B2")
-    right.axhline(FACTOR, color="#D55E00", linewidth=1.0)
-    right.set(xlabel="held-out scene, sorted", ylabel="time of the first choice over the best one measured")
-    for axes in (left, right):
-        axes.grid(True, which="major", linewidth=0.4, alpha=0.5)
