@@ -9,6 +9,7 @@ import click
 
 from polhode.harness import completion
 from polhode.harness.cli import BadInput, bad_input
+from polhode.harness.commands.solve import MOST_SAMPLES
 from polhode.harness.text import aligned, duration, on_terminal, scientific, short
 from polhode.solvers.catalogue import SOLVERS
 
@@ -35,21 +36,27 @@ FEW = 8
 def pick(scene: str, error: float, want: str, samples: int, everything: bool, as_json: bool) -> None:
     """Rank the ways to run SCENE: form, solver and tolerance, with predicted error and time and their 95 % intervals.
 
-    A loose run, of milliseconds, tells how many rotations there are and how they magnify errors; laws fitted on
-    measurements tell the rest. `polhode solve SCENE --error E --want W` runs the first row.
+    Trial runs at loose tolerances, of milliseconds each, count the rotations and show how errors grow along them; laws
+    fitted to many measured runs predict errors and times from that. Ways whose 95 % interval of time overlaps with the
+    first one's are "tied" with it: any of them may be the fastest. `polhode solve SCENE --error E --want W` runs the
+    first row.
     """
     if want == "statistics":
         raise BadInput("--want: got 'statistics', expected 'slow' or 'orientation': one run has no statistics")
-    if samples < 2:
-        raise BadInput(f"--samples: got {samples}, expected at least 2")
+    if not 2 <= samples <= MOST_SAMPLES:
+        raise BadInput(f"--samples: got {samples}, expected a number from 2 to {MOST_SAMPLES}")
     from polhode.harness.progress import Progress
 
     with bad_input(), Progress() as progress:
-        progress.begin("running it loosely")
+        progress.begin("trial runs at loose tolerances")
+        from polhode.harness.laws_scenes import SAMPLES
         from polhode.harness.pick import pick as recommend
         from polhode.harness.scenes import find_scene
 
         found = recommend(find_scene(scene), error, want, samples)
+    if samples > max(SAMPLES):
+        measured = f"laws were fitted to runs of {min(SAMPLES)} to {max(SAMPLES)} samples"
+        click.echo(f"note: the {measured}; times for {samples} are extrapolated", err=True)
     if as_json:
         names = ("want", "error", "ranking", "excluded")
         click.echo(json.dumps({name: value for name, value in asdict(found).items() if name in names}))
@@ -92,8 +99,10 @@ def _notes(found: "Recommendation", shown: int) -> list[str]:
     """What the table does not say of itself."""
     first = found.ranking[0]
     notes = [f"{first.form} by {first.solver}: {first.reason}"]
-    if len(found.ranking) > shown:
-        notes.append(f"{len(found.ranking) - shown} more ways, dearer ones: --all")
+    if first.tied:
+        notes.append("tied: its 95 % interval of time overlaps with the first one's, so that either may be the faster")
+    if more := len(found.ranking) - shown:
+        notes.append("1 more way, a dearer one: --all" if more == 1 else f"{more} more ways, dearer ones: --all")
     return ["\n".join(notes)]
 
 

@@ -29,9 +29,11 @@ REPORTS = Path("reports")
 )
 @click.option("--quiet", is_flag=True, help="No progress.")
 def report(reports: Path, out: Path | None, scenes: tuple[str, ...], quiet: bool) -> None:
-    """Write a web site of what `bench`, `accuracy` and `paper` found: verdict, diagrams, hard cases, claims, motion.
+    """Write a web site of all that was found: verdict, costs, averaging, laws, hard cases, claims, motion.
 
-    The pages need no server and no network. What is not there yet is named on them, with the command that makes it.
+    It shows what `bench`, `regimes`, `accuracy`, `heldout`, `paper` and `bench harness/studies/hard_cases.toml` left in
+    the folder --reports. The pages need no server and no network. What is not there yet is named on them, with the
+    command that makes it.
     """
     from tqdm import tqdm
 

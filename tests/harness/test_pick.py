@@ -3,18 +3,16 @@
 import json
 from dataclasses import replace
 from itertools import pairwise
-from math import inf
 
 import numpy as np
 import pytest
 
 from polhode.harness.cli import main
+from polhode.harness.commands.pick import FEW, pick_page
 from polhode.harness.errors import errors
-from polhode.harness.heldout import FINAL, FINALISTS, Answer, Evaluation, Outcome, Prediction, answer, finalists, judge
-from polhode.harness.heldout import studies as held_out_studies
-from polhode.harness.laws import Interval, load_laws
-from polhode.harness.laws_page import summary, write_pages
-from polhode.harness.laws_scenes import HELD_OUT_SEED, TRAINING_SEED, questions
+from polhode.harness.laws import Interval
+from polhode.harness.laws_scenes import SAMPLES as MEASURED
+from polhode.harness.laws_scenes import TRAINING_SEED, questions
 from polhode.harness.pick import LOOSEST, TIGHTEST, NotAttainableError, Recommendation, Row, one_digit, pick
 from polhode.models.catalogue import FORMS, form
 from polhode.models.observables import Observables
@@ -157,7 +155,8 @@ def test_chaos_is_unattainable():
         (["paper", "--error", "1e-18"], "not attainable"),
         (["sphere", "--want", "orientation"], "for a sphere, which has none"),
         (["nowhere"], "got 'nowhere', expected a file"),
-        (["paper", "--samples", "1"], "--samples: got 1, expected at least 2"),
+        (["paper", "--samples", "1"], "--samples: got 1, expected a number from 2 to 10000000"),
+        (["paper", "--samples", "1000000000"], "--samples: got 1000000000, expected a number from 2 to 10000000"),
     ],
 )
 def test_bad_input_is_one_line(words, complaint, capsys):
@@ -200,6 +199,26 @@ def test_table_for_people(capsys):
     assert "no significant difference" in out
     assert "crosses L² = 2EI₂" in out
     assert "rotations" in out.splitlines()[0]
+    assert out.splitlines()[3].endswith("tied")
+    assert out.count("\ntied: its 95 % interval of time overlaps with the first one's") == 1
+
+
+@pytest.mark.parametrize(("count", "words"), [(1, "1 more way, a dearer one:"), (2, "2 more ways, dearer ones:")])
+def test_ways_not_shown_are_counted(count, words):
+    interval = Interval(1.0, 0.5, 2.0)
+    row = Row("quaternion", "taylor", 1e-9, interval, interval, 1.0, False, "")
+    found = Recommendation("slow", 1e-6, 1.0, 1.0, (FEW + count) * (row,), ())
+    assert f"\n{words} --all" in pick_page(found, everything=False)
+    assert "more way" not in pick_page(found, everything=True)
+    assert "tied" not in pick_page(found, everything=False)
+
+
+@pytest.mark.parametrize(("samples", "noted"), [(max(MEASURED), False), (max(MEASURED) + 1, True)])
+@pytest.mark.parametrize("options", [[], ["--json"]])
+def test_times_beyond_the_measured_samples_are_said_to_be_extrapolated(samples, noted, options, capsys):
+    with pytest.raises(SystemExit):
+        main(["pick", "paper", "--error", "1e-3", "--samples", str(samples), *options])
+    assert ("extrapolated" in capsys.readouterr().err) is noted
 
 
 @pytest.mark.parametrize(
@@ -219,103 +238,6 @@ def test_solve_runs_what_pick_says(tmp_path, capsys):
     table = np.loadtxt(tmp_path / "paper.csv", delimiter=",", skiprows=1)
     written = Observables(table[:, 2:5], table[:, 5], table[:, 6:].reshape(-1, 3, 3))
     assert errors(scene.ellipsoid, written, exact(scene)).slow <= 1e-6
-
-
-def a_record(question, solver, tolerance, seconds, error):
-    """Record of a run of the quaternion form."""
-    return {
-        "scene_name": question.name,
-        "form": "quaternion",
-        "solver": solver,
-        "tolerance": tolerance,
-        "status": "reached_end",
-        "seconds": seconds,
-        f"{question.want}_error": error,
-    }
-
-
-@pytest.mark.parametrize(
-    ("own_error", "own_seconds", "met", "factor"),
-    [(0.5, 3.0, True, 1.5), (2.0, 3.0, False, 1.5), (0.5, 1.0, True, 1.0)],
-)
-def test_held_out_judgement(own_error, own_seconds, met, factor):
-    """Of three runs the cheapest that meets the error counts as the best; the first choice may be it."""
-    question = questions(HELD_OUT_SEED, 1)[0]
-    interval = Interval(1.0, 0.5, 2.0)
-    row = Row("quaternion", "taylor", 1e-9, interval, interval, 1.0, False, "")
-    told = Answer(question, Recommendation(question.want, question.error, 1.0, 1.0, (row,), ()), "")
-    records = [
-        a_record(question, "taylor", 1e-9, own_seconds, own_error * question.error),
-        a_record(question, "cyrk-vern8", 1e-9, 2.0, 0.9 * question.error),
-        a_record(question, "cyrk-vern8", 1e-6, 0.1, 90 * question.error),
-    ]
-    lawless = replace(load_laws(), methods={})
-    last = [{**record, "scene": None, "scene_name": question.name + FINAL} for record in records]
-    (outcome,) = judge([told], [], last, lawless).outcomes
-    assert outcome.met is met
-    assert outcome.factor == pytest.approx(factor)
-
-
-@pytest.mark.parametrize(("error", "met"), [(0.5, False), (2.0, True)])
-def test_refusal_counts_as_met_only_if_nothing_meets_the_error(error, met):
-    question = questions(HELD_OUT_SEED, 1)[0]
-    best = a_record(question, "taylor", 1e-9, 1.0, error * question.error)
-    outcome = Outcome(Answer(question, None, "not attainable"), None, None if error > 1 else best)
-    assert outcome.met is met
-
-
-def test_held_out_shares_and_pages(tmp_path):
-    """Two scenes, one of them a failure; three runs, one of them predicted badly."""
-    question = questions(HELD_OUT_SEED, 1)[0]
-    good = a_record(question, "taylor", 1e-9, 1.0, 0.5 * question.error)
-    interval = Interval(1.0, 0.5, 2.0)
-    row = Row("quaternion", "taylor", 1e-9, interval, interval, 1.0, False, "")
-    told = Answer(question, Recommendation(question.want, question.error, 1.0, 1.0, (row,), ()), "")
-    outcomes = Outcome(told, good, good), Outcome(told, None, good)
-    predictions = tuple(
-        Prediction({**good, "seconds": 2 * seconds}, seconds, interval, Interval(1e-7, 1e-8, 1e-6), error)
-        for seconds, error in ((1.4, 1e-7), (0.7, 1e-5), (1.6, 1e-9))
-    )
-    found = Evaluation(outcomes, predictions)
-    assert (found.met, found.cheap) == (0.5, 0.5)
-    assert found.predicted == pytest.approx(2 / 3)
-    assert found.predicted_as_timed == pytest.approx(1 / 3)
-    assert found.bounded == pytest.approx(2 / 3)
-    assert not found.reached
-    assert outcomes[1].factor == inf
-    page = write_pages(tmp_path, load_laws(), found, "polhode heldout").read_text(encoding="utf-8")
-    assert all(sentence in page for sentence in summary(found))
-    assert (tmp_path / "predicted.png").stat().st_size > 10_000
-    assert len((tmp_path / "scenes.csv").read_text().splitlines()) == 3
-
-
-def test_held_out_scene_is_measured_by_the_first_choice_and_by_tens():
-    told = answer(questions(HELD_OUT_SEED, 1)[0], load_laws())
-    assert told.recommendation is not None
-    first, *others = held_out_studies(told)
-    row = told.recommendation.ranking[0]
-    assert (first.forms, first.solvers, first.tolerances) == ((row.form,), (row.solver,), (row.tolerance,))
-    tolerances = [study.tolerances[0] for study in others]
-    assert tolerances == sorted(tolerances, reverse=True)
-    assert all(tolerance == float(f"{tolerance:.0e}") for tolerance in tolerances)
-
-
-def test_the_first_choice_and_the_cheapest_that_meet_the_error_go_into_the_finals():
-    told = answer(questions(HELD_OUT_SEED, 1)[0], load_laws())
-    question = told.question
-    assert told.recommendation is not None
-    row = told.recommendation.ranking[0]
-    dear = {"form": row.form, "samples": 201, "max_seconds": 1.0}
-    records = [
-        {**a_record(question, row.solver, row.tolerance, 9.0, 2 * question.error), **dear},
-        *({**a_record(question, "taylor", 10.0**-k, k, question.error / 2), **dear} for k in range(14, 0, -1)),
-        {**a_record(question, "cyrk-bdf", 1e-3, 0.1, 2 * question.error), **dear},
-        {"scene_name": question.name, "status": "step_limit", "form": "quaternion", "solver": "taylor"},
-    ]
-    first, *others = finalists(told, records)
-    assert (first.form, first.solver, first.tolerance) == (row.form, row.solver, row.tolerance)
-    assert [case.tolerance for case in others] == [10.0**-k for k in range(1, FINALISTS + 1)]
-    assert {case.scene_name for case in (first, *others)} == {question.name + FINAL}
 
 
 @pytest.mark.parametrize("error", [1e-6, 1e-9])
