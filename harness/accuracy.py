@@ -264,9 +264,9 @@ def _rounded(law: Law) -> tuple[float, float]:
     return round(low, 2), round(high, 2)
 
 
-def in_two_digits(stokes: float) -> str:
-    """An St that was interpolated or fitted, in the digits that mean something."""
-    return short(float(f"{stokes:.2g}"))
+def in_two_digits(value: float) -> str:
+    """A number that was interpolated or fitted, such as an St, in the digits that mean something: 5900, not 5.9e+03."""
+    return short(float(f"{value:.2g}"))
 
 
 def first_order(form: str) -> bool:

@@ -67,10 +67,32 @@ def true_observables(scene: Scene) -> tuple[Observables, Errors]:
     return runs[0], errors(scene.ellipsoid, runs[1], runs[0])
 
 
-def timed_run(
-    scene: Scene, name: str, tolerance: float, samples: int, solver: str = "taylor"
-) -> tuple[Observables, float]:
-    """Observables at equispaced times, and the seconds of integration and of the observables together."""
+@dataclass(frozen=True)
+class Timed:
+    """What a run gave and how long it took: wall times in s, preparation and compilation left out.
+
+    Parameters
+    ----------
+    observables : Observables
+    integration : float
+        Of the integrator alone.
+    seconds : float
+        Of the integration and of the observables at all times asked for.
+    """
+
+    observables: Observables
+    integration: float
+    seconds: float
+
+
+def timed_run(scene: Scene, name: str, tolerance: float, samples: int, solver: str = "taylor") -> Timed:
+    """Run a form over equispaced times.
+
+    Raises
+    ------
+    RuntimeError
+        If the run does not reach its end.
+    """
     form = find_form(name)
     problem = form.problem(scene)
     solution: Solution = solve(problem, solver, tolerance, np.linspace(0.0, problem.end, samples))
@@ -78,4 +100,10 @@ def timed_run(
         raise RuntimeError(f"form {name!r} ended with {solution.status}: {solution.message}")
     began = perf_counter()
     observables = form.observe(scene, solution.states)
-    return observables, solution.seconds + perf_counter() - began
+    return Timed(observables, solution.seconds, solution.seconds + perf_counter() - began)
+
+
+def fastest(repeats: int, scene: Scene, name: str, tolerance: float, samples: int, solver: str = "taylor") -> Timed:
+    """The fastest of several equal runs, each as `timed_run` makes it."""
+    runs = (timed_run(scene, name, tolerance, samples, solver) for _ in range(repeats))
+    return min(runs, key=lambda run: run.seconds)

@@ -1,16 +1,29 @@
 """Runs through resonances of polhode and precession, treated by partial averaging, measured."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import nan
 
 from polhode.harness.errors import errors
-from polhode.harness.second_order_cases import BACKWARD, SAMPLES, TILTED, TOLERANCE, Case, timed_run, true_observables
-from polhode.harness.text import duration, markdown, scientific
+from polhode.harness.refusals import condition, why_unreached
+from polhode.harness.second_order_cases import (
+    BACKWARD,
+    SAMPLES,
+    TILTED,
+    TOLERANCE,
+    Case,
+    Timed,
+    fastest,
+    timed_run,
+    true_observables,
+)
 from polhode.models.form import FormNotValidError
-from polhode.models.scene import BodyStart
+from polhode.models.scene import BodyStart, Scene
 from polhode.models.second_order import SecondOrder
 from polhode.models.second_order_run import prepared
+
+# What integrates these runs, whose resonances want many small steps; the fastest of so many runs is told.
+SOLVER, REPEATS = "cyrk-vern8", 3
 
 CASES = tuple(
     Case(axes, BodyStart(TILTED, spin), slow_time, (4.0, 5.0, 6.0))
@@ -43,10 +56,10 @@ class ResonantRow:
         Modes treated, the strongest first, as (k₁, k₂).
     kick : float
         What the strongest of those that are met is predicted to give L, were it left out.
-    seconds : float
-        Wall time of the integration and the observables.
+    integration, seconds : float
+        Wall time in s of the integrator alone, and with the observables at all samples.
     refused : str
-        Why the form does not describe the run; empty if it does.
+        Why the form does not follow the run; empty if it does.
     """
 
     shape: str
@@ -60,6 +73,7 @@ class ResonantRow:
     first_order_slow: float
     orientation: float
     estimated_orientation: float
+    integration: float
     seconds: float
     refused: str
 
@@ -67,17 +81,18 @@ class ResonantRow:
 def measure(case: Case, stokes: float) -> ResonantRow:
     """One row, against the full form in long double."""
     scene, form = case.scene(stokes), SecondOrder()
-    head = (*case.names, case.slow_time, stokes)
     try:
         estimate, run = form.estimate(scene), prepared(scene)
     except FormNotValidError as refusal:
-        return ResonantRow(*head, "", nan, nan, nan, nan, nan, nan, nan, str(refusal))
+        return _refused(case, stokes, condition(refusal))
     true, _ = true_observables(scene)
-    found, seconds = timed_run(scene, form.name, TOLERANCE, SAMPLES, "cyrk-vern8")
-    first, _ = timed_run(scene, "averaged", TOLERANCE, SAMPLES)
-    error = errors(scene.ellipsoid, found, true)
+    found = _timed(scene)
+    first = timed_run(scene, "averaged", TOLERANCE, SAMPLES).observables
+    error = errors(scene.ellipsoid, found.observables, true)
     return ResonantRow(
-        *head,
+        *case.names,
+        case.slow_time,
+        stokes,
         " ".join(f"({each.mask.k1}, {each.mask.k2})" for each in run.treated),
         max((each.kick for each in run.treated if each.met), default=nan),
         error.slow,
@@ -85,52 +100,37 @@ def measure(case: Case, stokes: float) -> ResonantRow:
         errors(scene.ellipsoid, first, true).slow,
         nan if error.orientation is None else error.orientation,
         estimate.orientation,
-        seconds,
+        found.integration,
+        found.seconds,
         "",
     )
 
 
 def measure_crossing(case: Case, stokes: float) -> ResonantRow:
     """One row over as much of a run as the form follows."""
-    scene = case.scene(stokes)
+    scene, form = case.scene(stokes), SecondOrder()
     try:
-        reach = SecondOrder().reach(scene)
+        reach = form.reach(scene)
     except FormNotValidError as refusal:
-        return ResonantRow(*case.names, case.slow_time, stokes, "", nan, nan, nan, nan, nan, nan, nan, str(refusal))
+        return _refused(case, stokes, why_unreached(form, scene, refusal))
     return measure(replace(case, slow_time=reach), stokes)
 
 
-def section(rows: Sequence[ResonantRow], crossing: Sequence[ResonantRow]) -> str:
-    """The report's part on resonances and on the way to L² = 2EI₂, as Markdown."""
-    return "\n".join(
-        (
-            "## Through resonances\n",
-            "Starts that meet k₁ν₁ + k₂ν₂ = 0. The kick is what the strongest mode would give L, were it left out; "
-            "first order leaves it out, too. Time: integration by `cyrk-vern8` to "
-            f"{TOLERANCE:g} and {SAMPLES} observables.\n",
-            *_table(rows),
-            "## Up to L² = 2EI₂\n",
-            "Starts that meet it, followed to the t₂ that `reach` gives.\n",
-            *_table(crossing),
-        )
-    )
+def timed_anew(cases: Sequence[Case], rows: Sequence[ResonantRow]) -> Iterator[ResonantRow]:
+    """The same rows with their times measured anew; errors and refusals stay as they are."""
+    known = {case.names: case for case in cases}
+    for row in rows:
+        if row.refused:
+            yield row
+            continue
+        case = replace(known[row.shape, row.start], slow_time=row.slow_time)
+        run = _timed(case.scene(row.stokes))
+        yield replace(row, integration=run.integration, seconds=run.seconds)
 
 
-def _table(rows: Sequence[ResonantRow]) -> list[str]:
-    table = markdown(
-        ("axes", "start", "t₂", "St", "modes treated", "kick predicted", "slow", "estimated", "first order", "gain",
-         "orientation", "estimated", "time"),
-        [
-            (
-                row.shape, row.start, f"{row.slow_time:.3g}", f"{row.stokes:.2g}", row.modes,
-                *map(scientific, (row.kick, row.slow, row.estimated_slow, row.first_order_slow)),
-                f"{row.first_order_slow / row.slow:.0f}",
-                *map(scientific, (row.orientation, row.estimated_orientation)),
-                duration(row.seconds),
-            )
-            for row in rows if not row.refused
-        ],
-        right=(2, 3, *range(5, 13)),
-    )  # fmt: skip
-    refused = [f"- {row.shape}, {row.start}, St = {row.stokes:.2g}: {row.refused}" for row in rows if row.refused]
-    return [table, *(["Refused:\n", *refused, ""] if refused else [])]
+def _timed(scene: Scene) -> Timed:
+    return fastest(REPEATS, scene, SecondOrder.name, TOLERANCE, SAMPLES, SOLVER)
+
+
+def _refused(case: Case, stokes: float, reason: str) -> ResonantRow:
+    return ResonantRow(*case.names, case.slow_time, stokes, "", nan, nan, nan, nan, nan, nan, nan, nan, reason)
