@@ -33,18 +33,19 @@ test: check ## the checks, then the tests
 test-all: check ## the checks, then all tests, the slow ones too
 	$(BIN)/pytest
 
-benchmark: $(READY) ## every solver under pytest-benchmark, into .benchmarks/ (5 minutes)
+benchmark: $(READY) ## every solver under pytest-benchmark, into .benchmarks/ (2 minutes)
 	$(BIN)/pytest tests/benchmarks -o python_files='bench_*.py' --benchmark-autosave
 
-benchmark-compare: $(READY) ## time two commits and compare: make benchmark-compare BEFORE=v0.1 AFTER=HEAD
+benchmark-compare: $(READY) ## time two commits in turns (6 minutes): make benchmark-compare BEFORE=v0.1 AFTER=HEAD
 	@set -e; for commit in $(BEFORE) $(AFTER); do \
 	  folder=.benchmarks/$$(git rev-parse --short $$commit); rm -rf $$folder; mkdir -p $$folder/tree; \
 	  git archive $$commit | tar -x -C $$folder/tree; \
-	  (cd $$folder/tree && PYTHONPATH=$$PWD/typings $(CURDIR)/$(BIN)/python -m pytest tests/benchmarks \
-	    -o python_files='bench_*.py' -p no:cacheprovider --benchmark-json=../run.json); \
-	done
-	$(BIN)/polhode compare .benchmarks/$$(git rev-parse --short $(BEFORE))/run.json \
-	  .benchmarks/$$(git rev-parse --short $(AFTER))/run.json
+	done; \
+	for round in 1 2; do for commit in $(BEFORE) $(AFTER); do \
+	  (cd .benchmarks/$$(git rev-parse --short $$commit)/tree && PYTHONPATH=$$PWD/typings $(CURDIR)/$(BIN)/python \
+	    -m pytest -q tests/benchmarks -o python_files='bench_*.py' -p no:cacheprovider --benchmark-json=../$$round.json); \
+	done; done
+	$(BIN)/polhode compare .benchmarks/$$(git rev-parse --short $(BEFORE)) .benchmarks/$$(git rev-parse --short $(AFTER))
 
 report: $(READY) ## one offline site of everything measured, into reports/site/
 	$(BIN)/polhode report

@@ -1,6 +1,7 @@
 """Saved runs as one table, whichever way they were made: pytest-benchmark's JSON, a store, or its export."""
 
 import json
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,8 @@ def read_runs(path: Path) -> pd.DataFrame:
     Parameters
     ----------
     path : Path
-        ``.json`` of the benchmark suite (``pytest --benchmark-json``), ``.sqlite`` of `polhode bench`, or ``.jsonl``.
+        ``.json`` of the benchmark suite (``pytest --benchmark-json``), ``.sqlite`` of `polhode bench`, or ``.jsonl``;
+        or a folder of such ``.json`` files, repetitions of one run: of each case the shortest comes last.
 
     Raises
     ------
@@ -25,10 +27,16 @@ def read_runs(path: Path) -> pd.DataFrame:
     OSError
         If it cannot be read.
     """
-    records = _records(path)
+    records = _repeated(path) if path.is_dir() else _records(path)
     if not records:
         raise ValueError(f"{path}: got no records, expected at least one")
     return frame(records)
+
+
+def _repeated(folder: Path) -> list[Record]:
+    """Records of all runs in a folder, failed ones first and the shortest last."""
+    records = [record for path in sorted(folder.glob("*.json")) for record in _records(path)]
+    return sorted(records, key=lambda record: record.get("seconds") or inf, reverse=True)
 
 
 def _records(path: Path) -> list[Record]:

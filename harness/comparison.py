@@ -76,7 +76,7 @@ def compare(before: pd.DataFrame, after: pd.DataFrame, *, slower: float, less_ac
 
 
 def _by_identity(table: pd.DataFrame) -> dict[tuple[Any, ...], Row]:
-    """Rows by what makes them the same case; of several, as of several versions, the last one counts."""
+    """Rows by what makes them the same case; of several, as of several versions or repetitions, the last counts."""
     rows = (
         {str(name): value if isinstance(value, list) or not pd.isna(value) else None for name, value in row.items()}
         for row in table.to_dict(orient="records")

@@ -18,7 +18,8 @@ ABOVE_ONE = click.FloatRange(min=1.0, min_open=True)
 def compare(before: Path, after: Path, slower: float, less_accurate: float, as_json: bool) -> None:
     """Compare two saved runs; fail if a case of AFTER is slower or less accurate than in BEFORE, or failed.
 
-    Each is a JSON file of the benchmark suite, a store (.sqlite) of `polhode bench`, or its export (.jsonl). Cases are
+    Each is a JSON file of the benchmark suite, a folder of such files from repeated runs, of which the shortest time
+    counts, a store (.sqlite) of `polhode bench`, or its export (.jsonl). Cases are
     matched by scene, form, solver and tolerance; times are corrected for the machine's drift, which a fixed piece of
     arithmetic tells, and count as longer only beyond the scatter of the repeated runs.
     """

@@ -150,6 +150,14 @@ def test_the_suites_json_gives_the_stores_table(tmp_path: Path):
         pd.testing.assert_frame_equal(table[same], tables[0][same])
 
 
+def test_of_repeated_runs_the_shortest_counts(tmp_path: Path):
+    for name, runs in (("1", [FAILED, record(**timed(0.03))]), ("2", [record("radau"), record(**timed(0.02))])):
+        (tmp_path / f"{name}.json").write_text(json.dumps(suite(*runs)), encoding="utf-8")
+    before = frame([record(), record("radau")])
+    [worse] = compare(before, read_runs(tmp_path), slower=1.5, less_accurate=3.0).regressions.to_dict("records")
+    assert (worse["solver"], worse["what"], worse["after"]) == ("taylor", "seconds", 0.02)
+
+
 @pytest.mark.parametrize(
     ("name", "content", "reason"),
     [
