@@ -6,12 +6,22 @@ from importlib import import_module
 from typing import TypeVar
 
 T = TypeVar("T")
+# A shorter word is a part of too much; less alike (`difflib`), a word is another one.
+SHORTEST_PART, ALIKE = 3, 0.7
 
 
 def hint(word: str, names: Iterable[str]) -> str:
     """Which of the names a mistyped word is likely to mean, in brackets; empty if none is near."""
-    near = get_close_matches(word.lower(), list(names), n=1)
-    return f" (did you mean {near[0]!r}?)" if near else ""
+    meant = near(word, names)
+    return f" (did you mean {meant!r}?)" if meant else ""
+
+
+def near(word: str, names: Iterable[str]) -> str | None:
+    """The name that a mistyped word is nearest to, or the only one that it is a part of; None if none is near."""
+    known = list(names)
+    whole = [name for name in known if len(word) >= SHORTEST_PART and word.lower() in name]
+    found = whole if len(whole) == 1 else get_close_matches(word.lower(), known, n=1, cutoff=ALIKE)
+    return found[0] if found else None
 
 
 def load(kind: str, name: str, catalogue: Mapping[str, str], base: type[T]) -> T:

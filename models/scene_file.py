@@ -7,6 +7,7 @@ from typing import Annotated, Any, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from polhode.models.loading import hint, near
 from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart, Start
 from polhode.models.shape import Ellipsoid
 from polhode.models.toml_file import read_toml
@@ -131,8 +132,11 @@ def parse_scene(table: dict[str, Any]) -> Scene:
 
 
 def first_complaint(error: ValidationError, model: type[BaseModel]) -> str:
-    """The first complaint about the contents of a `model` in one line, and how many more there are."""
-    complaints = error.errors(include_url=False)
+    """The plainest complaint about the contents of a `model` in one line, and how many more there are.
+
+    An unknown key comes first, for it may be the misspelt name of one that is missing.
+    """
+    complaints = sorted(error.errors(include_url=False), key=lambda each: each["type"] != "extra_forbidden")
     first = complaints[0]
     *above, last = first["loc"] or ("",)
     where = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in (*above, last)).lstrip(".")
@@ -140,13 +144,27 @@ def first_complaint(error: ValidationError, model: type[BaseModel]) -> str:
     if first["type"] == "missing":
         text = f"{where}: missing, expected a value"
     elif first["type"] == "extra_forbidden":
-        text = f"{where}: unknown key, expected one of {', '.join(_keys(model, above))}"
+        keys = _keys(model, above)
+        meant = near(str(last), keys)
+        complaints = [each for each in complaints if not (each["type"] == "missing" and each["loc"] == (*above, meant))]
+        text = f"{where}: unknown key, expected one of {', '.join(keys)}{_advice(model, above, str(last), keys)}"
     elif expected.startswith("got "):
         text = f"{where}: {expected}" if where else expected
     else:
         text = f"{where}: got {reprlib.repr(first['input'])}, {_in_our_words(expected)}"
     more = len(complaints) - 1
     return text + (f" (and {more} more)" if more else "")
+
+
+def _advice(model: type[BaseModel], above: list[int | str], key: str, keys: list[str]) -> str:
+    """What an unknown key is likely to be: one of another table, or a misspelt one."""
+    if above and key in model.model_fields:
+        return f" ({key} belongs above the first [table], not under [{above[0]}])"
+    for name, field in model.model_fields.items():
+        table = field.annotation
+        if isinstance(table, type) and issubclass(table, BaseModel) and [name] != above and key in table.model_fields:
+            return f" ({key} belongs under [{name}])"
+    return hint(key, keys)
 
 
 def _keys(model: Any, path: list[int | str]) -> list[str]:

@@ -154,7 +154,7 @@ BAD_ARGUMENTS = [
     (["solve", "scene.toml", *GIVEN, "--out", "/proc/a.csv"], "/proc/a.csv", "expected an existing one"),
     (["solve", "scene.toml", "again", "--out", "a.csv"], "(again)", "expected: polhode solve [OPTIONS] SCENE"),
     (["bench", "no-such-study.toml"], "no-such-study.toml", "expected an existing one"),
-    (["bench", "scene.toml"], "scene.toml: name: missing", "expected a value"),
+    (["bench", "scene.toml"], "scene.toml: stokes: unknown key", "expected one of name, title, "),
     (["bench", "scene.toml", "--out", "a", "--tolerance", "3"], "'--tolerance'", "expected one of --out, --quick"),
     (["export"], "missing argument 'STORE'", "expected: polhode export [OPTIONS] STORE OUT"),
     (["export", "no-such-store", "a.csv"], "no-such-store", "expected a file of `polhode bench`"),

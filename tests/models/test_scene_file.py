@@ -2,6 +2,7 @@
 
 import copy
 import json
+import tomllib
 from fractions import Fraction
 from math import inf
 from pathlib import Path
@@ -123,6 +124,35 @@ def test_bad_values_are_named_with_what_was_expected(path: str, value: object, l
         parse_scene(changed(path, value))
     assert line in str(refusal.value)
     assert "\n" not in str(refusal.value)
+
+
+# What is written in place of what, and what the line must say besides naming it.
+MISSPELT = [
+    ("stokes", "stoke", "stoke: unknown key, expected one of stokes, slow_time, .* \\(did you mean 'stokes'\\?\\)$"),
+    ("stokes", "Stokes", "Stokes: unknown key, .* \\(did you mean 'stokes'\\?\\)$"),
+    ("slow_time", "slow-time", "slow-time: unknown key, .* \\(did you mean 'slow_time'\\?\\)$"),
+    ("[shape]", "[shpae]", "shpae: unknown key, .* \\(did you mean 'shape'\\?\\)$"),
+    ("[start]", "[Start]", "Start: unknown key, .* \\(did you mean 'start'\\?\\)$"),
+    ("semi_axes", "semi_axis", "shape.semi_axis: unknown key, .* \\(did you mean 'semi_axes'\\?\\)$"),
+    ("semi_axes", "axes", "shape.axes: unknown key, .* \\(did you mean 'semi_axes'\\?\\)$"),
+    ("euler_angles", "euler_angels", "start.euler_angels: unknown key, .* \\(did you mean 'euler_angles'\\?\\)$"),
+    ("euler_rates", "rates", "start.rates: unknown key, .* \\(did you mean 'euler_rates'\\?\\)$"),
+    (
+        "[shape]\n",
+        "[shape]\ntime = 3.0\n",
+        "shape.time: unknown key, .* \\(time belongs above the first \\[table\\], not under",
+    ),
+    ("[shape]\n", "", "semi_axes: unknown key, .* \\(semi_axes belongs under \\[shape\\]\\) \\(and 1 more\\)$"),
+    ("stokes", "viscosity", "viscosity: unknown key, expected one of stokes, .*, start \\(and 1 more\\)$"),
+]
+
+
+@pytest.mark.parametrize(("written", "instead", "line"), MISSPELT, ids=[row[1] or "no table" for row in MISSPELT])
+def test_a_misspelt_key_is_named_with_the_one_it_may_mean(written: str, instead: str, line: str):
+    text = SCENE.replace(written, instead, 1)
+    assert text != SCENE
+    with pytest.raises(ValueError, match=f"^{line}"):
+        parse_scene(tomllib.loads(text))
 
 
 def test_several_complaints_are_counted():
