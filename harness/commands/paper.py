@@ -47,6 +47,8 @@ def paper(
         items = find_items(names)
         if force and redraw:
             raise ValueError("--force computes anew and --redraw does not, expected one of them")
+        if as_json and not only_list:
+            raise ValueError("--json: got it without --list, expected both: the results stand in the folder's files")
     if only_list:
         rows = [{"name": item.name, "section": section_of(item).name, "title": item.title} for item in items]
         click.echo(json.dumps(rows) if as_json else "\n".join(f"{row['name']:28}{row['title']}" for row in rows))

@@ -70,6 +70,7 @@ def ellipsoid_entries() -> list[Entry]:
         *_third_aligned(),
         _general_third_aligned(),
         *_third_mixed(),
+        _general_third_mixed(),
         *_third_space(),
         _general_third_space(),
         *_second_space(),
@@ -143,7 +144,7 @@ def _general_third_aligned() -> Entry:
 
 
 def _third_mixed() -> Iterator[Entry]:
-    """⟨z_i x'_j y'_k⟩, general formula and its entries alike: printed without the factor α₃₃/2."""
+    """⟨z_i x'_j y'_k⟩: printed without the factor α₃₃/2."""
     for i, j, k in ROWS:
         words, sign = f"z{i + 1} x'{j + 1} y'{k + 1}", sign_of(i, j, k)
         yield Entry(
@@ -152,6 +153,22 @@ def _third_mixed() -> Iterator[Entry]:
             lambda n, z, i=i, s=sign: s * z[i],
             lambda n, z, i=i, s=sign: s * n[2] / 2 * z[i],
         )
+
+
+def _general_third_mixed() -> Entry:
+    """Printed, like its entries, without the factor α₃₃/2."""
+    signs = np.array([sign_of(*rows) for rows in ROWS])
+    first = [rows[0] for rows in ROWS]
+
+    def mean(t: np.ndarray, u: np.ndarray) -> np.ndarray:
+        return np.array([np.mean(u[:, i, 2] * t[:, j, 0] * t[:, k, 1]) for i, j, k in ROWS])
+
+    return Entry(
+        "general ⟨t_i3,LO t_j1 t_k2⟩",
+        mean,
+        lambda n, z: signs * z[first],
+        lambda n, z: signs * z[first] * n[2] / 2,
+    )
 
 
 # Words; index l of α_l3 α_33; numbers of the mean squares whose difference is halved.

@@ -127,7 +127,8 @@ def verdict_order(data: Data) -> Verdict:
     local = {side: _local_exponents(part) for side, part in groups(data[""], "side")}
     last, low, high = local[1.0][-1].tolist()
     (free, *free_range), (crossed, *crossed_range) = (_exponents(part) for _, part in groups(data[""], "side"))
-    single = max(float(_start_exponents(part).max()) for side, part in groups(data[""], "side") if side == 0)
+    alone = next(_start_exponents(part) for side, part in groups(data[""], "side") if side == 0)
+    single, inverse = float(alone.max()), int(np.sum(np.abs(alone + 1) < 0.05))
     numbers = (
         Number("exponent without a crossing", free, -1.1, -0.8, "", (free_range[0], free_range[1])),
         Number("exponent with a crossing", crossed, -1.1, -0.45, "", (crossed_range[0], crossed_range[1])),
@@ -142,8 +143,9 @@ def verdict_order(data: Data) -> Verdict:
         f"{1 + crossed:.3f} ({1 + crossed_range[0]:.3f} … {1 + crossed_range[1]:.3f}) at 95 % over starts, in this "
         "range of St. With a crossing the exponent still changes: from neighbouring St it is "
         f"{', '.join(f'{value:.2f}' for value in local[1.0][:, 0])}, as for a/St + b/St^½, and at the end υ = "
-        f"{1 + last:.3f} ({1 + low:.3f} … {1 + high:.3f}). Without a crossing most starts fall like 1/St, but one that "
-        f"meets a low resonance does not (St^({single:.2f}))."
+        f"{1 + last:.3f} ({1 + low:.3f} … {1 + high:.3f}). Without a crossing {inverse} of {len(alone)} starts fall "
+        f"like 1/St to 0.05 in the exponent, but others, which meet low resonances, do not (the slowest like "
+        f"St^({single:.2f}))."
     )
     return Verdict(Word.MEASURED, sentence, numbers)
 

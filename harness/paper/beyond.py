@@ -3,6 +3,7 @@
 from math import pi, sqrt
 
 import numpy as np
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
 from polhode.harness.paper.averaging_order import ELLIPSOID, ORDER, same_slow_start
@@ -13,6 +14,7 @@ from polhode.harness.paper.drawing import (
     GREEN,
     ORANGE,
     VERMILLION,
+    YELLOW,
     groups,
     label,
     logarithmic,
@@ -87,9 +89,9 @@ def figure_endings(data: Data) -> Figure:
         right.plot(stokes, late, "o-", color=color, label=f"arrival off by a fifth, {near:g} from the saddle")
     stokes, _, other, _ = _shares(data[""])
     right.plot(stokes, other, "s--", color=ORANGE, label="end of $z'$ changes with the fast phase")
-    logarithmic(label(right, "Stokes number St", "share of starts"), "x").legend(loc="upper center", fontsize=7)
-    right.set_ylim(-0.03, 1.55)
-    right.set_yticks(np.linspace(0, 1, 6))
+    logarithmic(label(right, "Stokes number St", "share of starts"), "x")
+    right.legend(loc="center right", bbox_to_anchor=(1.0, 0.3), fontsize=7)
+    right.set_ylim(-0.03, 1.03)
     return figure
 
 
@@ -193,10 +195,11 @@ def figure_basins(data: Data) -> Figure:
     times = left.pcolormesh(*_map(data["transients"], "cosine share t2"), cmap="cividis", rasterized=True)
     figure.colorbar(times, ax=left, label="slow time to the node")
     label(left, "$L_z/|L|$", "share of $E$ between its bounds")
-    ends = right.pcolormesh(
-        *_map(data["ends"], "psi theta z")[:2], _grid_of_ends(data["ends"]), cmap="cividis", rasterized=True
-    )
-    figure.colorbar(ends, ax=right, label="$z'\\cdot z$ at the end", ticks=(-1, -0.5, 0, 0.5, 1))
+    both = ListedColormap((BLUE, YELLOW))
+    place = _map(data["ends"], "psi theta z")[:2]
+    ends = right.pcolormesh(*place, _grid_of_ends(data["ends"]), cmap=both, vmin=-1, vmax=1, rasterized=True)
+    bar = figure.colorbar(ends, ax=right, label="$z'$ at the end, along the vorticity axis $z$", ticks=(-0.5, 0.5))
+    bar.ax.set_yticklabels(["down", "up"], rotation="vertical", va="center")
     label(right, "$\\psi_0$, rad", "$\\theta_0$, rad", f"St = {BASIN_STOKES:g}")
     for axes in (left, right):
         axes.grid(visible=False)

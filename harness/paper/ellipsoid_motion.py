@@ -39,7 +39,7 @@ SECOND = Comparison(
     5e3,
     (8.0, 30.0),
     (0.2, 0.35),
-    Word.SHARPENED,
+    Word.CORRECTED,
     lingers=True,
 )
 
@@ -216,7 +216,8 @@ ITEMS = (
     Item(
         "ellipsoid-slow-2",
         "Slow variables of an ellipsoid, start near the saddle",
-        "The same, with intermediate plateaus while the run lingers at the rotation about the longest axis.",
+        "The comparison is good for the St chosen, 100 to 5000, and better with growing St, with intermediate plateaus "
+        "while the run lingers at the rotation about the longest axis.",
         SECOND.compute,
         SECOND.figure,
         SECOND.verdict,

@@ -59,7 +59,7 @@ class Sections:
     def starts(self, grid: Grid, layers: list[Layer]) -> list[tuple[float, float, float]]:
         """Kind, θ and ψ at φ = 0."""
         generator = np.random.default_rng(7)
-        count = grid.of(72, 8)
+        count = grid.of(72, 16)
         theta = np.arccos(generator.uniform(-1.0, 1.0, count))
         psi = generator.uniform(-pi / 2, pi / 2, count)
         found = [(ISOTROPIC, *pair) for pair in zip(theta.tolist(), psi.tolist(), strict=True)]
@@ -138,6 +138,7 @@ class Sections:
         )
         sentence = (
             f"{count} of {total} orbits from isotropic starts are chaotic"
+            + _beside_a_half(interval)
             + (f", with a median exponent of {wild:.2g} per half turn" if count else "")
             + f" (regular ones: {regular:.1g}); {int(np.sum(chaotic & beside))} of {int(np.sum(beside))} that "
             "start within 0.02 rad of the saddle are." + self._layer_sentence(data)
@@ -186,6 +187,14 @@ class Sections:
         )
 
 
+def _beside_a_half(interval: tuple[float, float]) -> str:
+    """Whether a share, known to within the interval, is most of all, about half, or the lesser part."""
+    low, high = interval
+    if high < 0.2:
+        return ""
+    return ", the lesser part" if high < 0.5 else ", the greater part" if low > 0.5 else ", about half"
+
+
 def _thinned(points: list[tuple], count: int) -> Table:
     """At most about so many of the points."""
     table = columns("orbit theta psi", points[:: max(1, len(points) // count)])
@@ -201,7 +210,7 @@ def _draw_points(axes: Axes, points: Table, orbits: Table, size: float) -> None:
     label(axes, "$\\psi$, rad", "$\\theta$, rad")
 
 
-SLENDER = Sections((1 / 20, 1 / 10, 1.0), 240, (0.2, 0.75), Word.SHARPENED, (0.8, 0.8))
+SLENDER = Sections((1 / 20, 1 / 10, 1.0), 240, (0.35, 0.65), Word.SHARPENED, (0.8, 0.8))
 FAT_PROLATE = Sections((1 / 3, 1.2 / 3, 1.0), 400, (0.0, 0.1), Word.SHARPENED, (0.06, 0.06), (1e-5, 1e-3))
 THIN_OBLATE = Sections((1.0, 1 / 2, 1 / 20), 240, (0.1, 0.5), Word.CORRECTED, (0.8, 0.8))
 FAT_OBLATE = Sections((1.0, 2 / 2.1, 1 / 2.1), 400, (0.0, 0.05), Word.CORRECTED, (0.06, 0.03), (-ROUNDING, ROUNDING))

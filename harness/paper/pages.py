@@ -32,8 +32,8 @@ def _usable(folder: Path, item: Item) -> tuple[Data, bool] | None:
     data, current, _ = found
     try:
         item.verdict(data)
-    except (KeyError, IndexError):
-        # Older code kept other columns.
+    except (ArithmeticError, LookupError, TypeError, ValueError):
+        # Older code kept other columns, or other rows.
         return None
     return data, current
 

@@ -35,7 +35,10 @@ from polhode.models.shape import Ellipsoid
 
 # L_z/I_max above which a trajectory with L_z > 0 counts as away from the pinch point.
 ABOVE_PINCH = 0.2
+# Share, as of `energy_at`, of starts on the upper parabola: rounding must not carry them out of the plane.
+INSIDE = 1 - 1e-13
 MARKERS = {"stable node": "o", "saddle": "*", "singular": "X"}
+NAMES = {"stable node": "stable node", "saddle": "saddle", "singular": "singular point"}
 
 
 def plane_path(ellipsoid: Ellipsoid, momentum: float, energy: float, slow_times: np.ndarray) -> Run:
@@ -200,5 +203,10 @@ def comparison_figure(data: Data, bodies: Sequence[Ellipsoid], titles: Sequence[
             style["linewidth"] = width
             draw_broken(own, runs, "Lz", "E", **style)
         own.set_ylim(0.0, 1.05 * max(part["E"]))
+    name_points(axes[0], {point.stability: NAMES[point.stability] for point in fixed_points(bodies[0])})
+    axes[0].plot([], [], color=BOUND, label="bounds of $L_z^2/2E$")
+    if bodies[0].kind == "triaxial":
+        axes[0].plot([], [], color=BOUND, linestyle="--", label="$L_z^2 = 2EI_2$")
+    axes[0].plot([], [], color=GREEN, label="$L_z + 4E = 0$")
     common_legend(figure, axes[0])
     return figure

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from scipy.signal import find_peaks
 
 from polhode.harness.paper.drawing import (
     BLACK,
@@ -57,7 +59,7 @@ def jeffery_path(ellipsoid: Ellipsoid, start: EulerStart, times: np.ndarray, axi
 
 def sphere_beside() -> tuple[Figure, Axes, Axes]:
     """A figure with a unit sphere on the left and plain axes on the right."""
-    figure = Figure(figsize=(8.6, 3.9), layout="constrained")
+    figure = Figure(figsize=(8.6, 3.9), layout=ConstrainedLayoutEngine(wspace=0.06))
     return figure, unit_sphere(figure.add_subplot(1, 2, 1, projection="3d")), figure.add_subplot(1, 2, 2)
 
 
@@ -72,6 +74,12 @@ def draw_start(sphere: Axes, orbit: Table) -> None:
     draw_on_sphere(
         sphere, {name: column[:1] for name, column in orbit.items()}, marker="o", color=BLACK, markersize=4, zorder=5
     )
+
+
+def _turns(path: Table) -> np.ndarray:
+    """Times between one maximum of z and the next."""
+    peaks, _ = find_peaks(path["z"])
+    return np.diff(path["t"][peaks])
 
 
 @dataclass(frozen=True)
@@ -139,14 +147,22 @@ class Sphere:
         onset = self._onset(data)
         path = np.column_stack([table["x"], table["y"], table["z"]])
         turned = float(arc_length(path)[np.searchsorted(table["t"], onset)])
+        turns, orbit = _turns(table), _turns(data["jeffery"])
+        first, last = float(turns[0] / orbit[0]), float(turns[-1] / (4 * pi))
+        tilt = float(np.max(np.abs(table["z"][table["t"] >= 0.95 * self.time])))
         numbers = (
             Number("time after which gyroscopic terms stay above viscous ones", onset, low=0.0, unit="1/γ̇"),
             Number("the same over √St", onset / self.stokes**0.5, 0.2, 20.0),
             Number("path length up to then", turned, low=pi, unit="rad"),
+            Number.near("time of the first turn over that of the Jeffery orbit", first, 1.0, 0.2),
+            Number("time of the last turn over that of the free top at -1/2, 4π", last, 0.9, 1.2),
+            Number("|z| of the axis at the end, largest", tilt, high=0.1),
         )
         sentence = (
             f"Gyroscopic terms stay above viscous ones from t = {onset:.3g} = {onset / self.stokes**0.5:.2g} √St on; "
-            f"by then the axis has run through {turned:.2g} rad along Jeffery-like turns."
+            f"by then the axis has run through {turned:.2g} rad, in turns that begin with {first:.2f} times the "
+            f"duration of the Jeffery orbit's. Later turns take {last:.2f} times 4π, that of the final rotation, and "
+            f"|z| falls to {tilt:.1g}: the spiral goes to the plane of the flow."
         )
         return Verdict(Word.SHARPENED, sentence, numbers)
 

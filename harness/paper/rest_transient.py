@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from scipy.signal import find_peaks
 
 from polhode.harness.paper.drawing import BLUE, CYCLE, NODE, draw_law, groups, label, logarithmic, panels, power
 from polhode.harness.paper.item import Data, Grid, Number, Table, Verdict, Word
@@ -16,6 +17,8 @@ from polhode.models.shape import Ellipsoid
 
 # Rotation, in rad, of a particle since its start that marks the onset of inertia.
 ONSET = 1.0
+# Share of the largest torque by which a weakest one stands out.
+WIGGLE = 0.02
 # Smallest St of the fits of the transient.
 LARGE = 5e5
 # Scaled time up to which the magnified views go.
@@ -53,15 +56,15 @@ class Transient:
     def figure(self, data: Data) -> Figure:
         """Four variables as they are; three of them, scaled, at the largest St; the onset."""
         figure, axes = panels(3, 3, 3.2, 2.3)
-        onset = float(np.mean(data["onset"]["turned"][-2:]))
+        onset, wiggle = (float(np.mean(data["onset"][name][-2:])) for name in ("turned", "wiggle"))
         for place, (name, text) in zip((0, 1, 3, 4), NAMES.items(), strict=True):
-            self._draw(axes[place], data[""], name, text, onset)
+            self._draw(axes[place], data[""], name, text, (onset, wiggle))
         for own, name in zip(axes[6:], ("Ly", "Lz", "E"), strict=True):
             root = "\\mathrm{St}\\," if name == "E" else "\\mathrm{St}^{1/2}\\,"
             large = {key: column[data[""]["stokes"] >= 5e3] for key, column in data[""].items()}
             early = {key: column[large["scaled"] <= EARLY] for key, column in large.items()}
             scaled = early | {name: early[name] * early["stokes"] ** (1.0 if name == "E" else 0.5)}
-            self._draw(own, scaled, name, f"${root}" + NAMES[name][1:], onset)
+            self._draw(own, scaled, name, f"${root}" + NAMES[name][1:], (onset, wiggle))
         found = data["onset"]
         for color, marker, name, text in (
             (BLUE, "o", "turned", "turned by 1 rad"),
@@ -75,17 +78,19 @@ class Transient:
         axes[5].legend(handles, names, loc="center")
         return figure
 
-    def _draw(self, axes: Axes, table: Table, name: str, text: str, onset: float) -> None:
+    def _draw(self, axes: Axes, table: Table, name: str, text: str, onset: tuple[float, float]) -> None:
         for stokes, part in groups(table, "stokes"):
             color = CYCLE[self.stokes.index(stokes)]
             axes.plot(part["scaled"], part[name], color=color, linewidth=0.8, label=f"St = {power(stokes)}")
-        axes.axvline(onset, color="0.4", linestyle=":", label="turned by 1 rad")
+        for time, line, own in zip(onset, (":", "--"), ("turned by 1 rad", "first wiggle"), strict=True):
+            axes.axvline(time, color="0.4", linestyle=line, linewidth=0.9, label=own)
         label(axes, "$t\\dot\\gamma/\\mathrm{St}^{1/2}$", text)
 
     def verdict(self, data: Data) -> Verdict:
         """Exponent of the onset, and its range over the Stokes numbers shown."""
         found = {name: column[data["onset"]["stokes"] >= LARGE] for name, column in data["onset"].items()}
         shown = {name: column[data["onset"]["stokes"] <= self.stokes[-1]] for name, column in data["onset"].items()}
+        between = f"from St = {self.stokes[0]:g} to {self.stokes[-1]:g}"
         root = found["stokes"] ** 0.5
         turned, wiggle = (power_law(found["stokes"], found[name] * root).exponent for name in ("turned", "wiggle"))
         speed = power_law(found["stokes"], found["speed"]).exponent
@@ -95,13 +100,17 @@ class Transient:
             Number.near("exponent of the angular velocity at t = √St", speed, -0.5, 0.05),
             Number("time of the first radian over √St, largest St", float(found["turned"][-1]), 0.1, 1.0, "1/γ̇"),
             Number("time of the first wiggle over √St, largest St", float(found["wiggle"][-1]), 0.1, 2.0, "1/γ̇"),
+            *(
+                Number(f"latest over earliest {text}, over √St, {between}", float(np.divide(*_ends(shown[name]))), 1, 2)
+                for name, text in (("turned", "first radian"), ("wiggle", "first wiggle"))
+            ),
         )
         sentence = (
-            f"At large St the particle has turned by one radian at t = {found['turned'][-1]:.2f} √St, and the power of "
-            f"the torque falls for the first time, the first wiggle, at {found['wiggle'][-1]:.2f} √St. At t = √St the "
-            f"angular velocity is still of order St^({speed:.2f}), not of order one as an earlier sentence of the "
-            f"paper has it. From St = {self.stokes[0]:g} to {self.stokes[-1]:g} these times are not quite the same, "
-            f"{_range(shown['turned'])} √St and {_range(shown['wiggle'])} √St."
+            f"At large St the particle has turned by one radian at t = {found['turned'][-1]:.2f} √St, and L_z wiggles "
+            f"first, its torque weakest, at {found['wiggle'][-1]:.2f} √St. {between[0].upper() + between[1:]} these "
+            f"times are nearly the same, {_range(shown['turned'])} √St and {_range(shown['wiggle'])} √St, later at "
+            f"small St. At t = √St the angular velocity is still of order St^({speed:.2f}), not of order one as an "
+            "earlier sentence of the paper has it."
         )
         return Verdict(Word.SHARPENED, sentence, numbers)
 
@@ -112,18 +121,21 @@ class Transient:
         return (
             f"Slow variables of ({axes}) from rest at (θ, φ, ψ) = ({angles}) against t/√St; below, early and scaled by "
             "√St and St, from St = 5000 on; dotted, where the particle has turned by one radian at the largest St; "
-            "right, the onset against St."
+            "dashed, where the torque along the vorticity is weakest for the first time; right, both against St."
         )
 
 
 def onset_of(run: Run, scaled: np.ndarray) -> tuple[float, float, float]:
-    """Scaled times of the first radian and of the first wiggle, and the angular velocity at t = √St."""
+    """Scaled times of the first radian and of the first wiggle, and the angular velocity at t = √St.
+
+    L_z falls from 0; it wiggles first where the torque that drives it down is weakest for the first time.
+    """
     speed = angular_speed(run)
     steps = np.diff(run.times) * (speed[1:] + speed[:-1]) / 2
     turned = float(np.interp(ONSET, np.concatenate([[0.0], np.cumsum(steps)]), scaled))
-    power_ = np.gradient(run.observables.energy, run.times)
-    falling = np.flatnonzero((np.diff(power_) < 0) & (scaled[1:] > 3 * (scaled[1] - scaled[0])))
-    return turned, float(scaled[falling[0]]), float(np.interp(1.0, scaled, speed))
+    torque = np.gradient(run.observables.angular_momentum[:, 2], run.times)
+    weakest, _ = find_peaks(torque, prominence=WIGGLE * np.max(np.abs(torque)))
+    return turned, float(scaled[weakest[0]]), float(np.interp(1.0, scaled, speed))
 
 
 def angular_speed(run: Run) -> np.ndarray:
@@ -135,6 +147,10 @@ def angular_speed(run: Run) -> np.ndarray:
         return np.linalg.norm(np.einsum("nij,nj->ni", rotation, momentum) / inertia, axis=1)
     across = np.linalg.norm(momentum - axial[:, None] * rotation[:, 2], axis=1)
     return np.hypot(axial / inertia[2], across / inertia[0])
+
+
+def _ends(values: np.ndarray) -> tuple[float, float]:
+    return float(values.max()), float(values.min())
 
 
 def _range(values: np.ndarray) -> str:

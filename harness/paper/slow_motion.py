@@ -91,7 +91,10 @@ class Comparison:
         crossing = data["averaged"]["crossing"][0]
         for place, (name, text) in zip((0, 1, 3, 4), NAMES.items(), strict=True):
             own = axes[place]
-            for style, part in styled_runs(data[""], "path"):
+            runs = list(styled_runs(data[""], "path", (0.9, 0.7)))
+            # The averaged run lies thin on the broad one at the largest St, which it would hide.
+            runs[-1][0].update(linewidth=2.0, zorder=2.9)
+            for style, part in runs:
                 own.plot(part["t2"], part[name], **style)
             if np.isfinite(crossing):
                 own.axvline(crossing, color="0.4", linestyle=":", label="$L^2 = 2EI_2$ (averaged)")

@@ -4,9 +4,10 @@ from math import pi
 
 import numpy as np
 from matplotlib.figure import Figure
+from scipy.signal import find_peaks
 
 from polhode.harness.paper.drawing import CYCLE, groups, label, panels
-from polhode.harness.paper.item import Data, Grid, Item, Number, Verdict, Word
+from polhode.harness.paper.item import Data, Grid, Item, Number, Table, Verdict, Word
 from polhode.harness.paper.planes import path_table
 from polhode.harness.paper.runs import aligned_start, full_run, spheroid, spheroid_of
 from polhode.harness.paper.slow_motion import Comparison
@@ -80,21 +81,35 @@ def verdict_collapse(data: Data) -> Verdict:
     late = np.array([part["Lz"][part["t2"] >= LATE] for _, part in groups(data[""], "path")])
     prolate = found["kappa"] > 1
     apart = float(np.max(np.abs(np.diff(late[prolate], axis=0))))
-    wave = float(np.max(np.abs(late[prolate] + 0.5)))
+    waves = np.max(np.abs(late[prolate] + 0.5), axis=1)
+    rates = [_frequency(part) for kappa, part in groups(data[""], "path") if kappa > 1]
     numbers = (
         Number("largest over smallest relaxation rate of L_z at the node, per St*", star, 1.3, 2.0),
-        Number("the same per St", plain, low=2 * star),
-        Number(f"oscillation of L_z after t/St* = {LATE:g}, prolate", wave, low=0.05, unit="I_max"),
+        Number("the same per St", plain, 3.0, 4.0),
+        Number(f"oscillation of L_z after t/St* = {LATE:g}, prolate", float(waves.min()), low=0.05, unit="I_max"),
+        *(
+            Number.near(f"frequency of that oscillation, κ = {kappa:g}", rate, 1.0, 0.1, "γ̇")
+            for kappa, rate in zip(found["kappa"][prolate], rates, strict=True)
+        ),
         Number("difference of the two prolate curves there", apart, low=0.05, unit="I_max"),
         Number("oscillation there, oblate", float(np.max(np.abs(late[~prolate] + 0.5))), high=0.01, unit="I_max"),
     )
     sentence = (
         f"The relaxation rates of L_z at the node differ by a factor of {plain:.2g} per St and {star:.2g} per St*: St* "
         "takes out part of the shape. It is the damping about the symmetry axis, while prolate spheroids end tumbling "
-        f"about another: they go on oscillating by {wave:.2g} I_max, at frequencies that St* does not contain, and "
-        f"oblate ones do not oscillate at all. The late curves are not one: the two prolate ones differ by {apart:.2g}."
+        f"about another: they go on oscillating twice a turn, by {' and '.join(f'{wave:.2g}' for wave in waves)} "
+        "I_max, and oblate ones do not oscillate at all. The late curves are not one: the two prolate ones, of equal "
+        f"frequency, differ in phase and so by {apart:.2g}."
     )
     return Verdict(Word.CORRECTED, sentence, numbers)
+
+
+def _frequency(run: Table) -> float:
+    """Angular frequency of L_z, in units of the shear rate, from its first settled maximum to its last."""
+    settled = run["t2"] >= LATE / 2
+    peaks, _ = find_peaks(run["Lz"][settled])
+    first, *_, last = run["t2"][settled][peaks]
+    return float(2 * pi * (len(peaks) - 1) / (last - first) / STOKES_STAR)
 
 
 def caption_collapse(data: Data) -> str:

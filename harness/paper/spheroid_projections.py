@@ -160,7 +160,7 @@ def verdict_projections(data: Data) -> Verdict:
     numbers = (
         Number(f"share of the {len(distance)} starts that reach the node", float(np.mean(distance < REACHED)), 1, 1),
         Number("share of the time in which L_xy of L_x0 = L_y0 lies between the limiting cases", within, 0.5, 1.0),
-        Number("the same, least start", float(np.min(share)), 0.0, 1.0),
+        Number("the same, least start", float(np.min(share)), 0.5, 1.0),
     )
     sentence = (
         "Every start ends at the node, whatever L_x0/L_y0 and the cone angle. In time, the trajectory of L_x0 = L_y0 "

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from matplotlib.figure import Figure
+from PIL import Image
 
 from polhode.harness.commands.paper import paper
 from polhode.harness.paper import store
 from polhode.harness.paper.catalogue import find_items
-from polhode.harness.paper.drawing import FORMATS, groups, power
+from polhode.harness.paper.drawing import FORMATS, groups, power, with_palette
 from polhode.harness.paper.engine import Settings, run, section_of
 from polhode.harness.paper.item import Grid, Item, Number, Verdict, Word
 from polhode.harness.paper.pages import allowed, measured
@@ -211,6 +212,23 @@ def test_command_makes_a_page_with_small_figures(tmp_path):
     assert "[symmetric-top](limits.md#trajectory-of-a-symmetric-euler-top)" in index
 
 
+def test_palette_keeps_common_and_rare_colours(tmp_path):
+    """Shades of blue by the thousand, white around them, and three points of green, which must not turn blue."""
+    generator = np.random.default_rng(4)
+    pixels = np.full((200, 200, 3), 255, dtype=np.uint8)
+    pixels[50:, :, 0] = generator.integers(0, 80, size=(150, 200))
+    pixels[50:, :, 1] = generator.integers(60, 140, size=(150, 200))
+    pixels[50:, :, 2] = generator.integers(150, 200, size=(150, 200))
+    green = (0, 158, 60)
+    pixels[60:63, 7] = green
+    drawn = np.asarray(with_palette(Image.fromarray(pixels)).convert("RGB")).astype(int)
+    assert (drawn[:50] == 255).all()
+    assert np.max(np.abs(drawn[61, 7] - green)) < 40
+    assert len(np.unique(drawn.reshape(-1, 3), axis=0)) <= 256
+    by_frequency = np.asarray(Image.fromarray(pixels).quantize(256).convert("RGB")).astype(int)
+    assert np.max(np.abs(by_frequency[61, 7] - green)) > 60
+
+
 def test_figures_of_the_report_are_small():
     """Those of the repository, if the report is there: an installed package has none."""
     report = Path(__file__).parents[2] / "reports" / "paper"
@@ -225,8 +243,8 @@ def test_command_lists_items():
     assert [row["section"] for row in json.loads(result.output)] == ["beyond"] * 3
 
 
-@pytest.mark.parametrize("arguments", [["no-such-item"], ["--force", "--redraw"]])
+@pytest.mark.parametrize("arguments", [["no-such-item"], ["--force", "--redraw"], ["--json"]])
 def test_command_refuses_bad_input(arguments, tmp_path):
     result = CliRunner().invoke(paper, [*arguments, "--out", str(tmp_path)])
     assert result.exit_code == 2
-    assert "expected one of" in result.output
+    assert ", expected " in result.output
