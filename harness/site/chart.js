@@ -2,7 +2,7 @@
 // Diagrams as SVG, without a library: log or linear axes, lines and markers, a tooltip under pointer and keyboard.
 const polhode = (() => {
   const SPACE = "http://www.w3.org/2000/svg";
-  const MARGIN = { left: 58, right: 14, top: 12, bottom: 44 };
+  const MARGIN = { left: 64, right: 14, top: 12, bottom: 44 };
   const STRIP = 30, NEAR = 26, MARK = 4;
 
   function node(name, attributes, parent, text) {
@@ -200,7 +200,7 @@ const polhode = (() => {
     }
 
     function listen(svg, width) {
-      svg.addEventListener("pointermove", (event) => {
+      const point = (event) => {
         const box = svg.getBoundingClientRect(), scale = width / box.width;
         const mx = (event.clientX - box.left) * scale, my = (event.clientY - box.top) * scale;
         let best = null, least = NEAR * NEAR;
@@ -209,8 +209,11 @@ const polhode = (() => {
           if (far < least) [best, least] = [p, far];
         }
         if (best !== current) show(best);
-      });
-      svg.addEventListener("pointerleave", () => show(null));
+      };
+      svg.addEventListener("pointermove", point);
+      svg.addEventListener("pointerdown", point);
+      // A finger leaves as soon as it is lifted: what it chose stays.
+      svg.addEventListener("pointerleave", (event) => event.pointerType === "touch" || show(null));
       svg.addEventListener("blur", () => show(null));
       svg.addEventListener("keydown", (event) => {
         const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key], turn = { ArrowDown: 1, ArrowUp: -1 }[event.key];
@@ -232,7 +235,9 @@ const polhode = (() => {
 
     function drawLegend() {
       if (!legend) return;
-      legend.replaceChildren(...spec.series.map((s) => {
+      // Series of one name share a button.
+      const first = spec.series.filter((s, i, all) => all.findIndex((other) => other.name === s.name) === i);
+      legend.replaceChildren(...first.map((s) => {
         const button = html("button", { type: "button" });
         button.setAttribute("aria-pressed", String(!hidden.has(s.name)));
         button.append(swatch(s), s.name);

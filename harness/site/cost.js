@@ -6,7 +6,6 @@
   const column = Object.fromEntries(data.columns.map((name, i) => [name, i]));
   const form = document.getElementById("filters");
   const DASHES = ["", "6 3", "2 3", "8 3 2 3", "1 2"];
-  const PINK = "#CC79A7";
   const number = (v) => (v === null ? "–" : v >= 0.01 && v < 1e4 ? String(Number(v.toPrecision(3))) : v.toExponential(1).replace(".0e", "e"));
   const time = (s) => (s === null ? "–" : s >= 1 ? s.toPrecision(2) + " s" : s >= 1e-3 ? (s * 1e3).toPrecision(3) + " ms"
     : (s * 1e6).toPrecision(3) + " µs");
@@ -40,18 +39,31 @@
     return () => new Set(made.filter((box) => box.checked).map((box) => box.value));
   }
 
-  const which = [...new Set(data.groups.map((g) => g[0] + ": " + g[1]))];
-  const scene = select("study: scene", which.map((name) => [name, name]));
+  const named = (g) => g[0] + ": " + g[1];
+  const which = [...new Set(data.groups.map(named))];
+  const labels = [...new Set(data.groups.flatMap((g) => g[3]))].sort();
+  const label = select("tag", [["", "all"], ...labels.map((tag) => [tag, tag])]);
+  label.parentElement.hidden = !labels.length;
+  label.addEventListener("change", () => offer(scene.value));
+  const scene = select("study: scene", []);
   const stokes = select("St", []);
-  const want = select("error of", [["slow_error", "L and E, over I_max"], ["orientation_error", "orientation, rad"]]);
-  const cost = select("cost", [["seconds", "wall time"], ["work.rhs_calls", "right-hand sides"], ["work.steps", "steps"]]);
+  const want = select("error of", [["slow_error", "L and E"], ["orientation_error", "orientation"]]);
+  const cost = select("cost", [["seconds", "wall time"], ["work.rhs_calls", "right-hand-side calls"], ["work.steps", "steps"]]);
   const formNames = Object.keys(data.forms).sort((a, b) => (b === "quaternion") - (a === "quaternion"));
-  const forms = boxes("Forms", formNames.map((name) => [name, swatch({ color: data.forms[name].averaged ? PINK : "#555",
+  const forms = boxes("Forms", formNames.map((name) => [name, swatch({ color: data.forms[name].color,
     line: !data.forms[name].averaged, dash: dash(name), mark: data.forms[name].averaged ? "*" : "" })]));
   const tags = boxes("Kinds", ["explicit", "implicit", "compiled", "Python in the loop"].map((tag) => [tag]));
   const solvers = boxes("Solvers", Object.entries(data.solvers).map(([name, s]) => [name, swatch({ ...s, line: true })]));
-  if (which.some((name) => name.startsWith("bench:"))) scene.value = which.find((name) => name.startsWith("bench:"));
   let before = null, drawn = null;
+  offer(which.find((name) => name.startsWith("bench:")));
+
+  // The scenes that bear the tag chosen.
+  function offer(wanted) {
+    const own = data.groups.filter((g) => !label.value || g[3].includes(label.value)).map(named);
+    scene.replaceChildren(...[...new Set(own)].map((name) => html("option", { value: name, textContent: name })));
+    if (own.includes(wanted)) scene.value = wanted;
+    refresh();
+  }
 
   function dash(name) {
     return DASHES[formNames.filter((other) => !data.forms[other].averaged).indexOf(name) % DASHES.length] || "";
@@ -59,7 +71,7 @@
 
   function refresh() {
     if (before !== scene.value) {
-      const own = data.groups.map((g, i) => [i, g]).filter(([, g]) => g[0] + ": " + g[1] === scene.value);
+      const own = data.groups.map((g, i) => [i, g]).filter(([, g]) => named(g) === scene.value);
       const kept = stokes.selectedOptions[0]?.textContent;
       stokes.replaceChildren(...own.map(([i, g]) => html("option", { value: i, textContent: g[2] === null ? "∞" : g[2] })));
       for (const option of stokes.options) if (option.textContent === kept) option.selected = true;
@@ -86,18 +98,18 @@
       const averaged = data.forms[row[1]].averaged, look = data.solvers[row[2]];
       if (row[x] === null || row[y] === null) continue;
       const key = row[1] + "," + row[2];
-      if (!series.has(key)) series.set(key, { name: key, color: averaged ? PINK : look.color, mark: averaged ? "*" : look.mark,
+      if (!series.has(key)) series.set(key, { name: key, color: averaged ? data.forms[row[1]].color : look.color, mark: averaged ? "*" : look.mark,
         line: !averaged, dash: dash(row[1]), points: [] });
       series.get(key).points.push([row[x], row[y], tip(row)]);
-      if (averaged && want.value === "slow_error") rules.set(row[1], { x: row[column.model_slow_error], color: PINK });
+      if (averaged && want.value === "slow_error") rules.set(row[1], { x: row[column.model_slow_error], color: data.forms[row[1]].color });
     }
     const failed = rows.filter((row) => row[4] !== "reached_end" && !row[column.inferred]);
     const group = data.groups[Number(stokes.value)];
     return {
       label: `Cost against accuracy, ${scene.value}, St = ${group[2] ?? "infinity"}`,
-      x: { label: want.selectedOptions[0].textContent.replace(/^L and E/, "error of L and E") + " (smaller to the right)",
+      x: { label: { slow_error: "largest error of L and E, over I_max", orientation_error: "largest orientation error, rad" }[want.value],
         log: true, reverse: true, max: largest(rows, x) },
-      y: { label: { seconds: "wall time of a warm run, s", "work.rhs_calls": "right-hand sides" }[cost.value] || "steps", log: true },
+      y: { label: { seconds: "wall time of a warm run, s", "work.rhs_calls": "calls of the right-hand side" }[cost.value] || "steps", log: true },
       series: [...series.values()],
       rules: [...rules.values()],
       strip: { label: "no result", points: failed.map((row) => [row[3], data.solvers[row[2]].color, "X", tip(row)]) },
@@ -117,7 +129,7 @@
       (of("model_slow_error") ? ` (model ${number(of("model_slow_error"))})` : ""));
     if (of("orientation_error") !== null) lines.push(`orientation error ${number(of("orientation_error"))} rad`);
     if (of("seconds") !== null) lines.push(`time ${time(of("seconds"))}`);
-    lines.push(`right-hand sides ${of("work.rhs_calls") ?? "–"}, steps ${of("work.steps") ?? "–"}`);
+    lines.push(`right-hand-side calls ${of("work.rhs_calls") ?? "not told by the library"}, steps ${of("work.steps") ?? "not told"}`);
     return lines.join("\n");
   }
 
@@ -137,7 +149,7 @@
     for (const own of groups.values()) {
       const methods = new Map();
       for (const row of own) {
-        const at = number(row[3]) + (row[column.inferred] ? " (inferred)" : "");
+        const at = number(row[3]) + (row[column.inferred] ? " (not tried)" : "");
         methods.set(row[2], [...(methods.get(row[2]) || []), at]);
       }
       const who = [...methods].map(([name, at]) => `${name} at ${at.join(", ")}`).join("; ");
@@ -145,6 +157,8 @@
       html("li", { textContent: `${own[0][1]}, ${own[0][4].replaceAll("_", " ")} (${meaning}): ${who}` }, list);
     }
     place.replaceChildren(list);
+    if (rows.some((row) => row[4] !== "reached_end" && row[column.inferred]))
+      html("p", { className: "note", textContent: "Not tried: at a looser tolerance the same form and solver gave no result already." }, place);
   }
 
   refresh();

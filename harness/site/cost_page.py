@@ -5,7 +5,9 @@ from typing import Any
 import pandas as pd
 
 from polhode.harness.figures import EXPLICIT, IMPLICIT, LARGEST_ERROR, MARKERS, library_of
+from polhode.harness.regime_page import COLORS
 from polhode.harness.site.markup import Page, missing
+from polhode.harness.site.origins import origins
 from polhode.harness.site.sources import Sources
 from polhode.models.catalogue import FORMS
 from polhode.models.catalogue import form as find_form
@@ -16,9 +18,11 @@ from polhode.solvers.contract import Status
 COLUMNS = ("slow_error", "orientation_error", "seconds", "work.rhs_calls", "work.steps", "prepare_seconds")
 COLUMNS += ("model_slow_error", "slow_error_so_far")
 CAPTION = (
-    "Lower is cheaper, right is more accurate. Runs that gave no result stand side by side in the strip above, at the "
-    "tolerance they were asked for; hollow points lie beyond the axis. Point at a run, or take the arrow keys, to see "
-    "it in numbers."
+    "Lower is cheaper, right is more accurate. A line joins the runs of one form and solver at different tolerances; "
+    "stars are averaged forms, by any solver, and the dotted lines the error that those forms make by themselves. Runs "
+    "that gave no result stand side by side in the strip above, at the tolerance they were asked for, those left out "
+    "as hopeless not among them; hollow points lie beyond the axis. Point at a run, or take the arrow keys, to see it "
+    "in numbers."
 )
 
 
@@ -36,7 +40,7 @@ def cost_page(sources: Sources) -> Page:
     for study in sources.studies.values():
         for scene, stokes, runs in study.groups():
             rows += [[len(groups), *_row(run)] for run in runs.to_dict("records")]
-            groups.append([study.name, scene, stokes, _uncertainty(runs, "slow"), _uncertainty(runs, "orientation")])
+            groups.append([study.name, scene, stokes, _scene_tags(runs)])
     names = {"forms": sorted({str(row[1]) for row in rows}), "solvers": sorted({str(row[2]) for row in rows})}
     data = {
         "groups": groups,
@@ -54,6 +58,7 @@ def cost_page(sources: Sources) -> Page:
         "Every run measured: wall time, or calls of the right-hand side, against the error along the whole run.",
         body,
         commands,
+        origins(sources.folder, sources.studies.values()),
         {"cost-data": data},
         ("tables.js", "chart.js", "cost.js"),
     )
@@ -86,14 +91,15 @@ def _number(value: Any) -> float | int | None:
     return known if known is None or isinstance(known, int) else float(known)
 
 
-def _uncertainty(runs: pd.DataFrame, want: str) -> float | None:
-    column = f"{want}_uncertainty"
-    known = runs[column].dropna().to_list() if column in runs else []
-    return float(known[0]) if known else None
+def _scene_tags(runs: pd.DataFrame) -> list[str]:
+    """Tags that the study gives the scene."""
+    lists = runs["tags"].to_list() if "tags" in runs else []
+    return sorted({str(tag) for own in lists if isinstance(own, list) for tag in own})
 
 
 def _form(name: str) -> dict[str, Any]:
-    return {"averaged": name in FORMS and find_form(name).averaged}
+    averaged = name in FORMS and find_form(name).averaged
+    return {"averaged": averaged, "color": COLORS.get(name, COLORS["averaged"]) if averaged else "#555"}
 
 
 def _solvers(names: list[str]) -> dict[str, Any]:

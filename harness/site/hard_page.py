@@ -17,6 +17,7 @@ from polhode.harness.outcomes import (
     title,
 )
 from polhode.harness.site.markup import Page, bullets, missing, prose, scroll
+from polhode.harness.site.origins import origins
 from polhode.harness.site.sources import Sources
 
 STUDY = "hard-cases"
@@ -34,14 +35,14 @@ def hard_page(sources: Sources) -> Page:
     body = (
         bullets(sentences(study.table, allowed))
         + '<p class="key signs"><span class="reached">✓ reached</span><span class="inaccurate">≈ reached, but '
-        f'{BEYOND}</span><span class="unknown">? reached, no reference tells the error</span>'
+        f'{prose(BEYOND)}</span><span class="unknown">? reached, no reference tells the error</span>'
         f'<span class="stopped">◷ stopped at the limit of {limit(study.table)}</span>'
         '<span class="failed">✕ failed</span><span>· not run: the form or solver does not take the scene</span></p>'
-        + scroll(_matrix(found, columns(study.table)))
+        + scroll(_matrix(found, columns(study.table)), tall=True)
         + "<h2>Reasons</h2>"
         + "".join(_reasons(block, reasons(forms)) for block, forms in found.items())
     )
-    return Page("hard", "Hard cases", LEAD, body, (COMMAND,))
+    return Page("hard", "Hard cases", LEAD, body, (COMMAND,), origins(sources.folder, [study]))
 
 
 def _matrix(found: dict[Block, dict[str, dict[str, Outcome]]], solvers: list[str]) -> str:
@@ -49,7 +50,7 @@ def _matrix(found: dict[Block, dict[str, dict[str, Outcome]]], solvers: list[str
     rows = []
     for block, forms in found.items():
         summary = f": {about(block)}" if about(block) else ""
-        heading = f"<b>{escape(title(block))}</b>{prose(summary)}"
+        heading = f"<span><b>{prose(title(block))}</b>{prose(summary)}</span>"
         rows.append(f'<tr class="scene"><th colspan="{len(solvers) + 1}" scope=colgroup>{heading}</th></tr>')
         for form, cells in forms.items():
             own = "".join(_cell(f"{form}, {name}", cells.get(name, ("absent", "not run"))) for name in solvers)
@@ -66,4 +67,4 @@ def _cell(method: str, found: Outcome) -> str:
 def _reasons(block: Block, lines: list[str]) -> str:
     if not lines:
         return ""
-    return f"<details><summary>{escape(title(block))} ({len(lines)})</summary>{bullets(lines)}</details>"
+    return f"<details><summary>{prose(title(block))} ({len(lines)})</summary>{bullets(lines)}</details>"

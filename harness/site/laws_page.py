@@ -7,6 +7,7 @@ from math import log10
 from statistics import median
 
 from polhode.harness.figures import MARKERS, library_of
+from polhode.harness.heldout import FACTOR
 from polhode.harness.laws import Interval, Laws, load_laws
 from polhode.harness.laws_load import load_of
 from polhode.harness.laws_pilot import Pilot, PilotFailedError, pilot
@@ -14,15 +15,24 @@ from polhode.harness.site.cost_page import colour_of
 from polhode.harness.site.markup import Page, bullets, chart, missing, table
 from polhode.harness.site.sources import Sources, StudyRecords
 from polhode.harness.store import Record
-from polhode.harness.text import duration
+from polhode.harness.text import duration, scientific, short
+from polhode.harness.timing import paced
 from polhode.models.catalogue import FORMS
 from polhode.models.catalogue import form as find_form
 from polhode.models.scene import Scene
+from polhode.solvers.catalogue import SOLVERS
 
 TITLE = "Cost laws"
 LEAD = "What `pick` believes a run will cost, against what runs cost that were not used to fit its laws."
 HELD_OUT = "polhode heldout"
-KINDS = {"seconds": ("time", "s"), "slow_error": ("error of L and E", "over I_max")}
+PACED = "seconds_at_usual_pace"
+# What is compared with "…_predicted", its measured column, and its name.
+KINDS = {"seconds": (PACED, "time, s"), "slow_error": ("slow_error", "error of L and E, over I_max")}
+PACE = (
+    "Predicted times hold for the pace at which the machine ran when the laws were fitted. A sentinel, a fixed piece "
+    "of arithmetic timed before every batch of runs, tells by how much it is slower or faster; measured times are "
+    "divided by that here, so that both are at one pace."
+)
 SCRIPTS = ("tables.js", "chart.js")
 # More points than this make a cloud, not a diagram.
 MOST_POINTS = 1500
@@ -31,7 +41,7 @@ DECADES = (1e-5, 1e2)
 
 @dataclass(frozen=True)
 class Compared:
-    """A measured run and the prediction for it."""
+    """A measured run, its time in seconds at the laws' pace, and the prediction for it."""
 
     scene: str
     stokes: float
@@ -49,33 +59,40 @@ class Compared:
 
 def laws_page(sources: Sources, tell: Callable[[str], None]) -> Page:
     """Predicted against measured times and errors, on scenes held out and in the studies."""
-    body, data, commands = [], {}, []
-    if sources.predictions:
+    body, data, commands = [f"<p>{PACE}</p>"], {}, []
+    rows = sources.predictions
+    if rows:
         commands.append(HELD_OUT)
-        body.append("<h2>On scenes held out</h2>")
-        for kind, (what, unit) in KINDS.items():
-            data[f"held-out-{kind}"] = _held_out(sources.predictions, kind, f"{what}, {unit}")
-            body.append(
-                chart(f"held-out-{kind}", f"{what.capitalize()} predicted and measured; on the line: as predicted.")
-            )
+        body += ["<h2>On scenes held out</h2>", bullets(_judged(rows))]
+        for kind, (column, label) in KINDS.items():
+            data[f"held-out-{kind}"] = _held_out(rows, f"{kind}_predicted", column, label)
+            what = "Time" if column == PACED else "Error of L and E"
+            body.append(chart(f"held-out-{kind}", f"{what}, predicted and measured; on the line: as predicted."))
     else:
         body.append(missing("The evaluation on scenes held out is", HELD_OUT))
     try:
         laws = load_laws()
     except (OSError, ValueError, KeyError) as error:
         body.append(missing(f"The laws ({error!r}) are", "polhode laws"))
-        return Page("laws", TITLE, LEAD, "".join(body), tuple(commands), data, SCRIPTS)
+        return Page("laws", TITLE, LEAD, "".join(body), tuple(commands), (), data, SCRIPTS)
     found = [each for study in sources.studies.values() for each in compare(study, laws, tell)]
     if found:
         commands.append("polhode bench")
         data["laws-chart"] = _chart(found)
-        body += ["<h2>In the studies</h2>", bullets([*_sentences(found), _source(laws)])]
+        body += ["<h2>In the studies</h2>", bullets(_sentences(found))]
         body.append(chart("laws-chart", "On the line: as predicted. Another machine than that of the laws shifts all."))
-        header = ["form", "solver", "runs", "median ratio", "worst ratio", "within 95 %"]
+        header = [
+            "form",
+            "solver",
+            "runs",
+            "measured over predicted, median",
+            "farthest from 1",
+            "in the 95 % interval",
+        ]
         body.append(table(header, _rows(found), range(2, 6)))
     else:
         body.append(missing("Measured runs of methods that have a law are", "polhode bench"))
-    return Page("laws", TITLE, LEAD, "".join(body), tuple(commands), data, SCRIPTS)
+    return Page("laws", TITLE, LEAD, "".join(body), tuple(commands), (_source(laws),), data, SCRIPTS)
 
 
 def _sentences(found: list[Compared]) -> list[str]:
@@ -83,22 +100,45 @@ def _sentences(found: list[Compared]) -> list[str]:
     near = sum(0.5 <= ratio <= 2 for ratio in ratios) / len(ratios)
     inside = sum(each.inside for each in found) / len(found)
     return [
-        f"{len(found)} runs compared: {near:.0%} took between half and twice the time predicted, {inside:.0%} lie "
-        "in the 95 % interval.",
-        f"The median run took {median(ratios):.2f} times the time predicted.",
+        f"{len(found)} runs, the hard cases among them: {near:.0%} took between half and twice the time predicted, "
+        f"{inside:.0%} lie in the 95 % interval, and the median run took {median(ratios):.2f} times as long.",
     ]
 
 
-def _held_out(rows: tuple[Record, ...], kind: str, label: str) -> dict:
+def _judged(rows: tuple[Record, ...]) -> list[str]:
+    """How good the predictions were."""
+    timed = [row for row in rows if row[PACED] and row["seconds_predicted"]]
+    bounded = [row for row in rows if row["slow_error"] is not None and row["slow_error_high"] is not None]
+
+    def close(column: str) -> float:
+        within = [1 / FACTOR <= row[column] / row["seconds_predicted"] <= FACTOR for row in timed]
+        return sum(within) / len(within)
+
+    lines = []
+    if timed:
+        lines.append(
+            f"{close(PACED):.1%} of {len(timed)} times were predicted within a factor {FACTOR:g} at the usual pace, "
+            f"{close('seconds'):.1%} as timed."
+        )
+    if bounded:
+        share = sum(row["slow_error"] <= row["slow_error_high"] for row in bounded) / len(bounded)
+        lines.append(
+            f"{share:.1%} of {len(bounded)} errors stayed below the upper end of their interval (meant: 97.5 %)."
+        )
+    return lines
+
+
+def _held_out(rows: tuple[Record, ...], predicted: str, measured: str, label: str) -> dict:
     series: dict[str, list] = {}
-    known = [row for row in rows if (row[kind] or 0) > 0 and (row[f"{kind}_predicted"] or 0) > 0]
+    known = [row for row in rows if (row[measured] or 0) > 0 and (row[predicted] or 0) > 0]
+    number = duration if measured == PACED else scientific
     for row in known[:: -(-len(known) // MOST_POINTS) or 1]:
         tip = (
-            f"{row['form']}, {row['solver']}, {row['tolerance']:g}\n{row['scene']}\n"
-            f"measured {row[kind]:.2g}\npredicted {row[f'{kind}_predicted']:.2g}"
+            f"{row['form']}, {row['solver']}, tolerance {short(row['tolerance'])}\n{row['scene']}\n"
+            f"measured {number(row[measured])}\npredicted {number(row[predicted])}"
         )
-        series.setdefault(row["solver"], []).append([row[f"{kind}_predicted"], row[kind], tip])
-    ends = [min(row[kind] for row in known), max(row[kind] for row in known)] if known else DECADES
+        series.setdefault(row["solver"], []).append([row[predicted], row[measured], tip])
+    ends = [min(row[measured] for row in known), max(row[measured] for row in known)] if known else DECADES
     return _scatter(series, label, (ends[0], ends[1]))
 
 
@@ -123,7 +163,8 @@ def compare(study: StudyRecords, laws: Laws, tell: Callable[[str], None]) -> lis
                 continue
             predicted = laws.methods[record["form"], record["solver"]].cost.predict(load, record["tolerance"])
             method = record["form"], record["solver"], record["tolerance"]
-            found.append(Compared(record["scene_name"], scene.stokes, *method, record["seconds"], predicted))
+            seconds = paced(record, laws.source.get("sentinel_seconds"))
+            found.append(Compared(record["scene_name"], scene.stokes, *method, seconds, predicted))
     return found
 
 
@@ -143,12 +184,22 @@ def _rows(found: list[Compared]) -> list[list[str]]:
     for each in found:
         methods.setdefault((each.form, each.solver), []).append(each)
     rows = []
-    for (form, solver), own in methods.items():
+    for form, solver in sorted(methods, key=lambda method: (list(FORMS).index(method[0]), _place(method[1]))):
+        own = methods[form, solver]
         ratios = [each.seconds / each.predicted.predicted for each in own]
         worst = max(ratios, key=lambda ratio: abs(log10(ratio)))
         inside = sum(each.inside for each in own) / len(own)
-        rows.append([form, solver, str(len(own)), f"{median(ratios):.2f}", f"{worst:.2g}", f"{inside:.0%}"])
+        rows.append([form, solver, str(len(own)), f"{median(ratios):.2f}", _ratio(worst), f"{inside:.0%}"])
     return rows
+
+
+def _ratio(value: float) -> str:
+    return f"{value:.0f}" if value >= 9.95 else f"{value:.2g}"
+
+
+def _place(solver: str) -> int:
+    """Place in the catalogue."""
+    return list(SOLVERS).index(solver) if solver in SOLVERS else len(SOLVERS)
 
 
 def _chart(found: list[Compared]) -> dict:
@@ -162,11 +213,11 @@ def _scatter(points: dict[str, list], label: str, ends: tuple[float, float]) -> 
     """Diagram of measured against predicted values, one series per solver, and the line on which they agree."""
     counts: dict[str, int] = {}
     series = []
-    for solver, own in points.items():
+    for solver in sorted(points, key=_place):
         library = library_of(solver)
         mark = MARKERS[counts.get(library, 0) % len(MARKERS)]
         counts[library] = counts.get(library, 0) + 1
-        series.append({"name": solver, "color": colour_of(solver), "mark": mark, "points": own})
+        series.append({"name": solver, "color": colour_of(solver), "mark": mark, "points": points[solver]})
     return {
         "label": f"Measured against predicted: {label}",
         "x": {"label": f"predicted {label}", "log": True},
@@ -180,7 +231,7 @@ def _scatter(points: dict[str, list], label: str, ends: tuple[float, float]) -> 
 def _tip(each: Compared) -> str:
     low, high = duration(each.predicted.low), duration(each.predicted.high)
     return (
-        f"{each.form}, {each.solver}, {each.tolerance:g}\n{each.scene}, St = {each.stokes:g}\n"
+        f"{each.form}, {each.solver}, tolerance {short(each.tolerance)}\n{each.scene}, St = {short(each.stokes)}\n"
         f"measured {duration(each.seconds)}\npredicted {duration(each.predicted.predicted)} ({low} … {high})"
     )
 
@@ -188,4 +239,7 @@ def _tip(each: Compared) -> str:
 def _source(laws: Laws) -> str:
     machine = laws.source.get("machine")
     place = machine.get("processor") if isinstance(machine, dict) else machine
-    return f"Laws of {len(laws.methods)} methods" + (f", fitted on {place}." if place else ".")
+    packages = laws.source.get("versions")
+    versions = ", ".join(f"{name} {number}" for name, number in packages.items()) if isinstance(packages, dict) else ""
+    fitted = f", fitted on {place}" if place else ""
+    return f"Laws of {len(laws.methods)} methods{fitted}{f' ({versions})' if versions else ''}."

@@ -12,6 +12,10 @@ from typing import Any
 
 # Nothing from elsewhere is ever loaded, whatever a page says: the browser itself sees to it.
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src 'self' file: data:"
+# Powers of ten up to which a number is written out.
+PLAIN = 5
+# Columns beyond which a table is set smaller in print.
+WIDE = 9
 MARK = (
     '<svg class="mark" viewBox="0 0 40 40" aria-hidden="true"><circle cx="20" cy="20" r="17"/>'
     '<ellipse cx="20" cy="20" rx="17" ry="6" transform="rotate(-28 20 20)"/>'
@@ -34,6 +38,8 @@ class Page:
         HTML.
     made_by : tuple of str
         The commands that make what it shows.
+    origins : tuple of str
+        When and on which machine that was measured, in sentences of plain text.
     data : dict
         What its scripts read, by element id.
     scripts : tuple of str
@@ -45,6 +51,7 @@ class Page:
     lead: str
     body: str
     made_by: tuple[str, ...] = ()
+    origins: tuple[str, ...] = ()
     data: dict[str, Any] = field(default_factory=dict)
     scripts: tuple[str, ...] = ("tables.js",)
 
@@ -60,7 +67,8 @@ def document(page: Page, pages: Sequence[tuple[str, str]], foot: str) -> str:
     )
     scripts = "".join(f"<script>{asset(name)}</script>" for name in page.scripts)
     commands = "".join(f"<li><code>{escape(command)}</code></li>" for command in page.made_by)
-    made = f'<section class="made"><h2>Make it again</h2><ul>{commands}</ul></section>' if commands else ""
+    origins = "".join(f"<p class=note>{prose(origin)}</p>" for origin in page.origins)
+    made = f'<section class="made"><h2>Make it again</h2><ul>{commands}</ul>{origins}</section>' if commands else ""
     return (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{escape(page.title)} · polhode</title>'
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
@@ -90,18 +98,38 @@ def table(header: Sequence[str], rows: Iterable[Sequence[str]], right: Sequence[
     head = "".join(cell("th", i, prose(text)) for i, text in enumerate(header))
     body = "".join("<tr>" + "".join(cell("td", i, prose(text)) for i, text in enumerate(row)) + "</tr>" for row in rows)
     title = f"<caption>{escape(caption)}</caption>" if caption else ""
-    return scroll(f"<table class=sort>{title}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>")
+    kind = '"sort wide"' if len(header) > WIDE else "sort"
+    return scroll(f"<table class={kind}>{title}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>")
 
 
-def scroll(content: str) -> str:
-    """A region wider than a phone's screen, which scrolls by itself."""
-    return f'<div class="scroll" tabindex="0" role="region" aria-label="table">{content}</div>'
+def scroll(content: str, *, tall: bool = False) -> str:
+    """A region wider than a phone's screen, which scrolls by itself; a tall one keeps its head in sight too."""
+    kind = "scroll tall" if tall else "scroll"
+    return f'<div class="{kind}" tabindex="0" role="region" aria-label="table">{content}</div>'
 
 
 def prose(text: str) -> str:
-    """Plain text as HTML; what stands between backquotes as code, X_y with a subscript."""
-    marked = re.sub(r"`([^`]+)`", r"<code>\1</code>", escape(text, quote=False))
-    return re.sub(r"\b([A-Z])_(max|min|[xyz0-9])(?![a-z])", r"\1<sub>\2</sub>", marked)
+    """Plain text as HTML: `code`, *words*, X_y and Lx with a subscript, x^y raised, numbers as people write them."""
+    parts = re.split(r"`([^`]+)`", escape(text, quote=False))
+    return "".join(f"<code>{part}</code>" if i % 2 else _notation(part) for i, part in enumerate(parts))
+
+
+def _notation(text: str) -> str:
+    text = re.sub(r"(?<![\w.-])([-−]?\d+(?:\.\d+)?)e([+-]?)0*(\d+)\b", _number, text)
+    text = re.sub(r"\b([A-Z])_(max|min|[xyz0-9])(?![a-z])", r"\1<sub>\2</sub>", text)
+    text = re.sub(r"\b\d{4}-\d\d-\d\d\b", r"<span class=n>\g<0></span>", text)
+    text = re.sub(r"\bL([xyz])\b", r"L<sub>\1</sub>", text)
+    text = re.sub(r"(?<=\w)\^([-−]?\w+)", r"<sup>\1</sup>", text)
+    return re.sub(r"(?<!\w)\*([^*\s][^*]*)\*", r"<em>\1</em>", text)
+
+
+def _number(found: re.Match[str]) -> str:
+    """A number that a line does not break: 1.7e+02 as 170, 1e-06 as 1e-6."""
+    mantissa, sign, exponent = found.groups()
+    digits = len(mantissa.partition(".")[2])
+    if sign != "-" and digits <= int(exponent) <= PLAIN:
+        return f"{float(found[0].replace('−', '-')):.0f}"
+    return f"<span class=n>{mantissa}e{sign.strip('+')}{exponent}</span>"
 
 
 def bullets(sentences: Iterable[str]) -> str:

@@ -140,7 +140,8 @@
     paint();
     drawn.place(motion.plane[2 * now], motion.plane[2 * now + 1]);
     readout.innerHTML = `t = ${t.toFixed(1)}` + (motion.stokes ? `, t₂ = ${(t / motion.stokes).toFixed(3)}` : "") +
-      `, L<sub>z</sub> = ${motion.plane[2 * now].toFixed(3).replace("-", "−")}, E = ${motion.plane[2 * now + 1].toFixed(3)}`;
+      `, L<sub>z</sub>/I<sub>max</sub> = ${motion.plane[2 * now].toFixed(3).replace("-", "−")}, ` +
+      `E/I<sub>max</sub> = ${motion.plane[2 * now + 1].toFixed(3)}`;
   }
 
   function take() {

@@ -27,6 +27,7 @@ NOTE = (
     "equations in blue, the averaged ones in pink; E never falls below the dotted parabola, L_z² over twice the "
     "largest moment of inertia; dashed: over twice the smallest one."
 )
+UNITS = "Times in inverse shear rates, L and E over the largest moment of inertia. Solved anew for this page."
 # Samples per rotation that make a smooth path, and the fewest and most samples of a page of moderate size.
 PER_ROTATION, FEWEST, MOST = 80, 400, 3000
 # The torque-free path, from so many moments, over so many turns, each of so many points.
@@ -61,7 +62,7 @@ def motion_page(own: dict[str, Scene], tell: Callable[[str], None]) -> Page:
     body = f'<div id="motion" class="motion"></div><p class=note>{prose(NOTE)}</p>{lost}'
     commands = ("polhode report", "polhode report --scene ice.toml")
     scripts = ("tables.js", "chart.js", "motion.js")
-    return Page("motion", "See it move", LEAD, body, commands, {"motion-data": shown}, scripts)
+    return Page("motion", "See it move", LEAD, body, commands, (UNITS,), {"motion-data": shown}, scripts)
 
 
 def motion(scene: Scene) -> dict[str, Any]:

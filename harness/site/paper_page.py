@@ -5,9 +5,9 @@ from html import escape
 from pathlib import Path
 
 from polhode.harness.paper.catalogue import sections
-from polhode.harness.paper.item import Data, Item, Section, Word
+from polhode.harness.paper.item import Data, Item, Section, Verdict, Word
 from polhode.harness.paper.pages import allowed, measured
-from polhode.harness.site.markup import Page, missing, prose, table
+from polhode.harness.site.markup import Page, missing, prose, scroll, table
 from polhode.harness.site.sources import Sources
 
 LEAD = (
@@ -22,22 +22,25 @@ def paper_page(sources: Sources) -> Page:
     found = sources.paper
     if not found:
         return Page("paper", "The paper's claims", LEAD, missing("The reproduction of the paper is", "polhode paper"))
-    verdicts = {
-        item.name: item.verdict(found[item.name]).word
-        for section in sections()
-        for item in section.items
-        if item.name in found
-    }
-    counts = {word: sum(found_word is word for found_word in verdicts.values()) for word in Word}
+    items = [item for section in sections() for item in section.items if item.name in found]
+    verdicts = {item.name: item.verdict(found[item.name]) for item in items}
+    counts = {word: sum(verdict.word is word for verdict in verdicts.values()) for word in Word}
     key = "".join(
         f'<span class="word {_class(word)}">{word}: {count}</span> {escape(word.meaning)}<br>'
         for word, count in counts.items()
     )
-    parts = [f"<p>{key}</p>"]
+    rows = "".join(_line(item, verdicts[item.name]) for item in items)
+    contents = f"<table class=contents><tbody>{rows}</tbody></table>"
+    parts = [f"<p>{key}</p>", f"<details><summary>All {len(verdicts)} items</summary>{scroll(contents)}</details>"]
     for section in sections():
         parts.append(f"<h2>{escape(section.title)}</h2>")
         parts += [_item(sources.folder, section, item, found.get(item.name)) for item in section.items]
     return Page("paper", "The paper's claims", LEAD, "".join(parts), ("polhode paper",))
+
+
+def _line(item: Item, verdict: Verdict) -> str:
+    word = f'<span class="word {_class(verdict.word)}">{verdict.word}</span>'
+    return f'<tr><td><a href="#{item.name}">{prose(item.title)}</a></td><td>{word}</td></tr>'
 
 
 def _item(folder: Path, section: Section, item: Item, data: Data | None) -> str:
@@ -48,7 +51,7 @@ def _item(folder: Path, section: Section, item: Item, data: Data | None) -> str:
     verdict = item.verdict(data)
     rows = [[number.what, measured(number), allowed(number)] for number in verdict.numbers]
     picture = (
-        f'<figure><img loading="lazy" src="{FIGURES}/{item.name}.png" alt="{escape(item.title)}">'
+        f'<figure><img src="{FIGURES}/{item.name}.png" alt="{escape(item.title)}">'
         f"<figcaption>{prose(item.caption(data))}</figcaption></figure>"
         if picture_of(folder, section, item).is_file()
         else missing("Its figure is", f"polhode paper {item.name}")

@@ -2,7 +2,7 @@
 
 import csv
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -10,7 +10,8 @@ from typing import Any
 
 import pandas as pd
 
-from polhode.harness.accuracy import VARIABLES, Measured
+from polhode.harness.accuracy import Absent, Measured
+from polhode.harness.accuracy_data import ERRORS, read_data
 from polhode.harness.paper import store as paper_store
 from polhode.harness.paper.catalogue import sections
 from polhode.harness.paper.item import Data, Item
@@ -21,6 +22,8 @@ from polhode.models.scene_file import parse_scene
 
 RECORDS, STORE, RUNS = "records", "store", "runs"
 NEEDED = ("scene_name", "form", "solver", "tolerance", "status")
+PREDICTED = ("scene", "form", "solver", "tolerance", "seconds", "seconds_at_usual_pace", "seconds_predicted")
+PREDICTED += ("slow_error", "slow_error_predicted", "slow_error_high")
 # Folders of `reports` that hold something else than a study.
 NO_STUDY = ("site", "paper", "accuracy", "pick")
 
@@ -73,6 +76,8 @@ class Sources:
     studies : dict
         By name.
     accuracy : tuple of Measured
+    absent : tuple of Absent
+        Where the averaged forms have no errors.
     predictions : tuple of dict
         Runs on scenes held out, each with what the laws said of it before.
     unreadable : tuple of str
@@ -82,6 +87,7 @@ class Sources:
     folder: Path
     studies: dict[str, StudyRecords]
     accuracy: tuple[Measured, ...]
+    absent: tuple[Absent, ...]
     predictions: tuple[Record, ...]
     unreadable: tuple[str, ...]
 
@@ -127,14 +133,19 @@ def read_sources(folder: Path) -> Sources:
             continue
         if records:
             studies[name] = StudyRecords(name, records)
-    held_out = folder / "pick" / "runs.csv"
+    errors: list[Measured] = []
+    absent: list[Absent] = []
+    predictions: list[Record] = []
     try:
-        accuracy = tuple(_accuracy(folder / "accuracy" / "errors.csv"))
-        predictions = tuple(_predictions(held_out))
-    except (ValueError, KeyError, OSError) as error:
-        accuracy = predictions = ()
-        unreadable.append(f"{folder}: accuracy/errors.csv or pick/runs.csv: {error!r}")
-    return Sources(folder, studies, accuracy, predictions, tuple(unreadable))
+        if (folder / "accuracy" / ERRORS).is_file():
+            errors, absent = read_data(folder / "accuracy")
+    except ValueError as error:
+        unreadable.append(str(error))
+    try:
+        predictions = _predictions(folder / "pick" / "runs.csv")
+    except (ValueError, OSError) as error:
+        unreadable.append(f"{folder / 'pick' / 'runs.csv'}: {error}")
+    return Sources(folder, studies, tuple(errors), tuple(absent), tuple(predictions), tuple(unreadable))
 
 
 def _files(folder: Path) -> list[Path]:
@@ -177,31 +188,10 @@ def _complete(records: list[Record]) -> tuple[Record, ...]:
     return tuple(records)
 
 
-def _accuracy(path: Path) -> Sequence[Measured]:
-    if not path.is_file():
-        return []
-    with path.open(newline="", encoding="utf-8") as file:
-        return [
-            Measured(
-                row["case"],
-                row["family"],
-                row["form"],
-                (float(row["a"]), float(row["b"]), float(row["c"])),
-                float(row["St"]),
-                float(row["slow_time"]),
-                tuple(float(row[f"model_{name}"]) for name in VARIABLES),
-                tuple(float(row[f"solver_{name}"]) for name in VARIABLES),
-                float(row["reference_uncertainty"]),
-                int(row["pieces"]),
-            )
-            for row in csv.DictReader(file)
-        ]
-
-
 def _predictions(path: Path) -> list[Record]:
     rows = _records(path) if path.is_file() else []
     for row in rows:
-        for name in ("scene", "form", "solver", "tolerance", "seconds", "seconds_predicted", "slow_error_predicted"):
+        for name in PREDICTED:
             if name not in row:
                 raise ValueError(f"a row without {name!r}, expected those of `polhode heldout`")
     return rows

@@ -1,4 +1,10 @@
 "use strict";
+// Regions that hold more than they show fade out on that side.
+for (const region of document.querySelectorAll(".scroll")) {
+  const look = () => region.classList.toggle("more", region.scrollLeft + region.clientWidth < region.scrollWidth - 4);
+  region.addEventListener("scroll", look, { passive: true });
+  new ResizeObserver(look).observe(region);
+}
 // Tables sort by a click, or Enter, on a header; numbers as numbers.
 for (const table of document.querySelectorAll("table.sort")) {
   const scale = { s: 1, ms: 1e-3, "µs": 1e-6 };

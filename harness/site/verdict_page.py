@@ -1,16 +1,20 @@
 """The opening page: the verdict in sentences, and the regime map."""
 
+from collections.abc import Iterable
 from html import escape
 from math import isnan
+from statistics import median_high
 
-from polhode.harness.regime_page import COLORS
+import pandas as pd
+
+from polhode.harness.regime_page import COLORS, HEADINGS, usual_form
 from polhode.harness.regimes import Cell, cells
-from polhode.harness.regimes import sentences as map_sentences
-from polhode.harness.site.markup import Page, bullets, missing, scroll
-from polhode.harness.site.sources import Sources, StudyRecords, measured
+from polhode.harness.site.markup import Page, bullets, missing, prose, scroll, table
+from polhode.harness.site.origins import origins
+from polhode.harness.site.sources import Sources, StudyRecords
 from polhode.harness.tables import where
-from polhode.harness.text import duration
-from polhode.harness.verdict import TIE, sentences
+from polhode.harness.text import duration, short
+from polhode.harness.verdict import TARGETS, TIE, averaged_costs, averaged_wins_from, by_scene
 
 TITLE = "What should I run?"
 LEAD = (
@@ -32,22 +36,52 @@ LONG = 12
 def verdict_page(sources: Sources) -> Page:
     """What to run, in sentences and as a map over St and error."""
     body, made_by = [], []
-    if "bench" in sources.studies:
-        body.append(bullets(sentences(sources.studies["bench"].table)))
+    bench, regimes = sources.studies.get("bench"), sources.studies.get("regimes")
+    if bench:
+        body += _averaging(bench.table)
         made_by.append("polhode bench")
     else:
         body.append(missing("The main job is", "polhode bench"))
-    regimes = sources.studies.get("regimes")
     if regimes:
         made_by.append(REGIMES)
     else:
         body.append(missing("The regime map from St = 1e-4 to 1e8 is", REGIMES))
-    study = regimes or sources.studies.get("bench")
+    study = regimes or bench
     body += _maps(study) if study else []
     body.append("<p>For a scene of your own: <code>polhode pick ice.toml --error 1e-6 --want slow</code>.</p>")
-    if when := measured(study for study in (sources.studies.get("bench"), regimes) if study):
-        body.append(f"<p class=note>Measured {when}.</p>")
-    return Page("index", TITLE, LEAD, "".join(body), tuple(made_by))
+    shown = origins(sources.folder, [study for study in (bench, regimes) if study])
+    return Page("index", TITLE, LEAD, "".join(body), tuple(made_by), shown)
+
+
+def _averaging(records: pd.DataFrame) -> list[str]:
+    """From which St on averaging pays, and what it costs."""
+    scenes = [(name or str(records["scene_name"].to_list()[0]), runs) for name, runs in by_scene(records)]
+    header = ["slow error", *(f"{name}, {_shape(runs)}, St = {_span(runs['stokes'])}" for name, runs in scenes)]
+    rows = [[tens(target), *(_pays(runs, target) for _, runs in scenes)] for target in TARGETS]
+    text = (
+        "The averaged equations solve for the slow variables L and E alone. Where they, to first or second order, are "
+        "the cheapest way to an error of L and E, over I_max and largest along the run:"
+    )
+    return [
+        "<h2>When averaging pays</h2>",
+        f"<p>{prose(text)}</p>",
+        table(header, rows),
+        f"<details><summary>What averaging costs</summary>{bullets(averaged_costs(records))}</details>",
+    ]
+
+
+def _shape(runs: pd.DataFrame) -> str:
+    return f"semi-axes ({', '.join(map(short, runs['scene.shape.semi_axes'].to_list()[0]))})"
+
+
+def _pays(runs: pd.DataFrame, target: float) -> str:
+    start = averaged_wins_from(runs, target)
+    return f"not up to St = {tens(max(runs['stokes'].to_list()))}" if start is None else f"from St = {tens(start)} on"
+
+
+def _span(values: Iterable[float]) -> str:
+    numbers = sorted(set(map(float, values)))
+    return tens(numbers[0]) if len(numbers) == 1 else f"{tens(numbers[0])} to {tens(numbers[-1])}"
 
 
 def _maps(study: StudyRecords) -> list[str]:
@@ -59,59 +93,93 @@ def _maps(study: StudyRecords) -> list[str]:
         for error, (what, unit) in ERRORS.items():
             if len(runs[error].dropna()):
                 found = cells(runs, error)
-                title = f"<h3>{escape(str(scene))}: {what}</h3>{bullets(map_sentences(found, what))}"
+                title = f"<h3>{escape(str(scene))}: {what}</h3>{_sides(found)}{_key(found)}"
                 parts.append(f'<section class="region">{title}{_map(found, unit)}</section>')
     if not parts:
         return []
     text = (
-        "The cheapest method at each St and error: its time, interpolated between tolerances, and by what factor it "
-        f"leads over the next one; = where the two tie, within {100 * (TIE - 1):.0f} %."
+        "The cheapest method at each St and error, the time of a warm run, interpolated between tolerances, and by "
+        "what factor it leads: ×2 says that the next method takes twice as long, = names a method that ties with it, "
+        f"within {100 * (TIE - 1):.0f} %. Averaged forms stand under their own name, whichever solver runs them. "
+        "“nobody”: no method gets there in the time allowed. “unknown”: no reference is good enough to tell."
     )
     return ["<h2>Regime map</h2>", f"<p>{text}</p>", *parts]
+
+
+def _sides(found: list[Cell]) -> str:
+    """Which kind of method wins where, and by how much."""
+    rows = []
+    for side, (_, kind) in HEADINGS.items():
+        own = [cell for cell in found if cell.winner and cell.winner.side == side]
+        leads = [cell.lead for cell in own if not isnan(cell.lead)]
+        lead = f"{_factor(median_high(leads))}, {_factor(max(leads))}" if leads else "–"
+        ties = sum(cell.tied for cell in own)
+        rows.append([kind, str(len(own)), str(ties), _span(cell.stokes for cell in own) if own else "–", lead])
+    count = sum(cell.winner is not None for cell in found)
+    return table(["kind", f"cells won of {count}", "of these ties", "at St", "lead: median, largest"], rows, (1, 2))
+
+
+def _factor(value: float) -> str:
+    return f"×{value:.{1 if value < 9.95 else 0}f}"
+
+
+def _key(found: list[Cell]) -> str:
+    """Colours by kind, and the form that full equations are run in."""
+    winners = {cell.winner.label: cell.winner for cell in found if cell.winner}
+    lines = []
+    for side, (_, kind) in HEADINGS.items():
+        own = [name for name in [*COLORS, *(set(winners) - set(COLORS))] if name in winners]
+        marks = "".join(
+            f'<span style="--c:{COLORS.get(name, OTHER)}">{escape(name)}</span>'
+            for name in own
+            if winners[name].side == side
+        )
+        lines += [f'<p class="key"><b>{kind}</b>{marks}</p>'] if marks else []
+    usual = usual_form(found)
+    form = f"Full equations in the form {usual}, unless a cell names another." if usual else ""
+    return "".join(lines) + (f"<p class=note>{escape(form)}</p>" if form else "")
 
 
 def _map(found: list[Cell], unit: str) -> str:
     numbers = sorted({cell.stokes for cell in found})
     targets = sorted({cell.target for cell in found}, reverse=True)
     at = {(cell.stokes, cell.target): cell for cell in found}
-    head = "".join(f"<th scope=col>{power(stokes)}</th>" for stokes in numbers)
+    usual = usual_form(found)
+    head = "".join(f"<th scope=col>{prose(tens(stokes))}</th>" for stokes in numbers)
     rows = "".join(
-        f"<tr><th scope=row>{power(target)}</th>{''.join(_cell(at[stokes, target]) for stokes in numbers)}</tr>"
+        f"<tr><th scope=row>{prose(tens(target))}</th>"
+        f"{''.join(_cell(at[stokes, target], usual) for stokes in numbers)}</tr>"
         for target in targets
     )
     corner = "<th class=axis>error ↓ St →</th>"
-    title = f"<caption>{unit.replace('I_max', 'I<sub>max</sub>')}</caption>"
+    title = f"<caption>{prose(unit)}</caption>"
     return scroll(f"<table class=map>{title}<thead><tr>{corner}{head}</tr></thead><tbody>{rows}</tbody></table>")
 
 
-def _cell(cell: Cell) -> str:
+def _cell(cell: Cell, usual: str) -> str:
     if cell.winner is None:
         words = "nobody" if cell.known else "unknown"
         tip = "no method gets there" if cell.known else "below what the reference can tell"
         return f'<td class="none" title="{tip}">{words}</td>'
-    lead = (
-        ""
-        if isnan(cell.lead)
-        else f" ={_short(cell.second)}"
-        if cell.tied
-        else f" ×{cell.lead:.{1 if cell.lead < 9.95 else 0}f}"
-    )
     label = cell.winner.label
     name = f"<b{' class=long' if len(label) > LONG else ''}>{escape(label)}</b>"
+    form = "" if cell.winner.side == "averaged" or cell.winner.form == usual else f"<i>{escape(cell.winner.form)}</i>"
     tip = f"{cell.winner}: {duration(cell.seconds)}; next: {cell.second or 'nobody'}"
     return (
         f'<td style="--c:{COLORS.get(label, OTHER)}" title="{escape(tip)}">'
-        f"{name}<span>{duration(cell.seconds)}{escape(lead)}</span></td>"
+        f"{name}{form}<span>{duration(cell.seconds)}{escape(_lead(cell))}</span></td>"
     )
 
 
-def _short(method: object) -> str:
-    return getattr(method, "label", "")
+def _lead(cell: Cell) -> str:
+    if cell.second is None or isnan(cell.lead):
+        return ""
+    return f" ={cell.second.label}" if cell.tied else f" {_factor(cell.lead)}"
 
 
-def power(value: float) -> str:
-    """A number as HTML: powers of ten with a superscript."""
+def tens(value: float) -> str:
+    """A number in one digit, as plain text: 0.01, 10^4, 3·10^4."""
     mantissa, exponent = f"{value:.0e}".split("e")
     if value == 0 or -2 <= int(exponent) <= 2:
         return f"{value:g}"
-    return ("" if mantissa == "1" else f"{mantissa}·") + f"10<sup>{int(exponent)}</sup>".replace("-", "−")
+    return ("" if mantissa == "1" else f"{mantissa}·") + f"10^{int(exponent)}".replace("-", "−")

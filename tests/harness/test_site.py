@@ -12,15 +12,18 @@ from commandline import STUDY, Run
 from sites import C, data_of, site
 
 from polhode.harness.accuracy_page import LAWS_HEADER
+from polhode.harness.laws import load_laws
 from polhode.harness.outcomes import INACCURATE, limits, outcome, reasons, write_page
 from polhode.harness.paper import store
 from polhode.harness.paper.catalogue import sections
 from polhode.harness.paper.item import Grid
 from polhode.harness.regimes import cells
 from polhode.harness.site.build import MENU
-from polhode.harness.site.markup import bullets, plain
+from polhode.harness.site.markup import bullets, plain, prose
 from polhode.harness.site.motion_page import examples, motion
+from polhode.harness.site.origins import told
 from polhode.harness.site.sources import read_sources
+from polhode.harness.site.verdict_page import tens
 from polhode.harness.store import export
 from polhode.harness.study import parse_study
 from polhode.harness.text import duration
@@ -59,9 +62,22 @@ def test_every_page_tells_when_its_data_were_measured(tmp_path: Path, site_repor
         export(records, reports / name / "records.jsonl")
     pages = site(tmp_path / "site", reports)
     assert all("Data measured from 2031-02-03 to 2031-02-04." in page for page in pages.values())
-    about = re.findall(r"<td>on (\S+)</td>|<td>from (\S+) to (\S+)</td>", pages["about"])
+    about = re.findall(r"<td>on (\S+)</td>|<td>from (\S+) to (\S+)</td>", plain_text(pages["about"]))
+    lines = re.findall(r"<p class=note>one: measured (.*?) on ", plain_text(pages["cost"]))
+    assert lines == ["from 2031-02-03 to 2031-02-04"]
     assert about == [("", "2031-02-03", "2031-02-04"), ("2031-02-03", "", "")]
     assert not any("Data measured" in page for page in bare.values())
+
+
+def plain_text(page: str) -> str:
+    """A page without the marks that keep a number on one line."""
+    return re.sub(r"<span class=n>(.*?)</span>", r"\1", page)
+
+
+def test_pages_name_the_machine_their_folder_tells(tmp_path: Path):
+    (tmp_path / "README.md").write_text("# Title\n\nMade by `x`.\n\nMachine: A, Python 9; numpy 2.\n", encoding="utf-8")
+    assert told(tmp_path) == f"{tmp_path.name}: machine: A, Python 9; numpy 2."
+    assert told(tmp_path / "none") == "none: see reports/none/README.md."
 
 
 def test_data_of_the_paper_that_other_code_left_are_named_as_missing(tmp_path: Path):
@@ -78,7 +94,8 @@ def test_pages_load_nothing(site_pages: dict[str, str], bare: dict[str, str], na
     for page in (site_pages[name], bare[name]):
         links = set(re.findall(r'(?:src|href|action)="([^"]*)"', page))
         local = {f"{other}.html" for other in MENU} | {"data:,", "#main"}
-        assert {link for link in links if not re.fullmatch(r"figures/[\w-]+\.png", link)} <= local
+        within = {f"#{name}" for name in re.findall(r'id="([^"]*)"', page)}
+        assert {link for link in links if not re.fullmatch(r"figures/[\w-]+\.png", link)} <= local | within
         assert set(re.findall(r"https?://[^\s\"']*", page)) <= {"http://www.w3.org/2000/svg"}
         assert "@import" not in page
         assert "url(" not in page.replace("url(#", "")
@@ -116,6 +133,19 @@ def test_the_map_shows_the_winners(site_pages: dict[str, str], site_reports: Pat
                 assert f'title="{cell.winner}: {duration(cell.seconds)}; next' in site_pages["index"]
 
 
+def test_averaging_does_not_pay_where_it_was_not_tried(site_pages: dict[str, str]):
+    head, row = re.findall(r"<tr>(.*?)</tr>", site_pages["index"])[:2]
+    assert "paper, semi-axes (1, 0.8, 0.5), St = 50 to 100" in head
+    assert row == "<td>0.1</td><td>not up to St = 100</td>"
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(1e-12, "10^−12"), (0.01, "0.01"), (1, "1"), (100.0, "100"), (1e4, "10^4"), (3e4, "3·10^4")]
+)
+def test_powers_of_ten(value: float, text: str):
+    assert tens(value) == text
+
+
 def test_accuracy_tells_order_and_st(site_pages: dict[str, str]):
     cells = re.findall(r"<td[^>]*>(.*?)</td>", site_pages["accuracy"])
     row = cells[cells.index("case") :][: len(LAWS_HEADER)]
@@ -128,8 +158,9 @@ def test_laws_compare_every_timed_run(site_pages: dict[str, str], site_reports: 
     points = [point for series in data_of(site_pages["laws"], "laws-chart")["series"] for point in series["points"]]
     studies = read_sources(site_reports).studies
     records = [record for name in ("bench", "hard-cases") for record in studies[name].records]
-    timed = sorted(plain(record["seconds"]) for record in records if record["seconds"])
-    assert sorted(point[1] for point in points) == timed
+    usual = load_laws().source["sentinel_seconds"]
+    timed = [record["seconds"] * usual / record["sentinel_seconds"] for record in records if record["seconds"]]
+    assert sorted(point[1] for point in points) == pytest.approx(sorted(timed), rel=1e-5)
     assert all(point[0] > 0 for point in points)
 
 
@@ -137,6 +168,9 @@ def test_predictions_on_scenes_held_out_are_points(site_pages: dict[str, str]):
     for kind, place in (("seconds", (0.002, 0.001)), ("slow_error", (1e-7, 1e-8))):
         (series,) = data_of(site_pages["laws"], f"held-out-{kind}")["series"]
         assert [tuple(point[:2]) for point in series["points"]] == [place]
+    assert (
+        "0.0% of 1 times were predicted within a factor 1.5 at the usual pace, 100.0% as timed." in site_pages["laws"]
+    )
 
 
 RUN = {"status": "reached_end", "seconds": 0.1, "solver_slow_error": 1e-9, "model_slow_error": 0.0, "message": ""}
@@ -226,6 +260,21 @@ def test_damaged_files_are_named(tmp_path: Path, site_reports: Path):
         (broken / name / "records.jsonl").write_text(text, encoding="utf-8")
     unreadable = read_sources(broken).unreadable
     assert [Path(line.split(":")[0]).parent.name for line in unreadable] == ["other", "torn"]
+
+
+@pytest.mark.parametrize(
+    ("text", "html"),
+    [
+        ("to 3e-07 at St = 1e+06", "to <span class=n>3e-7</span> at St = <span class=n>1e6</span>"),
+        ("1.7e+02, -1.5e-09", "170, <span class=n>-1.5e-9</span>"),
+        ("1.234e+02", "<span class=n>1.234e2</span>"),
+        ("rest-5e4, cyrk-vern8", "rest-5e4, cyrk-vern8"),
+        ("Lx of 1/St^p is *new*", "L<sub>x</sub> of 1/St<sup>p</sup> is <em>new</em>"),
+        ("`a*b*c^2 1e-06` on 2031-02-03", "<code>a*b*c^2 1e-06</code> on <span class=n>2031-02-03</span>"),
+    ],
+)
+def test_notation(text: str, html: str):
+    assert prose(text) == html
 
 
 def test_text_is_escaped():

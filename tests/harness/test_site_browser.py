@@ -62,6 +62,22 @@ addEventListener("load", () => {
     seen.turned = canvas.toDataURL() !== before;
   }
   seen.wide ||= wide();
+  const [tag, scene] = document.querySelectorAll("#filters select");
+  if (tag) {
+    tag.value = "hard";
+    tag.dispatchEvent(new Event("change"));
+    seen.tagged = [...scene.options].map((option) => option.value);
+    tag.value = "";
+    tag.dispatchEvent(new Event("change"));
+    seen.all = [...scene.options].map((option) => option.value);
+    // A finger touches a point and is lifted.
+    const svg = document.querySelector("#cost-chart svg");
+    const { left, top, width, height } = svg.querySelector("path[transform]").getBoundingClientRect();
+    const touch = { pointerType: "touch", bubbles: true, clientX: left + width / 2, clientY: top + height / 2 };
+    svg.dispatchEvent(new PointerEvent("pointerdown", touch));
+    svg.dispatchEvent(new PointerEvent("pointerleave", touch));
+    seen.touched = svg.parentElement.querySelector(".tip:not([hidden])")?.textContent;
+  }
   seen.failures = document.getElementById("failures")?.textContent;
   seen.fetched = performance.getEntriesByType("resource").map((e) => e.name);
   seen.wrong = wrong;
@@ -130,9 +146,19 @@ def test_tooltip_of_a_run_tells_method_error_time_and_calls(seen: dict[tuple[str
         r"(quaternion|averaged), [\w-]+ at tolerance",
         r"error of L and E \d",
         r"time [\d.]+ ",
-        r"sides [\d–]+, steps \d",
+        r"right-hand-side calls \S+.*, steps \d",
     ):
         assert re.search(pattern, tip), tip
+
+
+def test_a_tag_chooses_scenes(seen: dict[tuple[str, int], dict]):
+    page = seen["cost", 1100]
+    assert page["tagged"] == ["hard-cases: paper"]
+    assert {"bench: paper", "hard-cases: paper"} < set(page["all"])
+
+
+def test_what_a_finger_chose_stays(seen: dict[tuple[str, int], dict]):
+    assert " at tolerance " in seen["cost", 390]["touched"]
 
 
 def test_failures_are_listed(seen: dict[tuple[str, int], dict]):
