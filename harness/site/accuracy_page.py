@@ -55,7 +55,8 @@ def _absences(sources: Sources) -> str:
     if not sources.absent:
         return ""
     summary = f"Where there is no error ({len(sources.absent)}), and why"
-    return f"<details><summary>{escape(summary)}</summary>{table(ABSENT_HEADER, absent_rows(sources.absent))}</details>"
+    reasons = table(ABSENT_HEADER, absent_rows(sources.absent))
+    return f'<details class="reasons"><summary>{escape(summary)}</summary>{reasons}</details>'
 
 
 def _caption(family: str) -> str:

@@ -116,10 +116,10 @@ def prose(text: str) -> str:
 
 def _notation(text: str) -> str:
     text = re.sub(r"(?<![\w.-])([-−]?\d+(?:\.\d+)?)e([+-]?)0*(\d+)\b", _number, text)
-    text = re.sub(r"\b([A-Z])_(max|min|[xyz0-9])(?![a-z])", r"\1<sub>\2</sub>", text)
+    text = re.sub(r"\b([A-Z])_(max|min|[a-z]{1,2}\d?|\d)(?![a-z])", r"\1<sub>\2</sub>", text)
     text = re.sub(r"\b\d{4}-\d\d-\d\d\b", r"<span class=n>\g<0></span>", text)
     text = re.sub(r"\bL([xyz])\b", r"L<sub>\1</sub>", text)
-    text = re.sub(r"(?<=\w)\^([-−]?\w+)", r"<sup>\1</sup>", text)
+    text = re.sub(r"(?<=\w)\^(?:\(([^()]*)\)|([-−]\w+(?:/\d+)?|\w+))", r"<sup>\1\2</sup>", text)
     return re.sub(r"(?<!\w)\*([^*\s][^*]*)\*", r"<em>\1</em>", text)
 
 
