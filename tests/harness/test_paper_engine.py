@@ -128,6 +128,22 @@ def test_a_failure_does_not_stop_the_others(tmp_path, catalogue):
     assert "Not computed yet: `polhode paper broken`" in (tmp_path / "made.md").read_text()
 
 
+def test_older_rows_of_a_neighbour_do_not_stop_the_pages(tmp_path, catalogue):
+    old = replace(made_up([]), name="old", title="Old")
+    catalogue(old)
+    run([old], tmp_path, Settings(Grid.REDUCED), lambda _: None)
+
+    def refuse(data):
+        raise ValueError("rows that today's code does not know")
+
+    item, changed = made_up([]), replace(old, verdict=refuse)
+    catalogue(item, changed)
+    assert run([item], tmp_path, Settings(Grid.REDUCED), lambda _: None) == []
+    page = (tmp_path / "made.md").read_text()
+    assert "**Verdict: confirmed.**" in page
+    assert "Not computed yet: `polhode paper old`" in page
+
+
 def test_a_number_out_of_range_takes_the_verdict_away(tmp_path, catalogue):
     item = made_up([], slope=-1.1)
     catalogue(item)
