@@ -1,15 +1,15 @@
 """`pick`: which form, which solver, at what tolerance, and what it will cost, before anything is run in earnest."""
 
 from dataclasses import dataclass, replace
-from math import floor, inf, isfinite, log10
+from math import floor, inf, isfinite, log10, pi
 
 from polhode.harness.errors import attainable
 from polhode.harness.laws import EPS, STIFF, WANTS, Interval, Laws, Load, MethodLaws, Sensitivity, load_laws
 from polhode.harness.laws_load import held_back, load_of
 from polhode.harness.laws_model import NotApplicableError, causes, model_errors, unfit_to_average
 from polhode.harness.laws_pilot import Pilot, PilotFailedError, form_sensitivity, pilot
-from polhode.harness.text import scientific
-from polhode.harness.unfit import Refusal, Stage, UnfitError, too_far_off, too_tight, why_nothing
+from polhode.harness.text import scientific, short
+from polhode.harness.unfit import Refusal, Stage, UnfitError, rounded_up, too_far_off, too_tight, why_nothing
 from polhode.models.catalogue import FORMS
 from polhode.models.catalogue import form as find_form
 from polhode.models.form import Form, FormNotValidError
@@ -124,17 +124,22 @@ def pick(
     """
     _check(scene, error, want)
     try:
-        found = pilot(scene)
+        return _recommended(scene, error, want, samples, laws or load_laws())
     except PilotFailedError as failure:
         raise NotAttainableError(f"error: got {error!r}, not attainable: {failure}") from None
-    least = attainable(scene.ellipsoid, found.observables) if want == "slow" else EPS
-    if error < least:
-        raise NotAttainableError(
-            f"error: got {error!r}, not attainable in double precision, expected at least {least:.2g}"
-        )
-    rows, refusals = _candidates(scene, found, error, want, samples, laws or load_laws())
+    except OverflowError:
+        long = f"the run of {short(scene.time)} inverse shear rates is too long"
+        raise NotAttainableError(f"error: got {error!r}, not attainable: {long}") from None
+
+
+def _recommended(scene: Scene, error: float, want: str, samples: int, laws: Laws) -> Recommendation:
+    found = pilot(scene)
+    representable = attainable(scene.ellipsoid, found.observables)
+    _check_representable(error, representable if want == "slow" else EPS)
+    rows, refusals = _candidates(scene, found, error, want, samples, laws)
     if not rows:
-        raise NotAttainableError(f"error: got {error!r}, not attainable: {why_nothing(refusals)}")
+        largest = representable / EPS if want == "slow" else pi
+        raise NotAttainableError(f"error: got {error!r}, not attainable: {why_nothing(refusals, largest)}")
     excluded = tuple(Excluded(each.form, each.solver, each.reason) for each in refusals)
     rows.sort(key=lambda row: row.seconds.predicted)
     tied = [row for row in rows if row.seconds.overlaps(rows[0].seconds)]
@@ -151,10 +156,14 @@ def _check(scene: Scene, error: float, want: str) -> None:
         raise ValueError("want: got 'orientation' for a start by L and E alone, expected 'slow'")
     if want == "orientation" and scene.ellipsoid.kind == "sphere":
         raise ValueError("want: got 'orientation' for a sphere, which has none, expected 'slow'")
-    if want == "slow" and error < (least := attainable(scene.ellipsoid, scene.initial)):
-        raise NotAttainableError(
-            f"error: got {error!r}, not attainable in double precision, expected at least {least:.2g}"
-        )
+    if want == "slow":
+        _check_representable(error, attainable(scene.ellipsoid, scene.initial))
+
+
+def _check_representable(error: float, least: float) -> None:
+    if error < least:
+        expected = f"expected at least {rounded_up(least)}"
+        raise NotAttainableError(f"error: got {error!r}, not attainable in double precision, {expected}")
 
 
 def _candidates(

@@ -64,13 +64,18 @@ class Refusal:
 _STAGES: dict[type[Exception], Stage] = {FormNotValidError: Stage.FORM, SolverNotValidError: Stage.SOLVER}
 
 
-def why_nothing(refusals: Sequence[Refusal]) -> str:
-    """Why no method will do: what those that came furthest were refused for, and what is not installed."""
+def why_nothing(refusals: Sequence[Refusal], largest: float = inf) -> str:
+    """Why no method will do: what those that came furthest were refused for, and what is not installed.
+
+    `largest` is the size of what errors are of: to ask for a larger error would be to ask for nothing.
+    """
     furthest = max(refusal.stage for refusal in refusals)
     last = [refusal for refusal in refusals if refusal.stage is furthest]
     best = min(last, key=lambda refusal: refusal.least)
-    if best.least < inf:
-        why = f"expected at least {_rounded_up(best.least)} ({best.form} by {best.solver}): {best.reason}"
+    if largest <= best.least < inf:
+        why = f"errors grow to the size of what they are of: {best.reason}"
+    elif best.least < inf:
+        why = f"expected at least {rounded_up(best.least)} ({best.form} by {best.solver}): {best.reason}"
     else:
         why = Counter(refusal.reason for refusal in last).most_common(1)[0][0]
     if furthest is Stage.LAW:
@@ -108,7 +113,7 @@ def _rounded(value: float, digits: int) -> float:
     return float(f"{value:.{digits}g}")
 
 
-def _rounded_up(value: float) -> str:
+def rounded_up(value: float) -> str:
     """A positive number in two digits that is no smaller."""
     unit = 10.0 ** (floor(log10(value)) - 1)
     return _plain(float(f"{ceil(value / unit * (1 - 1e-12)) * unit:.1e}"))

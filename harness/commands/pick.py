@@ -36,8 +36,8 @@ FEW = 8
 def pick(scene: str, error: float, want: str, samples: int, everything: bool, as_json: bool) -> None:
     """Rank the ways to run SCENE: form, solver and tolerance, with predicted error and time and their 95 % intervals.
 
-    Trial runs at loose tolerances, of milliseconds each, count the rotations and show how errors grow along them; laws
-    fitted to many measured runs predict errors and times from that. Ways whose 95 % interval of time overlaps with the
+    Short trial runs at loose tolerances count the rotations and show how errors grow along them; laws fitted to many
+    measured runs predict errors and times from that. Ways whose 95 % interval of time overlaps with the
     first one's are "tied" with it: any of them may be the fastest. `polhode solve SCENE --error E --want W` runs the
     first row.
     """

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pytest
 
+from polhode.harness.errors import attainable
 from polhode.harness.laws import load_laws
 from polhode.harness.laws_model import model_errors
 from polhode.harness.laws_pilot import pilot
@@ -89,6 +90,33 @@ def test_chaos_is_the_reason_where_it_is():
 def test_where_no_form_takes_the_start_that_is_the_reason():
     scene = replace(from_l_and_e(), stokes=0.01, time=1.0)
     assert "St is too small to average over rotations" in refusal(scene, 1e-3)
+
+
+@pytest.mark.parametrize(
+    ("time", "want", "why"),
+    [
+        (
+            1e12,
+            "orientation",
+            "errors grow to the size of what they are of: rounding along the run leaves errors up to",
+        ),
+        (1e300, "slow", "the run of 1e300 inverse shear rates is too long"),
+    ],
+)
+def test_absurd_durations_are_refused_in_words(time: float, want: str, why: str):
+    text = refusal(replace(named_scene("top"), time=time), 1e-3, want)
+    assert f"not attainable: {why}" in text
+    assert "expected at least" not in text
+
+
+def test_the_least_error_told_is_one_that_can_be_asked_for():
+    """Of the ends of what double precision can hold, rounded to be printed, the one above is told."""
+    scene = named_scene("fast-spin")
+    least = re.search(rf"in double precision, expected at least ({NUMBER})$", refusal(scene, 1e-17))
+    assert least
+    exact = attainable(scene.ellipsoid, scene.initial)
+    assert exact <= float(least[1]) <= 1.1 * exact
+    assert "in double precision" not in refusal(scene, float(least[1]))
 
 
 @pytest.mark.parametrize("name", ["stiff", "thin-plate"])
