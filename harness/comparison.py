@@ -33,6 +33,8 @@ class Comparison:
     drift : float
         How many times as long the fixed piece of arithmetic took in the second run. Times are compared after division
         by it, or by what it took beside the case itself if that is more: a slow moment is no regression.
+    same_machine : bool
+        Whether machine and Python are the same; else the sentinel does not compare, and times are as they are.
     regressions : DataFrame
         The cases that got worse: `IDENTITY`, `what`, `before` and `after`.
     """
@@ -41,6 +43,7 @@ class Comparison:
     only_before: int
     only_after: int
     drift: float
+    same_machine: bool
     regressions: pd.DataFrame
 
 
@@ -58,7 +61,8 @@ def compare(before: pd.DataFrame, after: pd.DataFrame, *, slower: float, less_ac
         Factors, above 1.
     """
     first, second = _by_identity(before), _by_identity(after)
-    drift = _sentinel(second) / _sentinel(first)
+    same_machine = {*map(_machine, first.values())} == {*map(_machine, second.values())}
+    drift = _sentinel(second) / _sentinel(first) if same_machine else 1.0
     shared = first.keys() & second.keys()
     worse = [
         {**dict(zip(IDENTITY, case, strict=True)), **change}
@@ -71,6 +75,7 @@ def compare(before: pd.DataFrame, after: pd.DataFrame, *, slower: float, less_ac
         len(first) - len(shared),
         len(second) - len(shared),
         drift,
+        same_machine,
         pd.DataFrame(worse, columns=pd.Index([*IDENTITY, "what", "before", "after"])),
     )
 
@@ -114,9 +119,14 @@ def _changes(before: Row, after: Row, drift: float, slower: float, less_accurate
 
 
 def _pace(before: Row, after: Row) -> float:
-    """How many times as long the fixed piece of arithmetic took beside the case itself; 0 where it was not timed."""
+    """How many times as long the sentinel took beside the case itself; 0 where that does not compare."""
     first, second = before.get("sentinel_seconds"), after.get("sentinel_seconds")
-    return second / first if first and second else 0.0
+    return second / first if first and second and _machine(before) == _machine(after) else 0.0
+
+
+def _machine(row: Row) -> tuple[Any, ...]:
+    """Machine and Python that a row was measured with."""
+    return tuple(value for name, value in sorted(row.items()) if name.startswith("machine."))
 
 
 def _scatter(runs: list[float]) -> float:

@@ -16,7 +16,6 @@ from polhode.harness.pick import NotAttainableError, Recommendation, pick
 from polhode.harness.run import Runner
 from polhode.harness.store import Record, Store
 from polhode.harness.study import Study
-from polhode.harness.timing import paced
 from polhode.models.catalogue import form as find_form
 from polhode.solvers.contract import Status
 
@@ -255,8 +254,7 @@ def predictions(records: Sequence[Record], laws: Laws) -> list[Prediction]:
         sensitivity = form_sensitivity(form, known)[0]
         slow = law.error_law("slow", sensitivity) if sensitivity.error < inf else None
         error = slow.predict(sensitivity, tolerance) if slow else None
-        measured = paced(record, laws.source.get("sentinel_seconds"))
-        found.append(Prediction(record, measured, seconds, error, record.get("solver_slow_error")))
+        found.append(Prediction(record, laws.pace.seconds(record), seconds, error, record.get("solver_slow_error")))
     return found
 
 

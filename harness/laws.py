@@ -29,6 +29,7 @@ from typing import Any
 import numpy as np
 
 from polhode.harness.cache import cache_folder
+from polhode.harness.pace import Pace
 
 SCHEMA = 3
 EPS = float(np.finfo(float).eps)
@@ -225,6 +226,11 @@ class Laws:
 
     methods: dict[tuple[str, str], MethodLaws]
     source: dict[str, Any]
+
+    @property
+    def pace(self) -> Pace:
+        """The pace that the times hold for."""
+        return Pace(self.source.get("machine"), self.source.get("sentinel_seconds"))
 
     def save(self, path: Path) -> None:
         """Write as JSON, a line for each method."""

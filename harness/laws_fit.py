@@ -12,8 +12,8 @@ from polhode.harness.laws import EPS, WANTS, CostLaw, ErrorLaw, Laws, Load, Meth
 from polhode.harness.laws_least_squares import Misfit, bootstrap
 from polhode.harness.laws_load import held_back, load_of
 from polhode.harness.laws_pilot import Pilot, PilotFailedError, form_sensitivity, pilot
+from polhode.harness.pace import Pace
 from polhode.harness.store import Record
-from polhode.harness.timing import paced, usual_sentinel
 from polhode.models.catalogue import form as find_form
 from polhode.models.scene import Scene
 from polhode.models.scene_file import parse_scene
@@ -66,8 +66,8 @@ class Pilots:
         return self._found[name]
 
 
-def sample_of(record: Record, pilot: Pilot, usual: float | None) -> Sample | None:
-    """A record in the laws' terms, at the usual pace of its machine; None for a run that failed, or whose pilot did."""
+def sample_of(record: Record, pilot: Pilot, pace: Pace) -> Sample | None:
+    """A record in the laws' terms, at one pace; None for a run that failed, or whose pilot did."""
     if record["status"] != Status.REACHED_END or "seconds" not in record:
         return None
     form = find_form(record["form"])
@@ -92,7 +92,7 @@ def sample_of(record: Record, pilot: Pilot, usual: float | None) -> Sample | Non
         record["scene_name"],
         record["tolerance"],
         load,
-        paced(record, usual),
+        pace.seconds(record),
         pairs[0],
         pairs[1],
     )
@@ -106,13 +106,13 @@ def _uncertainty(record: Record, want: str) -> float:
 def fit_laws(records: Iterable[Record], source: dict[str, Any]) -> Laws:
     """Fit the laws of every method of which there are enough records, and time its first run on this machine."""
     pilots, records = Pilots(), list(records)
-    usual = usual_sentinel(records)
+    pace = Pace.usual(records)
     samples: dict[tuple[str, str], list[Sample]] = {}
     examples: dict[str, Scene] = {}
     for record in records:
         method = record["form"], record["solver"]
         found = pilots.of(record)
-        sample = sample_of(record, found, usual) if found else None
+        sample = sample_of(record, found, pace) if found else None
         if found and sample:
             samples.setdefault(method, []).append(sample)
             examples.setdefault(record["form"], found.scene)
@@ -130,7 +130,7 @@ def fit_laws(records: Iterable[Record], source: dict[str, Any]) -> Laws:
         )
     scenes = {run.scene for runs in samples.values() for run in runs}
     count = sum(len(runs) for runs in samples.values())
-    return Laws(methods, {**source, "scenes": len(scenes), "records": count, "sentinel_seconds": usual})
+    return Laws(methods, {**source, "scenes": len(scenes), "records": count, "sentinel_seconds": pace.sentinel})
 
 
 def refit(laws: Laws, records: Iterable[Record]) -> Laws:
@@ -140,11 +140,11 @@ def refit(laws: Laws, records: Iterable[Record]) -> Laws:
     of all.
     """
     pilots, records = Pilots(), list(records)
-    usual = usual_sentinel(records)
+    pace = Pace.usual(records)
     ratios: dict[tuple[str, str], list[float]] = {}
     for record in records:
         law, found = laws.methods.get((record["form"], record["solver"])), pilots.of(record)
-        sample = sample_of(record, found, usual) if law and found else None
+        sample = sample_of(record, found, pace) if law and found else None
         if law and sample:
             ratio = sample.seconds / law.cost.predict(sample.load, sample.tolerance).predicted
             ratios.setdefault((law.form, law.solver), []).append(ratio)
@@ -156,7 +156,8 @@ def refit(laws: Laws, records: Iterable[Record]) -> Laws:
         own = ratios.get(name, [])
         factor = float(np.median(own)) if len(own) >= LEAST_RUNS else usual
         methods[name] = replace(law, cost=replace(law.cost, scale=law.cost.scale * factor))
-    return Laws(methods, {**laws.source, "refitted": sum(map(len, ratios.values())), "sentinel_seconds": usual})
+    here = {"machine": pace.machine or laws.source.get("machine"), "sentinel_seconds": pace.sentinel}
+    return Laws(methods, {**laws.source, **here, "refitted": sum(map(len, ratios.values()))})
 
 
 # Parameters with what is expected of them before anything is measured, mean and standard deviation: it decides only

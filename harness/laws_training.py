@@ -29,8 +29,9 @@ LOW_ORDER_ROWS = 3
 MOST_EXPLICIT = 2e5
 # Angles only stand where something better does: they are measured on every third scene, on some rows of the ladder.
 ANGLES_EVERY, ANGLES_ROWS = 3, (0, 2)
-# Solvers with Python in the loop: measured on every fourth scene, at two tolerances, to show where they stand.
-ASIDE_EVERY, ASIDE_ROTATIONS = 4, 300.0
+# Solvers with Python in the loop: measured on every fourth scene, at two tolerances, to show where they stand; on every
+# second one in averaged forms, whose cost does not grow with the rotations.
+ASIDE_EVERY, ASIDE_ROTATIONS, ASIDE_AVERAGED_EVERY = 4, 300.0, 2
 # Rotations per damping time below which averaging over rotations makes no sense.
 LEAST_AVERAGED = 0.3
 # Counting right-hand sides slows compiled solvers down some thirtyfold, within the same limit of time.
@@ -79,12 +80,17 @@ def studies(question: Question, index: int) -> Iterator[Study]:
         tolerance = float(random.choice(choices))
         chosen = forms if index % ANGLES_EVERY == 0 and row in ANGLES_ROWS else plain
         yield study(question, chosen, solvers_for(scene, row), (tolerance,), rotations)
+    slow = []
     if index % ASIDE_EVERY == 0 and rotations < ASIDE_ROTATIONS:
+        slow = plain
+    elif index % ASIDE_AVERAGED_EVERY == 0:
+        slow = [name for name in plain if find_form(name).averaged]
+    if slow:
         aside = [name for name in SOLVERS if name not in fast_solvers()]
         if damping_times(scene) > MOST_EXPLICIT / 10:
             aside = [name for name in aside if find_solver(name).implicit]
         tolerances = tuple(float(random.choice(choices)) for choices in LADDER[:2])
-        yield study(question, plain, aside, tolerances, rotations)
+        yield study(question, slow, aside, tolerances, rotations)
 
 
 def study(

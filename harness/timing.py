@@ -1,13 +1,11 @@
 """Timing: repeated runs with the collector off, their minimum and spread, and a sentinel for an unsteady machine."""
 
 import gc
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from math import inf
-from statistics import median
 from time import perf_counter, sleep
-from typing import Any
 
 MOST_RUNS = 5
 BUDGET = 1.0
@@ -77,23 +75,6 @@ def sentinel() -> float:
         return x
 
     return min(seconds_of(kernel) for _ in range(3))
-
-
-def paced(record: Mapping[str, Any], usual: float | None) -> float:
-    """Wall time of a record had the machine been as quick as when its sentinel takes `usual` seconds.
-
-    Run times follow the sentinel, so that the moments of a machine that halves its speed now and then can be compared.
-    As measured, where either is not known.
-    """
-    seconds, found = float(record["seconds"]), record.get("sentinel_seconds")
-    return seconds * usual / found if usual and found and found < inf else seconds
-
-
-def usual_sentinel(records: Iterable[Mapping[str, Any]]) -> float | None:
-    """Median of the sentinel over timed records; None if none tells."""
-    known = [record.get("sentinel_seconds") for record in records if "seconds" in record]
-    finite = [seconds for seconds in known if seconds and seconds < inf]
-    return median(finite) if finite else None
 
 
 @dataclass

@@ -1,10 +1,14 @@
 """`polhode compare`: two saved runs, and what got worse."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from polhode.harness.cli import BadInput, RunFailed, bad_input
+
+if TYPE_CHECKING:
+    from polhode.harness.comparison import Comparison
 
 ABOVE_ONE = click.FloatRange(min=1.0, min_open=True)
 
@@ -39,16 +43,19 @@ def compare(before: Path, after: Path, slower: float, less_accurate: float, as_j
     worse = found.regressions.astype(object).where(found.regressions.notna(), None).to_dict("records")
     if as_json:
         numbers = {"shared": found.shared, "only_before": found.only_before, "only_after": found.only_after}
-        click.echo(dumps({**numbers, "drift": found.drift, "regressions": worse}))
+        click.echo(dumps({**numbers, "drift": found.drift, "same_machine": found.same_machine, "regressions": worse}))
     else:
-        click.echo(_words(found.shared, found.only_before, found.only_after, found.drift))
+        click.echo(_words(found))
         _print(worse)
     if worse:
         raise RunFailed(f"regressions: {len(worse)} in {found.shared} cases")
 
 
-def _words(shared: int, only_before: int, only_after: int, drift: float) -> str:
-    return f"{shared} cases compared, {only_before} gone, {only_after} new; the machine takes {drift:.2f} times as long"
+def _words(found: "Comparison") -> str:
+    pace = f"the machine takes {found.drift:.2f} times as long"
+    if not found.same_machine:
+        pace = "another machine or Python: times as they are"
+    return f"{found.shared} cases compared, {found.only_before} gone, {found.only_after} new; {pace}"
 
 
 def _print(worse: list[dict]) -> None:

@@ -16,7 +16,6 @@ from polhode.harness.site.markup import Page, bullets, chart, missing, table
 from polhode.harness.site.sources import Sources, StudyRecords
 from polhode.harness.store import Record
 from polhode.harness.text import duration, scientific, short
-from polhode.harness.timing import paced
 from polhode.models.catalogue import FORMS
 from polhode.models.catalogue import form as find_form
 from polhode.models.scene import Scene
@@ -164,18 +163,9 @@ def compare(study: StudyRecords, laws: Laws, tell: Callable[[str], None]) -> lis
                 continue
             predicted = laws.methods[record["form"], record["solver"]].cost.predict(load, record["tolerance"])
             method = record["form"], record["solver"], record["tolerance"]
-            seconds = at_usual_pace(record, laws)
+            seconds = laws.pace.seconds(record)
             found.append(Compared(record["scene_name"], scene.stokes, *method, seconds, predicted))
     return found
-
-
-def at_usual_pace(record: Record, laws: Laws) -> float:
-    """Time of a run in seconds at the pace of the laws; as timed where machine or Python is another than theirs.
-
-    The sentinel runs in Python itself: another build of it makes the sentinel quicker, but no compiled solver.
-    """
-    same = record.get("machine") == laws.source.get("machine")
-    return paced(record, laws.source.get("sentinel_seconds")) if same else float(record["seconds"])
 
 
 def _content(record: dict) -> str:

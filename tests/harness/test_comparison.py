@@ -95,6 +95,14 @@ def test_a_slow_moment_is_no_regression():
     assert list(found.regressions["solver"]) == ["dop853"]
 
 
+def test_the_sentinel_of_another_python_says_nothing():
+    before = frame([record(machine={"cores": 2, "python": "3.13.1"})])
+    after = frame([record(machine={"cores": 2, "python": "3.14.0"}, sentinel_seconds=2e-3, **timed(0.02))])
+    found = compare(before, after, slower=1.5, less_accurate=3.0)
+    assert (found.drift, found.same_machine) == (1.0, False)
+    assert list(found.regressions["what"]) == ["seconds"]
+
+
 def test_a_run_that_was_near_its_limit_may_pass_it():
     before = frame([record(counted_seconds=0.25)])
     after = frame([record(status="time_limit", seconds=None, seconds_runs=None)])

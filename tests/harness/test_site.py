@@ -19,7 +19,6 @@ from polhode.harness.paper.catalogue import sections
 from polhode.harness.paper.item import Grid
 from polhode.harness.regimes import cells
 from polhode.harness.site.build import MENU
-from polhode.harness.site.laws_page import at_usual_pace
 from polhode.harness.site.markup import bullets, plain, prose
 from polhode.harness.site.motion_page import examples, motion
 from polhode.harness.site.origins import told
@@ -159,20 +158,9 @@ def test_laws_compare_every_timed_run(site_pages: dict[str, str], site_reports: 
     points = [point for series in data_of(site_pages["laws"], "laws-chart")["series"] for point in series["points"]]
     studies = read_sources(site_reports).studies
     records = [record for name in ("bench", "hard-cases") for record in studies[name].records]
-    timed = [at_usual_pace(record, load_laws()) for record in records if record["seconds"]]
+    timed = [load_laws().pace.seconds(record) for record in records if record["seconds"]]
     assert sorted(point[1] for point in points) == pytest.approx(sorted(timed), rel=1e-5)
     assert all(point[0] > 0 for point in points)
-
-
-def test_pace_is_reckoned_with_on_the_machine_of_the_laws_alone():
-    laws = load_laws()
-    record = {
-        "seconds": 2.0,
-        "sentinel_seconds": 4 * laws.source["sentinel_seconds"],
-        "machine": laws.source["machine"],
-    }
-    other = {**record, "machine": {**laws.source["machine"], "python": "3.0"}}
-    assert [at_usual_pace(each, laws) for each in (record, other)] == pytest.approx([0.5, 2.0])
 
 
 def test_predictions_on_scenes_held_out_are_points(site_pages: dict[str, str]):

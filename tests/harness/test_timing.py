@@ -3,7 +3,6 @@
 import gc
 import time
 from itertools import chain, count, repeat
-from math import inf
 
 import pytest
 
@@ -13,11 +12,9 @@ from polhode.harness.timing import (
     Patience,
     Timing,
     collector_off,
-    paced,
     seconds_of,
     sentinel,
     time_runs,
-    usual_sentinel,
 )
 
 
@@ -66,16 +63,6 @@ def test_every_run_counts():
     calls = count()
     timing = time_runs(lambda: next(calls))
     assert next(calls) == len(timing.runs)
-
-
-def test_times_are_compared_at_one_pace():
-    records = [{"seconds": 3.0, "sentinel_seconds": 1e-3}, {"seconds": 2.0, "sentinel_seconds": 2e-3}, {"seconds": 1.0}]
-    records += [{"sentinel_seconds": 9e-3}, {"seconds": 1.0, "sentinel_seconds": inf}]
-    usual = usual_sentinel(records)
-    assert usual == pytest.approx(1.5e-3)
-    assert [paced(record, usual) for record in records if "seconds" in record] == pytest.approx([4.5, 1.5, 1.0, 1.0])
-    assert paced(records[0], None) == 3.0
-    assert usual_sentinel([{"seconds": 1.0}]) is None
 
 
 def test_the_sentinel_takes_a_millisecond_or_so():
