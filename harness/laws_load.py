@@ -68,7 +68,7 @@ def load_of(form: Form, solver: str, pilot: Pilot, samples: int) -> Load:
     """Load of a run of a form by a solver.
 
     Rotations, the flow's own time and damping times count by the steps that they cost, as against the usual. Averaged
-    forms know nothing of rotations, and count by their steps alone, those that stability asks for included.
+    forms know nothing of rotations, and count by their steps.
 
     Raises
     ------
@@ -77,7 +77,8 @@ def load_of(form: Form, solver: str, pilot: Pilot, samples: int) -> Load:
     """
     scene, damped, gauge = pilot.scene, pilot.damping_times, gauge_of(solver)
     if form.averaged:
-        return Load(sum(steps(form, scene, gauge)) / gauge.per_rotation, 0.0, 0.0, samples)
+        held = damped if gauge is EXPLICIT else 0.0
+        return Load(sum(steps(form, scene, gauge)) / gauge.per_rotation, 0.0, held, samples)
     turns = pilot.rotations
     following = scene.time if scene.stokes == 0 else scene.time * damped / (scene.time + damped)
     closed = form.problem(pilot.followed).parameters is None

@@ -312,6 +312,7 @@ def test_loads_and_regimes():
     averaged = load_of(form("averaged"), "taylor", found, 201)
     assert (averaged.following, averaged.damping_times, averaged.samples) == (0.0, damping, 201)
     assert 0 < averaged.rotations < load.rotations
+    assert load_of(form("averaged"), "cyrk-radau", found, 201).damping_times == 0.0
     assert form_sensitivity(form("quaternion"), found)[0].error == found.slow.error
     assert held_back(form("quaternion"), "cyrk-vern8", pilot(stiff))
     assert not held_back(form("quaternion"), "cyrk-radau", pilot(stiff))
