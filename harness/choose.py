@@ -70,7 +70,7 @@ def choose(
     except NotAttainableError as not_attainable:
         if not (form or solver or tolerance):
             raise
-        refusal = str(not_attainable)
+        refusal = f"the error {short(error)} is {str(not_attainable).removeprefix(f'error: got {error!r}, ')}"
     for row in found.ranking if found else ():
         if form in (None, row.form) and solver in (None, row.solver):
             return Choice(row.form, row.solver, tolerance or row.tolerance)
@@ -120,9 +120,8 @@ def _first_solver(problem: "Problem") -> str:
 def _note(found: "Recommendation", form: str, solver: str, error: float) -> str:
     """Why a method that `pick` does not rank may miss the error, and what would not."""
     reasons = {(each.form, each.solver): each.reason for each in found.excluded}
-    reason = reasons.get((form, solver), "`pick` knows nothing of it")
-    first = found.ranking[0]
-    return (
-        f"{form} by {solver} is not expected to meet the error {short(error)}, as {first.form} by {first.solver} is: "
-        f"{reason}"
-    )
+    best = f"{found.ranking[0].form} by {found.ranking[0].solver}"
+    if (form, solver) not in reasons:
+        return f"`pick` cannot tell whether {form} by {solver} meets the error {short(error)}, as {best} is expected to"
+    reason = reasons[form, solver]
+    return f"{form} by {solver} is not expected to meet the error {short(error)}, as {best} is: {reason}"

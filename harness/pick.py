@@ -297,4 +297,4 @@ def _reason(law: MethodLaws, found: Pilot, model: Interval | None, own: Interval
 
 
 def _tied(row: Row) -> Row:
-    return replace(row, tied=True, reason=f"no significant difference in time from the others tied; {row.reason}")
+    return replace(row, tied=True, reason=f"no significant difference in time; {row.reason}")

@@ -44,7 +44,13 @@ def test_a_solver_that_is_held_back_is_chosen_with_a_note():
 
 def test_what_no_method_can_do_is_in_the_note():
     note = choose(named_scene("paper"), "quaternion", None, None, 1e-17, "slow").note
-    assert note.startswith("quaternion by taylor runs all the same, but error: got 1e-17, not attainable")
+    assert note.startswith("quaternion by taylor runs all the same, but the error 1e-17 is not attainable in double")
+
+
+def test_of_a_form_of_ones_own_nothing_is_claimed():
+    name = "polhode.models.quaternion:Quaternion"
+    note = choose(named_scene("paper"), name, None, None, 1e-6, "slow").note
+    assert note.startswith(f"`pick` cannot tell whether {name} by taylor meets the error 1e-6, as ")
 
 
 def test_no_note_where_the_error_is_met_or_the_tolerance_is_given():
