@@ -50,7 +50,7 @@ def model_errors(form: Form, pilot: Pilot) -> dict[str, Interval | None]:
     if unfit := unfit_to_average(pilot):
         raise NotApplicableError(unfit)
     if pilot.slow.error == np.inf:
-        raise NotApplicableError("the pilot lost the motion, so that nothing tells the model error")
+        raise NotApplicableError("trial runs lost the motion, so that nothing tells the model error")
     if pilot.direct:
         return _measured(form, pilot)
     if not pilot.twin:

@@ -246,7 +246,7 @@ def _row(
         raise UnfitError("no law of the error wanted: not measured often enough", Stage.LAW)
     if sensitivity.error == inf:
         raise UnfitError(
-            "the motion magnifies errors beyond all tolerances that a pilot tried: chaotic, or too long", Stage.MOTION
+            "the motion magnifies errors beyond all tolerances tried in trial runs: chaotic, or too long", Stage.MOTION
         )
     tolerance = one_digit(min(LOOSEST, errors.tolerance(sensitivity, budget)))
     tightest = max(TIGHTEST, law.tightest / BEYOND)
