@@ -7,11 +7,15 @@ import click
 from polhode.models.loading import hint
 
 _REWORDED = (
-    (r"(.+) is not a valid float\.", r"got \1, expected a number"),
+    (r"(.+) is not a valid float( range)?\.", r"got \1, expected a number"),
     (r"(.+) is not a valid integer( range)?\.", r"got \1, expected a whole number"),
     (r"(.+) is not one of (.+)\.", r"got \1, expected one of \2"),
+    (r"(.+) is not in the range (\S+)<=x<=(\S+)\.", r"got \1, expected a number from \2 to \3"),
+    (r"(.+) is not in the range x>=(\S+)\.", r"got \1, expected at least \2"),
+    (r"(.+) is not in the range x>(\S+)\.", r"got \1, expected more than \2"),
     (r"(.+) is not in the range (.+)\.", r"got \1, expected a number in the range \2"),
     (r"Directory (.+) is a file\.", r"got \1, expected a folder"),
+    (r"File (.+) is a directory\.", r"got \1, a folder, expected a file"),
 )
 
 
