@@ -7,7 +7,7 @@ from math import isnan, log10
 
 import numpy as np
 
-from polhode.harness.text import short
+from polhode.harness.text import in_two_digits
 from polhode.models.rotation import Triple
 
 VARIABLES = ("Lx", "Ly", "Lz", "E")
@@ -262,11 +262,6 @@ def _rounded(law: Law) -> tuple[float, float]:
     """The order's interval in the two decimals that are shown."""
     low, high = law.order_interval
     return round(low, 2), round(high, 2)
-
-
-def in_two_digits(value: float) -> str:
-    """A number that was interpolated or fitted, such as an St, in the digits that mean something: 5900, not 5.9e+03."""
-    return short(float(f"{value:.2g}"))
 
 
 def first_order(form: str) -> bool:

@@ -14,7 +14,6 @@ from polhode.harness.accuracy import (
     Law,
     Measured,
     first_order,
-    in_two_digits,
     laws,
     statements,
 )
@@ -23,7 +22,7 @@ from polhode.harness.accuracy_runs import UNCERTIFIED, subjects
 from polhode.harness.accuracy_words import definitions, fits
 from polhode.harness.figures import save
 from polhode.harness.machine import versions
-from polhode.harness.text import aligned, markdown, scientific, short
+from polhode.harness.text import aligned, in_two_digits, markdown, scientific, short
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -3,12 +3,11 @@
 from collections.abc import Sequence
 from math import isnan
 
-from polhode.harness.accuracy import in_two_digits
 from polhode.harness.second_order_cases import SAMPLES
 from polhode.harness.second_order_cost import COMPARED, TARGET, Cost
 from polhode.harness.second_order_orders import Row, Slope
 from polhode.harness.second_order_resonances import ResonantRow
-from polhode.harness.text import duration, scientific, short
+from polhode.harness.text import duration, in_two_digits, scientific, short
 from polhode.models.second_order import SecondOrder
 
 # Which shapes orders are told of, and whether those are triaxial.

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from math import isnan
 
-from polhode.harness.accuracy import in_two_digits
 from polhode.harness.provenance import header
 from polhode.harness.second_order_cases import AGAINST, BACKWARD, GENTLE, PAPER, SAMPLES, TILTED, TOLERANCE
 from polhode.harness.second_order_cost import AXES, COMPARED, FEW, FULL_REPEATS, SLOW_TIME, TARGET, Cost
@@ -11,7 +10,7 @@ from polhode.harness.second_order_findings import findings
 from polhode.harness.second_order_orders import FLOORS, LARGEST_ERROR, Row, Slope
 from polhode.harness.second_order_resonances import SOLVER, ResonantRow
 from polhode.harness.store import Record
-from polhode.harness.text import duration, markdown, scientific, short
+from polhode.harness.text import duration, in_two_digits, markdown, scientific, short
 from polhode.models.scene import EulerStart
 from polhode.models.second_order import MEANINGLESS, SecondOrder
 from polhode.models.second_order_run import SMALL_KICK, STOPS

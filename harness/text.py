@@ -67,6 +67,11 @@ def short(value: float) -> str:
     return re.sub(r"e([+-])0*", lambda sign: "e" + sign[1].strip("+"), f"{value:g}")
 
 
+def in_two_digits(value: float) -> str:
+    """A number that was interpolated or fitted, such as an St, in the digits that mean something: 5900, not 5.9e+03."""
+    return short(float(f"{value:.2g}"))
+
+
 def duration(seconds: float | None) -> str:
     """A duration in two digits with its unit; a dash where there is none."""
     if seconds is None or isnan(seconds):
