@@ -186,11 +186,15 @@ class Ensemble:
         problem, scene, layout = self._problem_of(drawn), self._scene(drawn), self.layout
         starts = drawn.states(self.form, self.ellipsoid)
         times = np.linspace(0.0, problem.end, self.samples)
-        solve = run_vectorised if self.equations == "averaged" else run_batches
         statistics = Statistics.empty(layout)
         at_once = min(MOST_AT_ONCE, max(1, HELD // (self.samples * problem.dimension)))
         for first in range(0, particles, at_once):
-            states, statuses = solve(problem, starts[first : first + at_once], times, self.tolerance)
+            some = starts[first : first + at_once]
+            if self.equations == "averaged":
+                states, statuses = run_vectorised(problem, some, times, self.tolerance)
+            else:
+                slow = find_form(self.form).observe(scene, some).slow
+                states, statuses = run_batches(problem, some, times, self.tolerance, slow)
             success = statistics.add_statuses(statuses, str(Status.REACHED_END))
             finished = states.swapaxes(0, 1)
             self._observe(scene, finished if success.all() else finished[success], statistics)
