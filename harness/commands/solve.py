@@ -76,7 +76,6 @@ def solve(
 
     if not 2 <= samples <= MOST_SAMPLES:
         raise BadInput(f"--samples: got {samples}, expected a number from 2 to {MOST_SAMPLES}")
-    out = Path("/dev/stdout") if str(out) == "-" else out
     with Progress(quiet) as progress:
         with bad_input():
             target = PartialFile(out)
@@ -99,7 +98,7 @@ def solve(
             target.open()
         if not quiet:
             click.echo(f"{choice.form} by {choice.solver} at tolerance {choice.tolerance:g}", err=True)
-            for note in _notes(choice, tolerance):
+            for note in [*_notes(choice, tolerance), *_empty(form, what, problem)]:
                 click.echo(f"note: {note}", err=True)
         seconds = _write(what, form, problem, method, choice.tolerance, samples, target, progress)
     if not quiet and target.atomic:
@@ -111,6 +110,18 @@ def _notes(choice: "Choice", tolerance: float | None) -> list[str]:
     asked = click.get_current_context().get_parameter_source("error") is not ParameterSource.DEFAULT
     ruled = "the --tolerance given governs the run: --error is only for choosing one"
     return [ruled] * (asked and tolerance is not None) + [choice.note] * bool(choice.note)
+
+
+def _empty(form: "Form", scene: "Scene", problem: "Problem") -> list[str]:
+    """What of the rotation matrix the form does not know, and who does."""
+    import numpy as np
+
+    known = ~np.isnan(form.observe(scene, np.array([problem.start])).rotation[0]).any(axis=1)
+    if known.all():
+        return []
+    what = "the symmetry axis alone" if known.any() else "no orientation"
+    empty = ", ".join(f"R{i}1 to R{i}3" for i in np.flatnonzero(~known) + 1)
+    return [f"{form.name} knows {what}: {empty} stay empty; --form quaternion gives all"]
 
 
 def _write(
