@@ -137,7 +137,8 @@ def exact_moments(b: np.ndarray) -> tuple[list[float], list[float]]:
     """Second and fourth moments of an ensemble that was isotropic at t = 0.
 
     ½∫(B+s)⁻¹ds/√|B+s| and ¾∫ s S[(B+s)⁻¹⊗(B+s)⁻¹]ds/√|B+s|, where S is the mean over the three pairings of indices:
-    Montgomery-Smith, He, Jack and Smith, J. Fluid Mech. 680 (2011) 321, equations for A and 𝔸 in terms of B.
+    Montgomery-Smith, Jack and Smith, Exact tensor closures for the three dimensional Jeffery's equation,
+    arXiv:2106.10805, equations for A and 𝔸 in terms of B.
     """
     values, axes = np.linalg.eigh(b)
 
