@@ -9,7 +9,7 @@ from time import perf_counter
 from typing import Any
 
 from polhode.harness.cache import cache_folder
-from polhode.harness.laws import own_laws_path
+from polhode.harness.laws import OtherSchemaError, own_laws_path, parse_laws
 from polhode.harness.machine import machine, versions
 from polhode.harness.timing import sentinel
 from polhode.solvers.catalogue import SOLVERS
@@ -114,9 +114,25 @@ def examine(watch: float = WATCH) -> Diagnosis:
         versions=versions(),
         adapters=tuple(_adapter(name) for name in SOLVERS),
         caches=(look("references", cache_folder() / "references"), look("compiled integrators", heyoka_folder())),
-        laws=f"fitted on this machine: {own_laws_path()}" if own_laws_path().is_file() else "those of the package",
+        laws=_laws(),
         steadiness=watch_sentinel(watch),
     )
+
+
+def _laws() -> str:
+    """Whose cost laws `pick` uses: laws of another version are passed over, unreadable ones are named."""
+    own = own_laws_path()
+    if not own.is_file():
+        return "those of the package"
+    try:
+        source = parse_laws(own.read_text(encoding="utf-8")).source
+    except OtherSchemaError:
+        return f"those of the package; passed over, since of another version: {own}"
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        return f"cannot be read ({error}), remove them to use those of the package: {own}"
+    if "refitted" in source:
+        return f"times rescaled by {source['refitted']} runs of this machine: {own}"
+    return f"fitted on this machine: {own}"
 
 
 def _adapter(name: str) -> dict[str, Any]:

@@ -1,6 +1,8 @@
 """`polhode doctor`: true about what is there, clear about what is not."""
 
 import json
+from dataclasses import replace
+from importlib.resources import files
 from pathlib import Path
 
 import pytest
@@ -8,6 +10,7 @@ from commandline import Run
 
 from polhode.harness import doctor
 from polhode.harness.doctor import Cache, Steadiness, examine, look
+from polhode.harness.laws import parse_laws
 from polhode.solvers.catalogue import SOLVERS
 
 
@@ -35,6 +38,23 @@ def test_what_is_missing_is_named_with_its_remedy(monkeypatch: pytest.MonkeyPatc
     missing = [row["name"] for row in found.adapters if not row["available"]]
     assert missing == [name for name in SOLVERS if name.startswith("cyrk-")]
     assert "cyrk-vern8: cyrk is not installed: pip install cyrk" in found.advice
+
+
+def test_laws_are_named_for_what_they_are(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    """As `bench` and `laws` leave them: those that were merely rescaled count the runs, not the fit."""
+    own = tmp_path / "laws.json"
+    monkeypatch.setattr(doctor, "own_laws_path", lambda: own)
+    assert examine(watch=0.0).laws == "those of the package"
+    laws = parse_laws((files("polhode.harness") / "laws.json").read_text(encoding="utf-8"))
+    fitted = {name: value for name, value in laws.source.items() if name != "refitted"}
+    replace(laws, source=fitted).save(own)
+    assert examine(watch=0.0).laws == f"fitted on this machine: {own}"
+    replace(laws, source={**fitted, "refitted": 412}).save(own)
+    assert examine(watch=0.0).laws == f"times rescaled by 412 runs of this machine: {own}"
+    own.write_text('{"schema": "of another version"}', encoding="utf-8")
+    assert examine(watch=0.0).laws == f"those of the package; passed over, since of another version: {own}"
+    own.write_text("{", encoding="utf-8")
+    assert examine(watch=0.0).laws.startswith("cannot be read")
 
 
 def test_a_cache_is_counted(tmp_path: Path):
