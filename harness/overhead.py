@@ -21,13 +21,19 @@ from polhode.solvers.catalogue import SOLVERS
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.compile import c_callback, parameter_array
 from polhode.solvers.contract import Record, Settings, Solver
+from polhode.solvers.cyrk import Call, _Cyrk, method_number
+from polhode.solvers.exact import Exact
+from polhode.solvers.scipy_ivp import ScipySolver
 from polhode.solvers.solve import solve
+from polhode.solvers.sundials import _Sundials
+from polhode.solvers.taylor import Taylor, taylor_integrator
 
 # What is allowed: a share of the bare call or a time in seconds, whichever is more.
 ALLOWED_SHARE = 0.05
 ALLOWED_SECONDS = 50e-6
 
 Bare = Callable[[], object]
+Make = Callable[[Any, Problem, Settings, np.ndarray], Bare]
 
 
 @dataclass(frozen=True)
@@ -56,8 +62,26 @@ def paper_problem() -> Problem:
 
 
 def bare_call(method: Solver, problem: Problem, settings: Settings, times: np.ndarray) -> Bare:
-    """The library's own call for the rows that `solve` gives, everything prepared."""
-    return _BARE[method.library](method, problem, settings, times)
+    """The library's own call for the rows that `solve` gives, everything prepared.
+
+    Raises
+    ------
+    ValueError
+        If none is known for a solver of this class (`has_bare_call`).
+    """
+    make = _maker(method)
+    if make is None:
+        raise ValueError(f"solver {method.name!r}: no bare call is known, expected one of the catalogue's")
+    return make(method, problem, settings, times)
+
+
+def has_bare_call(method: Solver) -> bool:
+    """Whether the library's own call is known: by its class, since a library can be called in many ways."""
+    return _maker(method) is not None
+
+
+def _maker(method: Solver) -> Make | None:
+    return next((make for base, make in _BARE.items() if isinstance(method, base)), None)
 
 
 def measure(
@@ -72,13 +96,13 @@ def measure(
     Returns
     -------
     list of Overhead
-        One for each solver that is installed.
+        One for each solver that is installed and whose bare call is known.
     """
     times = np.linspace(0.0, problem.end, samples)
     table = []
     for name in solvers:
         method = find_solver(name)
-        if not method.available:
+        if not (method.available and has_bare_call(method)):
             continue
         bare = bare_call(method, problem, method.settings(tolerance), times)
         best = [inf, inf]
@@ -111,8 +135,6 @@ def _sundials(method: Any, problem: Problem, settings: Settings, times: np.ndarr
 
 
 def _heyoka(method: Any, problem: Problem, settings: Settings, times: np.ndarray) -> Bare:
-    from polhode.solvers.taylor import taylor_integrator
-
     parameters = parameter_array(problem)
     integrator = taylor_integrator(problem.field, problem.dimension, len(parameters), settings.tolerance)
     start = np.array(problem.start)
@@ -126,8 +148,6 @@ def _heyoka(method: Any, problem: Problem, settings: Settings, times: np.ndarray
 
 
 def _cyrk(method: Any, problem: Problem, settings: Settings, times: np.ndarray) -> Bare:
-    from polhode.solvers.cyrk import Call, method_number
-
     parameters = parameter_array(problem)
     address = c_callback(problem.field, problem.dimension, len(parameters)).address
     call = Call(address, method_number(method.method), parameters, settings.tolerance)
@@ -145,4 +165,10 @@ def _closed_form(method: Any, problem: Problem, settings: Settings, times: np.nd
     return lambda: closed_form(times)
 
 
-_BARE = {"scipy": _scipy, "sksundae": _sundials, "heyoka": _heyoka, "CyRK": _cyrk, "numpy": _closed_form}
+_BARE: dict[type[Solver], Make] = {
+    ScipySolver: _scipy,
+    _Sundials: _sundials,
+    Taylor: _heyoka,
+    _Cyrk: _cyrk,
+    Exact: _closed_form,
+}
