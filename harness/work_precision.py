@@ -66,7 +66,7 @@ class WorkPrecision:
     def frame(self) -> pd.DataFrame:
         """One row per solver and tolerance; computed at the first look.
 
-        `known` tells which errors lie above ten times the reference's uncertainty.
+        `known` tells which errors lie above ten times the reference's uncertainty, `message` why a run failed.
         """
         exact, uncertainty = self.reference
         rows = []
@@ -117,6 +117,7 @@ class WorkPrecision:
             "solver": method.name,
             "tolerance": tolerance,
             "status": str(solution.status),
+            "message": solution.message,
             "error": _error(solution.states, exact) if solution.success else None,
             "seconds": timing.seconds if timing else None,
             "spread": timing.spread if timing else None,

@@ -64,6 +64,21 @@ class Solution:
         """Whether the run reached its end."""
         return self.status.success
 
+    def __repr__(self) -> str:
+        """One fact a line, without the arrays; what the library does not tell is left out."""
+        work = ", ".join(f"{count} {name}" for name, count in vars(self.work).items() if count is not None)
+        facts = {
+            "problem": f"{self.problem.name}, {self.problem.dimension} components, to t = {self.problem.end:g}",
+            "solver": f"{self.solver} at tolerance {self.settings.tolerance:g}, {self.settings.backend}",
+            "status": f"{self.status}: {self.message}" if self.message else str(self.status),
+            "rows": f"{len(self.times)}, t = {float(self.times[0]):g} to {float(self.times[-1]):g}"
+            if len(self.times)
+            else "0",
+            "work": work or "not told",
+            "seconds": f"{self.seconds:.3g}",
+        }
+        return "\n".join(["Solution", *(f"  {name}: {fact}" for name, fact in facts.items())])
+
 
 class Interrupted(KeyboardInterrupt):
     """Ctrl-C during a run; `solution` holds the finished part."""

@@ -1,0 +1,31 @@
+"""What a solution says of itself."""
+
+import pickle
+
+import numpy as np
+
+from oracle.classical import CLASSICAL
+from polhode.solvers.solve import solve
+
+PROBLEM = CLASSICAL["rigid-body"].problem
+
+
+def test_a_solution_is_told_in_a_few_lines_whatever_its_length():
+    times = np.linspace(0.0, PROBLEM.end, 5001)
+    solution = solve(PROBLEM, "dop853", 1e-7, times, count=True)
+    lines = str(solution).splitlines()
+    assert len(lines) == 7
+    assert max(map(len, lines)) < 120
+    facts = dict(line.strip().split(": ", 1) for line in lines[1:])
+    assert facts["status"] == "reached_end"
+    assert facts["rows"] == f"5001, t = 0 to {PROBLEM.end:g}"
+    assert facts["solver"] == "dop853 at tolerance 1e-07, numba"
+    assert f"{solution.work.rhs_calls} rhs_calls, {solution.work.steps} steps" in facts["work"]
+    assert repr(pickle.loads(pickle.dumps(solution))) == repr(solution)
+
+
+def test_a_failure_is_told_with_its_reason():
+    solution = solve(PROBLEM, "taylor", 1e-9, max_steps=3)
+    assert "  status: step_limit: 3 steps" in str(solution).splitlines()
+    # Taylor's method tells neither right-hand sides nor rejections.
+    assert "  work: 3 steps" in str(solution).splitlines()
