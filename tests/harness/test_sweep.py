@@ -19,6 +19,7 @@ from polhode.harness.engines import Serial
 from polhode.harness.ensemble_summary import second_moments
 from polhode.harness.store import DamagedStoreError, Store
 from polhode.harness.sweep import gather, parse_sweep, read_sweep, run_sweep
+from polhode.harness.sweep_results import write_results
 
 # Tasks of some hundredths of a second.
 SWEEP = """\
@@ -325,3 +326,51 @@ def test_bad_options_get_one_line(polhode: Run, tmp_path: Path, words):
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
+
+
+AVERAGED = """\
+name = "averaged"
+title = "Averaged equations"
+shapes = [[1.0, 1.0, 2.0]]
+stokes = [1000.0]
+slow_time = 0.2
+particles = 20
+block = 20
+samples = 11
+snapshots = 3
+equations = "averaged"
+start.motion = "momentum-isotropic"
+start.angular_momentum = [0.0, 0.0, 0.7]
+"""
+
+
+def page_of(text: str, folder: Path) -> str:
+    """Page of a sweep that is run here and now."""
+    sweep = parse_sweep(tomllib.loads(text))
+    folder.mkdir(exist_ok=True)
+    with Store(folder / "store.sqlite") as store:
+        run_sweep(sweep, store, Serial(), quiet=True)
+        return write_results(sweep, store, folder)[0].read_text(encoding="utf-8")
+
+
+def test_averaged_equations_leave_no_empty_file_of_moments(tmp_path: Path):
+    (tmp_path / "moments.csv").write_text("\r\n")
+    page = page_of(AVERAGED, tmp_path)
+    assert "have no orientation" in page
+    assert "moments.csv" not in page
+    assert not (tmp_path / "moments.csv").exists()
+    assert all(path.stat().st_size > 100 for path in tmp_path.glob("*.csv"))
+    # All arrive: nothing is later, and there is no dash.
+    assert "later" not in page
+    assert "–" not in page
+
+
+def test_words_of_the_table_are_explained_where_they_occur(tmp_path: Path):
+    short = page_of(AVERAGED.replace("slow_time = 0.2", "slow_time = 0.02"), tmp_path / "short")
+    assert short.count("later") > 1
+    assert "`later` is after that end" in short
+    lost = page_of(AVERAGED.replace("1000.0", "20.0").replace("averaged", "full"), tmp_path / "lost")
+    assert "| – " in lost
+    assert "– under *arrived*" in lost
+    assert "[moments.csv]" in lost
+    assert "have no orientation" not in lost
