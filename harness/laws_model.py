@@ -74,7 +74,7 @@ def causes(form: Form, pilot: Pilot) -> list[str]:
     size = np.linalg.norm(observables.angular_momentum, axis=1)
     found = []
     if pilot.damping_times > 0 and pilot.rotations < 10 * pilot.damping_times:
-        found.append(f"St is small, only {pilot.rotations / pilot.damping_times:.2g} rotations per damping time")
+        found.append(f"St is small, with {pilot.rotations / pilot.damping_times:.2g} rotations per damping time")
     if size.min() < PINCHED * size.max():
         found.append("L nearly vanishes on the way (pinch point)")
     if scene.ellipsoid.kind == "triaxial":

@@ -102,7 +102,7 @@ def _notes(found: "Recommendation", shown: int) -> list[str]:
     if first.tied:
         notes.append("tied: its 95 % interval of time overlaps with the first one's, so that either may be the faster")
     if more := len(found.ranking) - shown:
-        notes.append("1 more way, a dearer one: --all" if more == 1 else f"{more} more ways, dearer ones: --all")
+        notes.append(f"{more} more {'way' if more == 1 else 'ways'}, not cheaper: --all")
     return ["\n".join(notes)]
 
 

@@ -31,8 +31,8 @@ def test_a_form_that_cannot_meet_the_error_is_chosen_with_a_note():
     (reason,) = {each.reason for each in rows.excluded if each.form == "averaged"}
     first = rows.ranking[0]
     note = choose(scene, "averaged", None, None, 1e-6, "slow").note
-    expected = f"the error 1e-6, as {first.form} by {first.solver} is: {reason}"
-    assert note == f"averaged by taylor is not expected to meet {expected}"
+    better = f"{first.form} by {first.solver} is"
+    assert note == f"averaged by taylor is not expected to meet the error 1e-6: {reason}; {better}"
     assert "model error up to 0.0" in note
 
 
@@ -50,7 +50,7 @@ def test_what_no_method_can_do_is_in_the_note():
 def test_of_a_form_of_ones_own_nothing_is_claimed():
     name = "polhode.models.quaternion:Quaternion"
     note = choose(named_scene("paper"), name, None, None, 1e-6, "slow").note
-    assert note.startswith(f"`pick` cannot tell whether {name} by taylor meets the error 1e-6, as ")
+    assert note.startswith(f"`pick` cannot tell whether {name} by taylor meets the error 1e-6; ")
 
 
 def test_no_note_where_the_error_is_met_or_the_tolerance_is_given():

@@ -150,7 +150,7 @@ def test_averaged_forms_leave_the_rotation_empty(solved):
     [
         (
             ["--form", "averaged", "--error", "1e-9"],
-            "note: averaged by taylor is not expected to meet the error 1e-9, as",
+            "note: averaged by taylor is not expected to meet the error 1e-9: ",
         ),
         (["--form", "averaged", "--error", "1e-9", "--quiet"], ""),
         ([*GIVEN, "--error", "1e-9"], "note: the --tolerance given governs the run"),

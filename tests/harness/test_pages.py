@@ -48,7 +48,7 @@ def test_pick_shows_the_cheapest_and_the_forms_that_will_not_do():
     page = pick_page(found, everything=False)
     assert page.startswith("L and E within 1e-6 of I_max, over 40 rotations")
     assert page.count("taylor  ") == FEW
-    assert "3 more ways, dearer ones: --all" in page
+    assert "3 more ways, not cheaper: --all" in page
     assert "why quaternion takes so long" in page
     assert page.splitlines()[-1].split() == ["averaged", "too", "far", "off"]
     whole = pick_page(found, everything=True)

@@ -203,7 +203,7 @@ def test_table_for_people(capsys):
     assert out.count("\ntied: its 95 % interval of time overlaps with the first one's") == 1
 
 
-@pytest.mark.parametrize(("count", "words"), [(1, "1 more way, a dearer one:"), (2, "2 more ways, dearer ones:")])
+@pytest.mark.parametrize(("count", "words"), [(1, "1 more way, not cheaper:"), (2, "2 more ways, not cheaper:")])
 def test_ways_not_shown_are_counted(count, words):
     interval = Interval(1.0, 0.5, 2.0)
     row = Row("quaternion", "taylor", 1e-9, interval, interval, 1.0, False, "")
