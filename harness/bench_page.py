@@ -6,6 +6,7 @@ from typing import Any
 
 import pandas as pd
 
+from polhode.harness.bench_scenes import scenes_section
 from polhode.harness.figures import save, work_precision_panels
 from polhode.harness.provenance import header
 from polhode.harness.store import Record, export
@@ -50,6 +51,7 @@ def _endings(table: pd.DataFrame) -> list[str]:
 def _lines(study: Study, table: pd.DataFrame, records: Sequence[Record], command: str) -> list[str]:
     return [
         *header(study.title, command, records),
+        *scenes_section(records),
         "## Verdict",
         "",
         *(f"- {sentence}" for sentence in [*sentences(table), *averaged_costs(table)]),
@@ -105,7 +107,7 @@ def _winners(table: pd.DataFrame, error: str) -> str:
                 row.append("none")
                 continue
             best = winner.row
-            tied = f" (tied: {', '.join(winner.tied)})" if winner.tied else ""
+            tied = f" (tied: {winner.ties})" if winner.ties else ""
             time = duration(float(best["seconds"]))  # pyright: ignore[reportArgumentType]
             row.append(f"{best['form']}, {best['solver']}, {best['tolerance']:g}: {time}{tied}")
         rows.append(row)

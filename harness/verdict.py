@@ -1,20 +1,21 @@
 """Who wins: the cheapest measured run that meets an error, and from which St on the averaged form does."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
 from polhode.harness.tables import where
-from polhode.harness.text import scientific
-from polhode.models.catalogue import FORMS
+from polhode.harness.text import scientific, short
 from polhode.models.catalogue import form as find_form
 
 SECOND_ORDER = "averaged-second-order"
 TARGETS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10)
 # Runs within this factor of the fastest are a tie: two thirds of it is what the machine's noise makes.
 TIE = 1.15
+# St further apart than this leave open where between them averaging begins to pay.
+GAP = 10.0 * (1 + 1e-9)
 
 
 @dataclass(frozen=True)
@@ -26,11 +27,20 @@ class Winner:
     row : Series
         The record of the run.
     tied : tuple of str
-        The other methods within the tie: solvers of the same form by their name, others as "form, solver".
+        The other solvers of the same form within the tie.
+    others : dict
+        Those of other forms, by form.
     """
 
     row: pd.Series
     tied: tuple[str, ...]
+    others: dict[str, tuple[str, ...]]
+
+    @property
+    def ties(self) -> str:
+        """All methods within the tie, grouped by form; empty where there is none."""
+        others = [f"{form} by {', '.join(solvers)}" for form, solvers in self.others.items()]
+        return "; ".join([*([", ".join(self.tied)] if self.tied else []), *others])
 
 
 def cheapest(runs: pd.DataFrame, target: float, error: str = "slow_error") -> Winner | None:
@@ -40,14 +50,16 @@ def cheapest(runs: pd.DataFrame, target: float, error: str = "slow_error") -> Wi
         return None
     best = good.iloc[0]
     near = good[good["seconds"] <= TIE * best["seconds"]]
-    pairs = zip(near["form"], near["solver"], strict=True)
-    names = dict.fromkeys(solver if form == best["form"] else f"{form}, {solver}" for form, solver in pairs)
-    return Winner(best, tuple(names)[1:])
+    solvers: dict[str, dict[str, None]] = {}
+    for form, solver in zip(near["form"], near["solver"], strict=True):
+        solvers.setdefault(form, {})[solver] = None
+    tied = {form: tuple(names) for form, names in solvers.items()}
+    return Winner(best, tied.pop(best["form"])[1:], tied)
 
 
 def averaged_wins_from(records: pd.DataFrame, target: float) -> float | None:
     """Smallest St from which on, at every larger St measured, an averaged form is the cheapest; None if it never is."""
-    averaged = {name for name in FORMS if find_form(name).averaged}
+    averaged = averaged_forms(records)
     start = None
     for stokes in sorted(set(records["stokes"].astype(float))):
         winner = cheapest(where(records, records["stokes"] == stokes), target)
@@ -56,6 +68,27 @@ def averaged_wins_from(records: pd.DataFrame, target: float) -> float | None:
         elif start is None:
             start = stokes
     return start
+
+
+def when_averaged_wins(records: pd.DataFrame, target: float, write: Callable[[float], str]) -> str | None:
+    """At which of the St measured an averaged form is the cheapest, in words; None if it is not at the largest.
+
+    A start between two St more than `GAP` apart is told as the two, for nothing is known between them. `write` writes
+    an St.
+    """
+    start = averaged_wins_from(records, target)
+    if start is None:
+        return None
+    numbers = sorted(set(records["stokes"].astype(float)))
+    onwards = f"from St = {write(start)} on" if start < numbers[-1] else f"at St = {write(start)}"
+    if len(numbers) == 1:
+        return f"{onwards}, the only one measured"
+    if start == numbers[0]:
+        return f"{onwards}, the smallest measured"
+    before = numbers[numbers.index(start) - 1]
+    if start > GAP * before:
+        return f"{onwards}, not at {write(before)} (no St between measured)"
+    return onwards if start < numbers[-1] else f"{onwards}, the largest measured"
 
 
 def sentences(records: pd.DataFrame, targets: Sequence[float] = TARGETS) -> list[str]:
@@ -74,13 +107,15 @@ def by_scene(records: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
 
 
 def _sentences(records: pd.DataFrame, targets: Sequence[float]) -> list[str]:
+    if not averaged_forms(records):
+        return []
     lines, never = [], []
     for target in targets:
-        start = averaged_wins_from(records, target)
-        if start is None:
+        found = when_averaged_wins(records, target, short)
+        if found is None:
             never.append(f"{target:g}")
         else:
-            lines.append(f"For a slow error of {target:g} an averaged form is the cheapest from St = {start:g} on.")
+            lines.append(f"For a slow error of {target:g} an averaged form is the cheapest {found}.")
     if never:
         lines.append(
             f"For a slow error of {', '.join(never)} no averaged form is the cheapest at the largest St measured."
@@ -99,7 +134,7 @@ def averaged_costs(records: pd.DataFrame) -> list[str]:
 
 def _costs_over_stokes(records: pd.DataFrame) -> list[str]:
     lines = []
-    for name in _averaged_forms(records):
+    for name in averaged_forms(records):
         done = where(records, (records["form"] == name) & records["seconds"].notna())
         table = (
             done.pivot_table(index=["solver", "tolerance"], columns="stokes", values="seconds").dropna().astype(float)
@@ -117,7 +152,7 @@ def _costs_over_stokes(records: pd.DataFrame) -> list[str]:
 
 def _second_against_first(records: pd.DataFrame) -> list[str]:
     """Model errors and costs of the second order of averaging against the first, one sentence per St."""
-    first = next((name for name in _averaged_forms(records) if name != SECOND_ORDER), None)
+    first = next((name for name in averaged_forms(records) if name != SECOND_ORDER), None)
     if first is None:
         return []
     lines = []
@@ -136,5 +171,6 @@ def _second_against_first(records: pd.DataFrame) -> list[str]:
     return lines
 
 
-def _averaged_forms(records: pd.DataFrame) -> list[str]:
+def averaged_forms(records: pd.DataFrame) -> list[str]:
+    """Averaged forms that were run, by name."""
     return [str(name) for name in dict.fromkeys(records["form"]) if find_form(name).averaged]

@@ -10,11 +10,11 @@ import pandas as pd
 from polhode.harness.regime_page import COLORS, HEADINGS, usual_form
 from polhode.harness.regimes import Cell, cells
 from polhode.harness.site.markup import Page, bullets, missing, prose, scroll, table
-from polhode.harness.site.origins import origins
+from polhode.harness.site.origins import commands, origins
 from polhode.harness.site.sources import Sources, StudyRecords
 from polhode.harness.tables import where
 from polhode.harness.text import duration, short
-from polhode.harness.verdict import TARGETS, TIE, averaged_costs, averaged_wins_from, by_scene
+from polhode.harness.verdict import TARGETS, TIE, averaged_costs, averaged_forms, by_scene, when_averaged_wins
 
 TITLE = "What should I run?"
 LEAD = (
@@ -35,22 +35,20 @@ LONG = 12
 
 def verdict_page(sources: Sources) -> Page:
     """What to run, in sentences and as a map over St and error."""
-    body, made_by = [], []
+    body = []
     bench, regimes = sources.studies.get("bench"), sources.studies.get("regimes")
     if bench:
         body += _averaging(bench.table)
-        made_by.append("polhode bench")
     else:
         body.append(missing("The main job is", "polhode bench"))
-    if regimes:
-        made_by.append(REGIMES)
-    else:
+    if not regimes:
         body.append(missing("The regime map from St = 1e-4 to 1e8 is", REGIMES))
     study = regimes or bench
     body += _maps(study) if study else []
     body.append("<p>For a scene of your own: <code>polhode pick ice.toml --error 1e-6 --want slow</code>.</p>")
-    shown = origins(sources.folder, [study for study in (bench, regimes) if study])
-    return Page("index", TITLE, LEAD, "".join(body), tuple(made_by), shown)
+    shown = [study for study in (bench, regimes) if study]
+    made_by = commands(sources.folder, shown)
+    return Page("index", TITLE, LEAD, "".join(body), made_by, origins(sources.folder, shown))
 
 
 def _averaging(records: pd.DataFrame) -> list[str]:
@@ -75,8 +73,10 @@ def _shape(runs: pd.DataFrame) -> str:
 
 
 def _pays(runs: pd.DataFrame, target: float) -> str:
-    start = averaged_wins_from(runs, target)
-    return f"not up to St = {tens(max(runs['stokes'].to_list()))}" if start is None else f"from St = {tens(start)} on"
+    if not averaged_forms(runs):
+        return "not tried"
+    found = when_averaged_wins(runs, target, tens)
+    return f"not up to St = {tens(max(runs['stokes'].to_list()))}" if found is None else found
 
 
 def _span(values: Iterable[float]) -> str:
@@ -101,7 +101,7 @@ def _maps(study: StudyRecords) -> list[str]:
         "The cheapest method at each St and error, the time of a warm run, interpolated between tolerances, and by "
         "what factor it leads: ×2 says that the next method takes twice as long, = names a method that ties with it, "
         f"within {100 * (TIE - 1):.0f} %. Averaged forms stand under their own name, whichever solver runs them. "
-        "“nobody”: no method gets there in the time allowed. “unknown”: no reference is good enough to tell."
+        "“none”: no run measured gets there. “unknown”: no reference is good enough to tell."
     )
     return ["<h2>Regime map</h2>", f"<p>{text}</p>", *parts]
 
@@ -158,13 +158,13 @@ def _map(found: list[Cell], unit: str) -> str:
 
 def _cell(cell: Cell, usual: str) -> str:
     if cell.winner is None:
-        words = "nobody" if cell.known else "unknown"
-        tip = "no method gets there" if cell.known else "below what the reference can tell"
+        words = "none" if cell.known else "unknown"
+        tip = "no run measured gets there" if cell.known else "below what the reference can tell"
         return f'<td class="none" title="{tip}">{words}</td>'
     label = cell.winner.label
     name = f"<b{' class=long' if len(label) > LONG else ''}>{escape(label)}</b>"
     form = "" if cell.winner.side == "averaged" or cell.winner.form == usual else f"<i>{escape(cell.winner.form)}</i>"
-    tip = f"{cell.winner}: {duration(cell.seconds)}; next: {cell.second or 'nobody'}"
+    tip = f"{cell.winner}: {duration(cell.seconds)}; next: {cell.second or 'none'}"
     return (
         f'<td style="--c:{COLORS.get(label, OTHER)}" title="{escape(tip)}">'
         f"{name}{form}<span>{duration(cell.seconds)}{escape(_lead(cell))}</span></td>"

@@ -16,7 +16,13 @@ mpl.use("Agg")
 # The reference knows the slow error to 1e-9, the orientation to 1e-7: below 1e-8 and 1e-6 it cannot tell.
 RUN: dict[str, Any] = {
     "scene_name": "paper",
-    "scene": {"stokes": 50.0},
+    "scene": {
+        "stokes": 50.0,
+        "time": 25.0,
+        "shape": {"semi_axes": [1.0, 0.8, 0.5]},
+        "start": {"euler_angles": [1.0, 0.5, 0.0], "euler_rates": [1.0, 1.0, -1.0]},
+    },
+    "samples": 11,
     "form": "quaternion",
     "status": "reached_end",
     "message": "",
@@ -99,3 +105,34 @@ def test_several_scenes_have_figures_tables_and_verdicts_of_their_own(study: Stu
         ["paper", "50", "1.0e-9", "1.0e-7"],
         ["round", "50", "1.0e-9", "1.0e-7"],
     ]
+
+
+def test_the_page_tells_what_was_run(study: Study, tmp_path: Path):
+    scene = {**RUN["scene"], "stokes": 200.0, "time": 100.0}
+    at_rest = {"quaternion": [1.0, 0.0, 0.0, 0.0], "angular_velocity": [0.0, 0.0, 0.25]}
+    other = {"scene_name": "round", "scene": {**scene, "start": at_rest}, "form": "euler-angles"}
+    longer = {"scene_name": "round", "scene": {**scene, "start": at_rest, "time": 7.0}, "samples": 21}
+    records = [
+        *RECORDS,
+        {**RECORDS[0], "scene": scene, "form": "averaged"},
+        *({**RECORDS[0], **x} for x in (other, longer)),
+    ]
+    page = write_page(study, records, tmp_path, "polhode bench").read_text(encoding="utf-8")
+    assert table_below(page, "## The scenes")[1:] == [
+        [
+            *("paper", "(1, 0.8, 0.5)", "(θ, φ, ψ) = (1, 0.5, 0), at the rates (1, 1, -1)", "50, 200"),
+            *("t₂ = 0.5, t = 25, 100", "11", "quaternion, averaged"),
+        ],
+        [
+            *("round", "(1, 0.8, 0.5)", "quaternion (1, 0, 0, 0), angular velocity (0, 0, 0.25) in the body", "200"),
+            *("t = 7, 100", "11, 21", "euler-angles, quaternion"),
+        ],
+    ]
+
+
+def test_a_study_without_averaged_forms_has_no_verdict_on_them(study: Study, tmp_path: Path):
+    page = write_page(study, RECORDS, tmp_path, "polhode bench").read_text(encoding="utf-8")
+    assert "averaged form is the cheapest" not in page
+    averaged = {**RECORDS[0], "form": "averaged", "seconds": 0.15, "seconds_spread": 0.0}
+    page = write_page(study, [*RECORDS, averaged], tmp_path, "polhode bench").read_text(encoding="utf-8")
+    assert "- For a slow error of 0.0001 an averaged form is the cheapest at St = 50, the only one measured." in page

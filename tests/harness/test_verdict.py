@@ -4,7 +4,8 @@ import pandas as pd
 import pytest
 
 from polhode.harness.tables import frame
-from polhode.harness.verdict import TIE, averaged_costs, averaged_wins_from, cheapest, sentences
+from polhode.harness.text import short
+from polhode.harness.verdict import TIE, averaged_costs, averaged_wins_from, cheapest, sentences, when_averaged_wins
 
 
 def run(solver: str, seconds: float | None, error: float | None, **more: object) -> dict:
@@ -55,7 +56,8 @@ def test_ties_are_named():
             run("taylor", 1.0, 1e-9),
             run("taylor", near, 1e-10),
             run("dop853", near, 1e-9),
-            run("radau", near, 1e-9, form="averaged"),
+            run("radau", 1.1, 1e-9, form="averaged"),
+            run("dop853", near, 1e-9, form="averaged"),
             run("lsoda", far, 1e-9),
             run("bdf", near, 1e-3),
         ]
@@ -64,7 +66,9 @@ def test_ties_are_named():
     assert winner is not None
     assert winner.row["solver"] == "taylor"
     assert winner.row["seconds"] == 1.0
-    assert set(winner.tied) == {"dop853", "averaged, radau"}
+    assert winner.tied == ("dop853",)
+    assert winner.others == {"averaged": ("radau", "dop853")}
+    assert winner.ties == "dop853; averaged by radau, dop853"
 
 
 def test_another_error_may_be_asked_for():
@@ -103,17 +107,37 @@ def test_from_which_st_on_the_averaged_form_wins(pattern: dict[float, bool | Non
 def test_sentences_say_what_the_table_says():
     lines = sentences(across({1e2: False, 1e3: True}), targets=(1e-2, 1e-6))
     assert lines == [
-        "For a slow error of 0.01 an averaged form is the cheapest from St = 1000 on.",
+        "For a slow error of 0.01 an averaged form is the cheapest at St = 1000, the largest measured.",
         "For a slow error of 1e-06 no averaged form is the cheapest at the largest St measured.",
     ]
+
+
+@pytest.mark.parametrize(
+    ("pattern", "words"),
+    [
+        ({1e2: False, 1e3: True, 1e4: True}, "from St = 1000 on"),
+        ({1e3: False, 1e5: True}, "at St = 100000, not at 1000 (no St between measured)"),
+        ({1e2: False, 1e4: True, 1e5: True}, "from St = 10000 on, not at 100 (no St between measured)"),
+        ({1e3: True, 1e5: True}, "from St = 1000 on, the smallest measured"),
+        ({1e3: True}, "at St = 1000, the only one measured"),
+        ({1e3: True, 1e5: False}, None),
+    ],
+)
+def test_nothing_is_claimed_between_st_far_apart(pattern: dict[float, bool | None], words: str | None):
+    assert when_averaged_wins(across(pattern), 1e-3, short) == words
+
+
+def test_nothing_is_said_of_averaged_forms_that_were_not_run():
+    table = across({1e2: False, 1e3: True})
+    assert sentences(table.query("form != 'averaged'")) == []
 
 
 def test_scenes_are_told_of_one_by_one():
     first, second = across({1e2: False, 1e3: True}), across({1e2: True, 1e3: True})
     both = pd.concat([first.assign(scene_name="one"), second.assign(scene_name="two")])
     assert sentences(both, targets=(1e-2,)) == [
-        "one: For a slow error of 0.01 an averaged form is the cheapest from St = 1000 on.",
-        "two: For a slow error of 0.01 an averaged form is the cheapest from St = 100 on.",
+        "one: For a slow error of 0.01 an averaged form is the cheapest at St = 1000, the largest measured.",
+        "two: For a slow error of 0.01 an averaged form is the cheapest from St = 100 on, the smallest measured.",
     ]
 
 
