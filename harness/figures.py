@@ -1,5 +1,6 @@
 """Figures: functions that draw on Matplotlib axes and return them."""
 
+import textwrap
 from collections.abc import Iterable, Sequence
 from itertools import cycle
 from math import inf, log10
@@ -18,10 +19,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Okabe and Ito's palette, safe for colour-blind readers: a colour tells the library, and whether the method is
-# implicit; a marker tells the method.
+# Solvers that are not in the catalogue.
+OWN = "own"
+# Okabe and Ito's palette and a brown, safe for colour-blind readers: a colour tells the library, and whether the method
+# is implicit; a marker tells the method.
 EXPLICIT = {"heyoka": "#000000", "CyRK": "#0072B2", "SciPy": "#D55E00", "SUNDIALS": "#009E73", "closed form": "#999999"}
-IMPLICIT = {**EXPLICIT, "CyRK": "#56B4E9", "SciPy": "#E69F00"}
+EXPLICIT[OWN] = "#6B3F1D"
+IMPLICIT = {**EXPLICIT, "CyRK": "#56B4E9", "SciPy": "#E69F00", OWN: "#A9744F"}
 AVERAGED = {"averaged": "#CC79A7", "averaged-second-order": "#8E4585"}
 # The band under the Pareto front, and points that lie below what the reference can tell.
 FRONT, GREY = "#F7EFA6", "#C4C4C4"
@@ -35,12 +39,17 @@ STOPPED = {
     "time_limit": "stopped at the time limit, from this tolerance on",
     "step_limit": "stopped at the limit of steps, from this tolerance on",
 }
-# In inches: the legend, a panel, and a line of small print.
+# In inches: the legend at least, a panel, and a line of small print; the latter and a name of the legend in letters.
 LEGEND_WIDTH, PANEL, SMALL_PRINT = 2.3, (5.2, 3.9), 0.11
+LINE, NAME = 92, 28
+LEGEND_MARGIN = 0.15
+NO_BREAK = "\N{NO-BREAK SPACE}"
 
 
 def library_of(solver: str) -> str:
-    """Library of a catalogue name, as figures call it."""
+    """Library of a catalogue name, as figures call it; `OWN` for other solvers."""
+    if solver not in SOLVERS:
+        return OWN
     if solver.startswith("cyrk-"):
         return "CyRK"
     if solver == "ida" or solver.startswith("cvode-"):
@@ -131,7 +140,10 @@ def pareto_front(runs: pd.DataFrame, error: str = "slow_error") -> pd.DataFrame:
 
 
 def failures(runs: pd.DataFrame) -> list[str]:
-    """What has no point, line by line: the methods of each status that is no success, with their tolerances."""
+    """What has no point, line by line: the methods of each status that is no success, with their tolerances.
+
+    Lines are as long as a panel is wide.
+    """
     failed = where(runs, runs["status"] != "reached_end")
     lines = []
     for status in dict.fromkeys(failed["status"]):
@@ -142,16 +154,19 @@ def failures(runs: pd.DataFrame) -> list[str]:
             loosest, tightest = f"{tolerances.max():.0e}", f"{tolerances.min():.0e}"
             alone = status in STOPPED or loosest == tightest
             names.append(f"{solver} {loosest}" if alone else f"{solver} {loosest} to {tightest}")
-        lines.append(STOPPED.get(status, f"{str(status).replace('_', ' ')}, at tolerance") + ":")
-        lines += [",  ".join(names[i : i + 4]) for i in range(0, len(names), 4)]
+        heading = STOPPED.get(status, f"{str(status).replace('_', ' ')}, at tolerance")
+        text = f"{heading}: {',  '.join(name.replace(' ', NO_BREAK) for name in names)}"
+        wrapped = textwrap.wrap(text, LINE, break_long_words=False, break_on_hyphens=False, subsequent_indent="   ")
+        lines += [line.replace(NO_BREAK, " ") for line in wrapped]
     return lines
 
 
 def mark_failures(axes: "Axes", runs: pd.DataFrame) -> None:
-    """List at the top of the axes what has no point (`failures`)."""
+    """List at the top of the axes what has no point (`failures`), on a white ground over lines and grid."""
     lines = failures(runs)
     if lines:
-        style = {"va": "top", "ha": "left", "fontsize": 6, "color": "0.35"}
+        style = {"va": "top", "ha": "left", "fontsize": 6, "color": "0.35", "zorder": 4}
+        style["bbox"] = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
         axes.text(0.02, 0.98, "\n".join(lines), transform=axes.transAxes, **style)
 
 
@@ -170,8 +185,7 @@ def work_precision_panels(records: pd.DataFrame, error: str, label: str) -> "Fig
     groups = list(records.groupby("stokes", sort=True))
     columns = 2 if len(groups) > 1 else 1
     lines = -(-len(groups) // columns)
-    width = PANEL[0] * columns + LEGEND_WIDTH
-    size = width, PANEL[1] * lines
+    size = PANEL[0] * columns + LEGEND_WIDTH, PANEL[1] * lines
     figure, grid = plt.subplots(lines, columns, figsize=size, sharex=True, sharey=True, squeeze=False)
     for axes, (_, runs) in zip(grid.flat, groups, strict=False):
         work_precision(axes, runs, error)
@@ -179,33 +193,39 @@ def work_precision_panels(records: pd.DataFrame, error: str, label: str) -> "Fig
         axes.set_title(f"St = {power_of_ten(float(runs['stokes'].iloc[0]))}", fontsize=10)
     for axes in grid.flat[len(groups) :]:
         axes.set_visible(False)
-    _limits(grid[0, 0], records, error, max(len(failures(runs)) for _, runs in groups))
+    _limits(grid[0, 0], [runs for _, runs in groups], error)
     for column in grid.T:
         lowest = [axes for axes in column if axes.get_visible()][-1]
         lowest.set_xlabel(f"{label}; more accurate to the right")
         lowest.tick_params(labelbottom=True)
     for axes in grid[:, 0]:
         axes.set_ylabel("wall time of a warm run, s")
-    _legend(figure, grid.flat, list(dict.fromkeys(records["solver"])), 1 - LEGEND_WIDTH / width)
-    figure.tight_layout(rect=(0, 0, 1 - LEGEND_WIDTH / width, 1))
+    share = _legend(figure, grid.flat, list(dict.fromkeys(records["solver"])), PANEL[0] * columns)
+    figure.tight_layout(rect=(0, 0, share, 1))
     return figure
 
 
-def _limits(axes: "Axes", records: pd.DataFrame, error: str, lines: int) -> None:
-    """More accurate to the right, and room above the points for lines of small print."""
-    values = records[error].dropna().to_numpy(float)
+def _limits(axes: "Axes", panels: Sequence[pd.DataFrame], error: str) -> None:
+    """More accurate to the right, and above the points of each panel room for its own lines of small print."""
+    values = pd.concat([runs[error] for runs in panels]).dropna().to_numpy(float)
     values = values[(values > 0) & (values < LARGEST_ERROR)]
     if not values.size:
         return
     axes.set_xlim(values.max() * 3, values.min() / 3)
-    seconds = records["seconds"].dropna().to_numpy(float)
-    low, high = seconds.min() / 2, seconds.max() * 2
-    share = min(0.6, lines * SMALL_PRINT / (0.8 * PANEL[1]))
-    axes.set_ylim(low, high * (high / low) ** (share / (1 - share)))
+    seconds = [runs["seconds"].dropna().to_numpy(float) for runs in panels]
+    low, tops = min(own.min() for own in seconds if own.size) / 2, []
+    for runs, own in zip(panels, seconds, strict=True):
+        high = own.max() * 2 if own.size else 2 * low
+        share = min(0.6, len(failures(runs)) * SMALL_PRINT / (0.8 * PANEL[1]))
+        tops.append(high * (high / low) ** (share / (1 - share)))
+    axes.set_ylim(low, max(tops))
 
 
-def _legend(figure: "Figure", panels: Iterable["Axes"], solvers: list[str], left: float) -> None:
-    """One legend of all panels: solvers in the order of the records, then the rest, the unknown last."""
+def _legend(figure: "Figure", panels: Iterable["Axes"], solvers: list[str], panels_width: float) -> float:
+    """One legend of all panels: solvers in the order of the records, then the rest, the unknown last.
+
+    The figure grows as wide as the names need beside its panels, `panels_width` inches; returns the panels' share.
+    """
     entries = {name: handle for axes in panels for handle, name in zip(*axes.get_legend_handles_labels(), strict=True)}
 
     def place(name: str) -> tuple[int, int]:
@@ -213,8 +233,14 @@ def _legend(figure: "Figure", panels: Iterable["Axes"], solvers: list[str], left
         return (2, 0) if name == UNKNOWN else (0, solvers.index(solver)) if solver in solvers else (1, 0)
 
     names = sorted(entries, key=place)
-    style = {"loc": "center left", "bbox_to_anchor": (left, 0.5), "frameon": False, "fontsize": 8}
-    figure.legend([entries[name] for name in names], names, **style)
+    texts = [name.replace(", ", ",\n") if len(name) > NAME else name for name in names]
+    style = {"loc": "center right", "bbox_to_anchor": (1, 0.5), "frameon": False, "fontsize": 8, "handlelength": 3}
+    legend = figure.legend([entries[name] for name in names], texts, **style)
+    width = panels_width + max(LEGEND_WIDTH, legend.get_window_extent().width / figure.dpi + LEGEND_MARGIN)
+    figure.set_size_inches(width, figure.get_size_inches()[1])
+    legend.set_loc("center left")
+    legend.set_bbox_to_anchor((panels_width / width, 0.5), figure.transFigure)
+    return panels_width / width
 
 
 def save(figure: "Figure", folder: Path, name: str, formats: Sequence[str] = ("png",)) -> None:

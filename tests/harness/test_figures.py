@@ -11,6 +11,7 @@ from polhode.harness.figures import (
     EXPLICIT,
     GREY,
     IMPLICIT,
+    OWN,
     UNKNOWN,
     library_of,
     mark_failures,
@@ -83,6 +84,9 @@ def test_methods_of_one_library_differ_in_marker_or_colour(axes):
 def test_every_library_has_a_colour():
     assert {library_of(name) for name in SOLVERS} <= set(EXPLICIT)
     assert set(EXPLICIT) == set(IMPLICIT)
+    assert library_of("own_solver:ClassicalRungeKutta") == OWN
+    assert OWN not in {library_of(name) for name in SOLVERS}
+    assert len(set(EXPLICIT.values())) == len(EXPLICIT)
     assert library_of("ida") == library_of("cvode-bdf") == "SUNDIALS"
 
 
@@ -116,8 +120,8 @@ def test_failures_of_every_kind_are_listed(axes):
     mark_failures(axes, frame([*RECORDS, *more]))
     (text,) = axes.texts
     assert text.get_text().splitlines() == [
-        *("stopped at the time limit, from this tolerance on:", "cyrk-radau 1e-08"),
-        *("non finite, at tolerance:", "ida 1e-06 to 1e-08"),
+        "stopped at the time limit, from this tolerance on: cyrk-radau 1e-08",
+        "non finite, at tolerance: ida 1e-06 to 1e-08",
     ]
 
 
@@ -184,6 +188,7 @@ def test_one_panel_per_st(tmp_path: Path, numbers: tuple[float, ...], visible: i
 
 def test_small_print_stands_above_the_points():
     more = [run(name, tolerance, None, None) for name in SOLVERS for tolerance in (1e-4, 1e-6)]
+    more += [{**one, "status": "non_finite"} for one in more]
     figure = work_precision_panels(frame([*RECORDS, *more]), "slow_error", "slow error")
     (panel,) = figure.axes
     figure.canvas.draw()
@@ -191,6 +196,39 @@ def test_small_print_stands_above_the_points():
     highest = panel.transData.transform((1e-4, 0.3))[1]
     assert len(panel.texts[0].get_text().splitlines()) > 4
     assert text.y0 > highest
+    plt.close(figure)
+
+
+def test_small_print_covers_lines_and_keeps_within_its_panel():
+    more = [run(name, tolerance, None, None) for name in SOLVERS for tolerance in (1e-4, 1e-6)]
+    figure = work_precision_panels(frame([*RECORDS, *more]), "slow_error", "slow error")
+    (panel,) = figure.axes
+    figure.canvas.draw()
+    (note,) = panel.texts
+    assert note.get_bbox_patch().get_facecolor()[:3] == (1, 1, 1)
+    assert note.get_zorder() > max(line.get_zorder() for line in panel.get_lines())
+    assert note.get_window_extent().x1 < panel.get_window_extent().x1
+    plt.close(figure)
+
+
+def test_few_lines_of_small_print_take_little_room():
+    figure = work_precision_panels(frame(RECORDS), "slow_error", "slow error")
+    assert 0.3 < figure.axes[0].get_ylim()[1] < 1.0
+    plt.close(figure)
+
+
+def test_long_names_in_the_legend_are_whole(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.syspath_prepend(Path(__file__).parents[2] / "docs" / "examples")
+    forms = ("quaternion", "own_form:Directions")
+    own = [run("own_solver:ClassicalRungeKutta", 1e-4, 0.1, 1e-4, form=form) for form in forms]
+    figure = work_precision_panels(frame([*RECORDS, *own]), "slow_error", "slow error")
+    figure.canvas.draw()
+    (legend,) = figure.legends
+    names = [text.get_text() for text in legend.get_texts()]
+    assert {f"own_solver:ClassicalRungeKutta,\n{form}" for form in forms} <= set(names)
+    box, page = legend.get_window_extent(), figure.bbox
+    assert page.x0 <= box.x0 <= box.x1 <= page.x1
+    assert box.x0 >= figure.axes[0].get_window_extent().x1
     plt.close(figure)
 
 
