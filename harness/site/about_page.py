@@ -25,7 +25,8 @@ def about_page(sources: Sources) -> Page:
         "<h2>This site</h2>",
         table(["built with", ""], [[name, str(value)] for name, value in {**machine(), **versions()}.items()]),
         "<p>Data beside the pages in Markdown: every folder of <code>reports/</code> holds its own "
-        "<code>README.md</code>, and the runs as <code>records.jsonl</code>. How errors, references and times are "
+        "<code>README.md</code>, and beside it the numbers as <code>.jsonl</code>, <code>.csv</code> or "
+        "<code>.json</code> files. How errors, references and times are "
         "measured stands in <code>docs/method.md</code>.</p>",
     ]
     return Page("about", "Where the numbers come from", LEAD, "".join(parts), ("polhode report", "polhode doctor"))

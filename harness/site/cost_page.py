@@ -7,7 +7,7 @@ import pandas as pd
 from polhode.harness.figures import EXPLICIT, IMPLICIT, LARGEST_ERROR, MARKERS, library_of
 from polhode.harness.regime_page import COLORS
 from polhode.harness.site.markup import Page, missing
-from polhode.harness.site.origins import origins
+from polhode.harness.site.origins import commands, origins
 from polhode.harness.site.sources import Sources
 from polhode.models.catalogue import FORMS
 from polhode.models.catalogue import form as find_form
@@ -51,24 +51,16 @@ def cost_page(sources: Sources) -> Page:
         "largest": LARGEST_ERROR,
         "meanings": {str(status): status.meaning for status in Status},
     }
-    commands = tuple(dict.fromkeys(_command(name) for name in sources.studies))
     return Page(
         "cost",
         "Cost against accuracy",
         "Every run measured: wall time, or calls of the right-hand side, against the error along the whole run.",
         body,
-        commands,
+        commands(sources.folder, sources.studies.values()),
         origins(sources.folder, sources.studies.values()),
         {"cost-data": data},
         ("tables.js", "chart.js", "cost.js"),
     )
-
-
-def _command(study: str) -> str:
-    """The command that makes a study; what came by a study file of one's own is named after it."""
-    folder = study.partition("/")[0]
-    known = {"bench": "polhode bench", "regimes": "polhode regimes", "solvers": "polhode footing"}
-    return known.get(folder, f"polhode bench harness/studies/{folder.replace('-', '_')}.toml")
 
 
 def _row(run: dict[Any, Any]) -> list[Any]:

@@ -17,7 +17,7 @@ from polhode.harness.outcomes import (
     title,
 )
 from polhode.harness.site.markup import Page, bullets, missing, prose, scroll
-from polhode.harness.site.origins import origins
+from polhode.harness.site.origins import commands, origins
 from polhode.harness.site.sources import Sources
 
 STUDY = "hard-cases"
@@ -42,7 +42,7 @@ def hard_page(sources: Sources) -> Page:
         + "<h2>Reasons</h2>"
         + "".join(_reasons(block, reasons(forms)) for block, forms in found.items())
     )
-    return Page("hard", "Hard cases", LEAD, body, (COMMAND,), origins(sources.folder, [study]))
+    return Page("hard", "Hard cases", LEAD, body, commands(sources.folder, [study]), origins(sources.folder, [study]))
 
 
 def _matrix(found: dict[Block, dict[str, dict[str, Outcome]]], solvers: list[str]) -> str:

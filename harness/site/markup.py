@@ -68,7 +68,8 @@ def document(page: Page, pages: Sequence[tuple[str, str]], foot: str) -> str:
     scripts = "".join(f"<script>{asset(name)}</script>" for name in page.scripts)
     commands = "".join(f"<li><code>{escape(command)}</code></li>" for command in page.made_by)
     origins = "".join(f"<p class=note>{prose(origin)}</p>" for origin in page.origins)
-    made = f'<section class="made"><h2>Make it again</h2><ul>{commands}</ul>{origins}</section>' if commands else ""
+    heading = f"<h2>Make it again</h2><ul>{commands}</ul>" if commands else "<h2>Where it comes from</h2>"
+    made = f'<section class="made">{heading}{origins}</section>' if commands or origins else ""
     return (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{escape(page.title)} · polhode</title>'
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'

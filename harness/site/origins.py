@@ -1,5 +1,6 @@
 """Where a page's numbers come from: day, machine and versions of each study, in words."""
 
+import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,20 @@ def told(folder: Path) -> str:
     lines = page.read_text(encoding="utf-8").splitlines() if page.is_file() else []
     found = next((line for line in lines if line.startswith(TELLING) and "numpy" in line), None)
     return f"{folder.name}: " + (found[0].lower() + found[1:] if found else f"see reports/{folder.name}/README.md.")
+
+
+def commands(folder: Path, studies: Iterable[StudyRecords]) -> tuple[str, ...]:
+    """The commands that made studies, as the pages of their folders tell; none of those that do not tell.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the reports.
+    studies : iterable of StudyRecords
+    """
+    pages = dict.fromkeys(folder / study.name.partition("/")[0] / "README.md" for study in studies)
+    texts = (page.read_text(encoding="utf-8") for page in pages if page.is_file())
+    return tuple(dict.fromkeys(found[1] for text in texts if (found := re.search(r"\bMade by `([^`\n]+)`", text))))
 
 
 def machines(study: StudyRecords) -> str:

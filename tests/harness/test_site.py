@@ -136,7 +136,31 @@ def test_the_map_shows_the_winners(site_pages: dict[str, str], site_reports: Pat
 def test_averaging_does_not_pay_where_it_was_not_tried(site_pages: dict[str, str]):
     head, row = re.findall(r"<tr>(.*?)</tr>", site_pages["index"])[:2]
     assert "paper, semi-axes (1, 0.8, 0.5), St = 50 to 100" in head
-    assert row == "<td>0.1</td><td>not up to St = 100</td>"
+    assert row == "<td>0.1</td><td>not tried</td>"
+
+
+def test_averaging_that_does_not_pay_is_told_from_averaging_not_tried(tmp_path: Path, site_reports: Path):
+    (tmp_path / "reports" / "bench").mkdir(parents=True)
+    records = read_sources(site_reports).studies["bench"].records
+    slow = [{**one, "form": "averaged", "seconds": 1e3} for one in records if one["scene"]["stokes"] == 100]
+    export([*records, *slow], tmp_path / "reports" / "bench" / "records.jsonl")
+    assert "<td>0.1</td><td>not up to St = 100</td>" in site(tmp_path / "site", tmp_path / "reports")["index"]
+
+
+def test_commands_are_those_that_made_the_folders(tmp_path: Path, site_reports: Path):
+    """A study file lies anywhere: only the folder's own page tells where."""
+    records = read_sources(site_reports).studies["bench"].records
+    for name in ("own", "bare"):
+        (tmp_path / "reports" / name).mkdir(parents=True)
+        export(list(records), tmp_path / "reports" / name / "records.jsonl")
+    page = "# Own\n\nMade by `polhode bench docs/own_study.toml`. Do not edit.\n"
+    (tmp_path / "reports" / "own" / "README.md").write_text(page, encoding="utf-8")
+    made = site(tmp_path / "site", tmp_path / "reports")["cost"].partition('<section class="made">')[2]
+    assert re.findall("<li><code>(.*?)</code>", made) == ["polhode bench docs/own_study.toml"]
+    (tmp_path / "reports" / "own" / "README.md").unlink()
+    made = site(tmp_path / "site", tmp_path / "reports")["cost"].partition('<section class="made">')[2]
+    assert "Make it again" not in made
+    assert "own: measured" in made
 
 
 @pytest.mark.parametrize(
