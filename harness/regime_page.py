@@ -1,21 +1,20 @@
-"""The regime map as a picture and a page, from the records alone."""
+"""The regime map as a picture, beside its page and its data, from the records alone."""
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import inf, isnan, log10, nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from polhode.harness.figures import save
-from polhode.harness.provenance import header
-from polhode.harness.regimes import Cell, Method, Side, cells, sentences, standings
+from polhode.harness.regime_text import Maps, lines
+from polhode.harness.regimes import Cell, Method, Side, cells
 from polhode.harness.store import Record
 from polhode.harness.study import Study
 from polhode.harness.tables import frame, where
-from polhode.harness.text import duration, markdown
+from polhode.harness.text import duration, short
 from polhode.harness.verdict import TIE
 
 if TYPE_CHECKING:
@@ -48,8 +47,10 @@ HEADINGS: dict[Side, tuple[str, str]] = {
     "explicit": ("Oscillatory middle", "explicit methods"),
     "averaged": ("Averaged side", "slow equations, any solver"),
 }
-# In inches, and in rows of the map.
-LEGEND_WIDTH, LINE = 2.5, 0.3
+# In inches: a cell, what stands left of the map, and the legend below it; lines of a cell, in rows of the map.
+CELL, LEFT, LEGEND, LINE = (0.74, 0.43), 0.95, 1.75, 0.36
+# The legend needs as much width as so many columns.
+LEAST_COLUMNS = 12
 ERRORS = {
     "orientation_error": "full solution: orientation error, rad",
     "slow_error": "slow variables: error over $I_{max}$",
@@ -64,32 +65,47 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     table = frame(records)
     folder.mkdir(parents=True, exist_ok=True)
     names = list(dict.fromkeys(name for name, _ in study.scenes))
-    maps = {
+    maps: Maps = {
         (name, error): cells(where(table, table["scene_name"] == name), error) for name in names for error in ERRORS
     }
     for name in names:
-        save(picture([maps[name, error] for error in ERRORS]), folder, name)
+        times = {scene.stokes: scene.time for own, scene in study.scenes if own == name}
+        save(picture([maps[name, error] for error in ERRORS], times), folder, name)
     table[[column for column in RUN_COLUMNS if column in table]].to_csv(folder / "runs.csv", index=False)
     _write_cells(maps, folder / "cells.csv")
     page = folder / "README.md"
-    page.write_text("\n".join(_lines(study, table, records, maps, command)), encoding="utf-8")
+    page.write_text("\n".join(lines(study, table, records, maps, command)), encoding="utf-8")
     return page
 
 
-def picture(panels: Sequence[Sequence[Cell]]) -> Any:
-    """Two maps above each other, full solution and slow variables, with one legend."""
+def picture(panels: Sequence[Sequence[Cell]], times: Mapping[float, float]) -> Any:
+    """Two maps above each other, full solution and slow variables, with one legend.
+
+    Parameters
+    ----------
+    panels : sequence of two sequences of Cell
+    times : mapping
+        Duration of the runs by St, in units of the inverse shear rate.
+    """
     import matplotlib.pyplot as plt
 
-    columns = len({cell.stokes for cell in panels[0]})
-    width = LEGEND_WIDTH + 0.8 + 0.86 * columns
-    drawing, grid = plt.subplots(2, 1, figsize=(width, 10.4), sharex=True)
+    columns, rows = (len({getattr(cell, name) for cell in panels[0]}) for name in ("stokes", "target"))
+    width = LEFT + CELL[0] * max(columns, LEAST_COLUMNS) + 0.1
+    height = 2 * (CELL[1] * rows + 0.4) + 0.9 + LEGEND
+    drawing, grid = plt.subplots(2, 1, figsize=(width, height), sharex=True)
     for axes, found, title in zip(grid, panels, ERRORS.values(), strict=True):
         draw(axes, found)
-        axes.set_title(title[0].upper() + title[1:], fontsize=12, loc="left")
-        axes.set_ylabel("error asked for")
-    grid[-1].set_xlabel("Stokes number St")
+        axes.set_title(title[0].upper() + title[1:], fontsize=13, loc="left")
+        axes.set_ylabel("error asked for", fontsize=11)
+    _durations(grid[-1], sorted({cell.stokes for cell in panels[0]}), times)
     _legend(drawing, [cell for found in panels for cell in found])
-    drawing.tight_layout(rect=(0, 0, 1 - LEGEND_WIDTH / width, 1))
+    drawing.subplots_adjust(
+        left=LEFT / width,
+        right=1 - 0.1 / width,
+        top=1 - 0.35 / height,
+        bottom=(LEGEND + 0.9) / height,
+        hspace=0.4 / (CELL[1] * rows),
+    )
     return drawing
 
 
@@ -107,14 +123,14 @@ def draw(axes: "Axes", found: Sequence[Cell]) -> "Axes":
             color = color_of(cell.winner) if cell.winner else NOBODY if cell.known else UNKNOWN
             axes.add_patch(Rectangle((i, j), 1, 1, facecolor=color, edgecolor="white", linewidth=0.8))
             if cell.tied and cell.second:
-                corner = [(i + 0.72, j), (i + 1, j), (i + 1, j + 0.9)]
+                corner = [(i + 0.77, j), (i + 1, j), (i + 1, j + 0.9)]
                 axes.add_patch(Polygon(corner, facecolor=color_of(cell.second), edgecolor="none"))
             _write_in(axes, cell, i, j, usual)
     _borders(axes, [[_side(at[stokes, target]) for target in targets] for stokes in numbers])
     axes.set_xlim(0, len(numbers))
     axes.set_ylim(len(targets), 0)
-    axes.set_xticks([i + 0.5 for i in range(len(numbers))], [_power(stokes) for stokes in numbers])
-    axes.set_yticks([j + 0.5 for j in range(len(targets))], [_power(target) for target in targets])
+    axes.set_xticks([i + 0.5 for i in range(len(numbers))], [_power(stokes) for stokes in numbers], fontsize=11)
+    axes.set_yticks([j + 0.5 for j in range(len(targets))], [_power(target) for target in targets], fontsize=11)
     axes.tick_params(length=0)
     for spine in axes.spines.values():
         spine.set_visible(False)
@@ -132,19 +148,44 @@ def usual_form(found: Sequence[Cell]) -> str:
     return max(dict.fromkeys(forms), key=forms.count, default="")
 
 
+def _durations(axes: "Axes", numbers: Sequence[float], times: Mapping[float, float]) -> None:
+    """Three rows below a map: St, and over what time and slow time its runs go; bold where that is less than usual."""
+    slow = [times[stokes] / stokes if stokes else inf for stokes in numbers]
+    usual = max(slow, key=slow.count)
+    rows = {
+        "St": [_power(stokes) for stokes in numbers],
+        "$t$": [_brief(times[stokes]) for stokes in numbers],
+        "$t_2$": [_brief(value) for value in slow],
+    }
+    axes.set_xticklabels([])
+    for k, (name, texts) in enumerate(rows.items()):
+        style = {"fontsize": 9.5 if k else 11, "va": "center", "textcoords": "offset points"}
+        below = -12 - 15 * k
+        axes.annotate(name, (0, 0), (-10, below), xycoords="axes fraction", ha="right", **style)
+        for i, text in enumerate(texts):
+            weight = "bold" if k and slow[i] < usual else "normal"
+            place = {"xycoords": ("data", "axes fraction"), "ha": "center", "annotation_clip": False}
+            axes.annotate(text, (i + 0.5, 0), (0, below), weight=weight, **place, **style)
+    note = r"St: Stokes number. $t$: duration of the runs, in shear times. $t_2 = t/\mathrm{St}$: the same in slow time"
+    note += ", bold where it is shorter." if min(slow) < usual else "."
+    axes.annotate(note, (0, 0), (0, -58), xycoords="axes fraction", textcoords="offset points", fontsize=9.5)
+
+
 def _write_in(axes: "Axes", cell: Cell, i: int, j: int, usual: str) -> None:
     """Time and lead of the winner, and its form where that is not the usual one."""
     if cell.winner is None:
-        axes.text(i + 0.5, j + 0.5, "–" if cell.known else "?", ha="center", va="center", fontsize=8, color="0.55")
+        axes.text(i + 0.5, j + 0.5, "–" if cell.known else "?", ha="center", va="center", fontsize=9, color="0.55")
         return
     ink = "white" if _luminance(color_of(cell.winner)) < DARK else "black"
     lead = "tie" if cell.tied else "alone" if isnan(cell.lead) else f"×{_factor(cell.lead)}"
-    lines = [(duration(cell.seconds), 7.5), (lead, 6.5)]
+    # Three digits at most, so that 999.8 µs reads as 1.0 ms.
+    texts = [(duration(float(f"{cell.seconds:.3g}")), 9.5), (lead, 8.5)]
     if cell.winner.side != "averaged" and cell.winner.form != usual:
-        lines.append((cell.winner.form, 6.0))
-    for k, (line, size) in enumerate(lines):
-        y = j + 0.52 + LINE * (k - (len(lines) - 1) / 2)
-        axes.text(i + 0.46, y, line, ha="center", va="center", fontsize=size, color=ink)
+        texts = [(texts[0][0], 8.5), (lead, 7.5), (cell.winner.form, 7.0)]
+    gap = LINE if len(texts) < 3 else 0.3
+    for k, (line, size) in enumerate(texts):
+        y = j + 0.52 + gap * (k - (len(texts) - 1) / 2)
+        axes.text(i + 0.44, y, line, ha="center", va="center", fontsize=size, color=ink)
 
 
 def _borders(axes: "Axes", sides: list[list[Side | None]]) -> None:
@@ -166,86 +207,33 @@ def _legend(drawing: Any, found: Sequence[Cell]) -> None:
         for method in (cell.winner, cell.second if cell.tied else None):
             if method and method.label not in [other.label for other in shown[method.side]]:
                 shown[method.side].append(method)
-    handles: list[Any] = []
+    columns: list[list[Any]] = []
     for side, (heading, what) in HEADINGS.items():
         if shown[side]:
             title = rf"$\bf{{{heading.replace(' ', '~')}}}$"
-            handles.append(Patch(facecolor="none", label=f"{title}\n{what}"))
             own = sorted(shown[side], key=lambda method: [*COLORS, method.label].index(method.label))
-            handles += [Patch(facecolor=color_of(method), label=method.label) for method in own]
-            handles.append(Patch(facecolor="none", label=" "))
-    handles.append(Patch(facecolor=NOBODY, edgecolor="0.7", label="nobody gets there\nin the time allowed"))
-    handles.append(Patch(facecolor=UNKNOWN, label="below what the\nreference can tell"))
-    note = (
-        "\nNumbers: time of a warm run,\n× its lead over the next colour.\n"
-        f"Corner: who ties, within {100 * (TIE - 1):.0f} %.\n"
-        f"Full equations in the form\n{usual_form(found)}, unless\na cell names another."
-    )
-    handles.append(Patch(facecolor="none", label=note))
-    left = 1 - LEGEND_WIDTH / drawing.get_size_inches()[0]
-    style = {"frameon": False, "fontsize": 8.5, "handlelength": 1.4, "borderaxespad": 0}
-    drawing.legend(handles=handles, loc="center left", bbox_to_anchor=(left, 0.5), **style)
-
-
-def _lines(study: Study, table: pd.DataFrame, records: Sequence[Record], maps: dict, command: str) -> list[str]:
-    drift = table["sentinel_seconds"].dropna().to_numpy(float)
-    text = [
-        *header(study.title, command, records),
-        f"The sentinel, a fixed piece of arithmetic, took {duration(drift.min())} to {duration(drift.max())}.",
-        "",
-        f"Each cell shows the cheapest of {len(study.solvers)} solvers ({', '.join(study.solvers)}) in the forms "
-        f"{', '.join(study.forms)}, the time of a warm run with {study.samples} samples, interpolated between "
-        "tolerances, and by what factor it leads over the next method of another colour; a corner shows who ties with "
-        f"it, within {100 * (TIE - 1):.0f} %. Errors are maxima along the run against certified references. Every run: "
-        "[runs.csv](runs.csv); every cell: [cells.csv](cells.csv).",
-        "",
-    ]
-    for name in dict.fromkeys(name for name, _ in maps):
-        scenes = [scene for own, scene in study.scenes if own == name]
-        axes = ", ".join(f"{length:g}" for length in scenes[0].ellipsoid.semi_axes)
-        text += [f"## The {name} ({axes})", "", f"![Winners over St and error]({name}.png)", ""]
-        for error, what in (("orientation_error", "orientation"), ("slow_error", "slow variables")):
-            text += [f"- {sentence}" for sentence in (*sentences(maps[name, error], what), _forms(maps[name, error]))]
-        rows = [[f"{scene.stokes:g}", f"{scene.time:g}"] for scene in scenes]
-        text += ["", _methods(where(table, table["scene_name"] == name), name, maps)]
-        text += ["Duration in units of the inverse shear rate:", "", markdown(["St", "time"], rows, right=(0, 1))]
-    return text
-
-
-def _methods(table: pd.DataFrame, name: str, maps: dict) -> str:
-    """Every method that was run, those that never win too."""
-    full, slow = (
-        {row.method: row for row in standings(table, error, maps[name, error])}
-        for error in ("orientation_error", "slow_error")
-    )
-    rows = [
+            patches = [Patch(facecolor=color_of(method), label=method.label) for method in own]
+            columns.append([Patch(facecolor="none", label=f"{title}\n{what}"), *patches])
+    columns.append(
         [
-            *(row.method.form, row.method.solver),
-            *(f"{full[method].won} / {row.won}", f"{full[method].tied} / {row.tied}"),
-            f"{full[method].front} / {row.front} of {row.measured}",
-            ", ".join(f"{status.replace('_', ' ')} {number}" for status, number in row.failures.items()),
+            Patch(facecolor=NOBODY, edgecolor="0.7", label="no run measured gets there"),
+            Patch(facecolor=UNKNOWN, label="below what the\nreference can tell"),
         ]
-        for method, row in slow.items()
-    ]
-    columns = [
-        "form",
-        "solver",
-        "cells won",
-        "ties with the winner",
-        "on the Pareto front, St",
-        "runs without a result",
-    ]
-    text = "Every method, full solution / slow variables; at the other St somebody is both faster and more accurate:"
-    return f"{text}\n\n{markdown(columns, rows, right=(2, 3, 4))}"
+    )
+    width, height = drawing.get_size_inches()
+    top, style = LEGEND / height, {"frameon": False, "fontsize": 9.5, "handlelength": 1.3, "borderaxespad": 0}
+    for k, handles in enumerate(columns):
+        place = (0.15 / width + k * (1 - 0.2 / width) / len(columns), top)
+        drawing.add_artist(drawing.legend(handles=handles, loc="upper left", bbox_to_anchor=place, **style))
+    note = (
+        f"Numbers: time of a warm run, × its lead over the next colour; alone: no other colour gets there. "
+        f"Corner: who ties, within {100 * (TIE - 1):.0f} %.\n"
+        f"Full equations in the form {usual_form(found)}, unless a cell names another."
+    )
+    drawing.text(0.2 / width, 0.1 / height, note, fontsize=9.5, va="bottom")
 
 
-def _forms(found: Sequence[Cell]) -> str:
-    forms = [cell.winner.form for cell in found if cell.winner and cell.winner.side != "averaged"]
-    counts = ", ".join(f"{form} {forms.count(form)}" for form in dict.fromkeys(forms))
-    return f"Cells by form, where a full one wins: {counts}."
-
-
-def _write_cells(maps: dict[tuple[str, str], list[Cell]], path: Path) -> None:
+def _write_cells(maps: Maps, path: Path) -> None:
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(["scene", "error", "St", "target", "known", "form", "solver", "seconds", "lead", "tie", "next"])
@@ -265,6 +253,11 @@ def _side(cell: Cell) -> Side | None:
 
 def _factor(value: float) -> str:
     return f"{value:.1f}" if value < 9.95 else f"{value:.0f}"
+
+
+def _brief(value: float) -> str:
+    """A number in few characters: 20, 5000, 5e4."""
+    return short(value) if value < 1e4 else "∞" if value == inf else f"{value:.3g}".replace("e+0", "e")
 
 
 def _power(value: float) -> str:

@@ -12,6 +12,7 @@ from polhode.harness.case import Case
 from polhode.harness.figures import pareto_front
 from polhode.harness.study import Study
 from polhode.harness.tables import where
+from polhode.harness.text import in_two_digits, short
 from polhode.harness.uncertainty import known, least_known, uncertainty_of
 from polhode.harness.verdict import TIE
 from polhode.models.catalogue import form as find_form
@@ -233,7 +234,9 @@ def sentences(found: Sequence[Cell], what: str) -> list[str]:
         low, high = min(cell.stokes for cell in own), max(cell.stokes for cell in own)
         leads = sorted(cell.lead for cell in own if not isnan(cell.lead))
         ties = sum(cell.tied for cell in own)
-        by = f", by a factor {leads[len(leads) // 2]:.2g} (median) to {leads[-1]:.2g}" if leads else ""
+        middle, most = (in_two_digits(lead) for lead in (leads[len(leads) // 2], leads[-1])) if leads else ("", "")
+        by = f", by a factor {middle} (median) to {most}" if leads else ""
         share = f"{len(own)} of {sum(cell.winner is not None for cell in found)}"
-        lines.append(f"{subject} wins {share} cells, from St = {low:g} to {high:g}{by}; {ties} are ties ({what}).")
+        span = f"from St = {short(low)} to {short(high)}" if low < high else f"at St = {short(low)}"
+        lines.append(f"{subject} wins {share} cells, {span}{by}; {ties} are ties ({what}).")
     return lines

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -9,6 +10,10 @@ from polhode.harness.cli import bad_input
 from polhode.harness.commands.study_filters import filter_options, filtered
 from polhode.harness.commands.study_filters import words as filter_words
 from polhode.harness.commands.study_store import open_store, running_into
+
+if TYPE_CHECKING:
+    from polhode.harness.store import Store
+    from polhode.harness.study import Study
 
 
 @click.command(epilog="Example: polhode regimes --quick --out look")
@@ -25,7 +30,10 @@ def regimes(
 ) -> None:
     """Measure and draw who wins over St and error: one map for the full solution, one for the slow variables.
 
-    An interrupted run keeps its finished cases in FOLDER/store.sqlite and goes on with --resume.
+    The whole study is some 4000 runs and takes about half an hour: references, then every run up to five times.
+    Finished
+    cases are kept in FOLDER/store.sqlite; --resume measures those that it lacks, which is all of them in an empty
+    folder, and draws the map. --quick, --scene, --form and --solver make it shorter.
     """
     from polhode.harness.regime_page import write_page
     from polhode.harness.regimes import Parts
@@ -40,6 +48,17 @@ def regimes(
         folder = out or Path("reports") / study.name
     store = open_store(folder, resume)
     with running_into(store):
+        if not quiet:
+            click.echo(ahead(study, store), err=True)
         records = Runner(store, quiet).run(Parts(study))
     words = ["polhode regimes", *([str(study_file)] if study_file else []), *(["--quick"] if quick else [])]
     click.echo(f"{write_page(study, records, folder, ' '.join([*words, *filter_words(filters)]))}")
+
+
+def ahead(study: "Study", store: "Store") -> str:
+    """How much of a study is left to be measured."""
+    from polhode.harness.regimes import Parts
+
+    known = store.keys()
+    cases = [case.key in known for batch in Parts(study).batches() for case in batch]
+    return f"{store.path} holds {sum(cases)} of {len(cases)} cases, {len(cases) - sum(cases)} are measured now"

@@ -1,18 +1,24 @@
 """The regime map, on records with known winners."""
 
 import re
+from dataclasses import replace
 from math import isnan, nan
 
 import numpy as np
 import pandas as pd
 import pytest
+from click.testing import CliRunner
 
+from polhode.harness.commands.regimes import ahead, regimes
 from polhode.harness.regime_page import COLORS, draw, picture, write_page
+from polhode.harness.regime_text import horizon, scatter
 from polhode.harness.regimes import Method, cells, cost, front, parts, sentences, standings
+from polhode.harness.store import Store
 from polhode.harness.study import read_study
 from polhode.models.catalogue import form as find_form
 
 TOLERANCES = [10.0**-k for k in range(2, 13)]
+SURROUNDINGS = {"machine": {"processor": "x", "cores": 2, "system": "y", "python": "3"}, "versions": {"numpy": "2"}}
 
 
 def runs(form: str, solver: str, stokes: float, seconds: float, slope: float, floor: float = 0.0) -> list[dict]:
@@ -91,8 +97,8 @@ def test_nobody_wins_where_the_reference_cannot_tell(table: pd.DataFrame):
 def test_sentences_name_each_side(table: pd.DataFrame):
     implicit, explicit, averaged = sentences(cells(table, "slow_error"), "slow")
     assert implicit.startswith("An implicit solver wins")
-    assert "from St = 0.001 to 0.001" in implicit
-    assert "from St = 1000 to 1e+06" in explicit
+    assert ", at St = 0.001, by a factor" in implicit
+    assert "from St = 1000 to 1e6" in explicit
     assert averaged.startswith("An averaged form wins 4 of 33 cells")
     assert sentences([], "slow")[0] == "An implicit solver never wins (slow)."
 
@@ -152,20 +158,91 @@ def test_methods_without_a_colour_of_their_own_and_any_st_are_drawn():
     import matplotlib.pyplot as plt
 
     table = pd.DataFrame(runs("quaternion", "lsoda", 50.0, 1.0, 0.1) + runs("quaternion", "lsoda", 0.0, 1.0, 0.1))
-    drawing = picture([cells(table, error) for error in ("orientation_error", "slow_error")])
-    labels = [label.get_text() for label in drawing.axes[1].get_xticklabels()]
-    assert labels == ["0", "50"]
+    panels = [cells(table, error) for error in ("orientation_error", "slow_error")]
+    drawing = picture(panels, {0.0: 20.0, 50.0: 25.0})
+    below = [text.get_text() for text in drawing.axes[1].texts if text.get_position()[1] < 0]
+    assert below[:9] == ["St", "0", "50", "$t$", "20", "25", "$t_2$", "∞", "0.5"]
     plt.close(drawing)
 
 
 def test_the_page_is_written_from_records(table: pd.DataFrame, tmp_path):
     study = read_study(None, "regimes")
-    from dataclasses import replace
-
     study = replace(study, scenes=tuple(pair for pair in study.scenes if pair[0] == "ellipsoid"))
-    surroundings = {"machine": {"processor": "x", "cores": 2, "system": "y", "python": "3"}, "versions": {"numpy": "2"}}
-    records = [{**row, **surroundings} for row in table.to_dict("records")]
+    records = [{**row, **SURROUNDINGS} for row in table.to_dict("records")]
     page = write_page(study, records, tmp_path, "polhode regimes").read_text(encoding="utf-8")
     assert "An averaged form wins 4 of 33 cells" in page
     assert re.search(r"\| quaternion +\| cyrk-vern8 +\| +0 / 0 \|", page)
     assert {path.name for path in tmp_path.iterdir()} == {"README.md", "ellipsoid.png", "cells.csv", "runs.csv"}
+
+
+def test_a_shorter_slow_time_is_told_on_the_page_and_in_the_figure():
+    import matplotlib.pyplot as plt
+
+    scenes = [scene for name, scene in read_study(None, "regimes").scenes if name == "ellipsoid"]
+    remark = " ".join(horizon(scenes))
+    assert "t₂ = 0.05 at St = 1e7, 0.005 at St = 1e8 instead of 0.5" in remark
+    assert horizon([scene for scene in scenes if scene.stokes <= 1e6]) == []
+    times = {scene.stokes: scene.time for scene in scenes}
+    table = pd.DataFrame([row for stokes in times for row in runs("quaternion", "taylor", stokes, 1.0, 0.1)])
+    drawing = picture([cells(table, "slow_error")] * 2, times)
+    bold = [text.get_text() for text in drawing.axes[1].texts if text.get_weight() == "bold"]
+    assert bold == ["5e5", "5e5", "0.05", "0.005"]
+    plt.close(drawing)
+
+
+def test_the_scatter_of_equal_work_is_that_put_in():
+    generator = np.random.default_rng(1)
+    pace, noise = np.exp(generator.normal(0, 0.2, 4000)), np.exp(generator.normal(0, 0.03, 4000))
+    own = runs("averaged-spheroid", "taylor", 1.0, 2.0, 0.1)[0] | {"scene.time": 0.5}
+    rows = [
+        own | {"stokes": 1.0 + i, "scene.time": 0.5 * (1 + i), "seconds": 2.0 * fast * jump, "sentinel_seconds": fast}
+        for i, (fast, jump) in enumerate(zip(pace.tolist(), noise.tolist(), strict=True))
+    ]
+    found = scatter(pd.DataFrame(rows))
+    assert found == pytest.approx((np.hypot(0.2, 0.03), 0.03), rel=0.05)
+    assert scatter(pd.DataFrame(rows[:1])) is None
+
+
+def test_a_millisecond_is_written_as_one():
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots()
+    draw(axes, cells(pd.DataFrame(runs("quaternion", "taylor", 1.0, 0.9998e-3, 0.0)), "slow_error"))
+    assert {text.get_text() for text in axes.texts} == {"1.0 ms", "alone"}
+    plt.close(figure)
+
+
+STUDY = """
+name = "few"
+title = "Few"
+tolerances = [1e-4]
+forms = ["spheroid-axis"]
+solvers = ["taylor"]
+
+[[scenes]]
+name = "spheroid"
+stokes = [1.0, 10.0]
+time = 1.0
+shape.semi_axes = [1.0, 1.0, 2.0]
+start.euler_angles = [1.0, 0.5, 0.0]
+start.euler_rates = [1.0, 1.0, 1.0]
+"""
+
+
+def test_resume_tells_how_much_is_ahead_and_shows_no_cases_of_an_older_study(tmp_path):
+    file, out = tmp_path / "few.toml", tmp_path / "out"
+    file.write_text(STUDY, encoding="utf-8")
+    study = read_study(file)
+    result = {"seconds": 1e-3, "slow_error": 1e-5, "orientation_error": 1e-5, "status": "reached_end"}
+    result |= {"slow_uncertainty": 1e-14, "orientation_uncertainty": 1e-12, "sentinel_seconds": 1e-3, **SURROUNDINGS}
+    with Store(out / "store.sqlite") as store:
+        assert "holds 0 of 2 cases, 2 are measured now" in ahead(study, store)
+        for case in (case for batch in study.batches() for case in batch):
+            store.put(case.key, case.content, result)
+    file.write_text(STUDY.replace("[1.0, 10.0]", "[1.0]"), encoding="utf-8")
+    done = CliRunner().invoke(regimes, [str(file), "--out", str(out), "--resume"])
+    assert done.exit_code == 0
+    assert "holds 1 of 1 cases, 0 are measured now" in done.stderr
+    assert pd.read_csv(out / "runs.csv")["stokes"].tolist() == [1.0]
+    assert set(pd.read_csv(out / "cells.csv")["St"]) == {1.0}
+    assert not re.search(r"^\| +10 \|", (out / "README.md").read_text(encoding="utf-8"), re.MULTILINE)
