@@ -313,7 +313,8 @@ def test_ctrl_c_keeps_the_finished_rows(polhode: Run, environment, scene_file: P
         assert process.returncode == 1
         assert "Traceback" not in text
         assert not (tmp_path / "out.csv").exists()
-        if not (tmp_path / "out.csv.partial").exists():
+        partial = tmp_path / "out.csv.partial"
+        if not partial.exists() or not partial.read_text(encoding="utf-8"):
             continue
         rows = Table(tmp_path / "out.csv.partial").numbers
         if len(rows) > 1:
