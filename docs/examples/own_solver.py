@@ -13,7 +13,9 @@ from polhode.solvers.solve import solve
 class ClassicalRungeKutta(Solver):
     """Explicit Runge-Kutta method of order 4 with a fixed step; stable for steps below 2.8 over the fastest rate.
 
-    Tolerance: the step itself.
+    Tolerance: the fourth power of the step, so that the error follows it.
+    Error per rotation over tolerance: at most 0.07; 0.023 measured. Not so in slow time, nor for
+    angles near a pole: a fixed step does not adapt, so that this solver does not belong into the catalogue.
     Source: Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I, section II.1.
     """
 
@@ -22,16 +24,18 @@ class ClassicalRungeKutta(Solver):
     accepts = "every form with an explicit vector field"
     library = package = "numba"
     backends = ("numba",)
+    error_constant = 0.07
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         """Bind the right-hand side."""
         callback, p = numba_callback(problem.field, problem.dimension), parameter_array(problem)
         k1, k2, k3, k4 = np.empty((4, problem.dimension))
+        wanted = settings.tolerance**0.25
 
         def integrate(record: Record) -> Outcome:
             y, record.work.steps = record.start.copy(), 0
             for begin, end in zip(record.times[:-1], record.times[1:], strict=True):
-                steps = max(1, round((end - begin) / settings.tolerance))
+                steps = max(1, round((end - begin) / wanted))
                 h = (end - begin) / steps
                 for _ in range(steps):
                     callback(y, p, k1)
@@ -53,6 +57,6 @@ if __name__ == "__main__":
     times = np.linspace(0, problem.end, 201)
     exact = solve(problem, "taylor", 1e-15, times)
     for step in (0.4, 0.2, 0.1):
-        own = solve(problem, ClassicalRungeKutta(), step, times)
+        own = solve(problem, ClassicalRungeKutta(), step**4, times)
         error = np.max(np.abs(own.states - exact.states))
         print(f"step {step:4}: {own.status}, {own.work.steps} steps, {own.seconds:.2f} s, error {error:.1e}")
