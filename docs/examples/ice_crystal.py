@@ -26,14 +26,21 @@ class Crystal:
         """St = ρ_particle γ̇ l²/μ, with the longest semi-axis l."""
         return ICE * self.shear_rate * max(self.semi_axes) ** 2 / VISCOSITY
 
+    @property
+    def reynolds(self) -> float:
+        """Re = ρ_air γ̇ l²/μ."""
+        return self.stokes * AIR * self.pressure / PRESSURE / ICE
+
+    @property
+    def knudsen(self) -> float:
+        """Kn: the mean free path over the shortest semi-axis."""
+        return FREE_PATH * PRESSURE / self.pressure / min(self.semi_axes)
+
     def doubts(self) -> list[str]:
         """Assumptions of the equations that do not hold."""
-        reynolds = self.stokes * AIR * self.pressure / PRESSURE / ICE
-        knudsen = FREE_PATH * PRESSURE / self.pressure / min(self.semi_axes)
-        print(f"  St = {self.stokes:.3g}, Re = {reynolds:.2g}, Kn = {knudsen:.1g}")
-        return [f"Re = {reynolds:.2g}: inertia of the air matters"] * (reynolds > LARGEST_RE) + [
-            f"Kn = {knudsen:.2g}: the air slips along the crystal"
-        ] * (knudsen > LARGEST_KN)
+        return [f"Re = {self.reynolds:.2g}: inertia of the air matters"] * (self.reynolds > LARGEST_RE) + [
+            f"Kn = {self.knudsen:.2g}: the air slips along the crystal"
+        ] * (self.knudsen > LARGEST_KN)
 
     def scene(self, slow_time: float = 0.5) -> Scene:
         """The scene in polhode's units: lengths over l, times in inverse shear rates."""
@@ -50,13 +57,14 @@ def model_error(scene: Scene) -> float:
 
 CRYSTALS = {
     "a column of 0.2 mm in a cloud": Crystal((25e-6, 25e-6, 100e-6), shear_rate=26.0),
-    "a column of 0.8 mm in a cloud": Crystal((100e-6, 100e-6, 400e-6), shear_rate=26.0),
-    "a thicker one in a jet at 10 hPa": Crystal((200e-6, 200e-6, 400e-6), shear_rate=700.0, pressure=1e3),
+    "a plate of 0.8 mm in a cloud": Crystal((400e-6, 400e-6, 100e-6), shear_rate=26.0),
+    "a column of 0.8 mm in a jet at 10 hPa": Crystal((200e-6, 200e-6, 400e-6), shear_rate=700.0, pressure=1e3),
 }
 
 if __name__ == "__main__":
     for name, crystal in CRYSTALS.items():
         print(name)
+        print(f"  St = {crystal.stokes:.3g}, Re = {crystal.reynolds:.2g}, Kn = {crystal.knudsen:.1g}")
         for doubt in crystal.doubts():
             print(f"  beyond the equations, averaged or not: {doubt}")
         scene = crystal.scene()
