@@ -21,6 +21,6 @@ problem = Problem("brusselator", brusselator, start=(1.5, 3.0), end=20.0, parame
 if __name__ == "__main__":
     study = WorkPrecision(problem, tolerances=(1e-4, 1e-6, 1e-8, 1e-10), max_seconds=2.0)
     print(study.frame[["solver", "tolerance", "status", "error", "seconds", "rhs_calls"]].to_string(index=False))
-    study.plot(plt.figure(figsize=(7, 5)).gca()).legend(fontsize=7, ncols=2)
-    plt.savefig("brusselator.png", dpi=120)
+    study.plot(plt.figure(figsize=(9, 5)).gca()).legend(fontsize=7, loc="upper left", bbox_to_anchor=(1.01, 1))
+    plt.savefig("brusselator.png", dpi=120, bbox_inches="tight")
     print("drawn: brusselator.png")
