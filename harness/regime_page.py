@@ -71,7 +71,8 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     for name in names:
         times = {scene.stokes: scene.time for own, scene in study.scenes if own == name}
         save(picture([maps[name, error] for error in ERRORS], times), folder, name)
-    table[[column for column in RUN_COLUMNS if column in table]].to_csv(folder / "runs.csv", index=False)
+    runs = table[[column for column in RUN_COLUMNS if column in table]]
+    runs.to_csv(folder / "runs.csv", index=False, float_format="%.7g")
     _write_cells(maps, folder / "cells.csv")
     page = folder / "README.md"
     page.write_text("\n".join(lines(study, table, records, maps, command)), encoding="utf-8")
