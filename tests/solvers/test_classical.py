@@ -70,7 +70,7 @@ def amplification(problem: str) -> float:
 
 
 def allowed(problem: str, name: str) -> float:
-    """Error allowed at `TOLERANCE`: to one that is new here, what its constant claims, amplified, multistep ones' at most."""
+    """Error allowed at `TOLERANCE`; to a new solver, what its constant claims, amplified, multistep ones' at most."""
     measured = ALLOWED[problem][name in MULTISTEP]
     if name in MEASURED:
         return measured
