@@ -106,9 +106,10 @@ def range_excess(states: np.ndarray, least: float) -> np.ndarray:
     least : float
         The least moment of inertia in the same units.
     """
-    momentum2, energy2 = np.sum(states[:, :3] ** 2, axis=1), 2 * states[:, 3]
+    lx, ly, lz, energy = states.T
+    momentum2, energy2 = lx * lx + ly * ly + lz * lz, 2 * energy
     outside = np.maximum(momentum2 - energy2, least * energy2 - momentum2)
-    return np.maximum(outside, 0.0) / np.max(np.abs(energy2))
+    return np.maximum(outside, 0.0) / max(energy2.max(), -energy2.min())
 
 
 class Averaged(Form):

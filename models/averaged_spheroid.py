@@ -44,8 +44,9 @@ def field(ops: Operations) -> Field:
 
 def range_excess(states: np.ndarray, ratio: float) -> np.ndarray:
     """How far L·p̂ = I_a η exceeds |L|, squared, over the largest |L|² of states, shape (n, 4); `ratio` is I_a/I_e."""
-    momentum2 = np.sum(states[:, :3] ** 2, axis=1)
-    return np.maximum((ratio * states[:, 3]) ** 2 - momentum2, 0.0) / np.max(momentum2)
+    lx, ly, lz, spin = states.T
+    momentum2, along = lx * lx + ly * ly + lz * lz, ratio * spin
+    return np.maximum(along * along - momentum2, 0.0) / momentum2.max()
 
 
 class AveragedSpheroid(Form):
