@@ -16,6 +16,7 @@ from polhode.models.observables import Observables
 from polhode.models.scene import Scene
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Solver, Status, Work
+from polhode.solvers.solve import described
 from polhode.solvers.solve import solve as run
 
 if TYPE_CHECKING:
@@ -59,6 +60,11 @@ class SceneSolution:
     observables: Observables
     work: Work
     seconds: float
+
+    def __repr__(self) -> str:
+        """One fact a line, without the arrays."""
+        problem = f"{self.form}, St = {self.scene.stokes:g}, to t = {self.scene.time:g}"
+        return described(self, problem, f"tolerance {self.tolerance:g}")
 
     @property
     def success(self) -> bool:

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import inf, pi
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
@@ -65,19 +66,24 @@ class Solution:
         return self.status.success
 
     def __repr__(self) -> str:
-        """One fact a line, without the arrays; what the library does not tell is left out."""
-        work = ", ".join(f"{count} {name}" for name, count in vars(self.work).items() if count is not None)
-        facts = {
-            "problem": f"{self.problem.name}, {self.problem.dimension} components, to t = {self.problem.end:g}",
-            "solver": f"{self.solver} at tolerance {self.settings.tolerance:g}, {self.settings.backend}",
-            "status": f"{self.status}: {self.message}" if self.message else str(self.status),
-            "rows": f"{len(self.times)}, t = {float(self.times[0]):g} to {float(self.times[-1]):g}"
-            if len(self.times)
-            else "0",
-            "work": work or "not told",
-            "seconds": f"{self.seconds:.3g}",
-        }
-        return "\n".join(["Solution", *(f"  {name}: {fact}" for name, fact in facts.items())])
+        """One fact a line, without the arrays."""
+        problem = f"{self.problem.name}, {self.problem.dimension} components, to t = {self.problem.end:g}"
+        return described(self, problem, f"tolerance {self.settings.tolerance:g}, {self.settings.backend}")
+
+
+def described(solution: Any, problem: str, setting: str) -> str:
+    """A solution in words, one fact a line; what the library does not tell is left out."""
+    work = ", ".join(f"{count} {name}" for name, count in vars(solution.work).items() if count is not None)
+    times = solution.times
+    facts = {
+        "problem": problem,
+        "solver": f"{solution.solver} at {setting}",
+        "status": f"{solution.status}: {solution.message}" if solution.message else str(solution.status),
+        "rows": f"{len(times)}, t = {float(times[0]):g} to {float(times[-1]):g}" if len(times) else "0",
+        "work": work or "not told",
+        "seconds": f"{solution.seconds:.3g}",
+    }
+    return "\n".join([type(solution).__name__, *(f"  {name}: {fact}" for name, fact in facts.items())])
 
 
 class Interrupted(KeyboardInterrupt):

@@ -170,3 +170,12 @@ def test_plots_take_and_return_axes(solution: SceneSolution):
     np.testing.assert_allclose(right.lines[0].get_ydata(), solution.energy / size)
     assert left.get_xlabel().startswith("slow time")
     plt.close(figure)
+
+
+def test_a_printed_solution_is_short():
+    found = solve("paper", form="quaternion", solver="taylor", tolerance=1e-8, samples=11)
+    lines = repr(found).splitlines()
+    assert lines[0] == "SceneSolution"
+    assert "  solver: taylor at tolerance 1e-08" in lines
+    assert "  rows: 11, t = 0 to 500" in lines
+    assert len(lines) < 10
