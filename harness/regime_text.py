@@ -52,6 +52,8 @@ def lines(study: Study, table: pd.DataFrame, records: Sequence[Record], maps: Ma
 
 def horizon(scenes: Sequence[Scene]) -> list[str]:
     """A remark on the St at which runs span less slow time than at most of the others; none where there are none."""
+    if not scenes:
+        return []
     usual = Counter(scene.slow_time for scene in scenes).most_common(1)[0][0]
     less = sorted((scene for scene in scenes if scene.slow_time < usual), key=lambda scene: scene.stokes)
     if not less:

@@ -8,10 +8,12 @@ from statistics import median_high
 import pandas as pd
 
 from polhode.harness.regime_page import COLORS, HEADINGS, usual_form
+from polhode.harness.regime_text import horizon
 from polhode.harness.regimes import Cell, cells
 from polhode.harness.site.markup import Page, bullets, missing, prose, scroll, table
 from polhode.harness.site.origins import commands, origins
 from polhode.harness.site.sources import Sources, StudyRecords
+from polhode.harness.study import read_study
 from polhode.harness.tables import where
 from polhode.harness.text import duration, short
 from polhode.harness.verdict import TARGETS, TIE, averaged_costs, averaged_forms, by_scene, when_averaged_wins
@@ -93,7 +95,7 @@ def _maps(study: StudyRecords) -> list[str]:
         for error, (what, unit) in ERRORS.items():
             if len(runs[error].dropna()):
                 found = cells(runs, error)
-                title = f"<h3>{escape(str(scene))}: {what}</h3>{_sides(found)}{_key(found)}"
+                title = f"<h3>{escape(str(scene))}: {what}</h3>{_horizon(str(scene))}{_sides(found)}{_key(found)}"
                 parts.append(f'<section class="region">{title}{_map(found, unit)}</section>')
     if not parts:
         return []
@@ -104,6 +106,12 @@ def _maps(study: StudyRecords) -> list[str]:
         "“none”: no run measured gets there. “unknown”: no reference is good enough to tell."
     )
     return ["<h2>Regime map</h2>", f"<p>{text}</p>", *parts]
+
+
+def _horizon(name: str) -> str:
+    """How far runs of a scene of the map go, where that is less slow time than elsewhere."""
+    remarks = horizon([scene for own, scene in read_study(None, "regimes").scenes if own == name])
+    return "".join(f"<p>{prose(remark)}</p>" for remark in remarks if remark)
 
 
 def _sides(found: list[Cell]) -> str:
