@@ -156,9 +156,11 @@ class Evaluation:
         return self.met >= MEETS and self.cheap >= CHEAP and self.predicted >= PREDICTED
 
 
-def evaluate(path: Path, laws: Laws, count: int = HELD_OUT_SCENES, quiet: bool = False) -> Evaluation:
+def evaluate(
+    path: Path, laws: Laws, count: int = HELD_OUT_SCENES, quiet: bool = False, seed: int = HELD_OUT_SEED
+) -> Evaluation:
     """Ask `pick` about the held-out scenes, measure them into the store at a path, and compare."""
-    answers = [answer(question, laws) for question in questions(HELD_OUT_SEED, count)]
+    answers = [answer(question, laws) for question in questions(seed, count)]
     with Store(path) as store:
         runner = Runner(store, quiet)
         records = runner.run(Collection("held-out", tuple(s for a in answers for s in studies(a))))

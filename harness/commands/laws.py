@@ -36,9 +36,10 @@ def laws(out: Path, to: Path | None, scenes: int, resume: bool, quiet: bool) -> 
 @click.command(epilog="Example: polhode heldout --out look")
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=FOLDER, show_default=True)
 @click.option("--scenes", type=click.IntRange(min=1), default=40, show_default=True, help="Held-out scenes.")
+@click.option("--seed", type=click.IntRange(min=0), default=1765, show_default=True, help="What they are drawn from.")
 @click.option("--resume", is_flag=True, help="Take up an interrupted run instead of starting afresh.")
 @click.option("--quiet", is_flag=True, help="No progress.")
-def heldout(out: Path, scenes: int, resume: bool, quiet: bool) -> None:
+def heldout(out: Path, scenes: int, seed: int, resume: bool, quiet: bool) -> None:
     """Ask `pick` about scenes that no law was fitted on, measure them, print how good it was, and write the page.
 
     Exit code 1 if it does not reach what it promises.
@@ -50,8 +51,8 @@ def heldout(out: Path, scenes: int, resume: bool, quiet: bool) -> None:
     with bad_input():
         known = load_laws()
         store = _store(out, "heldout", resume)
-    evaluation = evaluate(store, known, scenes, quiet)
-    page = write_pages(out, known, evaluation, f"polhode heldout --scenes {scenes}")
+    evaluation = evaluate(store, known, scenes, quiet, seed)
+    page = write_pages(out, known, evaluation, f"polhode heldout --scenes {scenes} --seed {seed}")
     for sentence in summary(evaluation):
         click.echo(sentence)
     click.echo(str(page))
