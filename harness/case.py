@@ -5,7 +5,6 @@ import json
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
 from time import perf_counter
 from typing import Any
 
@@ -13,6 +12,7 @@ import numpy as np
 
 from polhode.harness.errors import Errors, errors, statistics_distance
 from polhode.harness.extended import ReferenceFailedError
+from polhode.harness.machine import package_version
 from polhode.harness.reference import Reference, full_form, reference
 from polhode.harness.rotations import rotations
 from polhode.harness.timing import seconds_of
@@ -83,7 +83,7 @@ class Case:
             "max_seconds": float(self.max_seconds),
             "backend": self.backend,
             "jacobian": self.jacobian,
-            "versions": {name: _version(name) for name in ("polhode", package)},
+            "versions": {name: package_version(name) for name in ("polhode", package)},
         }
 
     @property
@@ -259,13 +259,6 @@ def _parted(case: Case, found: Observables, truth: Observables, exact: Reference
         "model_slow_error": model.slow,
         "model_orientation_error": model.orientation,
     }
-
-
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "absent"
 
 
 def missing(case: Case) -> Record:

@@ -4,8 +4,7 @@ import hashlib
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from functools import cache, cached_property
-from importlib.metadata import PackageNotFoundError, version
+from functools import cached_property
 from math import isfinite
 from typing import Any, Literal
 
@@ -16,8 +15,8 @@ from polhode.harness.ensemble_batch import run_batches
 from polhode.harness.ensemble_starts import Drawn, Starts
 from polhode.harness.ensemble_statistics import Layout, Statistics
 from polhode.harness.ensemble_vector import run_vectorised
+from polhode.harness.machine import package_version
 from polhode.models.catalogue import form as find_form
-from polhode.models.problem import Problem
 from polhode.models.scene import BodyStart, Scene
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.contract import Status
@@ -100,7 +99,7 @@ class Ensemble:
             raise ValueError(f"equations: got {self.equations!r}, expected 'full' or 'averaged'")
         if self.equations == "averaged" and self.starts.motion == "rest":
             raise ValueError("start.motion: got 'rest' with averaged equations, expected L not 0; use 'full'")
-        self._problem_of(self._drawn(0, 1))
+        find_form(self.form).problem(self.first_scene(self._drawn(0, 1)))
 
     @property
     def form(self) -> str:
@@ -159,7 +158,7 @@ class Ensemble:
             "snapshots": int(self.snapshots),
             "bins": int(self.bins),
             "radius": float(self.radius),
-            "versions": {name: _version(name) for name in ("polhode", "heyoka", "numpy")},
+            "versions": {name: package_version(name) for name in ("polhode", "heyoka", "numpy")},
         }
 
     def tasks(self) -> Iterator["Task"]:
@@ -169,22 +168,18 @@ class Ensemble:
     def _drawn(self, index: int, particles: int) -> Drawn:
         return self.starts.draw(self.ellipsoid, np.random.SeedSequence(self.seed, spawn_key=(index,)), particles)
 
-    def _scene(self, drawn: Drawn) -> Scene:
-        """Scene of the first particle."""
+    def first_scene(self, drawn: Drawn) -> Scene:
+        """Scene of the first particle drawn, whose start the others replace."""
         q0, q1, q2, q3 = drawn.quaternion[0].tolist()
         w1, w2, w3 = drawn.angular_velocity[0].tolist()
         return Scene(self.ellipsoid, self.stokes, BodyStart((q0, q1, q2, q3), (w1, w2, w3)), self.time)
-
-    def _problem_of(self, drawn: Drawn) -> Problem:
-        """Problem of the first particle, whose start the others replace."""
-        return find_form(self.form).problem(self._scene(drawn))
 
     def run(self, index: int) -> Statistics:
         """Statistics of a block of particles, in bounded memory."""
         particles = min(self.block, self.particles - index * self.block)
         drawn = self._drawn(index, particles)
-        problem, scene, layout = self._problem_of(drawn), self._scene(drawn), self.layout
-        starts = drawn.states(self.form, self.ellipsoid)
+        form, scene, layout = find_form(self.form), self.first_scene(drawn), self.layout
+        problem, starts = form.problem(scene), drawn.states(self.form, self.ellipsoid)
         times = np.linspace(0.0, problem.end, self.samples)
         statistics = Statistics.empty(layout)
         at_once = min(MOST_AT_ONCE, max(1, HELD // (self.samples * problem.dimension)))
@@ -193,7 +188,7 @@ class Ensemble:
             if self.equations == "averaged":
                 states, statuses = run_vectorised(problem, some, times, self.tolerance)
             else:
-                slow = find_form(self.form).observe(scene, some).slow
+                slow = form.observe(scene, some).slow
                 states, statuses = run_batches(problem, some, times, self.tolerance, slow)
             success = statistics.add_statuses(statuses, str(Status.REACHED_END))
             finished = states.swapaxes(0, 1)
@@ -259,11 +254,3 @@ def run_task(task: Task) -> Record:
 def digest(content: Record) -> str:
     """Hash of plain data in canonical form."""
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
-
-
-@cache
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "absent"

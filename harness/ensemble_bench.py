@@ -26,7 +26,7 @@ from polhode.harness.timing import Patience, collector_off, sentinel
 from polhode.harness.worker import Worker
 from polhode.models.catalogue import form as find_form
 from polhode.models.problem import Problem
-from polhode.models.scene import BodyStart, Scene
+from polhode.models.scene import Scene
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.taylor import taylor_integrator
 
@@ -228,12 +228,10 @@ def _ensemble(shape: Ellipsoid, equations: Any, particles: int) -> Ensemble:
 
 
 def _problem(shape: Ellipsoid, equations: Any, particles: int) -> tuple[Scene, Problem, np.ndarray]:
-    form = _ensemble(shape, equations, 1).form
+    ensemble = _ensemble(shape, equations, 1)
     drawn = STARTS.draw(shape, np.random.SeedSequence(1), particles)
-    q0, q1, q2, q3 = drawn.quaternion[0].tolist()
-    w1, w2, w3 = drawn.angular_velocity[0].tolist()
-    scene = Scene(shape, STOKES, BodyStart((q0, q1, q2, q3), (w1, w2, w3)), SLOW_TIME * STOKES)
-    return scene, find_form(form).problem(scene), drawn.states(form, shape)
+    scene = ensemble.first_scene(drawn)
+    return scene, find_form(ensemble.form).problem(scene), drawn.states(ensemble.form, shape)
 
 
 def _alternate(*functions: Callable[[], Any]) -> list[tuple[float, Any]]:

@@ -3,10 +3,12 @@
 import os
 import platform
 from datetime import UTC, datetime
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 PACKAGES = ("polhode", "numpy", "scipy", "numba", "heyoka", "scikit-sundae", "cyrk", "pandas", "matplotlib")
+ABSENT = "absent"
 
 
 def machine() -> dict[str, str | int]:
@@ -19,15 +21,19 @@ def machine() -> dict[str, str | int]:
     }
 
 
+@cache
+def package_version(package: str) -> str:
+    """Version of an installed package, "absent" if it is not installed."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return ABSENT
+
+
 def versions() -> dict[str, str]:
     """Versions of the packages that a result depends on; missing ones are left out."""
-    found = {}
-    for package in PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            continue
-    return found
+    found = {package: package_version(package) for package in PACKAGES}
+    return {package: number for package, number in found.items() if number != ABSENT}
 
 
 def now() -> str:

@@ -48,7 +48,7 @@ def test_another_question_has_another_key(other: Case):
 
 def test_versions_belong_to_the_case(monkeypatch):
     before = CASE.key
-    monkeypatch.setattr("polhode.harness.case.version", lambda package: "0")
+    monkeypatch.setattr("polhode.harness.case.package_version", lambda package: "0")
     assert CASE.key != before
 
 

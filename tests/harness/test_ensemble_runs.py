@@ -190,7 +190,7 @@ def test_a_task_is_a_pure_function_in_any_thread():
 def test_a_task_of_other_versions_is_refused(monkeypatch: pytest.MonkeyPatch):
     task = Task(Ensemble(PROLATE, 100.0, 1.0, particles=2, samples=3, snapshots=3), 0)
     assert task.key
-    monkeypatch.setattr("polhode.harness.ensemble._version", lambda package: "0.0")
+    monkeypatch.setattr("polhode.harness.ensemble.package_version", lambda package: "0.0")
     with pytest.raises(RuntimeError, match="other versions"):
         run_task(task)
 
