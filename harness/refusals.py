@@ -1,6 +1,5 @@
 """Why a form does not follow a scene, in words that leave the form's name out."""
 
-import re
 from math import inf
 
 import numpy as np
@@ -8,15 +7,6 @@ import numpy as np
 from polhode.models.form import Form, FormNotValidError
 from polhode.models.scene import Scene
 from polhode.models.second_order_run import shorter
-
-# What `polhode.models.form.Form.refuse` puts around a condition.
-REFUSAL = re.compile(r"form '[^']*': (?P<condition>.*); use '[^']*'", re.DOTALL)
-
-
-def condition(refusal: FormNotValidError) -> str:
-    """The condition that failed, without the form's name and without the advice."""
-    found = REFUSAL.fullmatch(str(refusal))
-    return found["condition"] if found else str(refusal)
 
 
 def why_unreached(form: Form, scene: Scene, refusal: FormNotValidError) -> str:
@@ -33,9 +23,9 @@ def why_unreached(form: Form, scene: Scene, refusal: FormNotValidError) -> str:
     moves = 0 < scene.stokes < inf and bool(np.any(scene.initial.angular_momentum))
     parts = list(shorter(scene)) if moves and scene.ellipsoid.kind == "triaxial" else []
     if not parts:
-        return condition(refusal)
+        return refusal.condition
     try:
         form.check(parts[-1])
     except FormNotValidError as shortest:
-        return f"{condition(refusal)}; even ended at t₂ = {parts[-1].slow_time:.3g}, {condition(shortest)}"
-    return condition(refusal)
+        return f"{refusal.condition}; even ended at t₂ = {parts[-1].slow_time:.3g}, {shortest.condition}"
+    return refusal.condition

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from math import nan
 
 from polhode.harness.errors import errors
-from polhode.harness.refusals import condition, why_unreached
+from polhode.harness.refusals import why_unreached
 from polhode.harness.second_order_cases import (
     BACKWARD,
     SAMPLES,
@@ -84,7 +84,7 @@ def measure(case: Case, stokes: float) -> ResonantRow:
     try:
         estimate, run = form.estimate(scene), prepared(scene)
     except FormNotValidError as refusal:
-        return _refused(case, stokes, condition(refusal))
+        return _refused(case, stokes, refusal.condition)
     true, _ = true_observables(scene)
     found = _timed(scene)
     first = timed_run(scene, "averaged", TOLERANCE, SAMPLES).observables

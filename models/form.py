@@ -15,7 +15,22 @@ Orientation = Literal["full", "axis", "none"]
 
 
 class FormNotValidError(ValueError):
-    """A scene lies outside a form's validity; the message names the condition and the form to use instead."""
+    """A scene lies outside a form's validity; the message names the condition and the form to use instead.
+
+    Parameters
+    ----------
+    message : str
+    condition : str, optional
+        What failed, without the form's name and the advice; the whole message by default.
+    """
+
+    def __init__(self, message: str, condition: str | None = None) -> None:
+        super().__init__(message, condition)
+        self.condition = message if condition is None else condition
+
+    def __str__(self) -> str:
+        """The message."""
+        return self.args[0]
 
 
 class Form(ABC):
@@ -69,7 +84,7 @@ class Form(ABC):
         FormNotValidError
             If the scene cannot be followed at all.
         """
-        self.problem(scene)
+        self.check(scene)
         return scene.slow_time
 
     def demands(self, scene: "Scene") -> str:
@@ -93,4 +108,4 @@ class Form(ABC):
 
     def refuse(self, condition: str, instead: str) -> FormNotValidError:
         """Make the error that says which condition failed and which form to use instead."""
-        return FormNotValidError(f"form {self.name!r}: {condition}; use {instead!r}")
+        return FormNotValidError(f"form {self.name!r}: {condition}; use {instead!r}", condition)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from polhode.harness.refusals import condition, why_unreached
+from polhode.harness.refusals import why_unreached
 from polhode.models.catalogue import form as find_form
 from polhode.models.form import FormNotValidError
 from polhode.models.scene import BodyStart, Scene
@@ -11,8 +11,8 @@ from polhode.models.shape import Ellipsoid
 
 def test_the_condition_is_told_alone():
     form = find_form("averaged")
-    assert condition(form.refuse("St = 0: 'slow'; use less", "jeffery")) == "St = 0: 'slow'; use less"
-    assert condition(FormNotValidError("otherwise made")) == "otherwise made"
+    assert form.refuse("St = 0: 'slow'; use less", "jeffery").condition == "St = 0: 'slow'; use less"
+    assert FormNotValidError("otherwise made").condition == "otherwise made"
 
 
 @pytest.mark.parametrize("stokes", [0.0, 10.0])
@@ -22,5 +22,5 @@ def test_a_scene_without_rotation_has_its_own_reason(stokes: float, axes: tuple[
     form = find_form("averaged-second-order")
     with pytest.raises(FormNotValidError) as caught:
         form.reach(scene)
-    assert why_unreached(form, scene, caught.value) == condition(caught.value)
-    assert not condition(caught.value).startswith("form")
+    assert why_unreached(form, scene, caught.value) == caught.value.condition
+    assert not caught.value.condition.startswith("form")
