@@ -22,11 +22,12 @@ START = {
 
 def scenes_section(records: Sequence[Record]) -> list[str]:
     """Lines of the section that tells semi-axes, start, St, duration, samples and forms of each scene."""
-    groups: dict[tuple[str, str], list[Record]] = {}
+    groups: dict[tuple[str, str], list[tuple[Record, Scene]]] = {}
     for record in records:
-        content = scene_table(parse_scene(record["scene"]))
+        scene = parse_scene(record["scene"])
+        content = scene_table(scene)
         body = json.dumps([content["shape"], content["start"]], sort_keys=True)
-        groups.setdefault((record["scene_name"], body), []).append(record)
+        groups.setdefault((record["scene_name"], body), []).append((record, scene))
     return [
         "## The scenes",
         "",
@@ -37,8 +38,8 @@ def scenes_section(records: Sequence[Record]) -> list[str]:
     ]
 
 
-def _row(records: Sequence[Record]) -> list[str]:
-    scenes = [parse_scene(record["scene"]) for record in records]
+def _row(runs: Sequence[tuple[Record, Scene]]) -> list[str]:
+    records, scenes = zip(*runs, strict=True)
     content = scene_table(scenes[0])
     start = ", ".join(
         words.format(_numbers(content["start"][key])) for key, words in START.items() if key in content["start"]

@@ -21,11 +21,11 @@ from polhode.solvers.catalogue import SOLVERS
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.compile import c_callback, parameter_array
 from polhode.solvers.contract import Record, Settings, Solver
-from polhode.solvers.cyrk import Call, _Cyrk, method_number
+from polhode.solvers.cyrk import Call, CyrkSolver, method_number
 from polhode.solvers.exact import Exact
 from polhode.solvers.scipy_ivp import ScipySolver
 from polhode.solvers.solve import solve
-from polhode.solvers.sundials import _Sundials
+from polhode.solvers.sundials import SundialsSolver
 from polhode.solvers.taylor import Taylor, taylor_integrator
 
 # What is allowed: a share of the bare call or a time in seconds, whichever is more.
@@ -167,8 +167,8 @@ def _closed_form(method: Any, problem: Problem, settings: Settings, times: np.nd
 
 _BARE: dict[type[Solver], Make] = {
     ScipySolver: _scipy,
-    _Sundials: _sundials,
+    SundialsSolver: _sundials,
     Taylor: _heyoka,
-    _Cyrk: _cyrk,
+    CyrkSolver: _cyrk,
     Exact: _closed_form,
 }

@@ -64,7 +64,16 @@ def bracketed(value: float | None, known: bool | None) -> str:
 
 def short(value: float) -> str:
     """A number in as few characters as tell it, in six digits at most: 1000, 0.5, 1e-8."""
-    return re.sub(r"e([+-])0*", lambda sign: "e" + sign[1].strip("+"), f"{value:g}")
+    return _brief_exponent(f"{value:g}")
+
+
+def in_full(value: float) -> str:
+    """A number in all digits that it has: 0.01, 1e-6."""
+    return _brief_exponent(repr(value)).removesuffix(".0")
+
+
+def _brief_exponent(number: str) -> str:
+    return re.sub(r"e([+-])0*", lambda sign: "e" + sign[1].strip("+"), number)
 
 
 def in_two_digits(value: float) -> str:

@@ -1,6 +1,5 @@
 """Why a method will not do for a scene, in words; and what to say where none will."""
 
-import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,6 +7,7 @@ from enum import IntEnum
 from math import ceil, floor, inf, log10
 
 from polhode.harness.laws import ErrorLaw, Sensitivity
+from polhode.harness.text import in_full
 from polhode.models.form import FormNotValidError
 from polhode.solvers.contract import SolverNotValidError
 
@@ -97,7 +97,7 @@ def too_tight(law: ErrorLaw, sensitivity: Sensitivity, tightest: float, error: f
     least = law.predict(sensitivity, tightest).high + (error - budget)
     made, asked = apart(least, error)
     rounding = law.tolerance(sensitivity, budget) == 0
-    why = "rounding along the run" if rounding else f"{_plain(tightest)}, the tightest tolerance known to work,"
+    why = "rounding along the run" if rounding else f"{in_full(tightest)}, the tightest tolerance known to work,"
     return UnfitError(f"{why} leaves errors up to {made}, above {asked}", Stage.ERROR, least)
 
 
@@ -106,7 +106,7 @@ def apart(one: float, other: float) -> tuple[str, str]:
     digits = 2
     while digits < 17 and _rounded(one, digits) == _rounded(other, digits):
         digits += 1
-    return _plain(_rounded(one, digits)), _plain(_rounded(other, digits))
+    return in_full(_rounded(one, digits)), in_full(_rounded(other, digits))
 
 
 def _rounded(value: float, digits: int) -> float:
@@ -116,9 +116,4 @@ def _rounded(value: float, digits: int) -> float:
 def rounded_up(value: float) -> str:
     """A positive number in two digits that is no smaller."""
     unit = 10.0 ** (floor(log10(value)) - 1)
-    return _plain(float(f"{ceil(value / unit * (1 - 1e-12)) * unit:.1e}"))
-
-
-def _plain(value: float) -> str:
-    """All digits that a number has: 0.01, 1e-6."""
-    return re.sub(r"e([+-])0*", lambda sign: "e" + sign[1].strip("+"), repr(value)).removesuffix(".0")
+    return in_full(float(f"{ceil(value / unit * (1 - 1e-12)) * unit:.1e}"))

@@ -34,7 +34,9 @@ _STATUS = {
 }
 
 
-class _Cyrk(Solver):
+class CyrkSolver(Solver):
+    """What CyRK's methods share: one call of machine code, and counting."""
+
     accepts = "every form with an explicit vector field"
     library = "CyRK"
     package = "cyrk"
@@ -155,7 +157,7 @@ def _array(pointer: Any, size: int) -> np.ndarray:
     return np.array((ctypes.c_double * size).from_address(ctypes.addressof(pointer.contents)))
 
 
-class Vern8(_Cyrk):
+class Vern8(CyrkSolver):
     """Verner's explicit Runge-Kutta pair of order 8(7), the "efficient" one; not for stiff problems.
 
     A step with a row inside costs more right-hand sides; where the field has kinks, it notices late.
@@ -170,7 +172,7 @@ class Vern8(_Cyrk):
     error_constant = 600.0
 
 
-class Vern7(_Cyrk):
+class Vern7(CyrkSolver):
     """Verner's explicit Runge-Kutta pair of order 7(6), the "efficient" one; not for stiff problems.
 
     A step with a row inside costs more right-hand sides.
@@ -185,7 +187,7 @@ class Vern7(_Cyrk):
     error_constant = 200.0
 
 
-class Dop853(_Cyrk):
+class Dop853(CyrkSolver):
     """Explicit Runge-Kutta of order 8(5,3), compiled; not for stiff problems.
 
     A step with a row inside costs three more right-hand sides.
@@ -200,7 +202,7 @@ class Dop853(_Cyrk):
     error_constant = 150.0
 
 
-class Tsit5(_Cyrk):
+class Tsit5(CyrkSolver):
     """Tsitouras' explicit Runge-Kutta pair of order 5(4), compiled; not for stiff problems.
 
     Its order is low for tolerances below 1e-6.
@@ -215,7 +217,7 @@ class Tsit5(_Cyrk):
     error_constant = 400.0
 
 
-class Lsoda(_Cyrk):
+class Lsoda(CyrkSolver):
     """Adams methods or backward differentiation, chosen as stiffness comes and goes, compiled.
 
     Starts anew, at order 1, after every piece of a long run.
@@ -232,7 +234,7 @@ class Lsoda(_Cyrk):
     error_constant = 300.0
 
 
-class Bdf(_Cyrk):
+class Bdf(CyrkSolver):
     """Backward differentiation formulas of order 1 to 5 with quasi-constant steps, compiled; for stiff problems.
 
     Stable in a wedge about the negative axis alone from order 3 on; starts anew after every piece of a long run.
@@ -249,7 +251,7 @@ class Bdf(_Cyrk):
     error_constant = 2500.0
 
 
-class Radau(_Cyrk):
+class Radau(CyrkSolver):
     """Implicit Runge-Kutta of Radau IIA type, order 5, L-stable, compiled; its dense output is of order 3.
 
     A finite-difference Jacobian costs one right-hand side per component.

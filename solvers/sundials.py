@@ -43,7 +43,7 @@ _STATUS = {
 }
 
 
-class _Sundials(Solver):
+class SundialsSolver(Solver):
     """What CVODE and IDA share: deadlines, Ctrl-C, counting."""
 
     library = "sksundae"
@@ -124,7 +124,7 @@ def _outcome(result: Any) -> Outcome:
     return _STATUS.get(result.status, Status.NON_FINITE), result.message
 
 
-class _Cvode(_Sundials):
+class _Cvode(SundialsSolver):
     accepts = "every form with an explicit vector field"
     method: ClassVar[str]
 
@@ -191,7 +191,7 @@ class CvodeBdf(_Cvode):
     error_constant = 6000.0
 
 
-class Ida(_Sundials):
+class Ida(SundialsSolver):
     """Backward differentiation formulas of order 1 to 5 for the mass form, which stays valid down to St = 0.
 
     At St = 0 the angular velocity is algebraic; the library computes consistent initial values. For St > 0 the

@@ -23,9 +23,9 @@ def compare(before: Path, after: Path, slower: float, less_accurate: float, as_j
     """Compare two saved runs; fail if a case of AFTER is slower or less accurate than in BEFORE, or failed.
 
     Each is a JSON file of the benchmark suite, a folder of such files from repeated runs, of which the shortest time
-    counts, a store (.sqlite) of `polhode bench`, or its export (.jsonl). Cases are
-    matched by scene, form, solver and tolerance; times are corrected for the machine's drift, which a fixed piece of
-    arithmetic tells, and count as longer only beyond the scatter of the repeated runs.
+    counts, a store (.sqlite) of `polhode bench`, or its export (.jsonl). Cases are matched by scene, form, solver and
+    tolerance; times are corrected for the machine's drift, which a fixed piece of arithmetic tells, and count as longer
+    only beyond the scatter of the repeated runs.
     """
     from polhode.harness.benchmark_table import read_runs
     from polhode.harness.comparison import compare as compare_runs

@@ -31,9 +31,8 @@ def regimes(
     """Measure and draw who wins over St and error: one map for the full solution, one for the slow variables.
 
     The whole study is some 3600 runs and takes about half an hour: references, then every run up to five times.
-    Finished
-    cases are kept in FOLDER/store.sqlite; --resume measures those that it lacks, which is all of them in an empty
-    folder, and draws the map. --quick, --scene, --form and --solver make it shorter.
+    Finished cases are kept in FOLDER/store.sqlite; --resume measures those that it lacks, which is all of them in an
+    empty folder, and draws the map. --quick, --scene, --form and --solver make it shorter.
     """
     from polhode.harness.regime_page import write_page
     from polhode.harness.regimes import Parts

@@ -5,11 +5,12 @@ from math import inf
 
 import pytest
 
+from polhode.harness.commands.laws import heldout, laws
 from polhode.harness.heldout import FINAL, FINALISTS, Answer, Evaluation, Outcome, Prediction, answer, finalists, judge
 from polhode.harness.heldout import studies as held_out_studies
 from polhode.harness.laws import Interval, load_laws
 from polhode.harness.laws_page import summary, write_pages
-from polhode.harness.laws_scenes import HELD_OUT_SEED, questions
+from polhode.harness.laws_scenes import HELD_OUT_SCENES, HELD_OUT_SEED, TRAINING_SCENES, questions
 from polhode.harness.pick import Recommendation, Row
 from polhode.harness.text import scientific
 
@@ -134,3 +135,10 @@ def test_the_first_choice_and_the_cheapest_that_meet_the_error_go_into_the_final
     assert (first.form, first.solver, first.tolerance) == (row.form, row.solver, row.tolerance)
     assert [case.tolerance for case in others] == [10.0**-k for k in range(1, FINALISTS + 1)]
     assert {case.scene_name for case in (first, *others)} == {question.name + FINAL}
+
+
+def test_the_commands_defaults_are_those_of_the_package():
+    """They stand there again so that `--help` needs no numerics."""
+    trained, held = ({option.name: option.default for option in command.params} for command in (laws, heldout))
+    assert trained["scenes"] == TRAINING_SCENES
+    assert (held["scenes"], held["seed"]) == (HELD_OUT_SCENES, HELD_OUT_SEED)
