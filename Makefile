@@ -20,7 +20,7 @@ help: ## list the commands
 
 setup: $(READY) ## create the virtual environment and install polhode into it
 
-$(READY): pyproject.toml constraints.txt bootstrap.sh
+$(READY): pyproject.toml setup.py constraints.txt bootstrap.sh
 	@sh bootstrap.sh $(VENV)
 	@touch $@
 
@@ -50,9 +50,10 @@ benchmark-compare: $(READY) ## time two commits in turns (6 minutes): make bench
 report: $(READY) ## one offline site of everything measured, into reports/site/
 	$(BIN)/polhode report
 
-check: $(READY) ## format, lint and types
+check: $(READY) ## format, lint, direction of imports, types
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
+	cd typings && PYTHONPATH=. ../$(BIN)/lint-imports --config ../pyproject.toml --no-cache
 	$(BIN)/basedpyright
 
 format: $(READY) ## format the code

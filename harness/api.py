@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from polhode.harness.choose import choose
-from polhode.harness.output import COLUMNS
-from polhode.harness.scenes import find_scene
+from polhode.harness.common.observables_csv import COLUMNS
+from polhode.harness.picking.choice import choose
+from polhode.harness.studies.scenes import find_scene
 from polhode.models.catalogue import form as find_form
 from polhode.models.form import Form
 from polhode.models.observables import Observables
@@ -22,7 +22,7 @@ from polhode.solvers.solve import solve as run
 if TYPE_CHECKING:
     import pandas as pd
 
-    from polhode.harness.pick import Recommendation
+    from polhode.harness.picking.ranking import Recommendation
 
 SceneLike = Scene | str | PathLike[str]
 
@@ -170,7 +170,7 @@ def solve(
 
 
 def pick(scene: SceneLike, error: float = 1e-6, want: str = "slow", samples: int = 201) -> "Recommendation":
-    """What to run for a scene, and what it will cost (`polhode.harness.pick.pick`).
+    """What to run for a scene, and what it will cost (`polhode.harness.picking.ranking.pick`).
 
     Parameters
     ----------
@@ -192,7 +192,7 @@ def pick(scene: SceneLike, error: float = 1e-6, want: str = "slow", samples: int
     >>> from polhode.harness import pick
     >>> best = pick("paper", error=1e-6).ranking[0]
     """
-    from polhode.harness.pick import pick as recommend
+    from polhode.harness.picking.ranking import pick as recommend
 
     return recommend(as_scene(scene), error, want, samples)
 

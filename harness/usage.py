@@ -4,7 +4,7 @@ import re
 
 import click
 
-from polhode.models.loading import hint
+from polhode.models.registry import hint
 
 _REWORDED = (
     (r"(.+) is not a valid float( range)?\.", r"got \1, expected a number"),

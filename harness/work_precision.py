@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from polhode.harness.extended import extended_run
-from polhode.harness.figures import EXPLICIT, GREY, IMPLICIT, MARKERS, UNKNOWN, library_of
-from polhode.harness.tables import where
-from polhode.harness.timing import time_runs
-from polhode.harness.uncertainty import least_known
+from polhode.harness.analysis.frames import where
+from polhode.harness.common.timing import time_runs
+from polhode.harness.pages.work_precision import EXPLICIT, GREY, IMPLICIT, MARKERS, UNKNOWN
+from polhode.harness.references.extended import extended_run
+from polhode.harness.references.uncertainty import least_known
 from polhode.models.problem import Problem
 from polhode.solvers.catalogue import SOLVERS
 from polhode.solvers.catalogue import solver as find_solver
@@ -85,7 +85,7 @@ class WorkPrecision:
         done = self.frame.dropna(subset=["seconds"])
         for name in dict.fromkeys(done["solver"]):
             own = done.loc[done["solver"] == name]
-            library = library_of(name)
+            library = find_solver(name).family
             colours = IMPLICIT if own["implicit"].iloc[0] else EXPLICIT
             marker = MARKERS[counts.get(library, 0) % len(MARKERS)]
             counts[library] = counts.get(library, 0) + 1

@@ -1,4 +1,4 @@
-"""Physics: the ellipsoid, the scene, one module per form of the equations of motion, and their catalogue."""
+"""Physics: the ellipsoid, the scene, the forms of the equations and their catalogue; imports no other room."""
 
 if __name__ != "polhode.models":
     raise ImportError(f"this package is imported as 'polhode.models', not as {__name__!r}")

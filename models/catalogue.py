@@ -3,22 +3,23 @@
 from functools import cache
 from typing import TYPE_CHECKING
 
-from polhode.models.loading import load
+from polhode.models.registry import load
 
 if TYPE_CHECKING:
     from polhode.models.form import Form
+    from polhode.models.scene import Scene
 
 FORMS: dict[str, str] = {
-    "euler-angles": "polhode.models.euler_angles:EulerAngles",
-    "spheroid-angles": "polhode.models.spheroid_angles:SpheroidAngles",
-    "quaternion": "polhode.models.quaternion:Quaternion",
-    "spheroid-axis": "polhode.models.spheroid_axis:SpheroidAxis",
-    "tumbling": "polhode.models.tumbling:Tumbling",
-    "jeffery": "polhode.models.jeffery:Jeffery",
-    "euler-top": "polhode.models.euler_top:EulerTop",
-    "averaged": "polhode.models.averaged:Averaged",
-    "averaged-spheroid": "polhode.models.averaged_spheroid:AveragedSpheroid",
-    "averaged-second-order": "polhode.models.second_order:SecondOrder",
+    "euler-angles": "polhode.models.forms.euler_angles:EulerAngles",
+    "spheroid-angles": "polhode.models.forms.spheroid_angles:SpheroidAngles",
+    "quaternion": "polhode.models.forms.quaternion:Quaternion",
+    "spheroid-axis": "polhode.models.forms.spheroid_axis:SpheroidAxis",
+    "tumbling": "polhode.models.forms.tumbling:Tumbling",
+    "jeffery": "polhode.models.forms.jeffery:Jeffery",
+    "euler-top": "polhode.models.forms.euler_top:EulerTop",
+    "averaged": "polhode.models.forms.averaged:Averaged",
+    "averaged-spheroid": "polhode.models.forms.averaged_spheroid:AveragedSpheroid",
+    "averaged-second-order": "polhode.models.second_order.form:SecondOrder",
 }
 
 
@@ -34,3 +35,15 @@ def form(name: str) -> "Form":
     from polhode.models.form import Form
 
     return load("form", name, FORMS, Form)
+
+
+def full_form(scene: "Scene") -> str:
+    """Name of the form of the full equations to run where nothing speaks for another one."""
+    if scene.stokes == 0:
+        return "jeffery"
+    return "quaternion" if scene.ellipsoid.kind == "triaxial" else "spheroid-axis"
+
+
+def averaged_form(scene: "Scene") -> str:
+    """Name of the form averaged to first order that takes the scene's shape."""
+    return "averaged" if scene.ellipsoid.kind == "triaxial" else "averaged-spheroid"

@@ -5,6 +5,8 @@ from functools import cached_property
 from math import hypot, inf, isfinite, isinf
 from typing import TYPE_CHECKING
 
+from polhode.models.flow import jeffery_angular_velocity, shares
+from polhode.models.operations import FLOAT
 from polhode.models.rotation import (
     Quaternion,
     Triple,
@@ -157,9 +159,6 @@ class Scene:
             raise ValueError("start: L and E alone determine no angular velocity, expected an orientation")
         if self.stokes > 0:
             return self.start.angular_velocity
-        from polhode.models.motion import jeffery_angular_velocity, shares
-        from polhode.models.operations import FLOAT
-
         columns = self.initial_rotation.T.tolist()
         return jeffery_angular_velocity(FLOAT)(columns[0], columns[1], shares(self.ellipsoid))
 

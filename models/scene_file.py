@@ -7,7 +7,7 @@ from typing import Annotated, Any, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from polhode.models.loading import hint, near
+from polhode.models.registry import hint, near
 from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart, Start
 from polhode.models.shape import Ellipsoid
 from polhode.models.toml_file import read_toml

@@ -3,7 +3,7 @@
 from functools import cache
 from typing import TYPE_CHECKING
 
-from polhode.models.loading import load
+from polhode.models.registry import load
 
 if TYPE_CHECKING:
     from polhode.solvers.contract import Solver

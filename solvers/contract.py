@@ -169,6 +169,9 @@ class Record:
         self.filled += len(states)
 
 
+# The family of solvers that are not in the catalogue.
+OWN = "own"
+
 Outcome = tuple[Status, str]
 Integrator = Callable[[Record], Outcome]
 
@@ -184,7 +187,9 @@ class Solver(ABC):
     4. Rows lie on the requested times by the library's own interpolation wherever it has one, without changing steps.
     5. The solver counts steps, Jacobians and factorizations as its library tells; the callbacks count right-hand
        sides, when the settings ask for it. What nobody tells stays None.
-    6. A solver keeps no data of its own; its class says what it is.
+    6. A solver keeps no data of its own; its class says what it is: the import name of its library, the package that
+       brings it, the family that it is drawn with; whether it is implicit, switches between stiff and non-stiff
+       methods, is of so low an order that tight tolerances take forever, or evaluates a closed form.
     7. `error_constant` bounds error / (rotations × tolerance), where the error is that of L, E over I_max and of the
        rotation matrix's entries, over ordinary scenes that are not stiff and tolerances from 1e-4 to 1e-10. It is
        about three times what was measured; a tolerance is each library's own, so that constants differ widely.
@@ -195,7 +200,11 @@ class Solver(ABC):
     accepts: ClassVar[str]
     library: ClassVar[str]
     package: ClassVar[str]
+    family: ClassVar[str] = OWN
     implicit: ClassVar[bool] = False
+    switching: ClassVar[bool] = False
+    low_order: ClassVar[bool] = False
+    closed_form: ClassVar[bool] = False
     backends: ClassVar[tuple[Backend, ...]] = ("numba", "python")
     jacobians: ClassVar[tuple[Jacobian, ...]] = ()
     error_constant: ClassVar[float]

@@ -40,6 +40,7 @@ class CyrkSolver(Solver):
     accepts = "every form with an explicit vector field"
     library = "CyRK"
     package = "cyrk"
+    family = "CyRK"
     backends = ("compiled",)
     method: ClassVar[str]
 
@@ -212,6 +213,7 @@ class Tsit5(CyrkSolver):
     """
 
     name = "cyrk-tsit5"
+    low_order = True
     summary = "Tsitouras' explicit Runge-Kutta 5(4), compiled (CyRK)"
     method = "Tsit5"
     error_constant = 400.0
@@ -227,6 +229,7 @@ class Lsoda(CyrkSolver):
     """
 
     name = "cyrk-lsoda"
+    switching = True
     summary = "Adams or BDF, switching by itself, compiled (CyRK)"
     implicit = True
     jacobians = ("difference",)
@@ -244,6 +247,7 @@ class Bdf(CyrkSolver):
     """
 
     name = "cyrk-bdf"
+    low_order = True
     summary = "backward differentiation formulas of order 1 to 5, compiled (CyRK)"
     implicit = True
     jacobians = ("difference",)
@@ -261,6 +265,7 @@ class Radau(CyrkSolver):
     """
 
     name = "cyrk-radau"
+    low_order = True
     summary = "implicit Runge-Kutta Radau IIA of order 5, compiled (CyRK)"
     implicit = True
     jacobians = ("difference",)

@@ -15,6 +15,8 @@ class Exact(Solver):
     accepts = "forms with a closed form: euler-top, jeffery of a spheroid"
     library = "numpy"
     package = "numpy"
+    family = "closed form"
+    closed_form = True
     backends = ("compiled",)
     error_constant = 0.0
 

@@ -28,6 +28,7 @@ class ScipySolver(Solver):
     accepts = "every form with an explicit vector field"
     library = "scipy"
     package = "scipy"
+    family = "SciPy"
     method: ClassVar[str]
     # Right-hand sides per attempted step of an explicit method, and per step that is interpolated.
     attempt: ClassVar[int | None] = None
@@ -200,6 +201,7 @@ class Lsoda(ScipySolver):
     """
 
     name = "lsoda"
+    switching = True
     summary = "Adams or BDF, switching by itself (ODEPACK through SciPy)"
     implicit = True
     jacobians = ("exact", "difference")

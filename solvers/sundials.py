@@ -48,6 +48,7 @@ class SundialsSolver(Solver):
 
     library = "sksundae"
     package = "scikit-sundae"
+    family = "SUNDIALS"
     implicit = True
     jacobians = ("exact", "difference")
 

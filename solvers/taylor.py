@@ -75,6 +75,7 @@ class Taylor(Solver):
     accepts = "every form with an explicit vector field"
     library = "heyoka"
     package = "heyoka"
+    family = "heyoka"
     backends = ("compiled",)
     error_constant = 20.0
 

@@ -5,14 +5,14 @@ from pathlib import Path
 
 from commandline import STUDY
 
-from polhode.harness.accuracy import Measured
-from polhode.harness.accuracy_page import write_page
-from polhode.harness.regime_page import RUN_COLUMNS
-from polhode.harness.run import Runner
+from polhode.harness.analysis.frames import frame
+from polhode.harness.averaging.orders import Measured
+from polhode.harness.common.store import Store, export
+from polhode.harness.pages.averaging import write_page
+from polhode.harness.pages.regimes import RUN_COLUMNS
 from polhode.harness.site.build import build
-from polhode.harness.store import Store, export
-from polhode.harness.study import parse_study
-from polhode.harness.tables import frame
+from polhode.harness.studies.runner import Runner
+from polhode.harness.studies.study import parse_study
 
 # A run that took half the time predicted, with a tenth of the error predicted, on a machine three times too slow.
 HELD_OUT = """\

@@ -30,12 +30,6 @@ def imported(code: str) -> set[str]:
     return set(done.stdout.splitlines()[-1].split())
 
 
-def test_every_folder_of_modules_is_packaged():
-    folders = {path.parent.relative_to(ROOT) for room in ROOMS for path in (ROOT / room).rglob("__init__.py")}
-    names = {"polhode." + ".".join(folder.parts) for folder in folders}
-    assert set(PROJECT["tool"]["setuptools"]["packages"]) == names
-
-
 def test_every_module_lies_in_a_package():
     modules = [path for room in ROOMS for path in (ROOT / room).rglob("*.py")]
     assert [path for path in modules if not (path.parent / "__init__.py").exists()] == []
@@ -80,16 +74,10 @@ def test_help_and_refusals_are_light(arguments: list[str]):
 
 
 def test_models_need_no_solver_library():
-    names = [path.stem for path in (ROOT / "models").glob("*.py") if path.stem != "__init__"]
-    found = imported("\n".join(f"import polhode.models.{name}" for name in names))
+    modules = [path.relative_to(ROOT).with_suffix("") for path in (ROOT / "models").rglob("*.py")]
+    names = [".".join(module.parts) for module in modules if module.name != "__init__"]
+    found = imported("\n".join(f"import polhode.{name}" for name in names))
     assert not found & {"heyoka", "numba", "sksundae", "CyRK", "pandas", "matplotlib", "click", "tqdm"}
-
-
-def test_data_flow_one_way():
-    for room, later in (("models", "solvers|harness"), ("solvers", "harness")):
-        pattern = re.compile(rf"^\s*(?:from|import) polhode\.(?:{later})\b", re.MULTILINE)
-        wrong = [path for path in (ROOT / room).rglob("*.py") if pattern.search(path.read_text(encoding="utf-8"))]
-        assert wrong == []
 
 
 @pytest.mark.parametrize("room", ROOMS)

@@ -1,7 +1,7 @@
 """Second-order averages of a massive spheroid in shear flow, in exact rational arithmetic (`docs/second-order.md`).
 
 Run ``python docs/derivations/spheroid_second_order.py``: it prints the coefficients that stand in
-`polhode.models.second_order_spheroid`, after checking with three exact orientations of the flow that nothing is left
+`polhode.models.second_order.spheroid`, after checking with three exact orientations of the flow that nothing is left
 over. Plain Python, no library.
 
 L is in units of I_e. Frame: n = L/l is e₃, the symmetry axis is p = (r cos φ, r sin φ, h), r² = 1 - h², z = e^{iφ}.

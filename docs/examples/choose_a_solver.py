@@ -1,6 +1,6 @@
 """Choose a solver for a run of a million shear times: ask what it will cost, run it, and look whether that was true."""
 
-from polhode.harness import pick, solve
+from polhode import pick, solve
 from polhode.models.scene import EulerStart, Scene
 from polhode.models.shape import Ellipsoid
 

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from polhode.harness import pick, solve
-from polhode.harness.errors import errors
+from polhode import pick, solve
+from polhode.harness.references.errors import errors
 from polhode.models.scene import EulerStart, Scene
 from polhode.models.shape import Ellipsoid
 

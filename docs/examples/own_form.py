@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from polhode.harness import solve
+from polhode import solve
 from polhode.models.form import Form
-from polhode.models.motion import angular_acceleration, body_parameters, explicit_parameters, mass_form
+from polhode.models.forms.motion import angular_acceleration, body_parameters, explicit_parameters, mass_form
 from polhode.models.observables import Observables, observe_body
 from polhode.models.operations import Field, Operations
 from polhode.models.problem import Problem

@@ -1,1 +1,1 @@
-"""The commands of `polhode`, one module each, imported on use."""
+"""One module per group of commands of the command line; imports everything else."""

@@ -21,10 +21,10 @@ def accuracy(out: Path, as_json: bool, quick: bool, page_only: bool, quiet: bool
     """
     import json
 
-    from polhode.harness import accuracy_page as page
-    from polhode.harness.accuracy_data import read_data
-    from polhode.harness.accuracy_runs import measure_all
-    from polhode.harness.reference import ReferenceFailedError
+    from polhode.harness.averaging.data import read_data
+    from polhode.harness.averaging.measure import measure_all
+    from polhode.harness.pages import averaging as page
+    from polhode.harness.references.reference import ReferenceFailedError
 
     with bad_input():
         if page_only and quick:

@@ -34,11 +34,12 @@ def bench(
     An interrupted run keeps its finished cases in FOLDER/store.sqlite and goes on with --resume; a run that starts
     afresh moves them to FOLDER/previous.sqlite.
     """
-    from polhode.harness import bench_page, outcomes
-    from polhode.harness.laws import load_laws, own_laws_path
-    from polhode.harness.laws_fit import refit
-    from polhode.harness.run import Runner
-    from polhode.harness.study import quick_study, read_study
+    from polhode.harness.analysis import outcomes
+    from polhode.harness.calibration.fit import refit
+    from polhode.harness.pages import bench as bench_page
+    from polhode.harness.picking.laws import load_laws, own_laws_path
+    from polhode.harness.studies.runner import Runner
+    from polhode.harness.studies.study import quick_study, read_study
 
     with bad_input():
         study = filtered(read_study(study_file), filters)

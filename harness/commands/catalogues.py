@@ -4,7 +4,7 @@ import json
 
 import click
 
-from polhode.harness.text import on_terminal
+from polhode.harness.common.text import on_terminal
 
 
 @click.command(epilog="Example: polhode forms --json")

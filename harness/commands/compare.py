@@ -8,7 +8,7 @@ import click
 from polhode.harness.cli import BadInput, RunFailed, bad_input
 
 if TYPE_CHECKING:
-    from polhode.harness.comparison import Comparison
+    from polhode.harness.analysis.comparison import Comparison
 
 ABOVE_ONE = click.FloatRange(min=1.0, min_open=True)
 
@@ -27,10 +27,10 @@ def compare(before: Path, after: Path, slower: float, less_accurate: float, as_j
     tolerance; times are corrected for the machine's drift, which a fixed piece of arithmetic tells, and count as longer
     only beyond the scatter of the repeated runs.
     """
-    from polhode.harness.benchmark_table import read_runs
-    from polhode.harness.comparison import compare as compare_runs
-    from polhode.harness.plain_json import dumps
-    from polhode.harness.store import DamagedStoreError
+    from polhode.harness.analysis.comparison import compare as compare_runs
+    from polhode.harness.analysis.saved_runs import read_runs
+    from polhode.harness.common.plain_json import dumps
+    from polhode.harness.common.store import DamagedStoreError
 
     with bad_input():
         try:
@@ -59,7 +59,7 @@ def _words(found: "Comparison") -> str:
 
 
 def _print(worse: list[dict]) -> None:
-    from polhode.harness.text import aligned
+    from polhode.harness.common.text import aligned
 
     if not worse:
         return

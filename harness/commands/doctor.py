@@ -6,17 +6,17 @@ from typing import TYPE_CHECKING
 
 import click
 
-from polhode.harness.text import aligned, duration
+from polhode.harness.common.text import aligned, duration
 
 if TYPE_CHECKING:
-    from polhode.harness.doctor import Diagnosis
+    from polhode.harness.commands.diagnosis import Diagnosis
 
 
 @click.command(epilog="Example: polhode doctor --json")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def doctor(as_json: bool) -> None:
     """Tell versions, solvers that can be run, caches, and whether times measured now would mean anything."""
-    from polhode.harness.doctor import examine
+    from polhode.harness.commands.diagnosis import examine
 
     found = examine()
     if as_json:

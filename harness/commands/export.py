@@ -17,8 +17,8 @@ def export(store: Path, out: Path) -> None:
     cells. The file is called OUT.partial until it is complete.
     """
     from polhode.harness.cli import BadInput
-    from polhode.harness.store import DamagedStoreError, Store
-    from polhode.harness.store import export as write
+    from polhode.harness.common.store import DamagedStoreError, Store
+    from polhode.harness.common.store import export as write
 
     if not store.is_file() or store.stat().st_size == 0:
         raise BadInput(f"{store}: no such store, expected a file of `polhode bench`")

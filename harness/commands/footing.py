@@ -17,11 +17,11 @@ def footing(out: Path, quick: bool, resume: bool, quiet: bool) -> None:
 
     About ten minutes; an interrupted run goes on with --resume.
     """
-    from polhode.harness.first_runs import first_runs
-    from polhode.harness.footing import Measured, rhs_costs, write_page
-    from polhode.harness.overhead import measure, paper_problem
-    from polhode.harness.run import Runner
-    from polhode.harness.study import quick_study, read_study
+    from polhode.harness.pages.footing import Measured, rhs_costs, write_page
+    from polhode.harness.studies.first_runs import first_runs
+    from polhode.harness.studies.overhead import measure, paper_problem
+    from polhode.harness.studies.runner import Runner
+    from polhode.harness.studies.study import quick_study, read_study
 
     store = open_store(out, resume)
     problem = paper_problem()

@@ -19,10 +19,10 @@ FOLDER = Path("reports/pick")
 @click.option("--quiet", is_flag=True, help="No progress.")
 def laws(out: Path, to: Path | None, scenes: int, resume: bool, quiet: bool) -> None:
     """Measure the training scenes on this machine, over an hour, and fit the laws that `polhode pick` goes by."""
-    from polhode.harness.laws import own_laws_path
-    from polhode.harness.laws_fit import fit_laws
-    from polhode.harness.laws_training import train
-    from polhode.harness.machine import machine, versions
+    from polhode.harness.calibration.fit import fit_laws
+    from polhode.harness.calibration.training import train
+    from polhode.harness.common.machine import machine, versions
+    from polhode.harness.picking.laws import own_laws_path
 
     with bad_input():
         store = _store(out, "training", resume)
@@ -44,9 +44,9 @@ def heldout(out: Path, scenes: int, seed: int, resume: bool, quiet: bool) -> Non
 
     Exit code 1 if it does not reach what it promises.
     """
-    from polhode.harness.heldout import evaluate
-    from polhode.harness.laws import load_laws
-    from polhode.harness.laws_page import summary, write_pages
+    from polhode.harness.calibration.heldout import evaluate
+    from polhode.harness.pages.pick import summary, write_pages
+    from polhode.harness.picking.laws import load_laws
 
     with bad_input():
         known = load_laws()

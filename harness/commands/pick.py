@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from polhode.harness import completion
 from polhode.harness.cli import BadInput, bad_input
+from polhode.harness.commands import completers as completion
 from polhode.harness.commands.solve import MOST_SAMPLES
-from polhode.harness.text import aligned, duration, on_terminal, scientific, short
+from polhode.harness.common.text import aligned, duration, on_terminal, scientific, short
 from polhode.solvers.catalogue import SOLVERS
 
 if TYPE_CHECKING:
-    from polhode.harness.pick import Recommendation
+    from polhode.harness.picking.ranking import Recommendation
 
 # Ways shown unless all are asked for.
 FEW = 8
@@ -44,13 +44,13 @@ def pick(scene: str, error: float, want: str, samples: int, everything: bool, as
         raise BadInput("--want: got 'statistics', expected 'slow' or 'orientation': one run has no statistics")
     if not 2 <= samples <= MOST_SAMPLES:
         raise BadInput(f"--samples: got {samples}, expected a number from 2 to {MOST_SAMPLES}")
-    from polhode.harness.progress import Progress
+    from polhode.harness.common.progress import Progress
 
     with bad_input(), Progress() as progress:
         progress.begin("trial runs at loose tolerances")
-        from polhode.harness.laws_scenes import SAMPLES
-        from polhode.harness.pick import pick as recommend
-        from polhode.harness.scenes import find_scene
+        from polhode.harness.calibration.scenes import SAMPLES
+        from polhode.harness.picking.ranking import pick as recommend
+        from polhode.harness.studies.scenes import find_scene
 
         found = recommend(find_scene(scene), error, want, samples)
     if samples > max(SAMPLES):

@@ -12,8 +12,8 @@ from polhode.harness.commands.study_filters import words as filter_words
 from polhode.harness.commands.study_store import open_store, running_into
 
 if TYPE_CHECKING:
-    from polhode.harness.store import Store
-    from polhode.harness.study import Study
+    from polhode.harness.common.store import Store
+    from polhode.harness.studies.study import Study
 
 
 @click.command(epilog="Example: polhode regimes --quick --out look")
@@ -34,10 +34,10 @@ def regimes(
     Finished cases are kept in FOLDER/store.sqlite; --resume measures those that it lacks, which is all of them in an
     empty folder, and draws the map. --quick, --scene, --form and --solver make it shorter.
     """
-    from polhode.harness.regime_page import write_page
-    from polhode.harness.regimes import Parts
-    from polhode.harness.run import Runner
-    from polhode.harness.study import quick_study, read_study
+    from polhode.harness.analysis.regime_map import Parts
+    from polhode.harness.pages.regimes import write_page
+    from polhode.harness.studies.runner import Runner
+    from polhode.harness.studies.study import quick_study, read_study
 
     with bad_input():
         study = filtered(read_study(study_file, "regimes"), filters)
@@ -56,7 +56,7 @@ def regimes(
 
 def ahead(study: "Study", store: "Store") -> str:
     """How much of a study is left to be measured."""
-    from polhode.harness.regimes import Parts
+    from polhode.harness.analysis.regime_map import Parts
 
     known = store.keys()
     cases = [case.key in known for batch in Parts(study).batches() for case in batch]

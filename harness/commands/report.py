@@ -4,8 +4,8 @@ from pathlib import Path
 
 import click
 
-from polhode.harness import completion
 from polhode.harness.cli import bad_input
+from polhode.harness.commands import completers as completion
 
 REPORTS = Path("reports")
 
@@ -38,7 +38,7 @@ def report(reports: Path, out: Path | None, scenes: tuple[str, ...], quiet: bool
     from tqdm import tqdm
 
     from polhode.harness.site.build import MENU, build
-    from polhode.harness.site.motion_page import scene_names
+    from polhode.harness.site.motion import scene_names
 
     with bad_input():
         if reports != REPORTS and not reports.is_dir():

@@ -5,8 +5,8 @@ from typing import Any
 
 import click
 
-from polhode.harness import completion
 from polhode.harness.cli import bad_input
+from polhode.harness.commands import completers as completion
 
 
 @click.command(epilog="Example: polhode scenes paper > mine.toml")
@@ -14,8 +14,8 @@ from polhode.harness.cli import bad_input
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def scenes(scene: str | None, as_json: bool) -> None:
     """List the built-in scenes; with SCENE, print it as a scene file, to start one of your own from."""
-    from polhode.harness.scenes import find_scene
-    from polhode.harness.text import aligned
+    from polhode.harness.common.text import aligned
+    from polhode.harness.studies.scenes import find_scene
     from polhode.models.scene_file import scene_table
     from polhode.models.scenes import SCENES
 

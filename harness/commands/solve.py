@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 import click
 from click.core import ParameterSource
 
-from polhode.harness import completion
 from polhode.harness.cli import BadInput, RunFailed, bad_input
+from polhode.harness.commands import completers as completion
 
 if TYPE_CHECKING:
-    from polhode.harness.choose import Choice
-    from polhode.harness.partial_file import PartialFile
-    from polhode.harness.progress import Progress
+    from polhode.harness.common.files import PartialFile
+    from polhode.harness.common.progress import Progress
+    from polhode.harness.picking.choice import Choice
     from polhode.models.form import Form
     from polhode.models.problem import Problem
     from polhode.models.scene import Scene
@@ -66,11 +66,11 @@ def solve(
     Until it is complete the file is called FILE.partial; a run that fails or is interrupted leaves that behind. A form
     or solver that is not expected to meet the error runs all the same, and a note on standard error says why.
     """
-    from polhode.harness.choose import check_tolerance, choose
-    from polhode.harness.partial_file import PartialFile
-    from polhode.harness.progress import Progress
-    from polhode.harness.scenes import find_scene
-    from polhode.harness.text import duration
+    from polhode.harness.common.files import PartialFile
+    from polhode.harness.common.progress import Progress
+    from polhode.harness.common.text import duration
+    from polhode.harness.picking.choice import check_tolerance, choose
+    from polhode.harness.studies.scenes import find_scene
     from polhode.models.catalogue import form as find_form
     from polhode.solvers.catalogue import solver as find_solver
 
@@ -143,7 +143,7 @@ def _write(
     """
     import numpy as np
 
-    from polhode.harness.output import write_header, write_rows
+    from polhode.harness.common.observables_csv import write_header, write_rows
     from polhode.solvers.solve import Interrupted
     from polhode.solvers.solve import solve as run
 

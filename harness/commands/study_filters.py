@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
-    from polhode.harness.study import Study
+    from polhode.harness.studies.study import Study
 
 Filters = Mapping[str, tuple[str, ...]]
 KINDS = {
@@ -34,7 +34,7 @@ def filtered(study: "Study", filters: Filters) -> "Study":
     """
     from dataclasses import replace
 
-    from polhode.harness.filters import chosen
+    from polhode.harness.studies.filters import chosen
 
     values = [value for kind in KINDS for value in filters[kind]]
     return replace(chosen(study, **filters), name="-".join([study.name, *values])) if values else study

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from polhode.harness.cli import BadInput, RunFailed, bad_input
 
 if TYPE_CHECKING:
-    from polhode.harness.store import Store
+    from polhode.harness.common.store import Store
 
 
 def open_store(folder: Path, resume: bool) -> "Store":
@@ -19,7 +19,7 @@ def open_store(folder: Path, resume: bool) -> "Store":
     BadInput
         If the folder cannot be made, or the file is no store.
     """
-    from polhode.harness.store import DamagedStoreError, Store
+    from polhode.harness.common.store import DamagedStoreError, Store
 
     with bad_input():
         folder.mkdir(parents=True, exist_ok=True)
@@ -34,7 +34,7 @@ def open_store(folder: Path, resume: bool) -> "Store":
 @contextmanager
 def running_into(store: "Store") -> Iterator[None]:
     """Close the store in any case; say how to go on after Ctrl-C, and what is wrong with a damaged store."""
-    from polhode.harness.store import DamagedStoreError
+    from polhode.harness.common.store import DamagedStoreError
 
     with store:
         try:

@@ -10,7 +10,7 @@ import click
 from polhode.harness.cli import BadInput, RunFailed, bad_input
 
 if TYPE_CHECKING:
-    from polhode.harness.engines import Engine
+    from polhode.harness.ensembles.engines import Engine
 
 
 @click.command(epilog="Example: polhode sweep sweep.toml --workers 4 --out results")
@@ -39,9 +39,9 @@ def sweep(
     Finished tasks are kept in FOLDER/store.sqlite; whatever ends a run, it goes on with --resume, and gives the same
     numbers. Several runs with --resume may share one store.
     """
-    from polhode.harness.store import DamagedStoreError
-    from polhode.harness.sweep import StoreFailedError, open_store, read_sweep, run_sweep
-    from polhode.harness.sweep_results import write_results
+    from polhode.harness.common.store import DamagedStoreError
+    from polhode.harness.ensembles.results import write_results
+    from polhode.harness.ensembles.sweep import StoreFailedError, open_store, read_sweep, run_sweep
 
     with bad_input():
         what = read_sweep(sweep_file)
@@ -81,7 +81,7 @@ def sweep(
 
 
 def _engine(workers: int | None, address: str | None) -> "Engine":
-    from polhode.harness.engines import Dask, Processes, Serial
+    from polhode.harness.ensembles.engines import Dask, Processes, Serial
 
     if address is not None:
         if workers is not None:

@@ -1,1 +1,1 @@
-"""The paper, reproduced: every figure and table of it from this code, with a measured verdict on each claim."""
+"""The paper's figures and claims computed anew, each with a verdict; imports `pages`."""

@@ -6,13 +6,13 @@ from importlib import import_module
 from polhode.harness.paper.item import Item, Section
 
 SECTIONS = (
-    "polhode.harness.paper.periods:SECTION",
-    "polhode.harness.paper.euler_tops:SECTION",
-    "polhode.harness.paper.spheroid_planes:SECTION",
-    "polhode.harness.paper.ellipsoid_planes:SECTION",
-    "polhode.harness.paper.from_rest:SECTION",
-    "polhode.harness.paper.appendix:SECTION",
-    "polhode.harness.paper.beyond:SECTION",
+    "polhode.harness.paper.sections.periods:SECTION",
+    "polhode.harness.paper.sections.limits.euler_tops:SECTION",
+    "polhode.harness.paper.sections.spheroids.planes:SECTION",
+    "polhode.harness.paper.sections.ellipsoids.planes:SECTION",
+    "polhode.harness.paper.sections.rest.section:SECTION",
+    "polhode.harness.paper.sections.appendix.first_order:SECTION",
+    "polhode.harness.paper.sections.beyond.endings_and_basins:SECTION",
 )
 
 

@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from polhode.harness.common.files import PartialFile
+from polhode.harness.common.text import markdown
 from polhode.harness.paper import store
 from polhode.harness.paper.item import Data, Grid, Item, Number, Section, Verdict, Word
-from polhode.harness.partial_file import PartialFile
-from polhode.harness.text import markdown
 
 NOTICE = "Made by `polhode paper`. Do not edit: the next run overwrites this page."
 

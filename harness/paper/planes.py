@@ -29,9 +29,9 @@ from polhode.harness.paper.runs import (
     graded,
     slow_scene,
 )
-from polhode.models.fixed_points import FixedPoint, fixed_points
 from polhode.models.scene import Scene
 from polhode.models.shape import Ellipsoid
+from polhode.models.theory.fixed_points import FixedPoint, fixed_points
 
 # L_z/I_max above which a trajectory with L_z > 0 counts as away from the pinch point.
 ABOVE_PINCH = 0.2

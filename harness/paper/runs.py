@@ -8,10 +8,10 @@ import numpy as np
 from scipy import stats
 
 from polhode.models.catalogue import form as find_form
+from polhode.models.forms.spheroid import Spheroid
 from polhode.models.observables import Observables
 from polhode.models.scene import EulerStart, Scene, SlowStart
 from polhode.models.shape import Ellipsoid
-from polhode.models.spheroid import Spheroid
 from polhode.solvers.solve import solve
 
 TOLERANCE = 1e-12

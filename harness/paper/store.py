@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from polhode import models, solvers
+from polhode.harness.common.files import PartialFile
 from polhode.harness.paper.item import Data, Grid, Item, Table
-from polhode.harness.partial_file import PartialFile
 
 SCHEMA = 1
 DIGITS = 8
@@ -49,7 +49,7 @@ def code_of(item: Item) -> list[Path]:
 
 @cache
 def _rooms() -> str:
-    paths = (path for room in (models, solvers) for path in sorted(Path(room.__file__ or "").parent.glob("*.py")))
+    paths = (path for room in (models, solvers) for path in sorted(Path(room.__file__ or "").parent.rglob("*.py")))
     return _hash("".join(_hash(path.read_bytes()) for path in paths).encode())
 
 

@@ -1,1 +1,1 @@
-"""The offline web site of everything found so far (`polhode report`)."""
+"""The offline web site, made of the pages and their data; imports `pages` and `paper`."""

@@ -1,6 +1,6 @@
 """Which machine, which versions, which files: where every number comes from."""
 
-from polhode.harness.machine import machine, versions
+from polhode.harness.common.machine import machine, versions
 from polhode.harness.site.markup import Page, bullets, missing, table
 from polhode.harness.site.origins import machines, packages
 from polhode.harness.site.sources import Sources, StudyRecords, measured

@@ -4,13 +4,13 @@ from collections.abc import Sequence
 from html import escape
 from typing import Any
 
-from polhode.harness.accuracy import TARGETS, Law, Measured, first_order, laws, statements
-from polhode.harness.accuracy_page import ABSENT_HEADER, COLORS, LAWS_HEADER, absent_rows, law_rows
-from polhode.harness.accuracy_words import definitions, fits
+from polhode.harness.averaging.orders import TARGETS, Law, Measured, first_order, laws, statements
+from polhode.harness.common.text import scientific
+from polhode.harness.pages.accuracy_words import definitions, fits
+from polhode.harness.pages.averaging import ABSENT_HEADER, COLORS, LAWS_HEADER, absent_rows, law_rows
 from polhode.harness.site.markup import Page, bullets, chart, missing, prose, table
 from polhode.harness.site.origins import told
 from polhode.harness.site.sources import Sources
-from polhode.harness.text import scientific
 
 LEAD = "Model error: the averaged equations' exact solution against the full equations', along the whole run."
 HEADER = ["case", "form", "St", "to t₂", "model error", "solver error", "reference"]

@@ -5,15 +5,15 @@ from datetime import UTC, datetime
 from html import escape
 from pathlib import Path
 
-from polhode.harness.machine import machine, versions
-from polhode.harness.partial_file import PartialFile
+from polhode.harness.common.files import PartialFile
+from polhode.harness.common.machine import machine, versions
 from polhode.harness.site.about_page import about_page
 from polhode.harness.site.accuracy_page import accuracy_page
-from polhode.harness.site.cost_page import cost_page
+from polhode.harness.site.cost import cost_page
 from polhode.harness.site.hard_page import hard_page
 from polhode.harness.site.laws_page import laws_page
 from polhode.harness.site.markup import Page, document
-from polhode.harness.site.motion_page import motion_page
+from polhode.harness.site.motion import motion_page
 from polhode.harness.site.paper_page import copy_figures, paper_page
 from polhode.harness.site.sources import measured, read_sources
 from polhode.harness.site.verdict_page import verdict_page

@@ -2,7 +2,7 @@
 
 from html import escape
 
-from polhode.harness.outcomes import (
+from polhode.harness.analysis.outcomes import (
     BEYOND,
     SIGNS,
     Block,

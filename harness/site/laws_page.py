@@ -6,20 +6,21 @@ from dataclasses import dataclass
 from math import log10
 from statistics import median
 
-from polhode.harness.figures import MARKERS, library_of
-from polhode.harness.heldout import FACTOR
-from polhode.harness.laws import Interval, Laws, load_laws
-from polhode.harness.laws_load import load_of
-from polhode.harness.laws_pilot import Pilot, PilotFailedError, pilot
-from polhode.harness.site.cost_page import colour_of
+from polhode.harness.calibration.heldout import FACTOR
+from polhode.harness.common.store import Record
+from polhode.harness.common.text import duration, scientific, short
+from polhode.harness.pages.work_precision import MARKERS
+from polhode.harness.picking.laws import Interval, Laws, load_laws
+from polhode.harness.picking.load import load_of
+from polhode.harness.picking.pilot import Pilot, PilotFailedError, pilot
+from polhode.harness.site.cost import colour_of
 from polhode.harness.site.markup import Page, bullets, chart, missing, table
 from polhode.harness.site.sources import Sources, StudyRecords
-from polhode.harness.store import Record
-from polhode.harness.text import duration, scientific, short
 from polhode.models.catalogue import FORMS
 from polhode.models.catalogue import form as find_form
 from polhode.models.scene import Scene
 from polhode.solvers.catalogue import SOLVERS
+from polhode.solvers.catalogue import solver as find_solver
 
 TITLE = "Cost laws"
 LEAD = "What `pick` believes a run will cost, against what runs cost that were not used to fit its laws."
@@ -214,7 +215,7 @@ def _scatter(points: dict[str, list], label: str, ends: tuple[float, float]) -> 
     counts: dict[str, int] = {}
     series = []
     for solver in sorted(points, key=_place):
-        library = library_of(solver)
+        library = find_solver(solver).family
         mark = MARKERS[counts.get(library, 0) % len(MARKERS)]
         counts[library] = counts.get(library, 0) + 1
         series.append({"name": solver, "color": colour_of(solver), "mark": mark, "points": points[solver]})

@@ -10,13 +10,13 @@ from typing import Any
 
 import pandas as pd
 
-from polhode.harness.accuracy import Absent, Measured
-from polhode.harness.accuracy_data import ERRORS, read_data
+from polhode.harness.analysis.frames import frame, where
+from polhode.harness.averaging.data import ERRORS, read_data
+from polhode.harness.averaging.orders import Absent, Measured
+from polhode.harness.common.store import DamagedStoreError, Record, Store, read_export
 from polhode.harness.paper import store as paper_store
 from polhode.harness.paper.catalogue import sections
 from polhode.harness.paper.item import Data, Item
-from polhode.harness.store import DamagedStoreError, Record, Store, read_export
-from polhode.harness.tables import frame, where
 from polhode.models.scene import Scene
 from polhode.models.scene_file import parse_scene
 

@@ -7,16 +7,16 @@ from statistics import median_high
 
 import pandas as pd
 
-from polhode.harness.regime_page import COLORS, HEADINGS, usual_form
-from polhode.harness.regime_text import horizon
-from polhode.harness.regimes import Cell, cells
+from polhode.harness.analysis.frames import where
+from polhode.harness.analysis.regime_map import Cell, cells
+from polhode.harness.analysis.winners import TARGETS, TIE, averaged_costs, averaged_forms, by_scene, when_averaged_wins
+from polhode.harness.common.text import duration, short
+from polhode.harness.pages.regime_text import horizon
+from polhode.harness.pages.regimes import COLORS, HEADINGS, usual_form
 from polhode.harness.site.markup import Page, bullets, missing, prose, scroll, table
 from polhode.harness.site.origins import commands, origins
 from polhode.harness.site.sources import Sources, StudyRecords
-from polhode.harness.study import read_study
-from polhode.harness.tables import where
-from polhode.harness.text import duration, short
-from polhode.harness.verdict import TARGETS, TIE, averaged_costs, averaged_forms, by_scene, when_averaged_wins
+from polhode.harness.studies.study import read_study
 
 TITLE = "What should I run?"
 LEAD = (

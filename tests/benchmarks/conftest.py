@@ -23,6 +23,6 @@ def time_left(suite_began: float) -> None:
 
 def pytest_benchmark_update_machine_info(config: pytest.Config, machine_info: dict) -> None:
     """The harness's own description of machine and versions, beside the plugin's."""
-    from polhode.harness.machine import machine, versions
+    from polhode.harness.common.machine import machine, versions
 
     machine_info["polhode"] = {"machine": machine(), "versions": versions()}

@@ -12,11 +12,11 @@ import pandas as pd
 import pytest
 from commandline import SCENE, Run
 
-from polhode.harness import SceneSolution, WorkPrecision, pick, solve
-from polhode.harness.figures import GREY, UNKNOWN
-from polhode.harness.plots import energy_plane, slow_variables
+from polhode import SceneSolution, WorkPrecision, pick, solve
+from polhode.harness.pages.motion import energy_plane, slow_variables
+from polhode.harness.pages.work_precision import GREY, UNKNOWN
 from polhode.models.catalogue import form
-from polhode.models.quaternion import Quaternion
+from polhode.models.forms.quaternion import Quaternion
 from polhode.models.scenes import named_scene
 from polhode.solvers.contract import Status
 from polhode.solvers.taylor import Taylor
@@ -31,11 +31,11 @@ def solution() -> SceneSolution:
 
 def test_names_are_imported_on_first_use():
     code = (
-        "import sys, polhode.harness as h\n"
+        "import sys, polhode as h\n"
         "assert not {'numpy', 'pandas', 'scipy', 'heyoka'} & set(sys.modules)\n"
         "assert {'solve', 'pick', 'WorkPrecision', 'SceneSolution'} <= set(dir(h))\n"
-        "import polhode.harness.pick\n"
-        "from polhode.harness import pick, solve, WorkPrecision\n"
+        "import polhode.harness.picking.ranking\n"
+        "from polhode import pick, solve, WorkPrecision\n"
         "assert pick.__name__ == 'pick' and callable(pick)\n"
     )
     done = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, timeout=60, check=False)
@@ -43,10 +43,10 @@ def test_names_are_imported_on_first_use():
 
 
 def test_what_is_not_there_is_an_attribute_error():
-    import polhode.harness
+    import polhode
 
-    with pytest.raises(AttributeError, match=r"'polhode\.harness' has no attribute 'sovle'"):
-        polhode.harness.sovle  # noqa: B018
+    with pytest.raises(AttributeError, match=r"'polhode' has no attribute 'sovle'"):
+        polhode.sovle  # noqa: B018
 
 
 def test_a_scene_a_file_and_a_name_are_the_same(tmp_path: Path, solution: SceneSolution):

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from oracle.first_principles import body_rates, jeffery, rotation_from_euler
+from polhode.harness.picking.simplest import simplest
 from polhode.models.catalogue import FORMS, form
 from polhode.models.form import FormNotValidError
 from polhode.models.rotation import (
@@ -22,7 +23,6 @@ from polhode.models.rotation import (
 from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart
 from polhode.models.scenes import SCENES, named_scene
 from polhode.models.shape import Ellipsoid
-from polhode.models.simplest import simplest
 
 TRIAXIAL = Ellipsoid((1, 0.8, 0.5))
 angles = st.tuples(*[st.floats(-10, 10)] * 3)

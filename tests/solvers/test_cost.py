@@ -4,8 +4,8 @@ import pytest
 
 from oracle.classical import CLASSICAL
 from oracle.runs import Run
-from polhode.harness.worker import Worker
-from polhode.solvers.cost import first_run, rhs_seconds
+from polhode.harness.common.worker import Worker
+from polhode.harness.studies.cost import first_run, rhs_seconds
 
 QUATERNION = Run("triaxial", "quaternion").problem
 RIGID_BODY = CLASSICAL["rigid-body"].problem

@@ -1,6 +1,0 @@
-"""``python -m polhode.harness`` is the command `polhode`."""
-
-from polhode.harness.cli import main
-
-if __name__ == "__main__":
-    main()

@@ -1,0 +1,1 @@
+"""Numbers from records: fronts, winners, the regime map, outcomes; imports `studies`."""

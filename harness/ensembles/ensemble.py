@@ -1,0 +1,256 @@
+"""Ensembles: many particles of one shape and Stokes number, run in tasks that are pure functions of plain data."""
+
+import hashlib
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from math import isfinite
+from typing import Any, Literal
+
+import numpy as np
+
+from polhode.harness.common.machine import package_version
+from polhode.harness.ensembles.attractors import Attractor, attractors
+from polhode.harness.ensembles.starts import Drawn, Starts
+from polhode.harness.ensembles.statistics import Layout, Statistics
+from polhode.models.catalogue import form as find_form
+from polhode.models.scene import BodyStart, Scene
+from polhode.models.shape import Ellipsoid
+from polhode.solvers.contract import Status
+from polhode.solvers.ensembles.runge_kutta_batch import run_vectorised
+from polhode.solvers.ensembles.taylor_batch import run_batches
+
+# Changes whenever a record's meaning does, so that no old record is taken for a new one.
+SCHEMA = 2
+# Numbers of a block of particles that are held at once, 8 bytes each; their observables take a few times as much.
+HELD = 2_000_000
+MOST_AT_ONCE = 8192
+# States whose observables are held at once: they stay in the processor's cache.
+OBSERVED = 20_000
+# Angular velocities stay below the fastest start, or about the fluid's: histograms reach a little further.
+LEAST_LIMIT, MARGIN = 1.0, 1.05
+
+Equations = Literal["full", "averaged"]
+Record = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Ensemble:
+    """Many starts of one shape and Stokes number.
+
+    Parameters
+    ----------
+    ellipsoid : Ellipsoid
+    stokes : float
+    time : float
+        Duration in units of the inverse shear rate.
+    starts : Starts
+    particles : int
+    seed : int
+        Not negative. The starts depend on it and on `block` alone: neither on shape and St nor on who runs what.
+    equations : {"full", "averaged"}
+        Full equations in the fewest variables without angles, or the averaged ones.
+    tolerance : float
+        Of the integrator: `run_batches` for full equations, `run_vectorised` for averaged ones.
+    block : int
+        Particles of one task.
+    samples : int
+        Equispaced times at which particles are looked at for their arrival, start and end included.
+    snapshots : int
+        Times, out of those, at which moments and distributions are kept; samples - 1 is a multiple of snapshots - 1.
+    bins : int
+        Of each histogram.
+    radius : float
+        A particle has arrived when its L and E, over the largest moment of inertia, stay up to the end within this
+        distance of the motion on an attractor.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of range, or the equations do not apply.
+    """
+
+    ellipsoid: Ellipsoid
+    stokes: float
+    time: float
+    starts: Starts = field(default_factory=Starts)
+    particles: int = 10_000
+    seed: int = 1
+    equations: Equations = "full"
+    tolerance: float = 1e-9
+    block: int = 10_000
+    samples: int = 101
+    snapshots: int = 11
+    bins: int = 64
+    radius: float = 0.05
+
+    def __post_init__(self) -> None:
+        for name, least in (("particles", 1), ("seed", 0), ("block", 1), ("samples", 2), ("snapshots", 2), ("bins", 1)):
+            if getattr(self, name) < least:
+                raise ValueError(f"{name}: got {getattr(self, name)!r}, expected a whole number from {least} on")
+        if (self.samples - 1) % (self.snapshots - 1):
+            raise ValueError(f"snapshots: got {self.snapshots}, expected samples - 1 = {self.samples - 1} divisible")
+        for name in ("tolerance", "radius"):
+            value = getattr(self, name)
+            if not (isfinite(value) and value > 0):
+                raise ValueError(f"{name}: got {value!r}, expected a finite positive number")
+        if self.equations not in ("full", "averaged"):
+            raise ValueError(f"equations: got {self.equations!r}, expected 'full' or 'averaged'")
+        if self.equations == "averaged" and self.starts.motion == "rest":
+            raise ValueError("start.motion: got 'rest' with averaged equations, expected L not 0; use 'full'")
+        find_form(self.form).problem(self.first_scene(self._drawn(0, 1)))
+
+    @property
+    def form(self) -> str:
+        """Catalogue name of the form that is solved."""
+        triaxial = self.ellipsoid.kind == "triaxial"
+        if self.equations == "averaged":
+            return "averaged" if triaxial else "averaged-spheroid"
+        if self.stokes == 0:
+            return "jeffery"
+        return "quaternion" if triaxial else "spheroid-axis"
+
+    @property
+    def slow_time(self) -> float | None:
+        """Duration in slow time; None at St = 0."""
+        return None if self.stokes == 0 else self.time / self.stokes
+
+    @cached_property
+    def attractors(self) -> tuple[Attractor, ...]:
+        """The stable states that particles can be said to arrive at (`polhode.harness.ensembles.attractors`)."""
+        return attractors(self.ellipsoid, self.stokes, self.radius, circling=self.equations == "full")
+
+    @cached_property
+    def layout(self) -> Layout:
+        """What is counted."""
+        shape, given = self.ellipsoid, self.starts.angular_momentum
+        if self.equations == "averaged":
+            axes = ()
+        else:
+            axes = (
+                shape.order
+                if shape.kind == "triaxial"
+                else (2 if shape.symmetry_axis is None else shape.symmetry_axis,)
+            )
+        momentum = max(LEAST_LIMIT, 0.0 if given is None else float(np.linalg.norm(given)))
+        energy = max(LEAST_LIMIT / 2, momentum**2 / 2 * max(shape.inertia) / min(shape.inertia) if given else 0.0)
+        return Layout(
+            axes, self.snapshots, self.samples, len(self.attractors), self.bins, MARGIN * momentum, MARGIN * energy
+        )
+
+    @property
+    def content(self) -> Record:
+        """The ensemble as plain data, types coerced, with the schema and the versions that it depends on."""
+        return {
+            "schema": SCHEMA,
+            "semi_axes": [float(length) for length in self.ellipsoid.semi_axes],
+            "stokes": float(self.stokes),
+            "time": float(self.time),
+            "starts": self.starts.content,
+            "particles": int(self.particles),
+            "seed": int(self.seed),
+            "equations": self.equations,
+            "form": self.form,
+            "tolerance": float(self.tolerance),
+            "block": int(self.block),
+            "samples": int(self.samples),
+            "snapshots": int(self.snapshots),
+            "bins": int(self.bins),
+            "radius": float(self.radius),
+            "versions": {name: package_version(name) for name in ("polhode", "heyoka", "numpy")},
+        }
+
+    def tasks(self) -> Iterator["Task"]:
+        """The blocks of particles, in order; all but the last are of the same size."""
+        return (Task(self, index) for index in range(-(-self.particles // self.block)))
+
+    def _drawn(self, index: int, particles: int) -> Drawn:
+        return self.starts.draw(self.ellipsoid, np.random.SeedSequence(self.seed, spawn_key=(index,)), particles)
+
+    def first_scene(self, drawn: Drawn) -> Scene:
+        """Scene of the first particle drawn, whose start the others replace."""
+        q0, q1, q2, q3 = drawn.quaternion[0].tolist()
+        w1, w2, w3 = drawn.angular_velocity[0].tolist()
+        return Scene(self.ellipsoid, self.stokes, BodyStart((q0, q1, q2, q3), (w1, w2, w3)), self.time)
+
+    def run(self, index: int) -> Statistics:
+        """Statistics of a block of particles, in bounded memory."""
+        particles = min(self.block, self.particles - index * self.block)
+        drawn = self._drawn(index, particles)
+        form, scene, layout = find_form(self.form), self.first_scene(drawn), self.layout
+        problem, starts = form.problem(scene), drawn.states(self.form, self.ellipsoid)
+        times = np.linspace(0.0, problem.end, self.samples)
+        statistics = Statistics.empty(layout)
+        at_once = min(MOST_AT_ONCE, max(1, HELD // (self.samples * problem.dimension)))
+        for first in range(0, particles, at_once):
+            some = starts[first : first + at_once]
+            if self.equations == "averaged":
+                states, statuses = run_vectorised(problem, some, times, self.tolerance)
+            else:
+                slow = form.observe(scene, some).slow
+                states, statuses = run_batches(problem, some, times, self.tolerance, slow)
+            success = statistics.add_statuses(statuses, str(Status.REACHED_END))
+            finished = states.swapaxes(0, 1)
+            self._observe(scene, finished if success.all() else finished[success], statistics)
+        return statistics
+
+    def _observe(self, scene: Scene, states: np.ndarray, statistics: Statistics) -> None:
+        """Add states, shape (n, samples, d), to the statistics."""
+        n, samples, d = states.shape
+        form, unit, axes = find_form(self.form), max(self.ellipsoid.inertia), list(self.layout.axes)
+        every = (samples - 1) // (self.snapshots - 1)
+        slow_then = np.empty((self.snapshots, n, 4))
+        directions_then = np.empty((self.snapshots, n, len(axes), 3))
+        close = np.empty((len(self.attractors), n, samples), dtype=bool)
+        at_once = max(1, OBSERVED // samples)
+        for first in range(0, n, at_once):
+            some = slice(first, first + at_once)
+            seen = form.observe(scene, states[some].reshape(-1, d))
+            slow = (seen.slow / unit).reshape(-1, samples, 4)
+            slow_then[:, some] = slow[:, ::every].swapaxes(0, 1)
+            directions = seen.rotation.reshape(-1, samples, 3, 3)[:, ::every, axes]
+            directions_then[:, some] = directions.swapaxes(0, 1)
+            for k, attractor in enumerate(self.attractors):
+                away = slow - attractor.state
+                close[k, some] = np.einsum("nmk,nmk->nm", away, away) < attractor.reach**2
+        statistics.add_orientations(directions_then)
+        statistics.add_slow(self.layout, slow_then)
+        for k in range(len(self.attractors)):
+            statistics.add_arrivals(k, close[k].T)
+
+
+@dataclass(frozen=True)
+class Task:
+    """A block of an ensemble's particles: what an engine runs, and a row of the store."""
+
+    ensemble: Ensemble
+    index: int
+
+    @property
+    def content(self) -> Record:
+        """The task as plain data."""
+        return {**self.ensemble.content, "index": self.index}
+
+    @cached_property
+    def key(self) -> str:
+        """Hash of the canonical content."""
+        return digest(self.content)
+
+
+def run_task(task: Task) -> Record:
+    """Statistics of a task as plain data: a pure function, with nothing of time, place or machine in its result.
+
+    Raises
+    ------
+    RuntimeError
+        If the task was made with other versions than those it would be run with here.
+    """
+    if digest(task.content) != task.key:
+        raise RuntimeError(f"got a task of other versions, expected {task.content['versions']}")
+    return task.ensemble.run(task.index).as_record()
+
+
+def digest(content: Record) -> str:
+    """Hash of plain data in canonical form."""
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

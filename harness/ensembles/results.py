@@ -1,0 +1,94 @@
+"""What a sweep leaves behind: tables for the reader, CSV files for the rest."""
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from polhode.harness.common.store import Store, export
+from polhode.harness.common.text import markdown
+from polhode.harness.ensembles.summary import (
+    arrival_rows,
+    distribution_rows,
+    ensemble_row,
+    moment_rows,
+    slow_rows,
+)
+from polhode.harness.ensembles.sweep import NO_TIMES, Sweep, gather
+
+PAGE = "README.md"
+FILES = {
+    "moments.csv": (moment_rows, "orientation moments of second and fourth order, with standard errors"),
+    "slow.csv": (slow_rows, "means of L and E, with standard errors"),
+    "distributions.csv": (distribution_rows, "histograms of L and E"),
+    "arrivals.csv": (arrival_rows, "fraction arrived at each attractor against time, with 95 % intervals"),
+}
+
+
+def write_results(sweep: Sweep, store: Store, folder: Path) -> tuple[Path, list[dict[str, Any]]]:
+    """Write the page and the CSV files of a finished sweep; returns the page's path, and a row for each ensemble.
+
+    A file without rows, such as moments of averaged equations, which have no orientation, is left out.
+    """
+    ensembles = []
+    rows: dict[str, list[dict[str, Any]]] = {name: [] for name in FILES}
+    for ensemble in sweep.ensembles:
+        statistics = gather(ensemble, store)
+        ensembles.append(ensemble_row(ensemble, statistics))
+        for name, (make, _) in FILES.items():
+            rows[name] += make(ensemble, statistics)
+    rows = {name: records for name, records in rows.items() if records}
+    # Two runs that share a store finish at the same time, and write the same.
+    with tempfile.TemporaryDirectory(dir=folder, prefix="partial-") as partial:
+        for name, records in rows.items():
+            export(records, Path(partial) / name)
+        (Path(partial) / PAGE).write_text(_page(sweep, ensembles, tuple(rows)), encoding="utf-8")
+        for name in (*rows, PAGE):
+            (Path(partial) / name).replace(folder / name)
+    for name in FILES.keys() - rows.keys():
+        # Of a run by an earlier version.
+        (folder / name).unlink(missing_ok=True)
+    return folder / PAGE, ensembles
+
+
+def _page(sweep: Sweep, ensembles: list[dict[str, Any]], names: tuple[str, ...]) -> str:
+    header = ("shape", "St", "equations", "particles", "failed", "arrived (95 %)", "median transient time (95 %)")
+    lines = [
+        (
+            f"{row['a']:g} : {row['b']:g} : {row['c']:g}",
+            f"{row['stokes']:g}",
+            row["equations"],
+            row["particles"],
+            sum(row["failures"].values()),
+            "; ".join(f"{name}: {_interval(interval)}" for name, interval in row["arrived"].items()) or "–",
+            _interval(row["transient_time"]["0.5"]) if row["transient_time"] else "–",
+        )
+        for row in ensembles
+    ]
+    table = markdown(header, lines, right=(1, 3, 4))
+    files = "\n".join(f"- [{name}]({name}): {FILES[name][1]}" for name in names)
+    return (
+        f"# {sweep.title}\n\n{table}\n"
+        "Times are in units of the inverse shear rate, L and E over the largest moment of inertia. Failed particles "
+        "are left out of every statistic.\n"
+        f"{_arrival_words(ensembles, table)}\n\n{files}\n\nEvery task's record says: {NO_TIMES}.\n"
+    )
+
+
+def _arrival_words(ensembles: list[dict[str, Any]], table: str) -> str:
+    """What the columns on arrival say, as far as it occurs in the table; and what averaged equations cannot tell."""
+    sentences = ["A particle has arrived when its L and E stay close to an attractor's up to the end of the run"]
+    if "later" in table:
+        sentences[0] += "; `later` is after that end"
+    if not all(row["arrived"] for row in ensembles):
+        sentences.append(
+            "– under *arrived*: no attractor is named, since at St = 0 and ∞ there is none, and at small St or for a "
+            "shape close to a sphere it cannot be told from the next fixed point"
+        )
+    if any(row["equations"] == "averaged" for row in ensembles):
+        sentences.append("Averaged equations have no orientation, hence no orientation moments")
+    return ". ".join(sentences) + "."
+
+
+def _interval(interval: dict[str, float | None]) -> str:
+    value, low, high = ("later" if end is None else f"{end:.4g}" for end in interval.values())
+    return f"{value} ({low} to {high})"

@@ -1,0 +1,145 @@
+"""Where the particles of an ensemble start: distributions of orientation and motion, drawn from a seed."""
+
+from dataclasses import dataclass
+from math import hypot, isfinite
+from typing import Any, Literal
+
+import numpy as np
+
+from polhode.models.flow import jeffery_angular_velocity, shares
+from polhode.models.forms.spheroid import Spheroid
+from polhode.models.operations import numpy_operations
+from polhode.models.rotation import Triple, matrix_from_quaternion
+from polhode.models.shape import Ellipsoid
+
+Motion = Literal["rest", "fluid", "jeffery", "momentum", "momentum-isotropic"]
+MOTIONS: dict[str, str] = {
+    "rest": "no angular velocity",
+    "fluid": "turning with the fluid, ω = -½ ẑ",
+    "jeffery": "turning as without inertia, ω = Ω_J",
+    "momentum": "of the given angular momentum, in space axes",
+    "momentum-isotropic": "of angular momentum in any direction, of the length of the given one",
+}
+
+
+@dataclass(frozen=True)
+class Starts:
+    """A distribution of starts: orientations isotropic, or all the same; motions as `MOTIONS` says.
+
+    Parameters
+    ----------
+    motion : str
+        One of `MOTIONS`.
+    angular_momentum : tuple of 3 float, optional
+        L over the largest moment of inertia, in units of the shear rate: needed by the two motions of given momentum,
+        refused by the others.
+    quaternion : tuple of 4 float, optional
+        One orientation for all particles; isotropic orientations if absent.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of range, missing, or not used.
+    """
+
+    motion: Motion = "rest"
+    angular_momentum: Triple | None = None
+    quaternion: tuple[float, float, float, float] | None = None
+
+    def __post_init__(self) -> None:
+        if self.motion not in MOTIONS:
+            raise ValueError(f"start.motion: got {self.motion!r}, expected one of {', '.join(MOTIONS)}")
+        given = self.angular_momentum
+        if self.motion.startswith("momentum"):
+            if given is None or len(given) != 3 or not all(map(isfinite, given)) or not any(given):
+                raise ValueError(f"start.angular_momentum: got {given!r}, expected three finite numbers, not all zero")
+        elif given is not None:
+            raise ValueError(f"start.angular_momentum: got {given!r}, expected none with motion {self.motion!r}")
+        q = self.quaternion
+        if q is not None and not (len(q) == 4 and isfinite(hypot(*q)) and any(q)):
+            raise ValueError(f"start.quaternion: got {q!r}, expected four finite numbers, not all zero")
+
+    @property
+    def content(self) -> dict[str, Any]:
+        """The distribution as plain data."""
+        momentum, q = self.angular_momentum, self.quaternion
+        return {
+            "orientation": "isotropic" if q is None else [float(component) for component in q],
+            "motion": self.motion,
+            "angular_momentum": None if momentum is None else [float(component) for component in momentum],
+        }
+
+    def draw(self, ellipsoid: Ellipsoid, seed: np.random.SeedSequence, particles: int) -> "Drawn":
+        """Draw starts; the same seed gives the same orientations and directions whatever the ellipsoid."""
+        random = np.random.default_rng(seed)
+        four = random.standard_normal((particles, 4))
+        q = four if self.quaternion is None else np.tile(np.array(self.quaternion, dtype=float), (particles, 1))
+        q = q / np.linalg.norm(q, axis=1, keepdims=True)
+        return Drawn(q, self._velocity(ellipsoid, matrix_from_quaternion(q), random))
+
+    def _velocity(self, ellipsoid: Ellipsoid, rotation: np.ndarray, random: np.random.Generator) -> np.ndarray:
+        """Angular velocities in body axes, shape (n, 3), of matrices t_ij, shape (n, 3, 3)."""
+        if self.motion == "rest":
+            return np.zeros((len(rotation), 3))
+        if self.motion == "fluid":
+            return -0.5 * rotation[:, :, 2]
+        if self.motion == "jeffery":
+            jeffery = jeffery_angular_velocity(numpy_operations())
+            return np.stack(jeffery(rotation[:, :, 0].T, rotation[:, :, 1].T, shares(ellipsoid)), axis=1)
+        assert self.angular_momentum is not None
+        inertia = np.array(ellipsoid.inertia)
+        momentum = np.tile(np.array(self.angular_momentum) * inertia.max(), (len(rotation), 1))
+        if self.motion == "momentum-isotropic":
+            directions = random.standard_normal((len(rotation), 3))
+            length = np.linalg.norm(momentum, axis=1, keepdims=True)
+            momentum = length * directions / np.linalg.norm(directions, axis=1, keepdims=True)
+        return np.einsum("nij,nj->ni", rotation, momentum) / inertia
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """Starts of n particles: unit quaternions, shape (n, 4), and angular velocities in body axes, shape (n, 3)."""
+
+    quaternion: np.ndarray
+    angular_velocity: np.ndarray
+
+    def states(self, form: str, ellipsoid: Ellipsoid) -> np.ndarray:
+        """Starting states, shape (n, d), of a form: what `Form.problem` makes of each, for all of them at once."""
+        return _STATES[form](self, ellipsoid)
+
+    def momentum(self, ellipsoid: Ellipsoid) -> np.ndarray:
+        """Angular momenta in space axes, shape (n, 3)."""
+        body = self.angular_velocity * np.array(ellipsoid.inertia)
+        return np.einsum("nij,ni->nj", matrix_from_quaternion(self.quaternion), body)
+
+    def energy(self, ellipsoid: Ellipsoid) -> np.ndarray:
+        """Kinetic energies, shape (n,)."""
+        return 0.5 * np.sum(self.angular_velocity**2 * np.array(ellipsoid.inertia), axis=1)
+
+
+def _axis(drawn: Drawn, ellipsoid: Ellipsoid) -> np.ndarray:
+    spheroid = Spheroid.of(ellipsoid)
+    directions = matrix_from_quaternion(drawn.quaternion)[:, spheroid.axis]
+    return np.column_stack([drawn.momentum(ellipsoid) / spheroid.equatorial_inertia, directions])
+
+
+def _averaged(drawn: Drawn, ellipsoid: Ellipsoid) -> np.ndarray:
+    slow = np.column_stack([drawn.momentum(ellipsoid), drawn.energy(ellipsoid)])
+    return slow / max(ellipsoid.inertia)
+
+
+def _averaged_spheroid(drawn: Drawn, ellipsoid: Ellipsoid) -> np.ndarray:
+    spheroid = Spheroid.of(ellipsoid)
+    spin = drawn.angular_velocity[:, spheroid.axis]
+    return np.column_stack([drawn.momentum(ellipsoid) / spheroid.equatorial_inertia, spin])
+
+
+# Forms that ensembles can use: those without angles, which would need wrapping.
+_STATES = {
+    "quaternion": lambda drawn, ellipsoid: np.column_stack([drawn.quaternion, drawn.angular_velocity]),
+    "spheroid-axis": _axis,
+    "jeffery": lambda drawn, ellipsoid: drawn.quaternion,
+    "averaged": _averaged,
+    "averaged-spheroid": _averaged_spheroid,
+}
+ENSEMBLE_FORMS = tuple(_STATES)

@@ -1,0 +1,279 @@
+"""Sweeps: a grid of shapes × Stokes numbers × starts, as data, run into a store by any engine."""
+
+import sqlite3
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from json import JSONDecodeError
+from pathlib import Path
+from random import Random
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from tqdm import tqdm
+
+from polhode.harness.common.machine import machine
+from polhode.harness.common.store import DamagedStoreError, Store
+from polhode.harness.ensembles.engines import Engine
+from polhode.harness.ensembles.ensemble import Ensemble, Record, Task, digest, run_task
+from polhode.harness.ensembles.starts import Starts
+from polhode.harness.ensembles.statistics import Statistics, merged
+from polhode.harness.studies.study import Name, Stokes
+from polhode.models.scene_file import FourVector, Positive, Vector, first_complaint
+from polhode.models.shape import Ellipsoid
+from polhode.models.toml_file import read_toml
+
+# Written into every record: side by side, tasks slow each other down.
+NO_TIMES = "no times: tasks may run side by side"
+# Seconds after which the store is asked again what another run has added.
+REFRESH = 5.0
+DEFAULT_TOLERANCE = {"full": 1e-9, "averaged": 1e-6}
+
+Whole = Annotated[int, Field(ge=1)]
+
+
+class StartTable(BaseModel):
+    """``[start]``: how the particles start."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+    orientation: Literal["isotropic"] | FourVector = "isotropic"
+    motion: str = "rest"
+    angular_momentum: Vector | None = None
+
+    def starts(self) -> Starts:
+        """Distribution of starts."""
+        q = None if self.orientation == "isotropic" else tuple(self.orientation)
+        momentum = None if self.angular_momentum is None else tuple(self.angular_momentum)
+        return Starts(self.motion, momentum, q)  # pyright: ignore[reportArgumentType]
+
+
+class SweepTable(BaseModel):
+    """A sweep file; its name is that of the folder of its results."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+    name: Name
+    title: str
+    shapes: Annotated[list[Annotated[list[Positive], Field(min_length=3, max_length=3)]], Field(min_length=1)]
+    stokes: Annotated[
+        list[Stokes], Field(min_length=1), BeforeValidator(lambda value: value if isinstance(value, list) else [value])
+    ]
+    slow_time: Positive | None = None
+    time: Positive | None = None
+    start: StartTable = StartTable()
+    equations: Literal["full", "averaged"] = "full"
+    particles: Whole = 10_000
+    block: Whole = 10_000
+    seed: Annotated[int, Field(ge=0)] = 1
+    tolerance: Positive | None = None
+    samples: Annotated[int, Field(ge=2)] = 101
+    snapshots: Annotated[int, Field(ge=2)] = 11
+    bins: Whole = 64
+    radius: Positive = 0.05
+
+    @model_validator(mode="after")
+    def _one_duration(self) -> "SweepTable":
+        if (self.slow_time is None) == (self.time is None):
+            got = "both" if self.time is not None else "neither"
+            raise ValueError(f"got {got} of slow_time and time, expected exactly one")
+        return self
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Ensembles under one name."""
+
+    name: str
+    title: str
+    ensembles: tuple[Ensemble, ...]
+
+    def tasks(self) -> Iterator[Task]:
+        """All tasks, ensemble by ensemble."""
+        return (task for ensemble in self.ensembles for task in ensemble.tasks())
+
+    @property
+    def size(self) -> int:
+        """Number of tasks."""
+        return sum(-(-ensemble.particles // ensemble.block) for ensemble in self.ensembles)
+
+
+@dataclass(frozen=True)
+class Tally:
+    """What a run of a sweep did: tasks finished by it, found done, and failed, with the last failure's message."""
+
+    finished: int
+    found: int
+    failed: int
+    message: str
+
+
+class StoreFailedError(RuntimeError):
+    """The store could not be written; what it holds is safe. The message names the file and the cause."""
+
+
+def open_store(path: Path) -> Store:
+    """Open a store.
+
+    Raises
+    ------
+    DamagedStoreError
+        If the file is no store, or a damaged one.
+    StoreFailedError
+        If the disk is full, or the file cannot be written for another reason.
+    """
+    try:
+        return Store(path)
+    except DamagedStoreError as error:
+        # SQLite's complaints about the place, not about the contents.
+        if isinstance(error.__context__, sqlite3.OperationalError):
+            raise _unwritable(path, error.__context__) from None
+        raise
+
+
+def perform(task: Task) -> Record:
+    """Record of a task: its statistics, the machine it ran on, and that no times were taken."""
+    statistics = run_task(task)
+    return {"statistics": statistics, "checksum": digest(statistics), "machine": machine(), "timing": NO_TIMES}
+
+
+def run_sweep(sweep: Sweep, store: Store, engine: Engine, *, quiet: bool = False, spread: bool = False) -> Tally:
+    """Run what the store does not hold yet.
+
+    Parameters
+    ----------
+    sweep : Sweep
+    store : Store
+        Several runs may share it, at the same time too.
+    engine : Engine
+    quiet : bool
+        Whether to show no progress on stderr.
+    spread : bool
+        Take the tasks in random order, so that runs that share a store seldom work on the same one.
+
+    Raises
+    ------
+    StoreFailedError
+        If the disk is full, or the store cannot be written for another reason.
+    """
+    finished, failed, message = 0, 0, ""
+    with tqdm(total=sweep.size, disable=quiet, unit="task", desc=sweep.name, leave=False) as progress:
+        outcomes = engine.run(perform, _missing(sweep, store, spread))
+        try:
+            for outcome in outcomes:
+                if outcome.value is None:
+                    failed, message = failed + 1, outcome.message
+                else:
+                    _put(store, outcome.task, outcome.value)
+                    finished += 1
+                progress.update()
+        finally:
+            outcomes.close()  # pyright: ignore[reportAttributeAccessIssue]
+    return Tally(finished, sweep.size - finished - failed, failed, message)
+
+
+def _missing(sweep: Sweep, store: Store, spread: bool) -> Iterator[Task]:
+    """Tasks that the store does not hold, looked up again from time to time."""
+    places = [
+        (ensemble, index) for ensemble in sweep.ensembles for index in range(-(-ensemble.particles // ensemble.block))
+    ]
+    if spread:
+        Random().shuffle(places)
+    known, asked = store.keys(), time.monotonic()
+    for ensemble, index in places:
+        if time.monotonic() - asked > REFRESH:
+            known, asked = store.keys(), time.monotonic()
+        task = Task(ensemble, index)
+        if task.key not in known:
+            yield task
+
+
+def _put(store: Store, task: Task, record: Record) -> None:
+    try:
+        store.put(task.key, task.content, record)
+    except sqlite3.Error as error:
+        raise _unwritable(store.path, error) from None
+
+
+def _unwritable(path: Path, error: sqlite3.Error) -> StoreFailedError:
+    return StoreFailedError(f"{path}: {error}, expected a writable file and room for it")
+
+
+def gather(ensemble: Ensemble, store: Store) -> Statistics:
+    """Statistics of an ensemble from the store, merged in the order of its tasks, whatever order they were run in.
+
+    Raises
+    ------
+    ValueError
+        If the store lacks a task.
+    DamagedStoreError
+        If a task's numbers are not those that were written.
+    """
+    return merged(ensemble.layout, (_statistics(task, store) for task in ensemble.tasks()))
+
+
+def _statistics(task: Task, store: Store) -> Statistics:
+    """Statistics of one task."""
+    try:
+        record = store.result(task.key)
+        if record is None:
+            raise ValueError(f"{store.path}: task {task.index} is missing, expected a finished sweep; --resume")
+        if digest(record["statistics"]) == record["checksum"]:
+            return Statistics.from_record(record["statistics"], task.ensemble.layout)
+    except (KeyError, TypeError, JSONDecodeError):
+        pass
+    raise DamagedStoreError(
+        f"{store.path}: the store is damaged: task {task.key} fails its checksum, expected the numbers that were "
+        "written; take an undamaged copy, or delete that row"
+    )
+
+
+def read_sweep(path: Path | None) -> Sweep:
+    """Read a sweep file, or the one that comes with the package.
+
+    Raises
+    ------
+    ValueError
+        In one line: the file, the key, the value and what was expected.
+    OSError
+        If the file cannot be read.
+    """
+    source = path or Path(__file__).with_name("default_sweep.toml")
+    return read_toml(source, parse_sweep)
+
+
+def parse_sweep(contents: dict[str, Any]) -> Sweep:
+    """Make a sweep of the contents of a sweep file.
+
+    Raises
+    ------
+    ValueError
+        In one line: the key, the value and what was expected.
+    """
+    try:
+        table = SweepTable.model_validate(contents)
+    except ValidationError as error:
+        raise ValueError(first_complaint(error, SweepTable)) from None
+    ensembles = tuple(_ensemble(table, shape, stokes) for shape in table.shapes for stokes in table.stokes)
+    if len({task.key for ensemble in ensembles for task in (Task(ensemble, 0),)}) < len(ensembles):
+        raise ValueError("shapes, stokes: got the same twice, expected each once")
+    return Sweep(table.name, table.title, ensembles)
+
+
+def _ensemble(table: SweepTable, shape: list[float], stokes: float) -> Ensemble:
+    if table.time is None and stokes in (0, float("inf")):
+        raise ValueError(f"slow_time: got {table.slow_time!r} at stokes = {stokes:g}, expected time")
+    a, b, c = shape
+    return Ensemble(
+        Ellipsoid((a, b, c)),
+        stokes,
+        table.time if table.time is not None else (table.slow_time or 0.0) * stokes,
+        table.start.starts(),
+        particles=table.particles,
+        seed=table.seed,
+        equations=table.equations,
+        tolerance=table.tolerance or DEFAULT_TOLERANCE[table.equations],
+        block=table.block,
+        samples=table.samples,
+        snapshots=table.snapshots,
+        bins=table.bins,
+        radius=table.radius,
+    )

@@ -1,0 +1,1 @@
+"""Markdown pages and figures from numbers; imports what measures."""

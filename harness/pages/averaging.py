@@ -1,0 +1,276 @@
+"""The accuracy of the averaged forms as a table for the terminal, as JSON, and as a page with figure and data."""
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from itertools import cycle
+from math import isnan
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from polhode.harness.averaging.data import write_data
+from polhode.harness.averaging.measure import UNCERTIFIED, subjects
+from polhode.harness.averaging.orders import (
+    TARGETS,
+    VARIABLES,
+    Absent,
+    Law,
+    Measured,
+    first_order,
+    laws,
+    statements,
+)
+from polhode.harness.common.machine import versions
+from polhode.harness.common.text import aligned, in_two_digits, markdown, scientific, short
+from polhode.harness.pages.accuracy_words import definitions, fits
+from polhode.harness.pages.work_precision import save
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+ERRORS_HEADER = [
+    "case",
+    "form",
+    "St",
+    "to t₂",
+    *(f"model {name}" for name in VARIABLES),
+    "model",
+    "solver",
+    "reference",
+]
+LAWS_HEADER = ["case", "form", "to t₂", "St measured", "St fitted"]
+LAWS_HEADER += [*(f"order {name}" for name in VARIABLES), "order", "95 % interval"]
+LAWS_HEADER += [f"St for {target:g}" for target in TARGETS]
+ABSENT_HEADER = ["case", "form", "St", "reason"]
+CASES_HEADER = ["case", "semi-axes", "θ, φ, ψ", "ω", "L"]
+
+# Okabe and Ito's palette, safe for colour-blind readers.
+COLORS = ("#000000", "#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7A7A7A")
+
+
+def as_text(rows: Sequence[Measured], absent: Sequence[Absent] = ()) -> str:
+    """All tables and the statements, for a terminal."""
+    parts = [
+        aligned(ERRORS_HEADER, [_error_row(row) for row in rows]),
+        aligned(LAWS_HEADER, law_rows(rows)),
+        *([aligned(ABSENT_HEADER, absent_rows(absent))] if absent else []),
+        "\n".join(statements(rows)),
+    ]
+    return "\n\n".join(parts)
+
+
+def as_json(rows: Sequence[Measured], absent: Sequence[Absent] = ()) -> dict[str, Any]:
+    """Errors, laws, absences and statements as plain data."""
+    return {
+        "variables": list(VARIABLES),
+        "errors": [asdict(row) | {"model_error": row.model_error, "solver_error": row.solver_error} for row in rows],
+        "laws": [
+            asdict(law)
+            | {
+                "fitted_stokes": law.fitted[0].tolist(),
+                "order": _number(law.order),
+                "order_interval": [_number(end) for end in law.order_interval],
+                "stokes_for": {f"{target:g}": _need(law, target) for target in TARGETS},
+            }
+            for law in laws(rows)
+        ],
+        "absent": [asdict(row) for row in absent],
+        "statements": statements(rows),
+    }
+
+
+def write_page(rows: Sequence[Measured], folder: Path, command: str, absent: Sequence[Absent] = ()) -> Path:
+    """Write the page, its figure and its data into a folder and return the page's path."""
+    folder.mkdir(parents=True, exist_ok=True)
+    write_data(rows, absent, folder)
+    save(figure(rows), folder, "errors")
+    page = folder / "README.md"
+    page.write_text("\n".join(_lines(rows, absent, command)), encoding="utf-8")
+    return page
+
+
+def figure(rows: Sequence[Measured]) -> Any:
+    """Model error against St, spheroids beside ellipsoids, over a line of slope -1."""
+    import matplotlib.pyplot as plt
+
+    drawing, panels = plt.subplots(1, 2, figsize=(11.0, 5.4), sharex=True, sharey=True)
+    for axes, family in zip(panels, ("spheroid", "ellipsoid"), strict=True):
+        _panel(axes, [law for law in laws(rows) if law.family == family])
+        axes.set_title({"spheroid": "spheroids", "ellipsoid": "triaxial ellipsoids"}[family], fontsize=11)
+        axes.set_xlabel("Stokes number St")
+    panels[0].set_ylabel("largest error of L and E along the run, over $I_{max}$")
+    drawing.tight_layout()
+    return drawing
+
+
+def _panel(axes: "Axes", own: Sequence[Law]) -> None:
+    colors = dict(zip(dict.fromkeys(law.subject for law in own), cycle(COLORS), strict=False))
+    for law in own:
+        second = not first_order(law.form)
+        axes.loglog(
+            law.stokes,
+            law.error,
+            color=colors[law.subject],
+            label=None if second else law.subject,
+            linestyle="--" if second else "-",
+            linewidth=1.3,
+            marker="s" if second else "o",
+            markersize=4,
+        )
+    if any(not first_order(law.form) for law in own):
+        axes.plot(
+            [],
+            [],
+            color="0.3",
+            linestyle="--",
+            marker="s",
+            markersize=4,
+            label="the same, second order" + (" up to $L^2=2EI_2$" if own[0].family == "ellipsoid" else ""),
+        )
+    x = [1e2, 1e6]
+    axes.loglog(x, [3e1 / s for s in x], color="0.6", linewidth=0.9, linestyle=":", label="30/St")
+    for target in TARGETS:
+        axes.axhline(target, color="0.88", linewidth=0.8, zorder=0)
+    axes.legend(fontsize=8, frameon=False, loc="lower left")
+
+
+def law_rows(rows: Sequence[Measured]) -> list[list[str]]:
+    """One row per case and form: the orders per variable and of the slow error, and the St that errors need."""
+    each = {name: {(law.subject, law.form): law for law in laws(rows, name)} for name in VARIABLES}
+    table = []
+    for law in laws(rows):
+        orders = [each[name].get((law.subject, law.form)) for name in VARIABLES]
+        low, high = law.order_interval
+        interval = "too few points" if isnan(low) else f"{low:.2f} to {high:.2f}"
+        needs = [_need(law, target) for target in TARGETS]
+        table.append(
+            [
+                law.subject,
+                law.form,
+                f"{law.horizon:.3g}",
+                _span(law.alike[0].tolist()),
+                f"{len(law.fitted[0])}",
+                *(_order(each_law.order if each_law else None) for each_law in orders),
+                _order(law.order),
+                interval,
+                *map(_needed, needs),
+            ]
+        )
+    return table
+
+
+def absent_rows(absent: Sequence[Absent]) -> list[list[str]]:
+    """One row per case, form and reason, with the St that it concerns."""
+    groups: dict[tuple[str, str, str], list[float]] = {}
+    for row in absent:
+        # What the certificate found differs from St to St; it stands in the data.
+        reason = UNCERTIFIED if row.reason.startswith(UNCERTIFIED) else row.reason
+        told = reason.replace(f"St = {row.stokes:g} is", "St is")
+        groups.setdefault((row.subject, row.form, told), []).append(row.stokes)
+    return [
+        [subject, form, ", ".join(map(_stokes, numbers)), reason] for (subject, form, reason), numbers in groups.items()
+    ]
+
+
+def _lines(rows: Sequence[Measured], absent: Sequence[Absent], command: str) -> list[str]:
+    return [
+        "# How accurate the averaged equations are",
+        "",
+        f"Made by `{command}` with " + ", ".join(f"{name} {number}" for name, number in versions().items()) + ".",
+        "Do not edit: the next run overwrites this page.",
+        "",
+        "## What a reader may conclude",
+        "",
+        *(f"- {sentence}" for sentence in statements(rows)),
+        "",
+        "On its way to L² = 2EI₂ a triaxial ellipsoid passes resonances of polhode and precession, and at each of them "
+        "second order [leaves out](../../docs/second-order.md) a kick of O(St^-3/2). Its orders away from resonances "
+        "stand in [its own study](../second-order/README.md).",
+        "",
+        "![Model error against St for spheroids and ellipsoids](errors.png)",
+        "",
+        *definitions(rows),
+        "",
+        "## Order in 1/St, and the St that an error needs",
+        "",
+        *fits(),
+        "",
+        markdown(LAWS_HEADER, law_rows(rows), right=range(2, len(LAWS_HEADER))),
+        "## Every error",
+        "",
+        "In full: [errors.csv](errors.csv).",
+        "",
+        markdown(ERRORS_HEADER, [_error_row(row) for row in rows], right=range(2, len(ERRORS_HEADER))),
+        *_absences(absent),
+        "## The cases",
+        "",
+        "Starts: Euler angles in rad, angular velocity in body axes over the shear rate, and the L in space axes that "
+        "they give, over the largest moment of inertia.",
+        "",
+        markdown(CASES_HEADER, _case_rows(rows)),
+    ]
+
+
+def _absences(absent: Sequence[Absent]) -> list[str]:
+    if not absent:
+        return []
+    table = [[cell.replace("|", "\\|") for cell in row] for row in absent_rows(absent)]
+    return [
+        "## Where there is no row",
+        "",
+        "In full, with what the certificate found: [absent.csv](absent.csv). *Too small for this run*: the form's own "
+        "estimate of its slow error reaches the largest moment of inertia. *Too small for this start*: no start of the "
+        "averaged equations leads to the scene's.",
+        "",
+        markdown(ABSENT_HEADER, table),
+    ]
+
+
+def _case_rows(rows: Sequence[Measured]) -> list[list[str]]:
+    names = {row.subject for row in rows}
+    table = []
+    for case in subjects():
+        if case.name in names:
+            momentum = case.scene(1.0).initial.angular_momentum[0] / max(case.ellipsoid.inertia)
+            groups = case.ellipsoid.semi_axes, case.start.angles, case.start.angular_velocity, momentum
+            table.append([case.name, *(", ".join(_coordinate(x) for x in group) for group in groups)])
+    return table
+
+
+def _coordinate(value: float) -> str:
+    """Three digits; 0 for what is rounding."""
+    return f"{0.0 if abs(value) < 1e-9 else value:.3g}"
+
+
+def _error_row(row: Measured) -> list[str]:
+    numbers = (*row.model, row.model_error, row.solver_error, row.uncertainty)
+    return [row.subject, row.form, _stokes(row.stokes), f"{row.until:.3g}", *(scientific(number) for number in numbers)]
+
+
+def _need(law: Law, target: float) -> dict[str, Any]:
+    stokes, source = law.needed(target)
+    return {"stokes": _number(stokes), "from": source}
+
+
+def _needed(need: dict[str, Any]) -> str:
+    if need["stokes"] is None:
+        return "–"
+    if need["from"] == "at most":
+        return f"< {_stokes(need['stokes'])}"
+    return ("~ " if need["from"] == "extrapolated" else "") + in_two_digits(need["stokes"])
+
+
+def _span(numbers: Sequence[float]) -> str:
+    first, last = _stokes(numbers[0]), _stokes(numbers[-1])
+    return first if first == last else f"{first} to {last}"
+
+
+def _stokes(stokes: float) -> str:
+    return short(float(f"{stokes:.3g}"))
+
+
+def _order(order: float | None) -> str:
+    return "–" if order is None or isnan(order) else f"{order:.2f}"
+
+
+def _number(value: float) -> float | None:
+    return None if isnan(value) else value

@@ -1,0 +1,127 @@
+"""The page of `polhode.harness.ensembles.throughput`: what ensembles cost, and what large sweeps would."""
+
+from typing import Any
+
+from polhode.harness.common.text import markdown, scientific
+
+# Sweeps whose cost is laid out: equations, particles, St; the first two are 10⁹ particle·St.
+PLANS = (
+    ("full", 1_000_000, 1e3),
+    ("full", 10_000, 1e5),
+    ("full", 1_000_000_000, 1e3),
+    ("averaged", 1_000_000_000, 1e3),
+)
+BLOCK = 100_000
+
+Found = dict[str, Any]
+
+
+def page(found: Found) -> str:
+    """The measured figures as a page."""
+    settings = found["settings"]
+    return "\n".join(
+        [
+            "# What ensembles cost\n",
+            f"St = {settings['stokes']:g}, t₂ = {settings['slow_time']:g}, isotropic starts of |L| = 0.7 I_max, on "
+            f"{found['machine']['processor']}. Made by `python -m polhode.harness.ensembles.throughput`; "
+            "the numbers are in [throughput.json](throughput.json). Processor time, the least of "
+            f"{settings['rounds']} runs in turns, one process at a time.\n",
+            f"## Full equations, Taylor at tolerance {settings['tolerance']:g}, particles per second and core\n",
+            _full(found),
+            f"## Averaged equations at tolerance {settings['averaged_tolerance']:g}, particles per second and core\n",
+            _averaged(found),
+            "Where their time goes, in microseconds a particle:\n",
+            _shares(found),
+            "## Whole tasks, statistics at 101 samples and 11 snapshots included\n",
+            _tasks(found),
+            f"## What large sweeps to t₂ = {settings['slow_time']:g} take, in tasks of up to {BLOCK:,} particles\n",
+            _plan(found),
+            f"## What an engine adds to tasks of {settings['task_seconds']:g} s\n",
+            _engines(found),
+            "## Memory and processes\n",
+            _memory(found),
+        ]
+    )
+
+
+def _full(found: Found) -> str:
+    rows = [
+        (
+            row["shape"],
+            f"{row['scalar_per_second']:,.0f}",
+            f"{row['lanes_per_second']:,.0f}",
+            f"{row['speedup']:.2f}",
+            scientific(row["scalar_error"]),
+            scientific(row["lanes_error"]),
+        )
+        for row in found["full"]
+    ]
+    header = ("shape", "one by one", "in lanes", "ratio", "error", "error in lanes")
+    return markdown(header, rows, right=(1, 2, 3, 4, 5))
+
+
+def _averaged(found: Found) -> str:
+    rows = [
+        (
+            row["shape"],
+            *(f"{row[name]:,.0f}" for name in ("per_second", "sampled_per_second", "task_per_second")),
+            scientific(row["median_error"]),
+            scientific(row["error_of_99_percent"]),
+        )
+        for row in found["averaged"]
+    ]
+    header = ("shape", "end alone", "101 samples", "whole tasks", "median error", "error of 99 %")
+    return markdown(header, rows, right=(1, 2, 3, 4, 5))
+
+
+def _shares(found: Found) -> str:
+    """Microseconds a particle: the field, the rest of the steps, the samples, the statistics."""
+    rows = []
+    for row in found["averaged"]:
+        end, sampled, task = (1e6 / row[name] for name in ("per_second", "sampled_per_second", "task_per_second"))
+        field = row["field_share"] * end
+        parts = (field, end - field, sampled - end, task - sampled)
+        rows.append((row["shape"], f"{row['evaluations_per_particle']:.0f}", *(f"{part:.1f}" for part in parts)))
+    header = ("shape", "evaluations", "these", "the steps' arithmetic", "101 samples", "drawing and statistics")
+    return markdown(header, rows, right=(1, 2, 3, 4, 5))
+
+
+def _tasks(found: Found) -> str:
+    rows = [(row["equations"], f"{row['per_second']:,.0f}", f"{row['record_bytes']:,}") for row in found["tasks"]]
+    return markdown(("equations", "particles per second and core", "bytes of a record"), rows, right=(1, 2))
+
+
+def _plan(found: Found) -> str:
+    """Tasks, bytes in the store and core hours of large sweeps, in blocks of `BLOCK`, from measured whole tasks."""
+    rows = []
+    for equations, particles, stokes in PLANS:
+        row = next(row for row in found["tasks"] if row["equations"] == equations)
+        # The number of rotations, and with it the cost of full equations, grows in proportion to St.
+        rate = row["per_second"] * (found["settings"]["stokes"] / stokes if equations == "full" else 1.0)
+        count = -(-particles // BLOCK)
+        rows.append(
+            (
+                equations,
+                f"{particles:,}",
+                f"{stokes:g}",
+                f"{count:,}",
+                f"{count * row['record_bytes'] / 2**20:,.1f} MiB",
+                f"{particles / rate / 3600:,.2f}",
+            )
+        )
+    return markdown(("equations", "particles", "St", "tasks", "store", "core hours"), rows, right=(1, 2, 3, 4, 5))
+
+
+def _engines(found: Found) -> str:
+    rows = [(row["engine"], f"{100 * row['share']:.2f} %") for row in found["overhead"]]
+    return markdown(("engine", "overhead"), rows, right=(1,))
+
+
+def _memory(found: Found) -> str:
+    two, used = found["two_processes"], found["memory"]
+    return (
+        f"- {used['particles']:,} particles of the full equations: at most "
+        f"{(used['bytes'] or 0) / 2**20:.0f} MiB in the process that runs them, {used['seconds']:.1f} s.\n"
+        f"- Two processes against one on {found['machine']['cores']} cores, {two['particles']:,} particles: "
+        f"{two['ratio']:.2f} times as fast ({two['one_seconds']:.1f} s and {two['two_seconds']:.1f} s).\n"
+    )

@@ -1,0 +1,164 @@
+"""The text of the regime map's page, from the records alone."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+
+from polhode.harness.analysis.frames import where
+from polhode.harness.analysis.regime_map import Cell, sentences, standings
+from polhode.harness.analysis.winners import TIE
+from polhode.harness.common.provenance import header
+from polhode.harness.common.store import Record
+from polhode.harness.common.text import duration, markdown, short
+from polhode.harness.studies.study import Study
+from polhode.models.scene import Scene
+
+Maps = Mapping[tuple[str, str], Sequence[Cell]]
+"""Cells by the scene's name and the error."""
+WANTS = (("orientation_error", "orientation"), ("slow_error", "slow variables"))
+# Their equations in slow time hold no St: over the same slow time they do the same work at every St.
+SAME_WORK = ("averaged", "averaged-spheroid")
+
+
+def lines(study: Study, table: pd.DataFrame, records: Sequence[Record], maps: Maps, command: str) -> list[str]:
+    """The page, line by line.
+
+    Parameters
+    ----------
+    study : Study
+    table : DataFrame
+        The records of the study (`polhode.harness.analysis.frames.frame`).
+    records : sequence of dict
+        The same.
+    maps : mapping
+    command : str
+        What makes the page.
+    """
+    text = [*header(study.title, command, records), steadiness(table), "", _how(study), ""]
+    for name in dict.fromkeys(name for name, _ in maps):
+        scenes = [scene for own, scene in study.scenes if own == name]
+        axes = ", ".join(f"{length:g}" for length in scenes[0].ellipsoid.semi_axes)
+        text += [f"## The {name} ({axes})", "", f"![Winners over St and error]({name}.png)", ""]
+        for error, what in WANTS:
+            text += [f"- {sentence}" for sentence in (*sentences(maps[name, error], what), _forms(maps[name, error]))]
+        rows = [[short(scene.stokes), short(scene.time), short(scene.slow_time)] for scene in scenes]
+        text += ["", _methods(where(table, table["scene_name"] == name), name, maps)]
+        text += ["Duration t in units of the inverse shear rate, and in slow time t₂ = t/St:", ""]
+        text += [markdown(["St", "t", "t₂"], rows, right=(0, 1, 2)), *horizon(scenes)]
+    return text
+
+
+def horizon(scenes: Sequence[Scene]) -> list[str]:
+    """A remark on the St at which runs span less slow time than at most of the others; none where there are none."""
+    if not scenes:
+        return []
+    usual = Counter(scene.slow_time for scene in scenes).most_common(1)[0][0]
+    less = sorted((scene for scene in scenes if scene.slow_time < usual), key=lambda scene: scene.stokes)
+    if not less:
+        return []
+    spans = ", ".join(f"{short(scene.slow_time)} at St = {short(scene.stokes)}" for scene in less)
+    longest = short(max(scene.time for scene in less))
+    return [
+        f"Beware at the right edge: there runs end after {longest} shear times, and with them the slow time, t₂ = "
+        f"{spans} instead of {short(usual)}. In less slow time an averaged form departs less from the full equations: "
+        f"these columns tell who wins within {longest} shear times, and are no continuation of those at t₂ = "
+        f"{short(usual)}.",
+        "",
+    ]
+
+
+def steadiness(table: pd.DataFrame) -> str:
+    """How steady the machine was: the sentinel, and the scatter of runs that do the same work."""
+    drift = table["sentinel_seconds"].dropna().to_numpy(float)
+    text = f"The sentinel, a fixed piece of arithmetic, took {duration(drift.min())} to {duration(drift.max())}."
+    found = scatter(table)
+    if found is None:
+        return text
+    plain, paced = (f"{100 * value:.1f} %" for value in found)
+    return (
+        f"{text} Times are as measured, the least of up to five runs, not divided by the sentinel's: an averaged form "
+        f"does the same work at every St of the same slow time, where its times scatter by {plain} (standard "
+        f"deviation), and would by {paced} after that division."
+    )
+
+
+def scatter(table: pd.DataFrame) -> tuple[float, float] | None:
+    """Scatter of times of the same work at several St: as measured, and divided by the sentinel's.
+
+    Parameters
+    ----------
+    table : DataFrame
+        Records with their scene.
+
+    Returns
+    -------
+    tuple of float or None
+        Standard deviations of the logarithm about the mean of each group; None where nothing was repeated.
+    """
+    if "scene.time" not in table:
+        return None
+    runs = where(table, table["form"].isin(SAME_WORK) & table["seconds"].notna())
+    logs = pd.DataFrame(
+        {
+            "plain": np.log(runs["seconds"].to_numpy(float)),
+            "pace": np.log(runs["sentinel_seconds"].to_numpy(float)),
+            "slow_time": (runs["scene.time"].to_numpy(float) / runs["stokes"].to_numpy(float)).round(12),
+            **{name: runs[name].to_numpy() for name in ("scene_name", "form", "solver", "tolerance")},
+        }
+    )
+    logs["paced"] = logs["plain"] - logs["pace"]
+    groups = logs.groupby(["scene_name", "form", "solver", "tolerance", "slow_time"])[["plain", "paced"]]
+    freedom = len(logs) - groups.ngroups
+    if freedom < 1:
+        return None
+    apart = (logs[["plain", "paced"]] - groups.transform("mean")).to_numpy(float)
+    plain, paced = np.sqrt((apart**2).sum(axis=0) / freedom)
+    return float(plain), float(paced)
+
+
+def _how(study: Study) -> str:
+    return (
+        f"Each cell shows the cheapest of {len(study.solvers)} solvers ({', '.join(study.solvers)}) in the forms "
+        f"{', '.join(study.forms)}, the time of a warm run with {study.samples} samples, interpolated between "
+        f"tolerances ({', '.join(short(value) for value in study.tolerances)}), and by what factor it leads over the "
+        f"next method of another colour; a corner shows who ties with it, within {100 * (TIE - 1):.0f} %. “Alone” "
+        "stands where no method of another colour has a run that gets to this error. White cells: no run measured "
+        f"gets there, at none of these tolerances within {study.max_seconds:g} s. Grey cells: below what the reference "
+        "can tell. Errors are maxima along the run against certified references. Every run: [runs.csv](runs.csv); "
+        "every cell: [cells.csv](cells.csv)."
+    )
+
+
+def _methods(table: pd.DataFrame, name: str, maps: Maps) -> str:
+    """Every method that was run, those that never win too."""
+    full, slow = (
+        {row.method: row for row in standings(table, error, maps[name, error])}
+        for error in ("orientation_error", "slow_error")
+    )
+    rows = [
+        [
+            *(row.method.form, row.method.solver),
+            *(f"{full[method].won} / {row.won}", f"{full[method].tied} / {row.tied}"),
+            f"{full[method].front} / {row.front} of {row.measured}",
+            ", ".join(f"{status.replace('_', ' ')} {number}" for status, number in row.failures.items()),
+        ]
+        for method, row in slow.items()
+    ]
+    columns = [
+        "form",
+        "solver",
+        "cells won",
+        "ties with the winner",
+        "on the Pareto front, St",
+        "runs without a result",
+    ]
+    text = "Every method, full solution / slow variables; at the other St somebody is both faster and more accurate:"
+    return f"{text}\n\n{markdown(columns, rows, right=(2, 3, 4))}"
+
+
+def _forms(found: Sequence[Cell]) -> str:
+    forms = [cell.winner.form for cell in found if cell.winner and cell.winner.side != "averaged"]
+    counts = ", ".join(f"{form} {forms.count(form)}" for form in dict.fromkeys(forms))
+    return f"Cells by form, where a full one wins: {counts}."

@@ -1,0 +1,235 @@
+"""Figures: functions that draw on Matplotlib axes and return them."""
+
+import textwrap
+from collections.abc import Iterable, Sequence
+from itertools import cycle
+from math import inf, log10
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from polhode.harness.analysis.frames import where
+from polhode.harness.analysis.pareto import pareto_front
+from polhode.harness.references.uncertainty import KNOWN, known
+from polhode.models.catalogue import form as find_form
+from polhode.solvers.catalogue import SOLVERS
+from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.contract import OWN
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# Okabe and Ito's palette and a brown, safe for colour-blind readers: a colour tells the library, and whether the method
+# is implicit; a marker tells the method.
+EXPLICIT = {"heyoka": "#000000", "CyRK": "#0072B2", "SciPy": "#D55E00", "SUNDIALS": "#009E73", "closed form": "#999999"}
+EXPLICIT[OWN] = "#6B3F1D"
+IMPLICIT = {**EXPLICIT, "CyRK": "#56B4E9", "SciPy": "#E69F00", OWN: "#A9744F"}
+AVERAGED = {"averaged": "#CC79A7", "averaged-second-order": "#8E4585"}
+# The band under the Pareto front, and points that lie below what the reference can tell.
+FRONT, GREY = "#F7EFA6", "#C4C4C4"
+UNKNOWN = f"grey: within {KNOWN:g} times the\nreference's uncertainty"
+# Runs beyond this error have failed, whatever their status; they stay in the table.
+LARGEST_ERROR = 10.0
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<")
+# One per full form, where a scene is solved in several.
+DASHES = ("-", "--", ":", "-.")
+STOPPED = {
+    "time_limit": "stopped at the time limit, from this tolerance on",
+    "step_limit": "stopped at the limit of steps, from this tolerance on",
+}
+# In inches: the legend at least, a panel, and a line of small print; the latter and a name of the legend in letters.
+LEGEND_WIDTH, PANEL, SMALL_PRINT = 2.3, (5.2, 3.9), 0.11
+LINE, NAME = 92, 28
+LEGEND_MARGIN = 0.15
+NO_BREAK = "\N{NO-BREAK SPACE}"
+
+
+def work_precision(axes: "Axes", runs: pd.DataFrame, error: str = "slow_error") -> "Axes":
+    """Draw cost against error of all runs of one scene; averaged forms by their cheapest runs and their model error.
+
+    A band lies under the Pareto front of the full forms' known runs. Points within `KNOWN` times the reference's
+    uncertainty are grey.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+    runs : DataFrame
+        Records of one scene (`polhode.harness.analysis.frames.frame`).
+    error : str
+        Column to draw along x.
+    """
+    done = where(runs, runs["seconds"].notna() & runs[error].notna())
+    forms = [str(form) for form in dict.fromkeys(done["form"])]
+    full = [form for form in forms if not find_form(form).averaged]
+    _front(axes, where(done, done["form"].isin(full) & known(done, error)), error)
+    for solver, style in _styles(runs["solver"]).items():
+        for form, dash in zip(full, cycle(DASHES)):
+            own = where(done, (done["solver"] == solver) & (done["form"] == form))
+            if own.empty:
+                continue
+            label = solver if len(full) == 1 else f"{solver}, {form}"
+            x, y = own[error].to_numpy(float), own["seconds"].to_numpy(float)
+            axes.plot(x, y, markersize=4.5, linewidth=1.1, linestyle=dash, label=label, **style)
+            _grey_out(axes, own, error, style["marker"], 4.5)
+    for form in forms:
+        if form not in full:
+            _averaged(axes, where(done, done["form"] == form), form, error)
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.grid(True, which="major", linewidth=0.4, alpha=0.5)
+    return axes
+
+
+def _styles(solvers: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """Colour and marker of each solver, in the order of the records; the same in every figure."""
+    counts: dict[str, int] = {}
+    styles = {}
+    for solver in dict.fromkeys([*SOLVERS, *solvers]):
+        library = find_solver(solver).family
+        marker = MARKERS[counts.get(library, 0) % len(MARKERS)]
+        counts[library] = counts.get(library, 0) + 1
+        styles[solver] = {"marker": marker, "color": (IMPLICIT if find_solver(solver).implicit else EXPLICIT)[library]}
+    return {solver: styles[solver] for solver in dict.fromkeys(solvers)}
+
+
+def _front(axes: "Axes", runs: pd.DataFrame, error: str) -> None:
+    front = pareto_front(where(runs, runs["status"] == "reached_end"), error)
+    x, y = front[error].to_numpy(float), front["seconds"].to_numpy(float)
+    if len(x):
+        band = {"color": FRONT, "solid_capstyle": "round", "solid_joinstyle": "round", "zorder": 0.5}
+        axes.plot(x, y, linewidth=7, label="Pareto front", **band)
+
+
+def _grey_out(axes: "Axes", runs: pd.DataFrame, error: str, marker: str, size: float) -> None:
+    """Cover the points that lie below what the reference can tell in grey."""
+    unknown = where(runs, ~known(runs, error))
+    if len(unknown):
+        x, y = unknown[error].to_numpy(float), unknown["seconds"].to_numpy(float)
+        axes.plot(x, y, marker=marker, markersize=size, linewidth=0, color=GREY, zorder=2.5, label=UNKNOWN)
+
+
+def _averaged(axes: "Axes", runs: pd.DataFrame, form: str, error: str) -> None:
+    color = AVERAGED.get(form, AVERAGED["averaged"])
+    front = pareto_front(runs, error)
+    x, y = front[error].to_numpy(float), front["seconds"].to_numpy(float)
+    axes.plot(x, y, marker="*", markersize=9, linewidth=0, color=color, label=f"{form} form,\ncheapest runs")
+    _grey_out(axes, front, error, "*", 9)
+    model = runs[error.replace("_error", "").join(["model_", "_error"])].dropna()
+    if not model.empty:
+        label = f"{form} form,\nmodel error"
+        axes.axvline(float(model.iloc[0]), color=color, linewidth=1.0, linestyle=":", label=label)
+
+
+def failures(runs: pd.DataFrame) -> list[str]:
+    """What has no point, line by line: the methods of each status that is no success, with their tolerances.
+
+    Lines are as long as a panel is wide.
+    """
+    failed = where(runs, runs["status"] != "reached_end")
+    lines = []
+    for status in dict.fromkeys(failed["status"]):
+        own = where(failed, failed["status"] == status)
+        names = []
+        for solver in dict.fromkeys(own["solver"]):
+            tolerances = own.loc[own["solver"] == solver, "tolerance"].astype(float)
+            loosest, tightest = f"{tolerances.max():.0e}", f"{tolerances.min():.0e}"
+            alone = status in STOPPED or loosest == tightest
+            names.append(f"{solver} {loosest}" if alone else f"{solver} {loosest} to {tightest}")
+        heading = STOPPED.get(status, f"{str(status).replace('_', ' ')}, at tolerance")
+        text = f"{heading}: {',  '.join(name.replace(' ', NO_BREAK) for name in names)}"
+        wrapped = textwrap.wrap(text, LINE, break_long_words=False, break_on_hyphens=False, subsequent_indent="   ")
+        lines += [line.replace(NO_BREAK, " ") for line in wrapped]
+    return lines
+
+
+def mark_failures(axes: "Axes", runs: pd.DataFrame) -> None:
+    """List at the top of the axes what has no point (`failures`), on a white ground over lines and grid."""
+    lines = failures(runs)
+    if lines:
+        style = {"va": "top", "ha": "left", "fontsize": 6, "color": "0.35", "zorder": 4}
+        style["bbox"] = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
+        axes.text(0.02, 0.98, "\n".join(lines), transform=axes.transAxes, **style)
+
+
+def power_of_ten(value: float) -> str:
+    """A number for a figure: powers of ten beyond 1000 and below 0.01 as such."""
+    exponent = log10(value) if 0 < value < inf else 0.0
+    if abs(exponent) < 2.5 or abs(exponent - round(exponent)) > 1e-9:
+        return f"{value:g}"
+    return f"$10^{{{round(exponent)}}}$"
+
+
+def work_precision_panels(records: pd.DataFrame, error: str, label: str) -> "Figure":
+    """One panel of `work_precision` per St, with a common legend."""
+    import matplotlib.pyplot as plt
+
+    groups = list(records.groupby("stokes", sort=True))
+    columns = 2 if len(groups) > 1 else 1
+    lines = -(-len(groups) // columns)
+    size = PANEL[0] * columns + LEGEND_WIDTH, PANEL[1] * lines
+    figure, grid = plt.subplots(lines, columns, figsize=size, sharex=True, sharey=True, squeeze=False)
+    for axes, (_, runs) in zip(grid.flat, groups, strict=False):
+        work_precision(axes, runs, error)
+        mark_failures(axes, runs)
+        axes.set_title(f"St = {power_of_ten(float(runs['stokes'].iloc[0]))}", fontsize=10)
+    for axes in grid.flat[len(groups) :]:
+        axes.set_visible(False)
+    _limits(grid[0, 0], [runs for _, runs in groups], error)
+    for column in grid.T:
+        lowest = [axes for axes in column if axes.get_visible()][-1]
+        lowest.set_xlabel(f"{label}; more accurate to the right")
+        lowest.tick_params(labelbottom=True)
+    for axes in grid[:, 0]:
+        axes.set_ylabel("wall time of a warm run, s")
+    share = _legend(figure, grid.flat, list(dict.fromkeys(records["solver"])), PANEL[0] * columns)
+    figure.tight_layout(rect=(0, 0, share, 1))
+    return figure
+
+
+def _limits(axes: "Axes", panels: Sequence[pd.DataFrame], error: str) -> None:
+    """More accurate to the right, and above the points of each panel room for its own lines of small print."""
+    values = pd.concat([runs[error] for runs in panels]).dropna().to_numpy(float)
+    values = values[(values > 0) & (values < LARGEST_ERROR)]
+    if not values.size:
+        return
+    axes.set_xlim(values.max() * 3, values.min() / 3)
+    seconds = [runs["seconds"].dropna().to_numpy(float) for runs in panels]
+    low, tops = min(own.min() for own in seconds if own.size) / 2, []
+    for runs, own in zip(panels, seconds, strict=True):
+        high = own.max() * 2 if own.size else 2 * low
+        share = min(0.6, len(failures(runs)) * SMALL_PRINT / (0.8 * PANEL[1]))
+        tops.append(high * (high / low) ** (share / (1 - share)))
+    axes.set_ylim(low, max(tops))
+
+
+def _legend(figure: "Figure", panels: Iterable["Axes"], solvers: list[str], panels_width: float) -> float:
+    """One legend of all panels: solvers in the order of the records, then the rest, the unknown last.
+
+    The figure grows as wide as the names need beside its panels, `panels_width` inches; returns the panels' share.
+    """
+    entries = {name: handle for axes in panels for handle, name in zip(*axes.get_legend_handles_labels(), strict=True)}
+
+    def place(name: str) -> tuple[int, int]:
+        solver = name.partition(",")[0]
+        return (2, 0) if name == UNKNOWN else (0, solvers.index(solver)) if solver in solvers else (1, 0)
+
+    names = sorted(entries, key=place)
+    texts = [name.replace(", ", ",\n") if len(name) > NAME else name for name in names]
+    style = {"loc": "center right", "bbox_to_anchor": (1, 0.5), "frameon": False, "fontsize": 8, "handlelength": 3}
+    legend = figure.legend([entries[name] for name in names], texts, **style)
+    width = panels_width + max(LEGEND_WIDTH, legend.get_window_extent().width / figure.dpi + LEGEND_MARGIN)
+    figure.set_size_inches(width, figure.get_size_inches()[1])
+    legend.set_loc("center left")
+    legend.set_bbox_to_anchor((panels_width / width, 0.5), figure.transFigure)
+    return panels_width / width
+
+
+def save(figure: "Figure", folder: Path, name: str, formats: Sequence[str] = ("png",)) -> None:
+    """Save a figure and close it."""
+    import matplotlib.pyplot as plt
+
+    for ending in formats:
+        figure.savefig(folder / f"{name}.{ending}", dpi=150)
+    plt.close(figure)

@@ -1,0 +1,1 @@
+"""One module or folder per section of the paper; imports `paper`."""

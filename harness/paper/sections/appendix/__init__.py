@@ -1,0 +1,1 @@
+"""The appendix: averages, their tables, the first-order correction."""

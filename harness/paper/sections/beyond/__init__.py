@@ -1,0 +1,1 @@
+"""Beyond the paper: where bodies end, basins, the order of averaging."""

@@ -1,0 +1,1 @@
+"""Massive triaxial ellipsoids: planes, space, motion."""

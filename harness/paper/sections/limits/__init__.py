@@ -1,0 +1,1 @@
+"""Euler tops and Jeffery orbits: the limits of large and small Stokes number."""

@@ -1,0 +1,248 @@
+"""Section "The Jeffery top" (St = 0): Poincaré sections, with regular and chaotic orbits told apart by an exponent."""
+
+from dataclasses import dataclass
+from math import pi
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from polhode.harness.paper.drawing import BLACK, BLUE, VERMILLION, label, panels
+from polhode.harness.paper.item import Data, Grid, Item, Number, Table, Verdict, Word
+from polhode.harness.paper.planes import columns
+from polhode.harness.paper.runs import share_interval
+from polhode.harness.paper.sections.limits.poincare import chaos_border, half_turn, stretched_orbit
+from polhode.harness.paper.sections.limits.stochastic_layer import Layer, measure_layer, saddle_growth
+from polhode.models.shape import Ellipsoid
+
+# Where a start lies: uniform over the section's area element; next to the saddle; about the separatrix, at ψ = 0.
+ISOTROPIC, BESIDE, ABOUT = 0.0, 1.0, 2.0
+# Distances from the separatrix, over its own from θ = π/2, of the starts about it.
+STEPS_OFF = (-16e-4, -9e-4, -4e-4, -1e-4, 0.0, 1e-4, 4e-4, 9e-4, 16e-4)
+# Width, in rad, that rounding alone gives a separatrix.
+ROUNDING = 1e-12
+
+
+@dataclass(frozen=True)
+class Sections:
+    """Poincaré sections of one ellipsoid.
+
+    Parameters
+    ----------
+    semi_axes : tuple of 3 float
+        Along x', y', z': z' is the longest axis of a prolate-like body and the shortest of an oblate-like one, so that
+        the saddles lie at θ = π/2, ψ = ±π/2 for all of them.
+    sections : int
+        Half turns to follow, about.
+    chaotic : tuple of 2 float
+        Range for the share of chaotic orbits.
+    earned : Word
+        What the claim earns.
+    close : tuple of 2 float
+        Half width in θ and ψ, in rad, of the magnified view of the saddle.
+    width : tuple of 2 float, optional
+        Range for the width, in rad, of the layer of chaos along the separatrix; without it none is looked for.
+    """
+
+    semi_axes: tuple[float, float, float]
+    sections: int
+    chaotic: tuple[float, float]
+    earned: Word
+    close: tuple[float, float]
+    width: tuple[float, float] | None = None
+
+    @property
+    def ellipsoid(self) -> Ellipsoid:
+        """The body."""
+        return Ellipsoid(self.semi_axes)
+
+    def starts(self, grid: Grid, layers: list[Layer]) -> list[tuple[float, float, float]]:
+        """Kind, θ and ψ at φ = 0."""
+        generator = np.random.default_rng(7)
+        count = grid.of(72, 16)
+        theta = np.arccos(generator.uniform(-1.0, 1.0, count))
+        psi = generator.uniform(-pi / 2, pi / 2, count)
+        found = [(ISOTROPIC, *pair) for pair in zip(theta.tolist(), psi.tolist(), strict=True)]
+        found += [(BESIDE, pi / 2 + offset, 1.57) for offset in (1e-3, 5e-3, 2e-2)[: grid.of(3, 1)]]
+        if layers:
+            middle = (layers[-1].librating + layers[-1].circulating) / 2
+            # An orbit on a sharp separatrix would only rest at the saddle.
+            steps = [step for step in STEPS_OFF[:: grid.of(1, 2)] if step != 0 or layers[-1].width > ROUNDING]
+            found += [(ABOUT, pi / 2 + middle * (1 + step), 1e-9) for step in steps]
+        return found
+
+    def compute(self, grid: Grid) -> Data:
+        """Section points and stretching of every start; the width of the layer of chaos."""
+        body = self.ellipsoid
+        turns = grid.of(self.sections, self.sections // 6)
+        duration = turns * half_turn(body)
+        counts = grid.of((200, 800), (200,)) if self.width else ()
+        layers = [measure_layer(body, count) for count in counts]
+        parts, close, rows = [], [], []
+        for number, (kind, theta, psi) in enumerate(self.starts(grid, layers)):
+            found, stretch = stretched_orbit(body, theta, psi, duration)
+            points = [(number, *point) for point in zip(*found, strict=True)]
+            parts += points if kind != ABOUT else []
+            close += [point for point in points if self._is_close(*point[1:])]
+            rows.append((number, kind, theta, psi, stretch, stretch / turns))
+        orbits = columns("orbit kind theta psi stretch exponent", rows)
+        tables: dict[str, Table] = {
+            "": _thinned(parts, grid.of(9000, 2000)),
+            "close": _thinned(close, grid.of(6000, 1000)),
+            "orbits": {**orbits, "chaotic": (orbits["stretch"] > chaos_border(turns)).astype(float)},
+            "settings": {"duration": np.array([duration]), "turns": np.array([float(turns)])},
+        }
+        if layers:
+            rows = [(layer.turns, layer.librating, layer.circulating, layer.width) for layer in layers]
+            tables["layer"] = columns("turns librating circulating width", rows)
+            tables["saddle"] = {"growth": np.array([saddle_growth(body)])}
+        return tables
+
+    def _is_close(self, theta: float, psi: float) -> bool:
+        return abs(theta - pi / 2) <= self.close[1] and pi / 2 - psi <= self.close[0]
+
+    def figure(self, data: Data) -> Figure:
+        """The section, and the neighbourhood of the saddle magnified."""
+        figure, axes = panels(1, 2, 4.2, 3.6)
+        for own, name, size in zip(axes, ("", "close"), (1.2, 1.8), strict=True):
+            _draw_points(own, data[name], data["orbits"], size)
+        axes[0].set(xlim=(-pi / 2, pi / 2), ylim=(0, pi))
+        axes[0].plot([-pi / 2, pi / 2], [pi / 2, pi / 2], "x", color=BLACK, clip_on=False)
+        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, markerscale=5)
+        width, height = self.close
+        axes[1].set(xlim=(pi / 2 - width, pi / 2), ylim=(pi / 2 - height, pi / 2 + height), title="at the saddle")
+        axes[1].locator_params(axis="x", nbins=6)
+        return figure
+
+    def verdict(self, data: Data) -> Verdict:
+        """Share of chaotic orbits, the exponents of either kind, the width of the layer of chaos."""
+        orbits = data["orbits"]
+        sampled, beside = orbits["kind"] == ISOTROPIC, orbits["kind"] == BESIDE
+        chaotic = orbits["chaotic"] > 0
+        count, total = int(np.sum(chaotic & sampled)), int(np.sum(sampled))
+        interval = share_interval(count, total)
+        area = 1 / np.sin(orbits["theta"][sampled])
+        by_area = float(np.sum(area[chaotic[sampled]]) / np.sum(area))
+        exponents = orbits["exponent"]
+        regular = float(np.median(exponents[~chaotic])) if np.any(~chaotic) else 0.0
+        wild = float(np.median(exponents[chaotic])) if np.any(chaotic) else 0.0
+        turns = float(data["settings"]["turns"][0])
+        limit = chaos_border(turns) / turns
+        numbers = (
+            Number("share of chaotic orbits, isotropic starts", count / total, *self.chaotic, "", interval),
+            Number("the same, starts uniform in (θ, ψ)", by_area),
+            Number("median exponent of the chaotic orbits, per half turn", wild, low=limit if np.any(chaotic) else 0.0),
+            Number("the same of the regular ones", regular, high=limit),
+            Number("chaotic share of starts next to the saddle", float(np.mean(chaotic[beside]))),
+            *self._layer_numbers(data),
+        )
+        sentence = (
+            f"{count} of {total} orbits from isotropic starts are chaotic"
+            + _beside_a_half(interval)
+            + (f", with a median exponent of {wild:.2g} per half turn" if count else "")
+            + f" (regular ones: {regular:.1g}); {int(np.sum(chaotic & beside))} of {int(np.sum(beside))} that "
+            "start within 0.02 rad of the saddle are." + self._layer_sentence(data)
+        )
+        return Verdict(self.earned, sentence, numbers)
+
+    def _layer_numbers(self, data: Data) -> tuple[Number, ...]:
+        if self.width is None:
+            return ()
+        layer = data["layer"]
+        return (
+            Number(
+                f"width of the layer at ψ = 0 over {layer['turns'][-1]:g} half turns",
+                float(layer["width"][-1]),
+                *self.width,
+                "rad",
+            ),
+            Number("exponent of the saddle itself, per half turn", float(data["saddle"]["growth"][0]), low=0.0),
+        )
+
+    def _layer_sentence(self, data: Data) -> str:
+        if self.width is None:
+            return ""
+        layer, growth = data["layer"], float(data["saddle"]["growth"][0])
+        place, width, turns = (float(layer[name][-1]) for name in ("librating", "width", "turns"))
+        if width > ROUNDING:
+            return (
+                " Between orbits that librate and orbits that circulate lies a layer of chaos at least "
+                f"{width:.1g} rad wide, {place:.3f} rad from the plane θ = π/2 at ψ = 0 ({turns:g} half turns)."
+            )
+        return (
+            f" No layer of chaos is there: at ψ = 0 libration changes to circulation at {place:.3f} rad from θ = π/2 "
+            f"within {abs(width):.0e} rad, which is rounding, over {turns:g} half turns. The saddle repels by no "
+            f"more than {growth:.2g} per half turn, and a separatrix splits by what is exponentially small in the "
+            "inverse of that."
+        )
+
+    def caption(self, data: Data) -> str:
+        """What the figure shows."""
+        axes = ", ".join(f"{length:.4g}" for length in self.semi_axes)
+        return (
+            f"Section φ = nπ of the inertialess ellipsoid with semi-axes ({axes}) along x', y', z', "
+            f"{int(np.sum(data['orbits']['kind'] != ABOUT))} orbits over {data['settings']['duration'][0]:.3g} inverse "
+            "shear rates; ψ modulo π; crosses: saddles, one of them magnified on the right"
+            + (", with more orbits about its separatrix." if self.width else ".")
+        )
+
+
+def _beside_a_half(interval: tuple[float, float]) -> str:
+    """Whether a share, known to within the interval, is most of all, about half, or the lesser part."""
+    low, high = interval
+    if high < 0.2:
+        return ""
+    return ", the lesser part" if high < 0.5 else ", the greater part" if low > 0.5 else ", about half"
+
+
+def _thinned(points: list[tuple], count: int) -> Table:
+    """At most about so many of the points."""
+    table = columns("orbit theta psi", points[:: max(1, len(points) // count)])
+    return {name: np.round(column, 6) for name, column in table.items()}
+
+
+def _draw_points(axes: Axes, points: Table, orbits: Table, size: float) -> None:
+    chaotic = dict(zip(orbits["orbit"], orbits["chaotic"] > 0, strict=True))
+    wild = np.array([chaotic[number] for number in points["orbit"]])
+    for chosen, color, text in ((~wild, BLUE, "regular"), (wild, VERMILLION, "chaotic")):
+        style = {"linestyle": "none", "marker": ".", "markersize": size, "color": color, "rasterized": True}
+        axes.plot(points["psi"][chosen], points["theta"][chosen], label=text if chosen.any() else None, **style)
+    label(axes, "$\\psi$, rad", "$\\theta$, rad")
+
+
+SLENDER = Sections((1 / 20, 1 / 10, 1.0), 240, (0.35, 0.65), Word.SHARPENED, (0.8, 0.8))
+FAT_PROLATE = Sections((1 / 3, 1.2 / 3, 1.0), 400, (0.0, 0.1), Word.SHARPENED, (0.06, 0.06), (1e-5, 1e-3))
+THIN_OBLATE = Sections((1.0, 1 / 2, 1 / 20), 240, (0.1, 0.5), Word.CORRECTED, (0.8, 0.8))
+FAT_OBLATE = Sections((1.0, 2 / 2.1, 1 / 2.1), 400, (0.0, 0.05), Word.CORRECTED, (0.06, 0.03), (-ROUNDING, ROUNDING))
+
+
+def _item(name: str, title: str, claim: str, sections: Sections) -> Item:
+    return Item(name, title, claim, sections.compute, sections.figure, sections.verdict, sections.caption)
+
+
+ITEMS = (
+    _item(
+        "poincare-slender",
+        "Poincaré section, slender prolate ellipsoid",
+        "For b/a = 1/10, c/a = 1/20 chaotic trajectories are dominant.",
+        SLENDER,
+    ),
+    _item(
+        "poincare-fat-prolate",
+        "Poincaré section, fat prolate ellipsoid",
+        "For b/a = 1.2/3, c/a = 1/3 chaos is confined to thin layers along the separatrices of the saddles.",
+        FAT_PROLATE,
+    ),
+    _item(
+        "poincare-flat",
+        "Poincaré section, thin oblate ellipsoid",
+        "For b/a = 1/2, c/a = 1/20 chaotic trajectories are dominant.",
+        THIN_OBLATE,
+    ),
+    _item(
+        "poincare-fat-oblate",
+        "Poincaré section, fat oblate ellipsoid",
+        "For b/a = 2/2.1, c/a = 1/2.1 chaos is confined to thin layers along the separatrices of the saddles.",
+        FAT_OBLATE,
+    ),
+)

@@ -1,0 +1,1 @@
+"""Particles released from rest."""

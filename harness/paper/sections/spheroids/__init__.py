@@ -1,0 +1,1 @@
+"""Massive spheroids: planes, projections, motion, the pinch point."""

@@ -1,0 +1,153 @@
+"""Section "Spheroids" in time: slow variables of the paper's two starts, and the collapse on St*."""
+
+from math import pi
+
+import numpy as np
+from matplotlib.figure import Figure
+from scipy.signal import find_peaks
+
+from polhode.harness.paper.drawing import CYCLE, groups, label, panels
+from polhode.harness.paper.item import Data, Grid, Item, Number, Table, Verdict, Word
+from polhode.harness.paper.planes import path_table
+from polhode.harness.paper.runs import aligned_start, full_run, spheroid, spheroid_of
+from polhode.harness.paper.slow_motion import Comparison
+from polhode.models.scene import BodyStart, Scene
+from polhode.models.scenes import NEAR_POLE_START, SPHEROID_START
+from polhode.models.shape import Ellipsoid
+from polhode.models.theory.fixed_points import eigenvalues
+
+SHOWN, MEASURED = (50.0, 100.0, 500.0, 5e3), (1e3, 2e3, 1e4, 2e4, 5e4)
+PROLATE = spheroid(2.0)
+FIRST = Comparison(PROLATE, SPHEROID_START, SHOWN, MEASURED, 0.5, 500.0, (20.0, 60.0), (0.0, 0.25), Word.SHARPENED)
+SECOND = Comparison(
+    PROLATE, NEAR_POLE_START, SHOWN, MEASURED, 1.0, 5e3, (20.0, 90.0), (0.25, 0.35), Word.CORRECTED, lingers=True
+)
+
+# Effective Stokes number, and L_z and E over I_max, of the figure on the collapse.
+STOKES_STAR, MOMENTUM, ENERGY = 2.071, -1.0, 0.6
+COLLAPSE_KAPPAS = (0.3, 0.5, 2.0, 3.33)
+# Scaled time after which the curves should have become one.
+LATE = 6.0
+
+
+def collapse_start(kappa: float) -> tuple[Ellipsoid, float, BodyStart]:
+    """Spheroid, its Stokes number at the given St*, and the start with the given L_z and E."""
+    ellipsoid, shape = spheroid(kappa), spheroid_of(kappa)
+    largest = max(ellipsoid.inertia)
+    momentum, energy = MOMENTUM * largest, ENERGY * largest
+    spin2 = (momentum**2 - 2 * shape.equatorial_inertia * energy) / (
+        shape.axial_inertia * (shape.axial_inertia - shape.equatorial_inertia)
+    )
+    theta = float(np.arccos(np.sqrt(spin2) * shape.axial_inertia / momentum))
+    start = aligned_start(ellipsoid, momentum, theta)
+    stokes = STOKES_STAR / (shape.axial_inertia / (8 * pi * ellipsoid.resistance[2]))
+    return ellipsoid, stokes, BodyStart(start.quaternion, start.angular_velocity)
+
+
+def compute_collapse(grid: Grid) -> Data:
+    """L_z and E of four spheroids with the same St*, and the rate at which L_z relaxes to the node on either clock."""
+    scaled = np.linspace(0.0, 12.0, grid.of(401, 201))
+    paths, rows = [], []
+    for kappa in COLLAPSE_KAPPAS:
+        ellipsoid, stokes, start = collapse_start(kappa)
+        paths.append(
+            (kappa, scaled, full_run(Scene(ellipsoid, stokes, start, 13 * STOKES_STAR), STOKES_STAR * scaled).slow)
+        )
+        axis = int(np.argmax(ellipsoid.inertia))
+        rows.append((kappa, stokes, -eigenvalues(ellipsoid, axis)[2]))
+    kappa, stokes, rate = np.array(rows).T
+    return {
+        "": path_table(paths, "Lz E"),
+        "rates": {"kappa": kappa, "stokes": stokes, "t2": rate, "star": rate * STOKES_STAR / stokes},
+    }
+
+
+def figure_collapse(data: Data) -> Figure:
+    """L_z and E against t/St*."""
+    figure, axes = panels(1, 2, 3.8, 3.0)
+    stokes = dict(zip(data["rates"]["kappa"], data["rates"]["stokes"], strict=True))
+    for color, (kappa, part) in zip(CYCLE, groups(data[""], "path"), strict=False):
+        for own, name in zip(axes, ("Lz", "E"), strict=True):
+            own.plot(part["t2"], part[name], color=color, label=f"$\\kappa$ = {kappa:g}, St = {stokes[kappa]:.0f}")
+    label(axes[0], "$t\\dot\\gamma/\\mathrm{St}^*$", "$L_z/I_{max}$").legend()
+    label(axes[1], "$t\\dot\\gamma/\\mathrm{St}^*$", "$E/I_{max}$")
+    return figure
+
+
+def verdict_collapse(data: Data) -> Verdict:
+    """Spread of the relaxation rates on the clocks t/St and t/St*, and of the late curves."""
+    found = data["rates"]
+    star, plain = (float(found[name].max() / found[name].min()) for name in ("star", "t2"))
+    late = np.array([part["Lz"][part["t2"] >= LATE] for _, part in groups(data[""], "path")])
+    prolate = found["kappa"] > 1
+    apart = float(np.max(np.abs(np.diff(late[prolate], axis=0))))
+    waves = np.max(np.abs(late[prolate] + 0.5), axis=1)
+    rates = [_frequency(part) for kappa, part in groups(data[""], "path") if kappa > 1]
+    numbers = (
+        Number("largest over smallest relaxation rate of L_z at the node, per St*", star, 1.3, 2.0),
+        Number("the same per St", plain, 3.0, 4.0),
+        Number(f"oscillation of L_z after t/St* = {LATE:g}, prolate", float(waves.min()), low=0.05, unit="I_max"),
+        *(
+            Number.near(f"frequency of that oscillation, κ = {kappa:g}", rate, 1.0, 0.1, "γ̇")
+            for kappa, rate in zip(found["kappa"][prolate], rates, strict=True)
+        ),
+        Number("difference of the two prolate curves there", apart, low=0.05, unit="I_max"),
+        Number("oscillation there, oblate", float(np.max(np.abs(late[~prolate] + 0.5))), high=0.01, unit="I_max"),
+    )
+    sentence = (
+        f"The relaxation rates of L_z at the node differ by a factor of {plain:.2g} per St and {star:.2g} per St*: St* "
+        "takes out part of the shape. It is the damping about the symmetry axis, while prolate spheroids end tumbling "
+        f"about another: they go on oscillating twice a turn, by {' and '.join(f'{wave:.2g}' for wave in waves)} "
+        "I_max, and oblate ones do not oscillate at all. The late curves are not one: the two prolate ones, of equal "
+        f"frequency, differ in phase and so by {apart:.2g}."
+    )
+    return Verdict(Word.CORRECTED, sentence, numbers)
+
+
+def _frequency(run: Table) -> float:
+    """Angular frequency of L_z, in units of the shear rate, from its first settled maximum to its last."""
+    settled = run["t2"] >= LATE / 2
+    peaks, _ = find_peaks(run["Lz"][settled])
+    first, *_, last = run["t2"][settled][peaks]
+    return float(2 * pi * (len(peaks) - 1) / (last - first) / STOKES_STAR)
+
+
+def caption_collapse(data: Data) -> str:
+    """What the figure shows."""
+    return (
+        f"Full runs of spheroids at St* = {STOKES_STAR:g} from L = (0, 0, {MOMENTUM:g}) I_max, E = {ENERGY:g} I_max; "
+        "I_max is I_e for prolate and I_a for oblate ones."
+    )
+
+
+ITEMS = (
+    Item(
+        "spheroid-slow-1",
+        "Slow variables of a spheroid, first start",
+        "The slow solution predicts the full one accurately for St ≳ 100, and on average even at St = 50; the "
+        "oscillation about it shrinks with growing St; all end at L_z = -I_e/2, E = I_e/8.",
+        FIRST.compute,
+        FIRST.figure,
+        FIRST.verdict,
+        FIRST.caption,
+    ),
+    Item(
+        "spheroid-slow-2",
+        "Slow variables of a spheroid, start near the saddle's stable manifold",
+        "The same accuracy for St ≳ 100, with an intermediate plateau while the run lingers near the spinning mode.",
+        SECOND.compute,
+        SECOND.figure,
+        SECOND.verdict,
+        SECOND.caption,
+    ),
+    Item(
+        "spheroid-collapse",
+        "Collapse on the effective Stokes number",
+        "At the same St* = I_a St/(8πX_c), L_z and E of different spheroids approach their end alike; the long-time "
+        "evolution is a function of t/St* alone.",
+        compute_collapse,
+        figure_collapse,
+        verdict_collapse,
+        caption_collapse,
+    ),
+)

@@ -1,0 +1,198 @@
+"""Section "Spheroids" away from the L_z–E plane: L–E planes, and projections for finite L_x and L_y."""
+
+from math import sqrt
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from polhode.harness.paper.drawing import BLACK, BOUND, CYCLE, common_legend, draw_broken, groups, label, panels
+from polhode.harness.paper.item import Data, Grid, Item, Number, Verdict, Word
+from polhode.harness.paper.planes import (
+    columns,
+    distance_from_node,
+    draw_point,
+    energy_at,
+    even_steps,
+    name_points,
+    node,
+    plane_point,
+    stacked,
+)
+from polhode.harness.paper.runs import averaged_run, graded, slow_scene, spheroid
+from polhode.models.theory.fixed_points import fixed_points
+
+PROLATE = spheroid(2.0)
+REACHED = 1e-2
+RATIOS = (0.1, 1.0, 10.0)
+
+
+def compute_l_planes(grid: Grid) -> Data:
+    """Slow trajectories with L_x = 0 or L_y = 0 and several ratios of L_xy to L_z, of either sign."""
+    slow_times = graded(1.0, 1201)
+    parts, ends = [], []
+    for zero in (0, 1):
+        for ratio in RATIOS:
+            for sign in (-1.0, 1.0):
+                for share in grid.of((0.05, 0.3, 0.6, 0.9), (0.3, 0.9)):
+                    along = sign / sqrt(1 + ratio**2)
+                    slow = np.array([0.0, 0.0, along, energy_at(PROLATE, 1.0, share)])
+                    slow[1 - zero] = ratio / sqrt(1 + ratio**2)
+                    run = averaged_run(slow_scene(PROLATE, tuple(slow), slow_times[-1]), slow_times)
+                    labels = {"zero": zero, "ratio": sign * ratio, "path": len(ends)}
+                    size = np.linalg.norm(run.slow[:, :3], axis=1)
+                    values = {"L": size, "E": run.slow[:, 3]}
+                    parts.append((labels, _thinned(values)))
+                    ends.append((zero, sign * ratio, share, float(distance_from_node(PROLATE, run.slow[-1]))))
+    return {"": stacked(parts), "ends": columns("zero ratio share distance", ends)}
+
+
+def figure_l_planes(data: Data) -> Figure:
+    """Two L–E planes."""
+    figure, axes = panels(1, 2, 3.8, 3.3)
+    size = np.linspace(0.0, 1.0, 101)
+    ratio = min(PROLATE.inertia) / max(PROLATE.inertia)
+    for own, (zero, part) in zip(axes, groups(data[""], "zero"), strict=True):
+        own.plot(size, size**2 / 2, color=BOUND)
+        own.plot(size, size**2 / (2 * ratio), color=BOUND)
+        for color, wanted in zip(CYCLE, RATIOS, strict=False):
+            for sign, line in ((-1.0, "-"), (1.0, "--")):
+                chosen = {name: column[part["ratio"] == sign * wanted] for name, column in part.items()}
+                text = f"$L_{{xy}}/L_z$ = {sign * wanted:g}"
+                draw_broken(own, chosen, "L", "E", color=color, linestyle=line, linewidth=0.8, label=text)
+        for point in fixed_points(PROLATE):
+            along, energy = plane_point(PROLATE, point)
+            draw_point(own, point.stability, abs(along), energy)
+        own.set_ylim(0.0, 1.0)
+        label(own, "$|L|/I_{max}$", "$E/I_{max}$", f"$L_{'xy'[int(zero)]} = 0$")
+    name_points(axes[0], {"stable node": "stable node", "saddle": "saddle"})
+    common_legend(figure, axes[0])
+    return figure
+
+
+def _thinned(values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """A path at even steps, so that few points draw it smoothly."""
+    index = even_steps(np.stack(list(values.values()), axis=1), 90)
+    return {name: column[index] for name, column in values.items()}
+
+
+def verdict_l_planes(data: Data) -> Verdict:
+    """All of them reach the node."""
+    distance = data["ends"]["distance"]
+    numbers = (
+        Number(f"share of the {len(distance)} starts that reach the node", float(np.mean(distance < REACHED)), 1, 1),
+        Number("largest distance at the end", float(np.max(distance)), high=REACHED, unit="I_max"),
+    )
+    sentence = (
+        "Whatever the ratio of L_xy to L_z, its sign, and which of L_x and L_y is zero, every slow trajectory ends at "
+        "the node: those with L_z > 0 pass the neighbourhood of L = 0 and come back."
+    )
+    return Verdict(Word.CONFIRMED, sentence, numbers)
+
+
+def caption_l_planes(data: Data) -> str:
+    """What the figure shows."""
+    return (
+        "L–E planes of κ = 2 from |L| = I_e with L_x = 0 (left) and L_y = 0 (right); colours tell L_xy/L_z, dashed "
+        "lines start with L_z > 0."
+    )
+
+
+ENERGIES = (2 / 9, 0.305, 0.472)
+MOMENTUM = 2 / 3
+AZIMUTHS = (0.0, 45.0, 90.0)
+
+
+def compute_projections(grid: Grid) -> Data:
+    """Slow trajectories from |L| = 2I_e/3, three energies, all directions of L."""
+    slow_times = graded(1.0, 1201)
+    parts, ends, crossings = [], [], []
+    for energy in ENERGIES:
+        for cosine in grid.of((-0.95, -0.5, 0.1, 0.6, 0.95), (-0.6, 0.6)):
+            found = {}
+            for azimuth in AZIMUTHS:
+                sine, angle = sqrt(1 - cosine**2), np.radians(azimuth)
+                direction = np.array([sine * np.sin(angle), sine * np.cos(angle), cosine]) * MOMENTUM
+                run = averaged_run(slow_scene(PROLATE, (*direction, energy), slow_times[-1]), slow_times)
+                across = np.linalg.norm(run.slow[:, :2], axis=1)
+                values = {"Lz": run.slow[:, 2], "Lxy": across, "E": run.slow[:, 3]}
+                parts.append(({"E0": energy, "azimuth": azimuth, "path": len(ends)}, _thinned(values)))
+                ends.append((energy, cosine, azimuth, float(distance_from_node(PROLATE, run.slow[-1]))))
+                found[azimuth] = across
+            crossings.append((energy, cosine, float(np.mean(_between(*(found[azimuth] for azimuth in AZIMUTHS))))))
+    return {
+        "": stacked(parts),
+        "ends": columns("E0 cosine azimuth distance", ends),
+        "between": columns("E0 cosine share", crossings),
+    }
+
+
+def _between(low: np.ndarray, middle: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Where, in time, one value lies between two others, up to rounding."""
+    slack = 1e-9
+    return (middle >= np.minimum(low, high) - slack) & (middle <= np.maximum(low, high) + slack)
+
+
+def figure_projections(data: Data) -> Figure:
+    """Three rows: L_z–E and L_z–L_xy."""
+    figure, axes = panels(3, 2, 3.9, 2.4)
+    for row, (energy, part) in enumerate(groups(data[""], "E0")):
+        left, right = axes[2 * row], axes[2 * row + 1]
+        momentum = np.linspace(-0.7, 0.7, 101)
+        left.plot(momentum, momentum**2 / 2, color=BOUND, linewidth=0.8)
+        for color, (azimuth, own) in zip((CYCLE[0], BLACK, CYCLE[1]), groups(part, "azimuth"), strict=True):
+            text = {0.0: "$L_{x0} = 0$", 45.0: "$L_{x0} = L_{y0}$", 90.0: "$L_{y0} = 0$"}[azimuth]
+            for axes_, name in ((left, "E"), (right, "Lxy")):
+                draw_broken(axes_, own, "Lz", name, color=color, linewidth=0.8, label=text)
+        draw_point(left, "stable node", *node(PROLATE))
+        draw_point(right, "stable node", node(PROLATE)[0], 0.0)
+        left.set_ylim(0.0, 1.1 * energy)
+        label(left, "$L_z/I_{max}$", "$E/I_{max}$", f"$E_0/I_e$ = {energy:.3f}")
+        label(right, "$L_z/I_{max}$", r"$\sqrt{L_x^2+L_y^2}/I_{max}$")
+    name_points(axes[0], {"stable node": "stable node"})
+    common_legend(figure, axes[0])
+    return figure
+
+
+def verdict_projections(data: Data) -> Verdict:
+    """They all end at the node; those of L_x0 = L_y0 run between the two others."""
+    distance, share = data["ends"]["distance"], data["between"]["share"]
+    within = float(np.mean(share))
+    numbers = (
+        Number(f"share of the {len(distance)} starts that reach the node", float(np.mean(distance < REACHED)), 1, 1),
+        Number("share of the time in which L_xy of L_x0 = L_y0 lies between the limiting cases", within, 0.5, 1.0),
+        Number("the same, least start", float(np.min(share)), 0.5, 1.0),
+    )
+    sentence = (
+        "Every start ends at the node, whatever L_x0/L_y0 and the cone angle. In time, the trajectory of L_x0 = L_y0 "
+        f"keeps its L_xy between those of L_x0 = 0 and L_y0 = 0 for {100 * within:.0f} % of the run."
+    )
+    return Verdict(Word.SHARPENED, sentence, numbers)
+
+
+def caption_projections(data: Data) -> str:
+    """What the figure shows."""
+    cosines = ", ".join(f"{value:g}" for value in np.unique(data["ends"]["cosine"]))
+    return f"Slow trajectories of κ = 2 from |L| = 2I_e/3, L_z/|L| = {cosines}, at three energies (I_aη₀/L₀ grows)."
+
+
+ITEMS = (
+    Item(
+        "spheroid-projections",
+        "Projections for finite L_x and L_y",
+        "From |L| = 2I_e/3 all slow trajectories end at the node, whatever L_x0/L_y0 and the cone angle; each is "
+        "bounded by the limiting cases L_x = 0 and L_y = 0.",
+        compute_projections,
+        figure_projections,
+        verdict_projections,
+        caption_projections,
+    ),
+    Item(
+        "spheroid-l-planes",
+        "The L–E planes",
+        "The topology in the L–E plane does not depend on L_xy/L_z, nor on which of L_x and L_y is zero.",
+        compute_l_planes,
+        figure_l_planes,
+        verdict_l_planes,
+        caption_l_planes,
+    ),
+)

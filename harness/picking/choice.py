@@ -1,0 +1,127 @@
+"""What to run for a scene where the user leaves something open: what `pick` puts first among what is left."""
+
+from math import isfinite
+from typing import TYPE_CHECKING, NamedTuple
+
+from polhode.harness.common.text import short
+from polhode.harness.picking.simplest import simplest
+from polhode.models.catalogue import form as find_form
+from polhode.models.scene import Scene
+from polhode.solvers.catalogue import SOLVERS
+from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.contract import SolverNotValidError
+
+if TYPE_CHECKING:
+    from polhode.harness.picking.ranking import Recommendation
+    from polhode.models.problem import Problem
+
+# Where `pick` knows no law for what the user insists on: errors stay below so many tolerances on ordinary scenes.
+SAFETY = 100.0
+# Tolerances worth asking for: a tighter one is lost in the rounding of double precision, a looser one holds nothing.
+LEAST_TOLERANCE, LARGEST_TOLERANCE = 1e-16, 1.0
+
+
+class Choice(NamedTuple):
+    """A form, a solver and a tolerance, as `polhode solve` accepts them; and what to tell the user of it, if anything.
+
+    The note says that the error asked for will not be met, or that nothing tells whether it will, and why.
+    """
+
+    form: str
+    solver: str
+    tolerance: float
+    note: str = ""
+
+
+def choose(
+    scene: Scene,
+    form: str | None,
+    solver: str | None,
+    tolerance: float | None,
+    error: float,
+    want: str,
+    samples: int = 201,
+) -> Choice:
+    """Fill in what the user left open.
+
+    With form, solver and tolerance given nothing is left open. Else the first row of `pick` that agrees with what is
+    given; where there is none, the simplest form, the first solver that takes it and a hundredth of the error.
+
+    Raises
+    ------
+    NotAttainableError
+        If nothing is given and no run meets the error.
+    ValueError
+        If the error or the tolerance is not a finite positive number, or the orientation is wanted of a form that
+        gives none.
+    """
+    for name, value in (("error", error), ("tolerance", tolerance)):
+        if value is not None and not (isfinite(value) and value > 0):
+            raise ValueError(f"{name}: got {value!r}, expected a finite positive number")
+    if form and want == "orientation":
+        _require_orientation(form)
+    if form and solver and tolerance:
+        return Choice(form, solver, tolerance)
+    from polhode.harness.picking.ranking import LOOSEST, TIGHTEST, NotAttainableError, pick
+
+    found, refusal = None, ""
+    try:
+        found = pick(scene, error, want, samples)
+    except NotAttainableError as not_attainable:
+        if not (form or solver or tolerance):
+            raise
+        refusal = f"the error {short(error)} is {str(not_attainable).removeprefix(f'error: got {error!r}, ')}"
+    for row in found.ranking if found else ():
+        if form in (None, row.form) and solver in (None, row.solver):
+            return Choice(row.form, row.solver, tolerance or row.tolerance)
+    form = form or simplest(scene, "slow")[0]
+    solver = solver or _first_solver(find_form(form).problem(scene))
+    if tolerance:
+        return Choice(form, solver, tolerance)
+    note = _note(found, form, solver, error) if found else f"{form} by {solver} runs all the same, but {refusal}"
+    return Choice(form, solver, min(LOOSEST, max(TIGHTEST, error / SAFETY)), note)
+
+
+def check_tolerance(tolerance: float) -> None:
+    """Refuse a tolerance for which there is no use in double precision.
+
+    Raises
+    ------
+    ValueError
+        Naming it and the range.
+    """
+    if not LEAST_TOLERANCE <= tolerance <= LARGEST_TOLERANCE:
+        expected = f"a number from {LEAST_TOLERANCE:g}, the rounding of double precision, to {LARGEST_TOLERANCE:g}"
+        raise ValueError(f"tolerance: got {tolerance!r}, expected {expected}")
+
+
+def _require_orientation(form: str) -> None:
+    if find_form(form).orientation == "none":
+        raise ValueError(
+            f"want: got 'orientation' for form {form!r}, which gives none, expected 'slow' or another form"
+        )
+
+
+def _first_solver(problem: "Problem") -> str:
+    """The closed form where there is one, else the first solver that can be run and takes the problem."""
+    if problem.closed_form is not None:
+        return "exact"
+    for name in SOLVERS:
+        method = find_solver(name)
+        try:
+            method.check(problem)
+        except SolverNotValidError:
+            continue
+        if method.available:
+            return name
+    return next(iter(SOLVERS))
+
+
+def _note(found: "Recommendation", form: str, solver: str, error: float) -> str:
+    """Why a method that `pick` does not rank may miss the error, and what would not."""
+    reasons = {(each.form, each.solver): each.reason for each in found.excluded}
+    best = f"{found.ranking[0].form} by {found.ranking[0].solver}"
+    if (form, solver) not in reasons:
+        return f"`pick` cannot tell whether {form} by {solver} meets the error {short(error)}; {best} is expected to"
+    reason = reasons[form, solver]
+    return f"{form} by {solver} is not expected to meet the error {short(error)}: {reason}; {best} is"

@@ -1,0 +1,298 @@
+"""Cost and error laws of methods, a form by a solver: what a run will take, and how far off it will be.
+
+Cost of a warm run, in seconds, at tolerance tol and with m samples::
+
+    fixed + per_sample m + tol^exponent (start + per_rotation N + per_time F) + per_damping_time S tol^stiff_exponent
+
+with N = ∫|ω|dt/2π the rotations, S = T max(8πX/I)/St the damping times, and F = TS/(T + S) the time spent following
+the flow: the duration T, in inverse shear rates, where damping is faster than shear, and next to none of it where
+the particle spins freely. N, F and S count by the steps that they cost the form in the scene at hand, which pilot
+runs tell (`polhode.harness.picking.load`). Explicit methods on stiff scenes are held back by stability, whatever the
+tolerance; hence the damping times have an exponent of their own.
+
+Error, in the pilot's terms (`polhode.harness.picking.pilot`), e₀ being the pilot's error at its tolerance tol₀::
+
+    10^offset (tol/tol₀)^order e₀^gain (1 + N)^growth (1 + S/T)^stiffness
+        + floor eps largest (1 + N)^floor_growth
+
+Each law knows how far measurements strayed from it on scenes that it was not fitted on.
+"""
+
+import json
+from dataclasses import asdict, dataclass, field
+from functools import cache
+from importlib.resources import files
+from math import exp, inf, isfinite
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from polhode.harness.common.cache import cache_folder
+from polhode.harness.common.pace import Pace
+
+SCHEMA = 3
+EPS = float(np.finfo(float).eps)
+WANTS = ("slow", "orientation")
+# Damping times, T max(8πX/I)/St, from which on an explicit method is held back by stability.
+STIFF = 2e4
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A prediction: the middle, and the ends of the interval that holds 95 % of the measurements."""
+
+    predicted: float
+    low: float
+    high: float
+
+    def overlaps(self, other: "Interval") -> bool:
+        """Whether there is no significant difference."""
+        return self.low <= other.high and other.low <= self.high
+
+    def times(self, factor: float) -> "Interval":
+        """All three numbers times a factor."""
+        return Interval(self.predicted * factor, self.low * factor, self.high * factor)
+
+
+@dataclass(frozen=True)
+class Load:
+    """What the cost of a run depends on, besides its tolerance.
+
+    Parameters
+    ----------
+    rotations, following, damping_times : float
+        N, F and S, weighed by the form's own steps.
+    samples : int
+    """
+
+    rotations: float
+    following: float
+    damping_times: float
+    samples: int
+
+
+@dataclass(frozen=True)
+class Stray:
+    """Quantiles 2.5, 50 and 97.5 % of ln(measured/predicted) on scenes left out of the fit."""
+
+    low: float
+    middle: float
+    high: float
+
+    def around(self, value: float) -> Interval:
+        """The interval around a prediction."""
+        return Interval(value * exp(self.middle), value * exp(self.low), value * exp(self.high))
+
+
+@dataclass(frozen=True)
+class CostLaw:
+    """Seconds of a warm run; parameters as in the module's formula, `scale` being a machine's own factor."""
+
+    fixed: float
+    per_sample: float
+    exponent: float
+    start: float
+    per_rotation: float
+    per_time: float
+    per_damping_time: float
+    stiff_exponent: float
+    stray: Stray
+    records: int
+    intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
+    scale: float = 1.0
+
+    def seconds(self, load: Load, tolerance: float) -> float:
+        """The prediction's middle before strays are known."""
+        work = self.start + self.per_rotation * load.rotations + self.per_time * load.following
+        stiff = self.per_damping_time * load.damping_times * tolerance**self.stiff_exponent
+        return self.scale * (self.fixed + self.per_sample * load.samples + tolerance**self.exponent * work + stiff)
+
+    def predict(self, load: Load, tolerance: float) -> Interval:
+        """Seconds with their interval."""
+        return self.stray.around(self.seconds(load, tolerance))
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """What the error of a run depends on, besides its tolerance.
+
+    Parameters
+    ----------
+    tolerance, error : float
+        tol₀ and e₀ of the pilot.
+    rotations, stiffness : float
+        N and S/T.
+    largest : float
+        Size of what is measured: the largest |L|, E over I_max, or 1 rad.
+    stiff : bool
+        Whether there are more than `STIFF` damping times.
+    """
+
+    tolerance: float
+    error: float
+    rotations: float
+    stiffness: float
+    largest: float
+    stiff: bool = False
+
+
+@dataclass(frozen=True)
+class ErrorLaw:
+    """Largest error along a run; parameters as in the module's formula."""
+
+    offset: float
+    order: float
+    gain: float
+    growth: float
+    stiffness: float
+    floor: float
+    floor_growth: float
+    stray: Stray
+    records: int
+    intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
+
+    def rounding(self, at: Sensitivity) -> float:
+        """The floor: what no tolerance gets below."""
+        return self.floor * EPS * at.largest * (1 + at.rotations) ** self.floor_growth
+
+    def truncation(self, at: Sensitivity, tolerance: float) -> float:
+        """What the tolerance governs."""
+        own = 10**self.offset * (tolerance / at.tolerance) ** self.order * at.error**self.gain
+        return own * (1 + at.rotations) ** self.growth * (1 + at.stiffness) ** self.stiffness
+
+    def error(self, at: Sensitivity, tolerance: float) -> float:
+        """The prediction's middle before strays are known."""
+        return self.truncation(at, tolerance) + self.rounding(at)
+
+    def predict(self, at: Sensitivity, tolerance: float) -> Interval:
+        """Error with its interval."""
+        return self.stray.around(self.error(at, tolerance))
+
+    def tolerance(self, at: Sensitivity, error: float) -> float:
+        """Loosest tolerance at which 97.5 % of the runs meet an error; 0 if none does, inf if every one does."""
+        allowed = error * exp(-self.stray.high) - self.rounding(at)
+        if not (allowed > 0 and isfinite(at.error)):
+            return 0.0
+        at_pilot = self.truncation(at, at.tolerance)
+        return at.tolerance * (allowed / at_pilot) ** (1 / self.order) if at_pilot > 0 else inf
+
+
+@dataclass(frozen=True)
+class MethodLaws:
+    """All that is known of a method.
+
+    Parameters
+    ----------
+    form, solver : str
+    cost : CostLaw
+    errors : dict
+        Error laws of "slow" and "orientation", and of "stiff slow" and "stiff orientation" beyond `STIFF` damping
+        times, where errors die out and the pilot is an implicit one; without what was not measured often enough.
+    compile_seconds : float
+        What the first of all runs takes more: importing the library and compiling the form.
+    tightest : float
+        Tightest tolerance at which runs still ended well.
+    """
+
+    form: str
+    solver: str
+    cost: CostLaw
+    errors: dict[str, ErrorLaw]
+    compile_seconds: float
+    tightest: float
+
+    def error_law(self, want: str, at: Sensitivity) -> ErrorLaw | None:
+        """The law of what is wanted, in the scene's regime."""
+        return self.errors.get(regime(want, at.stiff))
+
+
+def regime(want: str, stiff: bool) -> str:
+    """Name of the law of what is wanted, in one regime or the other."""
+    return f"stiff {want}" if stiff else want
+
+
+@dataclass(frozen=True)
+class Laws:
+    """Laws of all methods measured, and where they come from.
+
+    Parameters
+    ----------
+    methods : dict
+        By (form, solver).
+    source : dict
+        Machine, versions, numbers of scenes and records.
+    """
+
+    methods: dict[tuple[str, str], MethodLaws]
+    source: dict[str, Any]
+
+    @property
+    def pace(self) -> Pace:
+        """The pace that the times hold for."""
+        return Pace(self.source.get("machine"), self.source.get("sentinel_seconds"))
+
+    def save(self, path: Path) -> None:
+        """Write as JSON, a line for each method."""
+        lines = ",\n".join(json.dumps(_rounded(asdict(law))) for law in self.methods.values())
+        head = f'"schema": {SCHEMA}, "source": {json.dumps(_rounded(self.source))}'
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(f'{{{head}, "methods": [\n{lines}\n]}}\n', encoding="utf-8")
+
+
+class OtherSchemaError(ValueError):
+    """The laws are those of another version."""
+
+
+def parse_laws(text: str) -> Laws:
+    """Laws from JSON.
+
+    Raises
+    ------
+    OtherSchemaError
+        If they are those of another version.
+    ValueError
+        If the text holds no laws.
+    """
+    content = json.loads(text)
+    if content.get("schema") != SCHEMA:
+        raise OtherSchemaError(f"laws: got schema {content.get('schema')!r}, expected {SCHEMA}")
+    methods = [_method(each) for each in content["methods"]]
+    return Laws({(law.form, law.solver): law for law in methods}, content["source"])
+
+
+def own_laws_path() -> Path:
+    """Where the laws fitted on the user's machine are kept."""
+    return cache_folder() / "laws.json"
+
+
+@cache
+def load_laws() -> Laws:
+    """Laws fitted on this machine by this version if there are any, else those that come with the package."""
+    own = own_laws_path()
+    if own.is_file():
+        try:
+            return parse_laws(own.read_text(encoding="utf-8"))
+        except OtherSchemaError:
+            pass
+        except (ValueError, KeyError, TypeError) as error:
+            raise ValueError(f"{own}: {error}, expected laws; remove it to use those of the package") from None
+    return parse_laws((files("polhode.harness.picking") / "laws.json").read_text(encoding="utf-8"))
+
+
+def _method(content: dict[str, Any]) -> MethodLaws:
+    errors = {name: _law(ErrorLaw, law) for name, law in content["errors"].items()}
+    return MethodLaws(**content | {"cost": _law(CostLaw, content["cost"]), "errors": errors})
+
+
+def _law(kind: Any, content: dict[str, Any]) -> Any:
+    return kind(**content | {"stray": Stray(**content["stray"])})
+
+
+def _rounded(content: Any) -> Any:
+    """Numbers at six digits: more would be noise."""
+    if isinstance(content, float):
+        return float(f"{content:.6g}")
+    if isinstance(content, dict):
+        return {key: _rounded(value) for key, value in content.items()}
+    return [_rounded(value) for value in content] if isinstance(content, list | tuple) else content

@@ -1,0 +1,135 @@
+"""What a run weighs: rotations, flow and damping times, by the steps that they cost solvers of its kind.
+
+Near a pole angles take many steps, a body that has settled takes few, and a solver that switches to an implicit method
+takes fewer than one that cannot: pilot runs of the form itself tell, by a solver of each kind.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+from math import sqrt
+
+from polhode.harness.picking.laws import STIFF, Load
+from polhode.harness.picking.pilot import Pilot, PilotFailedError, damping_times, follow
+from polhode.models.form import Form
+from polhode.models.scene import Scene
+from polhode.solvers.catalogue import solver as find_solver
+
+# Solvers that switch between explicit and implicit methods by themselves.
+# Most steps that stability costs, over the usual ones.
+MOST_STABILITY = 2.0
+# Where stability asks for more of an explicit method's steps than this, errors do not follow the tolerance; those of
+# Taylor's method, whose order is higher, still do.
+HELD = 0.4
+
+
+@dataclass(frozen=True)
+class Gauge:
+    """How the steps of solvers of a kind are counted.
+
+    Parameters
+    ----------
+    solver : str
+        Whose steps they are.
+    tolerance : float
+        At which they are counted.
+    per_rotation, per_time, per_damping_time, any_run : float
+        What they usually come to in the quaternion form, within a third: from random scenes.
+    """
+
+    solver: str
+    tolerance: float
+    per_rotation: float
+    per_time: float
+    per_damping_time: float
+    any_run: float
+
+    def usual(self, rotations: float, following: float) -> float:
+        """Steps that accuracy usually asks for."""
+        return self.per_rotation * rotations + self.per_time * following + self.any_run
+
+
+EXPLICIT = Gauge("cyrk-vern8", 1e-9, 8.0, 1.6, 0.28, 4.0)
+IMPLICIT = Gauge("cyrk-radau", 1e-6, 27.0, 2.6, 0.0, 13.0)
+BOTH = Gauge("cyrk-lsoda", 1e-9, 36.0, 21.0, 7e-4, 8.5)
+# Accuracy asks explicit methods for ever more steps as the tolerance falls, stability does not: runs so much looser and
+# tighter than the gauge's tolerance tell them apart, at the gauge's order.
+LOOSER, TIGHTER, ORDER = 1e4, 1e-2, 8
+
+
+def gauge_of(solver: str) -> Gauge:
+    """The gauge of a solver's kind."""
+    if find_solver(solver).switching:
+        return BOTH
+    return IMPLICIT if find_solver(solver).implicit else EXPLICIT
+
+
+def load_of(form: Form, solver: str, pilot: Pilot, samples: int) -> Load:
+    """Load of a run of a form by a solver.
+
+    Rotations, the flow's own time and damping times count by the steps that they cost, as against the usual. Averaged
+    forms know nothing of rotations, and count by their steps.
+
+    Raises
+    ------
+    PilotFailedError
+        If the form's own pilot does not reach its end.
+    """
+    scene, damped, gauge = pilot.scene, pilot.damping_times, gauge_of(solver)
+    if form.averaged:
+        held = damped if gauge is EXPLICIT else 0.0
+        return Load(sum(steps(form, scene, gauge)) / gauge.per_rotation, 0.0, held, samples)
+    turns = pilot.rotations
+    following = scene.time if scene.stokes == 0 else scene.time * damped / (scene.time + damped)
+    closed = form.problem(pilot.followed).parameters is None
+    if closed or (gauge is EXPLICIT and damped > STIFF):
+        return Load(turns, following, damped, samples)
+    accuracy, stability = steps(form, pilot.followed, gauge)
+    share = accuracy * scene.time / pilot.followed.time / gauge.usual(turns, following)
+    usual = gauge.per_damping_time * damping_times(pilot.followed)
+    held = stability / usual if gauge is EXPLICIT and usual > 0 else share
+    return Load(share * turns, share * following, held * damped, samples)
+
+
+def held_back(form: Form, solver: str, pilot: Pilot) -> bool:
+    """Whether stability sets so many of a solver's steps that its error says little about its tolerance.
+
+    Raises
+    ------
+    PilotFailedError
+        If the form's own pilot does not reach its end.
+    """
+    if find_solver(solver).implicit or find_solver(solver).closed_form:
+        return False
+    if pilot.damping_times > STIFF:
+        return True
+    if solver == "taylor" or form.averaged or form.problem(pilot.followed).parameters is None:
+        return False
+    accuracy, stability = steps(form, pilot.followed, EXPLICIT)
+    return stability > HELD * (accuracy + stability)
+
+
+@cache
+def steps(form: Form, scene: Scene, gauge: Gauge) -> tuple[float, float]:
+    """Steps of a form's pilot run: those that accuracy asks for, and those that stability does.
+
+    Raises
+    ------
+    PilotFailedError
+        If the run does not reach its end.
+    """
+    if gauge is not EXPLICIT:
+        return _count(form, scene, gauge.solver, gauge.tolerance), 0.0
+    loose = _count(form, scene, gauge.solver, gauge.tolerance * LOOSER)
+    tight = _count(form, scene, gauge.solver, gauge.tolerance * TIGHTER)
+    few, many = LOOSER ** (-1 / ORDER), TIGHTER ** (-1 / ORDER)
+    asked = max(0.0, (tight - loose) / (many - few))
+    most = 0.0 if form.averaged else MOST_STABILITY * gauge.per_damping_time * damping_times(scene)
+    stability = min(max(0.0, loose - asked * few), most)
+    return sqrt((loose - stability) * (tight - stability) / (few * many)), stability
+
+
+def _count(form: Form, scene: Scene, solver: str, tolerance: float) -> float:
+    run = follow(form, scene, tolerance, solver)
+    if not run.success or not run.work.steps:
+        raise PilotFailedError(f"pilot: {form.name!r} by {solver!r} ended with {run.status.value}")
+    return float(run.work.steps)

@@ -1,0 +1,132 @@
+"""Model error of averaged forms, told from pilots: at the scene's own St, or at smaller ones and carried on."""
+
+from dataclasses import replace
+from functools import cache
+from math import log
+
+import numpy as np
+
+from polhode.harness.picking.laws import Interval
+from polhode.harness.picking.pilot import (
+    Pilot,
+    PilotFailedError,
+    follow,
+    form_ladder,
+    full_form,
+)
+from polhode.harness.picking.refusals import apart
+from polhode.harness.references.errors import Errors, errors
+from polhode.models.form import Form
+from polhode.models.observables import Observables
+from polhode.models.scene import Scene
+
+# Rotations per damping time below which there is nothing to average over.
+LEAST_ROTATIONS = 0.3
+# At few output times the largest error may be missed; at many it is met.
+MISSED, MET = 0.5, 1.1
+# Ratio of the two Stokes numbers that show how the error falls, the exponents believed, and what they may be off.
+RATIO = 3.0
+EXPONENTS = (0.5, 2.2)
+OFF, FACTOR = 0.15, 2.0
+# What makes averaging poor: L gets so small a share of its largest size, or L²/2EI₂ so close to 1.
+PINCHED, NEAR = 0.1, 0.03
+
+
+class NotApplicableError(ValueError):
+    """Averaging does not apply to a scene; the message says why."""
+
+
+def model_errors(form: Form, pilot: Pilot) -> dict[str, Interval | None]:
+    """Slow and orientation error of an averaged form's exact solution against the full one.
+
+    Raises
+    ------
+    NotApplicableError
+        If there is nothing to average over, or no pilot can tell.
+    """
+    if pilot.scene.ellipsoid.kind == "sphere":
+        # L obeys the averaged equation itself.
+        return {"slow": Interval(0.0, 0.0, 0.0), "orientation": None}
+    if unfit := unfit_to_average(pilot):
+        raise NotApplicableError(unfit)
+    if pilot.slow.error == np.inf:
+        raise NotApplicableError("trial runs lost the motion, so that nothing tells the model error")
+    if pilot.direct:
+        return _measured(form, pilot)
+    if not pilot.twin:
+        raise NotApplicableError("the start is too slow for rotations to be fast against damping")
+    return _carried_on(form, pilot)
+
+
+def unfit_to_average(pilot: Pilot) -> str:
+    """Why a scene has nothing to average over, in words; empty where it has."""
+    rotations, damping = pilot.rotations, pilot.damping_times
+    if pilot.scene.ellipsoid.kind == "sphere" or rotations >= LEAST_ROTATIONS * damping:
+        return ""
+    share, least = apart(rotations / damping, LEAST_ROTATIONS)
+    return f"St is too small to average over rotations: {share} of them per damping time, expected at least {least}"
+
+
+def causes(form: Form, pilot: Pilot) -> list[str]:
+    """What makes averaging poor on a scene, in words; empty where nothing in particular does."""
+    scene = pilot.scene
+    observables = form_ladder(form, scene)[-1][1]
+    size = np.linalg.norm(observables.angular_momentum, axis=1)
+    found = []
+    if pilot.damping_times > 0 and pilot.rotations < 10 * pilot.damping_times:
+        found.append(f"St is small, with {pilot.rotations / pilot.damping_times:.2g} rotations per damping time")
+    if size.min() < PINCHED * size.max():
+        found.append("L nearly vanishes on the way (pinch point)")
+    if scene.ellipsoid.kind == "triaxial":
+        middle = scene.ellipsoid.inertia[scene.ellipsoid.order[1]]
+        ratio = size**2 / (2 * middle * observables.energy)
+        if ratio.min() < 1 < ratio.max():
+            found.append("the run crosses L² = 2EI₂")
+        elif np.min(np.abs(ratio - 1)) < NEAR:
+            found.append("the run comes close to L² = 2EI₂")
+    return found
+
+
+def _measured(form: Form, pilot: Pilot) -> dict[str, Interval | None]:
+    found = errors(pilot.scene.ellipsoid, form_ladder(form, pilot.scene)[-1][1], pilot.observables)
+    intervals: dict[str, Interval | None] = {}
+    for want, value, gain in (
+        ("slow", found.slow, pilot.slow),
+        ("orientation", found.orientation, pilot.orientation),
+    ):
+        if value is None or gain is None:
+            intervals[want] = None
+            continue
+        # The pilot's last run is a hundred times tighter than the one whose error is known.
+        own = gain.error / 10
+        intervals[want] = Interval(value, max(0.0, MISSED * (value - own)), MET * value + own)
+    return intervals
+
+
+def _carried_on(form: Form, pilot: Pilot) -> dict[str, Interval | None]:
+    near = pilot.followed
+    far = replace(near, stokes=near.stokes / RATIO, time=near.time / RATIO)
+    ellipsoid = pilot.scene.ellipsoid
+    at_near = errors(ellipsoid, form_ladder(form, near)[-1][1], pilot.observables)
+    at_far = errors(ellipsoid, form_ladder(form, far)[-1][1], _tight(far))
+    gap = pilot.scene.stokes / near.stokes
+    return {want: _interval(want, at_near, at_far, gap) for want in ("slow", "orientation")}
+
+
+def _interval(want: str, near: Errors, far: Errors, gap: float) -> Interval | None:
+    here, there = getattr(near, want), getattr(far, want)
+    if here is None or there is None:
+        return None
+    low, high = EXPONENTS
+    exponent = min(high, max(low, log(max(there, 1e-300) / max(here, 1e-300)) / log(RATIO)))
+    value = here * gap**-exponent
+    return Interval(value, value / FACTOR * gap**-OFF, value * FACTOR * gap**OFF)
+
+
+@cache
+def _tight(scene: Scene) -> Observables:
+    form = full_form(scene)
+    solution = follow(form, scene, 1e-8)
+    if not solution.success:
+        raise PilotFailedError(f"pilot: St = {scene.stokes:g} ended with {solution.status}")
+    return form.observe(scene, solution.states)

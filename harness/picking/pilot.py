@@ -1,0 +1,257 @@
+"""Pilot runs: a scene followed loosely, to learn how many rotations it takes and how it magnifies errors.
+
+A pilot costs milliseconds. It follows a full form at tolerances a hundredfold apart; the difference of two runs is the
+error of the looser one. A run of too many rotations is replaced by its twin: the same slow motion at a smaller St, in
+which every rotation stands for several. Where there is no slow motion, only the beginning is followed.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+from itertools import pairwise
+from math import inf, isfinite, isinf, pi
+
+import numpy as np
+
+from polhode.harness.picking.laws import STIFF, Sensitivity
+from polhode.harness.references.errors import Errors, errors
+from polhode.harness.references.rotations import rotations
+from polhode.models.catalogue import form as find_form
+from polhode.models.form import Form
+from polhode.models.observables import Observables
+from polhode.models.scene import BodyStart, Scene, SlowStart
+from polhode.models.shape import Ellipsoid
+from polhode.solvers.solve import Solution, solve
+
+TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
+# A difference beyond this share of its largest possible value says nothing but that the tolerance was too loose.
+SATURATED = 0.03
+# Forms that take a second to compile, and whose errors are those of the quaternion form, or worse.
+ANGLES = ("euler-angles", "spheroid-angles")
+# A pilot whose error is a smaller share of its tolerance was lucky, or took a handful of steps: others will not be.
+LUCKY = 0.1
+SAMPLES = 401
+# Rotations and steps of a run: some tenths of a second.
+MOST_ROTATIONS, MOST_STEPS = 5_000.0, 300_000
+# Rotations of a twin, and what makes a motion fast enough to have one: rotations per damping time, and |ω| at the
+# start over its mean.
+TWIN_ROTATIONS, FAST, USUAL = 1_000.0, 50.0, 0.2
+# Errors grow with rotations not followed: those of L, which add up at random, at most like the root, those of an angle,
+# whose rate is off, like their number and somewhat faster.
+GROWTH = {"slow": 0.5, "orientation": 1.25}
+
+
+class PilotFailedError(ValueError):
+    """The pilot of a scene did not come far enough to say anything about it."""
+
+
+@dataclass(frozen=True)
+class Gain:
+    """The pilot's own error, from which those of others are told.
+
+    Parameters
+    ----------
+    tolerance : float
+        At which it was found.
+    error : float
+        Slow error over I_max or orientation error in rad; inf if it was lost at every tolerance.
+    """
+
+    tolerance: float
+    error: float
+
+
+@dataclass(frozen=True)
+class Pilot:
+    """What a pilot says about a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    followed : Scene
+        The scene itself, its twin at a smaller St, or its beginning.
+    rotations : float
+        N = ∫|ω|dt/2π of the scene.
+    observables : Observables
+        Of what was followed, at the tightest tolerance.
+    slow, orientation : Gain or None
+        Magnification of errors; None for the orientation of a sphere or of a form without it.
+    """
+
+    scene: Scene
+    followed: Scene
+    rotations: float
+    observables: Observables
+    slow: Gain
+    orientation: Gain | None
+
+    @property
+    def direct(self) -> bool:
+        """Whether the scene itself was followed to its end."""
+        return self.followed == self.scene
+
+    @property
+    def twin(self) -> bool:
+        """Whether the same slow motion was followed at a smaller St."""
+        return self.followed.stokes != self.scene.stokes
+
+    @cached_property
+    def damping_times(self) -> float:
+        """S = T max(8πX/I)/St."""
+        return damping_times(self.scene)
+
+
+def damping_times(scene: Scene) -> float:
+    """S = T max(8πX/I)/St: the duration in units of the shortest damping time; 0 without inertia or torque."""
+    if scene.stokes == 0 or isinf(scene.stokes):
+        return 0.0
+    return scene.time * max(scene.ellipsoid.damping) / scene.stokes
+
+
+def full_form(scene: Scene) -> Form:
+    """The form whose pilot stands for all full forms."""
+    return find_form("jeffery" if scene.stokes == 0 else "quaternion")
+
+
+def oriented(scene: Scene) -> Scene:
+    """The scene itself, or one of those that a start by L and E alone stands for: the middle axis across L."""
+    if not isinstance(scene.start, SlowStart):
+        return scene
+    ellipsoid, momentum = scene.ellipsoid, np.array(scene.start.angular_momentum)
+    size = float(np.linalg.norm(momentum))
+    if size == 0:
+        raise PilotFailedError("the start has L = 0 and no orientation, expected one to tell the motion from")
+    first, middle, last = ellipsoid.order
+    low, high = ellipsoid.inertia[first], ellipsoid.inertia[last]
+    share = 1.0 if low == high else (2 * scene.start.energy / size**2 - 1 / high) / (1 / low - 1 / high)
+    share = min(1.0, max(0.0, share))
+    body = np.zeros(3)
+    body[first], body[last] = np.sqrt(share), np.sqrt(1 - share)
+    across = np.zeros(3)
+    across[middle] = 1.0
+    direction = momentum / size
+    helper = np.eye(3)[int(np.argmin(np.abs(direction)))]
+    side = np.cross(direction, helper)
+    side /= np.linalg.norm(side)
+    # Columns of the two frames correspond: L, the middle axis, and what completes them.
+    own = np.column_stack([body, across, np.cross(body, across)])
+    space = np.column_stack([direction, side, np.cross(direction, side)])
+    from scipy.spatial.transform import Rotation
+
+    x, y, z, w = Rotation.from_matrix(space @ own.T).as_quat().tolist()
+    velocity = size * body / np.array(ellipsoid.inertia)
+    v1, v2, v3 = velocity.tolist()
+    return replace(scene, start=BodyStart((w, x, y, z), (v1, v2, v3)))
+
+
+def pilot(scene: Scene) -> Pilot:
+    """Follow a scene loosely.
+
+    Raises
+    ------
+    PilotFailedError
+        If no run at any tolerance comes far enough.
+    """
+    whole = oriented(scene)
+    try:
+        count = rotations(whole)
+    except ValueError as error:
+        raise PilotFailedError(f"pilot: {error}") from None
+    followed = _within_reach(whole, count)
+    found = _ladder(full_form(followed), followed)
+    slow, orientation = _grown(*gains(followed.ellipsoid, found), whole.time / followed.time)
+    return Pilot(whole, followed, count, found[-1][1], slow, orientation)
+
+
+def _grown(slow: Gain, orientation: Gain | None, gap: float) -> tuple[Gain, Gain | None]:
+    """Gains over `gap` times as many rotations."""
+    if orientation is not None:
+        orientation = replace(orientation, error=orientation.error * gap ** GROWTH["orientation"])
+    return replace(slow, error=slow.error * gap ** GROWTH["slow"]), orientation
+
+
+def pilot_solver(scene: Scene) -> str:
+    """The solver that follows a scene: implicit where stability would hold back an explicit one."""
+    return "cyrk-radau" if damping_times(scene) > STIFF else "cyrk-vern8"
+
+
+def follow(form: Form, scene: Scene, tolerance: float, solver: str | None = None) -> Solution:
+    """One pilot run of a form, by the scene's pilot solver or another one."""
+    problem = form.problem(scene)
+    times = np.linspace(0.0, problem.end, SAMPLES)
+    return solve(problem, solver or pilot_solver(scene), tolerance, times, max_steps=MOST_STEPS)
+
+
+def gains(ellipsoid: Ellipsoid, found: list[tuple[float, Observables]]) -> tuple[Gain, Gain | None]:
+    """Slow and orientation gains from runs at several tolerances, the loosest first."""
+    largest = float(np.max(np.abs(found[-1][1].slow))) / max(ellipsoid.inertia)
+    pairs = [(tolerance, errors(ellipsoid, loose, tight)) for (tolerance, loose), (_, tight) in pairwise(found)]
+    slow = _first_below(pairs, "slow", SATURATED * max(largest, 1e-300))
+    known = pairs[-1][1].orientation is not None
+    return slow, _first_below(pairs, "orientation", SATURATED * pi) if known else None
+
+
+def _first_below(pairs: list[tuple[float, Errors]], name: str, limit: float) -> Gain:
+    # The loosest pair of all is left out: its error follows no law.
+    for tolerance, error in pairs[1:]:
+        value = getattr(error, name)
+        if value < limit:
+            return Gain(tolerance, max(value, LUCKY * tolerance))
+    return Gain(pairs[-1][0], inf)
+
+
+def _ladder(form: Form, scene: Scene) -> list[tuple[float, Observables]]:
+    """Runs at ever tighter tolerances until two of them agree."""
+    found: list[tuple[float, Observables]] = []
+    for tolerance in TOLERANCES:
+        solution = follow(form, scene, tolerance)
+        if solution.success:
+            found.append((tolerance, form.observe(scene, solution.states)))
+        if len(found) >= 3:
+            slow, orientation = gains(scene.ellipsoid, found)
+            if isfinite(slow.error) and (orientation is None or isfinite(orientation.error)):
+                break
+    if len(found) < 2:
+        raise PilotFailedError(f"pilot: {form.name!r} by {pilot_solver(scene)!r} ended at no tolerance")
+    return found
+
+
+def _within_reach(scene: Scene, count: float) -> Scene:
+    """What to follow instead of a scene of `count` rotations."""
+    if count <= MOST_ROTATIONS:
+        return scene
+    if 0 < scene.stokes < inf and count > FAST * damping_times(scene) and _starts_fast(scene, count):
+        shrink = TWIN_ROTATIONS / count
+        return replace(scene, stokes=scene.stokes * shrink, time=scene.time * shrink)
+    return replace(scene, time=scene.time * MOST_ROTATIONS / count)
+
+
+def _starts_fast(scene: Scene, count: float) -> bool:
+    """Whether a scene starts about as fast as it goes on: from rest, or nearly so, nothing slow is there to be kept."""
+    usual = 2 * pi * count / scene.time
+    return float(np.linalg.norm(scene.angular_velocity)) > USUAL * usual
+
+
+@cache
+def form_ladder(form: Form, scene: Scene) -> list[tuple[float, Observables]]:
+    """Pilot runs of a form."""
+    return _ladder(form, scene)
+
+
+def form_sensitivity(form: Form, pilot: Pilot) -> tuple[Sensitivity, Sensitivity | None]:
+    """Slow and orientation sensitivity of a form's solver error, from pilot runs of its own where that is cheap."""
+    slow, orientation, observables = pilot.slow, pilot.orientation, pilot.observables
+    scene = pilot.scene if form.averaged else pilot.followed
+    if form.name not in (*ANGLES, full_form(scene).name) and form.problem(scene).parameters is not None:
+        found = form_ladder(form, scene)
+        slow, orientation = _grown(*gains(scene.ellipsoid, found), pilot.scene.time / scene.time)
+        observables = found[-1][1]
+    turns = 0.0 if form.averaged else pilot.rotations
+    stiffness = 0.0 if form.averaged else pilot.damping_times / pilot.scene.time
+    largest = float(np.max(np.abs(observables.slow))) / max(pilot.scene.ellipsoid.inertia)
+    stiff = not form.averaged and pilot.damping_times > STIFF
+    return (
+        Sensitivity(slow.tolerance, slow.error, turns, stiffness, largest, stiff),
+        None
+        if orientation is None
+        else Sensitivity(orientation.tolerance, orientation.error, turns, stiffness, 1.0, stiff),
+    )

@@ -1,0 +1,300 @@
+"""`pick`: which form, which solver, at what tolerance, and what it will cost, before anything is run in earnest."""
+
+from dataclasses import dataclass, replace
+from math import floor, inf, isfinite, log10, pi
+
+from polhode.harness.common.text import scientific, short
+from polhode.harness.picking.laws import EPS, STIFF, WANTS, Interval, Laws, Load, MethodLaws, Sensitivity, load_laws
+from polhode.harness.picking.load import held_back, load_of
+from polhode.harness.picking.model_error import NotApplicableError, causes, model_errors, unfit_to_average
+from polhode.harness.picking.pilot import Pilot, PilotFailedError, form_sensitivity, pilot
+from polhode.harness.picking.refusals import Refusal, Stage, UnfitError, rounded_up, too_far_off, too_tight, why_nothing
+from polhode.harness.references.errors import attainable
+from polhode.models.catalogue import FORMS
+from polhode.models.catalogue import form as find_form
+from polhode.models.form import Form, FormNotValidError
+from polhode.models.problem import Problem
+from polhode.models.scene import Scene, SlowStart
+from polhode.solvers.catalogue import SOLVERS
+from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.contract import SolverNotValidError
+
+# Laws were fitted between these tolerances.
+LOOSEST, TIGHTEST = 1e-3, 1e-15
+# So much tighter than its tightest measured run a method may be asked to be.
+BEYOND = 1e3
+# An averaged form whose model error leaves its solver less than this share of the error asked for is excluded.
+SHARE = 0.05
+DEFAULT_SAMPLES = 201
+
+
+class NotAttainableError(ValueError):
+    """No run in double precision holds the error asked for."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One way to run a scene.
+
+    Parameters
+    ----------
+    form, solver : str
+    tolerance : float
+        Positive: as `polhode solve` takes it.
+    error : Interval
+        Predicted error of the kind wanted, model error included.
+    seconds : Interval
+        Predicted time of a warm run.
+    first_run_seconds : float
+        The same with the compilation that a first run in a process pays.
+    tied : bool
+        Whether it is among those, more than one, whose intervals of time overlap with the first one's: no significant
+        difference.
+    reason : str
+    """
+
+    form: str
+    solver: str
+    tolerance: float
+    error: Interval
+    seconds: Interval
+    first_run_seconds: float
+    tied: bool
+    reason: str
+
+
+@dataclass(frozen=True)
+class Excluded:
+    """A way that will not do, and why."""
+
+    form: str
+    solver: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class Recommendation:
+    """What `pick` answers: rows from the cheapest to the dearest, and what was excluded.
+
+    Parameters
+    ----------
+    want : str
+    error : float
+    rotations, damping_times : float
+        N = ∫|ω|dt/2π and T max(8πX/I)/St of the scene.
+    ranking : tuple of Row
+    excluded : tuple of Excluded
+    """
+
+    want: str
+    error: float
+    rotations: float
+    damping_times: float
+    ranking: tuple[Row, ...]
+    excluded: tuple[Excluded, ...]
+
+
+def pick(
+    scene: Scene, error: float, want: str = "slow", samples: int = DEFAULT_SAMPLES, laws: Laws | None = None
+) -> Recommendation:
+    """Rank the ways to run a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    error : float
+        Largest error allowed along the run: of L and E over I_max, or of the orientation in rad.
+    want : {"slow", "orientation"}
+    samples : int
+        Equispaced times of the output, which cost time too.
+    laws : Laws, optional
+        By default those of this machine, else those that come with the package.
+
+    Returns
+    -------
+    Recommendation
+        Its ranking is not empty.
+
+    Raises
+    ------
+    NotAttainableError
+        If the error is below what double precision, or every method, can hold.
+    ValueError
+        If the error or `want` is out of range, or the scene has no orientation to want.
+    """
+    _check(scene, error, want)
+    try:
+        return _recommended(scene, error, want, samples, laws or load_laws())
+    except PilotFailedError as failure:
+        raise NotAttainableError(f"error: got {error!r}, not attainable: {failure}") from None
+    except OverflowError:
+        long = f"the run of {short(scene.time)} inverse shear rates is too long"
+        raise NotAttainableError(f"error: got {error!r}, not attainable: {long}") from None
+
+
+def _recommended(scene: Scene, error: float, want: str, samples: int, laws: Laws) -> Recommendation:
+    found = pilot(scene)
+    representable = attainable(scene.ellipsoid, found.observables)
+    _check_representable(error, representable if want == "slow" else EPS)
+    rows, refusals = _candidates(scene, found, error, want, samples, laws)
+    if not rows:
+        largest = representable / EPS if want == "slow" else pi
+        raise NotAttainableError(f"error: got {error!r}, not attainable: {why_nothing(refusals, largest)}")
+    excluded = tuple(Excluded(each.form, each.solver, each.reason) for each in refusals)
+    rows.sort(key=lambda row: row.seconds.predicted)
+    tied = [row for row in rows if row.seconds.overlaps(rows[0].seconds)]
+    ranking = tuple(_tied(row) if len(tied) > 1 and row in tied else row for row in rows)
+    return Recommendation(want, error, found.rotations, found.damping_times, ranking, excluded)
+
+
+def _check(scene: Scene, error: float, want: str) -> None:
+    if not (isfinite(error) and error > 0):
+        raise ValueError(f"error: got {error!r}, expected a finite positive number")
+    if want not in WANTS:
+        raise ValueError(f"want: got {want!r}, expected 'slow' or 'orientation'")
+    if want == "orientation" and isinstance(scene.start, SlowStart):
+        raise ValueError("want: got 'orientation' for a start by L and E alone, expected 'slow'")
+    if want == "orientation" and scene.ellipsoid.kind == "sphere":
+        raise ValueError("want: got 'orientation' for a sphere, which has none, expected 'slow'")
+    if want == "slow":
+        _check_representable(error, attainable(scene.ellipsoid, scene.initial))
+
+
+def _check_representable(error: float, least: float) -> None:
+    if error < least:
+        expected = f"expected at least {rounded_up(least)}"
+        raise NotAttainableError(f"error: got {error!r}, not attainable in double precision, {expected}")
+
+
+def _candidates(
+    scene: Scene, found: Pilot, error: float, want: str, samples: int, laws: Laws
+) -> tuple[list[Row], list[Refusal]]:
+    rows, refusals = [], []
+    for form_name in FORMS:
+        form = find_form(form_name)
+        try:
+            problem = _problem(form, scene, found, want)
+            budget, model = _budget(form, found, error, want)
+            sensitivity = form_sensitivity(form, found)[WANTS.index(want)]
+        except (FormNotValidError, PilotFailedError, UnfitError) as refusal:
+            refusals += [Refusal.of(form_name, solver, refusal) for solver in SOLVERS]
+            continue
+        for solver in SOLVERS:
+            try:
+                find_solver(solver).check(problem)
+                law = _law(laws, form, solver, found)
+                load = load_of(form, solver, found, samples)
+                rows.append(_row(law, load, found, (error, budget, model), want, sensitivity))
+            except (SolverNotValidError, PilotFailedError, UnfitError) as refusal:
+                refusals.append(Refusal.of(form_name, solver, refusal))
+    return rows, refusals
+
+
+def _problem(form: Form, scene: Scene, found: Pilot, want: str) -> Problem:
+    """The scene's problem in a form that takes it; the first of several reasons against it is the plainest one."""
+    if want == "orientation" and form.orientation == "none":
+        raise UnfitError("gives no orientation", Stage.FORM)
+    if form.averaged and (unfit := unfit_to_average(found)):
+        raise UnfitError(unfit, Stage.AVERAGING)
+    if demands := form.demands(scene):
+        raise UnfitError(demands, Stage.AVERAGING)
+    return form.problem(scene)
+
+
+def _budget(form: Form, found: Pilot, error: float, want: str) -> tuple[float, Interval | None]:
+    """Error left for the solver, and the model error; none for a full form."""
+    if not form.averaged:
+        return error, None
+    try:
+        model = model_errors(form, found)[want]
+    except (NotApplicableError, PilotFailedError) as refusal:
+        raise UnfitError(str(refusal), Stage.AVERAGING) from None
+    if model is None:
+        raise UnfitError("gives no orientation", Stage.FORM)
+    budget = error - model.high
+    if budget < SHARE * error:
+        raise too_far_off(model.high, error, SHARE, causes(form, found))
+    return budget, model
+
+
+def _law(laws: Laws, form: Form, solver: str, found: Pilot) -> MethodLaws:
+    method = find_solver(solver)
+    if not method.available:
+        raise UnfitError(str(method.why_not), Stage.LIBRARY)
+    law = laws.methods.get((form.name, solver))
+    if law is None:
+        raise UnfitError("no law: not measured often enough", Stage.LAW)
+    if held_back(form, solver, found):
+        raise UnfitError(
+            f"explicit: stability, not the tolerance, sets its steps over {found.damping_times:.2g} damping times",
+            Stage.STABILITY,
+        )
+    return law
+
+
+def _row(
+    law: MethodLaws,
+    load: Load,
+    found: Pilot,
+    target: tuple[float, float, Interval | None],
+    want: str,
+    sensitivity: Sensitivity | None,
+) -> Row:
+    error, budget, model = target
+    errors = None if sensitivity is None else law.error_law(want, sensitivity)
+    if errors is None or sensitivity is None:
+        raise UnfitError("no law of the error wanted: not measured often enough", Stage.LAW)
+    if sensitivity.error == inf:
+        raise UnfitError(
+            "the motion magnifies errors beyond all tolerances tried in trial runs: chaotic, or too long", Stage.MOTION
+        )
+    tolerance = one_digit(min(LOOSEST, errors.tolerance(sensitivity, budget)))
+    tightest = max(TIGHTEST, law.tightest / BEYOND)
+    if tolerance < tightest:
+        raise too_tight(errors, sensitivity, one_digit_up(tightest), error, budget)
+    own = errors.predict(sensitivity, tolerance)
+    whole = own if model is None else Interval(*(a + b for a, b in zip(_ends(own), _ends(model), strict=True)))
+    seconds = law.cost.predict(load, tolerance)
+    return Row(
+        form=law.form,
+        solver=law.solver,
+        tolerance=tolerance,
+        error=whole,
+        seconds=seconds,
+        first_run_seconds=law.compile_seconds + seconds.predicted,
+        tied=False,
+        reason=_reason(law, found, model, own),
+    )
+
+
+def _ends(interval: Interval) -> tuple[float, float, float]:
+    return interval.predicted, interval.low, interval.high
+
+
+def one_digit(tolerance: float) -> float:
+    """The tolerance at one digit, never looser: those who compile for a tolerance then do so for few."""
+    if not 0 < tolerance < inf:
+        return tolerance
+    power = 10.0 ** floor(log10(tolerance))
+    digit = floor(tolerance / power * (1 + 1e-9))
+    return float(f"{digit}e{floor(log10(tolerance))}")
+
+
+def one_digit_up(tolerance: float) -> float:
+    """The tolerance at one digit, never tighter."""
+    below = one_digit(tolerance)
+    return below if tolerance <= below * (1 + 1e-9) else below + 10.0 ** floor(log10(tolerance))
+
+
+def _reason(law: MethodLaws, found: Pilot, model: Interval | None, own: Interval) -> str:
+    if find_solver(law.solver).closed_form:
+        return "closed form: neither time nor tolerance matter"
+    if model is not None:
+        return f"averaged: costs the same at every St; model error {scientific(model.predicted)}"
+    if found.damping_times > STIFF:
+        return f"implicit: {found.damping_times:.2g} damping times would hold an explicit method back"
+    return f"full equations over {found.rotations:.3g} rotations; 97.5 % of like runs stay below {scientific(own.high)}"
+
+
+def _tied(row: Row) -> Row:
+    return replace(row, tied=True, reason=f"no significant difference in time; {row.reason}")

@@ -1,0 +1,1 @@
+"""Certified references and errors against them; imports `common`."""

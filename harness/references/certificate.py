@@ -1,0 +1,242 @@
+"""Certificates of references: short pieces solved again by an unrelated method in another form, and back again."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from polhode.harness.references.errors import errors
+from polhode.models.catalogue import form as find_form
+from polhode.models.form import Form, FormNotValidError
+from polhode.models.observables import Observables
+from polhode.models.problem import Problem
+from polhode.models.scene import BodyStart, Scene
+from polhode.models.shape import Ellipsoid
+from polhode.solvers.solve import solve
+
+# Pieces of a run, evenly spread over it; so many of them must be decided, none against the reference.
+PIECES, REQUIRED = 24, 20
+# Longest piece that a solver is given, in units of the inverse shear rate for full forms, in slow time for averaged
+# ones: those of low order are slow.
+LONGEST = {"cyrk-vern8": 500.0, "exact": 500.0, "ida": 20.0}
+# Going back amplifies by exp(max(8πX/I) Δt/St): pieces that go back keep the exponent below this.
+LARGEST_EXPONENT = 5.0
+# The other method's own error at the tight tolerance: the tolerance, what the loose one makes of it, ten times what an
+# ulp in the start makes, and rounding of the numbers compared.
+TOLERANCES = {"cyrk-vern8": (1e-14, 1e-13), "ida": (1e-12, 1e-11), "exact": (1e-15, 1e-15)}
+ULPS, ROUNDING = 10.0, 1e-14
+# Ways to move the numbers of a start by an ulp, up and down.
+SIGNS = np.array([[1.0, 1, 1, 1], [1, -1, 1, -1], [1, 1, -1, -1], [1, -1, -1, 1]])
+
+# Takes a state, its time and a duration, negative to go back, to the state then.
+Flow = Callable[[np.ndarray, float, float], np.ndarray]
+
+
+class UncertifiedError(RuntimeError):
+    """A reference that an unrelated method contradicts, or that could not be tried often enough."""
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What confirmed a reference.
+
+    Parameters
+    ----------
+    form, solver : str
+        Who solved the pieces again.
+    pieces : int
+        Pieces that agreed forwards, of `PIECES` tried; the others ran into the other form's singularity.
+    back : int
+        Pieces that agreed when the reference's own method went back over them.
+    ratio : float
+        Largest difference over the method's own error; at most 1.
+    slow, orientation : float
+        Largest differences met, over I_max and in rad.
+    """
+
+    form: str
+    solver: str
+    pieces: int
+    back: int
+    ratio: float
+    slow: float
+    orientation: float
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Times of a piece, in the form's own time: where it starts, ends, and ends if it is gone back over."""
+
+    start: float
+    end: float
+    back: float
+
+
+def pieces(scene: Scene, form: Form, end: float) -> list[Piece]:
+    """Pieces evenly spread over a run from 0 to `end` in the form's own time."""
+    length = min(end / PIECES, LONGEST[opposite(scene, form)[1]])
+    damping = max(scene.ellipsoid.damping) * (1.0 if form.averaged else min(scene.torque_factor, 1e300))
+    short = length if damping * length < LARGEST_EXPONENT else 0.9 * LARGEST_EXPONENT / damping
+    starts = np.arange(PIECES) * (end / PIECES)
+    return [Piece(float(start), float(start + length), float(start + short)) for start in starts]
+
+
+def certify(scene: Scene, form: Form, states: dict[float, np.ndarray], flow: Flow) -> Certificate:
+    """Try a reference's states on pieces of its run.
+
+    Parameters
+    ----------
+    scene : Scene
+    form : Form
+        The reference's.
+    states : dict
+        The reference's states, shape (d,), at the times of `pieces`.
+    flow : callable
+        The reference's own method, for going back.
+
+    Raises
+    ------
+    UncertifiedError
+        If a piece disagrees by more than the other method's own error, or fewer than `REQUIRED` could be tried.
+    """
+    end = form.problem(scene).end
+    other, solver = opposite(scene, form)
+    seen = {time: observe(form, scene, state[None]) for time, state in states.items()}
+    agreed, back, worst = 0, 0, np.zeros(3)
+    for piece in pieces(scene, form, end):
+        length = piece.end - piece.start
+        if form.averaged:
+            outcome = _same_form(scene, form, solver, states[piece.start], seen[piece.end], length)
+        else:
+            outcome = _other_form(scene, (other, solver), seen[piece.start], seen[piece.end], length)
+        if outcome is not None:
+            agreed += 1
+            worst = np.maximum(worst, outcome)
+        if scene.stokes > 0:
+            worst[0] = max(worst[0], _backward(scene, form, states, piece, flow))
+            back += 1
+        if worst[0] > 1:
+            raise UncertifiedError(
+                f"the reference of form {form.name!r} at St = {scene.stokes:g} differs from form {other!r} by "
+                f"{solver} on the piece from {piece.start:g} to {piece.end:g}: {worst[0]:.1f} times the method's error"
+            )
+    if agreed < REQUIRED:
+        raise UncertifiedError(f"only {agreed} of {PIECES} pieces could be tried, expected at least {REQUIRED}")
+    return Certificate(other, solver, agreed, back, *worst.tolist())
+
+
+def observe(form: Form, scene: Scene, states: np.ndarray) -> Observables:
+    """Observables of states in long double; averaged forms, whose images need special functions, in double."""
+    return form.observe(scene, states.astype(float) if form.averaged else states)
+
+
+def opposite(scene: Scene, form: Form) -> tuple[str, str]:
+    """Another form and an unrelated method; averaged forms have no second form of their own."""
+    if form.averaged:
+        return form.name, "cyrk-vern8"
+    spheroidal = scene.ellipsoid.kind in ("prolate", "oblate")
+    if scene.stokes == 0:
+        return ("jeffery", "exact") if scene.ellipsoid.kind != "triaxial" else ("euler-angles", "ida")
+    return "spheroid-axis" if spheroidal else "euler-angles", "cyrk-vern8"
+
+
+def restart(scene: Scene, observables: Observables, ulps: np.ndarray) -> BodyStart:
+    """Start from observables at one time; `ulps`, shape (4,), moves quaternion and L by so many ulps."""
+    from scipy.spatial.transform import Rotation
+
+    rotation, ulp = observables.rotation[0].astype(float), np.finfo(float).eps * ulps
+    momentum = observables.angular_momentum[0].astype(float) * (1 + ulp[1:])
+    w1, w2, w3 = (rotation @ momentum / np.array(scene.ellipsoid.inertia)).tolist()
+    quaternion = Rotation.from_matrix(rotation.T).as_quat(scalar_first=True)
+    q0, q1, q2, q3 = (quaternion + 0.5 * ulp).tolist()
+    return BodyStart((q0, q1, q2, q3), (w1, w2, w3))
+
+
+def _other_form(
+    scene: Scene, by: tuple[str, str], before: Observables, after: Observables, length: float
+) -> np.ndarray | None:
+    """Ratio of difference to own error, and differences, of a piece solved again; None where it cannot be solved.
+
+    Euler angles are taken about the three body axes in turn, from the one farthest from their pole on.
+    """
+    form = find_form(by[0])
+    axes = [2] if by[0] != "euler-angles" else np.argsort(np.abs(before.rotation[0, :, 2].astype(float))).tolist()
+    best = None
+    for axis in axes:
+        turned = replace(scene, ellipsoid=Ellipsoid(_turn(scene.ellipsoid.semi_axes, axis)), time=length)
+        starts = (restart(turned, _turned(before, axis), ulps) for ulps in (np.zeros(4), *SIGNS))
+        try:
+            problems = [form.problem(replace(turned, start=start)) for start in starts]
+        except FormNotValidError:
+            continue
+        outcome = _tried(turned, form, by[1], problems, _turned(after, axis))
+        if outcome is not None and (best is None or outcome[0] < best[0]):
+            best = outcome
+        if best is not None and best[0] <= 1:
+            break
+    return best
+
+
+def _same_form(
+    scene: Scene, form: Form, solver: str, before: np.ndarray, after: Observables, length: float
+) -> np.ndarray | None:
+    """As `_other_form`, from the very state."""
+    state = before.astype(float)
+    ulps = np.finfo(float).eps * np.resize(SIGNS, (len(SIGNS), len(state)))
+    starts = (tuple((state * (1 + ulp)).tolist()) for ulp in (np.zeros(len(state)), *ulps))
+    problem = replace(form.problem(scene), end=length)
+    return _tried(scene, form, solver, [replace(problem, start=start) for start in starts], after)
+
+
+def _tried(scene: Scene, form: Form, solver: str, problems: list[Problem], after: Observables) -> np.ndarray | None:
+    """Outcome of solving a piece from its start, at two tolerances, and from starts moved by an ulp."""
+    (exact, *moved), (tight, loose) = problems, TOLERANCES[solver]
+    solutions = [
+        solve(problem, solver, tolerance)
+        for problem, tolerance in ((exact, tight), (exact, loose), *((each, tight) for each in moved))
+    ]
+    if not all(solution.success for solution in solutions):
+        return None
+    return _compare(scene.ellipsoid, [form.observe(scene, each.states[-1:]) for each in solutions], after, tight)
+
+
+def _compare(ellipsoid: Ellipsoid, runs: list[Observables], true: Observables, tolerance: float) -> np.ndarray:
+    """Ratio of difference to own error, slow difference, orientation difference.
+
+    Of the runs the first is compared; the second is looser, and the others start elsewhere by an ulp.
+    """
+    tight, loose, *moved = runs
+    found = errors(ellipsoid, tight, true)
+    own, spread = errors(ellipsoid, loose, tight), [errors(ellipsoid, other, tight) for other in moved]
+    rounding = (ROUNDING + tolerance) * max(1.0, float(np.max(np.abs(true.slow))) / max(ellipsoid.inertia))
+    slow = own.slow + ULPS * max(each.slow for each in spread) + rounding
+    angle = (own.orientation or 0.0) + ULPS * max(each.orientation or 0.0 for each in spread) + rounding
+    ratio = max(found.slow / slow, (found.orientation or 0.0) / angle)
+    return np.array([ratio, found.slow, found.orientation or 0.0])
+
+
+def _backward(scene: Scene, form: Form, states: dict[float, np.ndarray], piece: Piece, flow: Flow) -> float:
+    """Ratio of the difference after going back over a piece to what an ulp at its end makes of it."""
+    length = piece.back - piece.start
+    at_end = states[piece.back]
+    ulp = np.abs(at_end.astype(float)) * np.finfo(float).eps
+    returned, moved = (flow(state, piece.back, -length) for state in (at_end, at_end + ulp))
+    true, found, other = (observe(form, scene, state[None]) for state in (states[piece.start], returned, moved))
+    return float(_compare(scene.ellipsoid, [found, found, other], true, 0.0)[0])
+
+
+def _turn(items: tuple, axis: int) -> tuple:
+    """Cyclic renaming of the body axes that makes `axis` the third one."""
+    return tuple(items[(axis + 1 + i) % 3] for i in range(3))
+
+
+def _turned(observables: Observables, axis: int) -> Observables:
+    order = list(_turn((0, 1, 2), axis))
+    return replace(observables, rotation=observables.rotation[:, order])
+
+
+def expected_times(scene: Scene, form: Form, end: float) -> Iterator[float]:
+    """Times at which `certify` wants states."""
+    for piece in pieces(scene, form, end):
+        yield from (piece.start, piece.back, piece.end)
+    yield end

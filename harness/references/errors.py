@@ -1,0 +1,197 @@
+"""Errors of one solution against another: each has the name of what it measures."""
+
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+
+from polhode.harness.references.energy_balance import balance_residual
+from polhode.models.observables import Observables
+from polhode.models.scene import Scene
+from polhode.models.shape import Ellipsoid
+
+# Beyond this angle, in rad, a difference of orientation no longer splits into phase and shape to first order.
+SPLIT_LIMIT = 0.3
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Errors along a run: largest, root mean square over the samples, last, and where.
+
+    Parameters
+    ----------
+    slow : float
+        Maximum over the samples of |ΔL_x|, |ΔL_y|, |ΔL_z|, |ΔE|, over I_max.
+    slow_rms : float
+        Root mean square over samples and slow variables, over I_max.
+    slow_final : float
+        At the last sample: all runs end at the same node, so that it looks small whatever happened before.
+    worst_sample : int
+        Index of the sample of the largest slow error.
+    slow_each : tuple of 4 float
+        Maximum of |ΔL_x|, |ΔL_y|, |ΔL_z| and |ΔE| each, over I_max.
+    energy, energy_rms : float
+        Maximum and root mean square of |ΔE| over I_max.
+    orientation, orientation_rms, orientation_final : float or None
+        In rad: the geodesic angle on SO(3) for a triaxial ellipsoid, the angle between symmetry axes for a spheroid,
+        None for a sphere or where a form gives none.
+    orientation_worst_sample : int or None
+        Index of the sample of the largest orientation error.
+    phase, phase_rms : float or None
+        The part of the orientation error along the motion, in rad: too early or too late on the same orbit.
+    shape, shape_rms : float or None
+        The part across the motion, in rad: another orbit. The split holds to first order, and is None where the
+        orientation error exceeds `SPLIT_LIMIT`.
+    balance : float or None
+        Largest residual of the energy balance over I_max (`energy_balance`); None where the samples do not
+        resolve it, or the form gives no orientation.
+    """
+
+    slow: float
+    slow_rms: float
+    slow_final: float
+    worst_sample: int
+    slow_each: tuple[float, ...]
+    energy: float
+    energy_rms: float
+    orientation: float | None = None
+    orientation_rms: float | None = None
+    orientation_final: float | None = None
+    orientation_worst_sample: int | None = None
+    phase: float | None = None
+    phase_rms: float | None = None
+    shape: float | None = None
+    shape_rms: float | None = None
+    balance: float | None = None
+
+
+def errors(ellipsoid: Ellipsoid, found: Observables, true: Observables, scene: Scene | None = None) -> Errors:
+    """Errors of observables at the same n times.
+
+    Parameters
+    ----------
+    ellipsoid : Ellipsoid
+    found, true : Observables
+    scene : Scene, optional
+        What was solved, if the samples are equispaced over its duration: needed for `Errors.balance` alone.
+
+    Raises
+    ------
+    ValueError
+        If the numbers of samples differ.
+    """
+    if len(found.energy) != len(true.energy):
+        raise ValueError(f"samples: got {len(found.energy)}, expected {len(true.energy)}")
+    with np.errstate(over="ignore", invalid="ignore"):
+        difference = np.abs(found.slow - true.slow) / max(ellipsoid.inertia)
+    difference = np.where(np.isnan(difference), inf, difference)
+    worst = np.max(difference, axis=1)
+    slow = Errors(
+        slow=float(np.max(worst)),
+        slow_rms=rms(difference),
+        slow_final=float(worst[-1]),
+        worst_sample=int(np.argmax(worst)),
+        slow_each=tuple(np.max(difference, axis=0).tolist()),
+        energy=float(np.max(difference[:, 3])),
+        energy_rms=rms(difference[:, 3]),
+    )
+    angle = orientation_difference(ellipsoid, found.rotation, true.rotation)
+    if angle is None:
+        return slow
+    parts = phase_and_shape(ellipsoid, found, true) if np.max(angle) <= SPLIT_LIMIT else None
+    return Errors(
+        **vars(slow)
+        | {
+            "orientation": float(np.max(angle)),
+            "orientation_rms": rms(angle),
+            "orientation_final": float(angle[-1]),
+            "orientation_worst_sample": int(np.argmax(angle)),
+            "phase": None if parts is None else float(np.max(np.abs(parts[0]))),
+            "phase_rms": None if parts is None else rms(parts[0]),
+            "shape": None if parts is None else float(np.max(parts[1])),
+            "shape_rms": None if parts is None else rms(parts[1]),
+            "balance": None if scene is None else balance_residual(scene, found, true),
+        }
+    )
+
+
+def orientation_difference(ellipsoid: Ellipsoid, found: np.ndarray, true: np.ndarray) -> np.ndarray | None:
+    """Angle in rad, shape (n,), between two sequences of matrices t_ij, shape (n, 3, 3); None where there is none.
+
+    Computed from the length of the chord, 2√2 sin(angle/2) in the Frobenius norm on SO(3) and 2 sin(angle/2) between
+    unit vectors, which keeps small angles exact; quaternions q and -q give the same matrix.
+    """
+    if ellipsoid.kind == "sphere":
+        return None
+    if ellipsoid.kind == "triaxial":
+        chord = np.linalg.norm((found - true).astype(float), axis=(1, 2)) / np.sqrt(2)
+    else:
+        axis = ellipsoid.symmetry_axis
+        chord = np.linalg.norm((found - true)[:, axis].astype(float), axis=1)
+    if np.all(np.isnan(chord)):
+        return None
+    angle = 2 * np.arcsin(np.minimum(chord / 2, 1))
+    return np.where(np.isnan(angle), np.pi, angle)
+
+
+def phase_and_shape(ellipsoid: Ellipsoid, found: Observables, true: Observables) -> tuple[np.ndarray, np.ndarray]:
+    """Signed part along the true motion and part across it, both of shape (n,), of the difference of orientation.
+
+    The difference is a small rotation vector δ in space axes, t_found = t_true(1 + [δ]×); along the motion lies
+    δ·ω/|ω| for a triaxial ellipsoid, with ω the true angular velocity. For a spheroid it is the difference of the
+    symmetry axes, along the axis's own velocity. In rad, to first order in the difference; a body at rest has no
+    motion to be ahead of, and all of it is shape.
+    """
+    if ellipsoid.kind == "triaxial":
+        product = np.einsum("nij,nik->njk", true.rotation, found.rotation - true.rotation).astype(float)
+        skew = 0.5 * (np.swapaxes(product, 1, 2) - product)
+        offset = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=1)
+        velocity = angular_velocity(ellipsoid, true)
+    else:
+        direction = true.rotation[:, ellipsoid.symmetry_axis].astype(float)
+        offset = found.rotation[:, ellipsoid.symmetry_axis].astype(float) - direction
+        velocity = np.cross(true.angular_momentum.astype(float), direction)
+    speed = np.linalg.norm(velocity, axis=1, keepdims=True)
+    along = np.divide(velocity, speed, out=np.zeros_like(velocity), where=speed > 0)
+    phase = np.sum(offset * along, axis=1)
+    return phase, np.linalg.norm(offset - phase[:, None] * along, axis=1)
+
+
+def angular_velocity(ellipsoid: Ellipsoid, observables: Observables) -> np.ndarray:
+    """Angular velocity in space axes, shape (n, 3), from L and the complete rotation."""
+    rotation, momentum = observables.rotation.astype(float), observables.angular_momentum.astype(float)
+    body = np.einsum("nij,nj->ni", rotation, momentum) / np.array(ellipsoid.inertia)
+    return np.einsum("nij,ni->nj", rotation, body)
+
+
+def attainable(ellipsoid: Ellipsoid, observables: Observables) -> float:
+    """Smallest slow error that double precision can hold: eps times the largest |L|, E over I_max."""
+    largest = float(np.max(np.abs(observables.slow)))
+    return float(np.finfo(float).eps) * largest / max(ellipsoid.inertia)
+
+
+def statistics_distance(ellipsoid: Ellipsoid, found: Observables, true: Observables) -> float:
+    """Largest distance (Wasserstein's W₁) between the distributions of an observable over the two runs.
+
+    What can be compared where trajectories cannot: over the squares of the entries of t_ij that are known, L_z and E,
+    the last two in units of their largest value. The mean distance by which one distribution must be moved to become
+    the other: 0 if they are the same.
+    """
+    axes = range(3) if ellipsoid.kind == "triaxial" else [ellipsoid.symmetry_axis or 0]
+
+    def columns(observables: Observables) -> np.ndarray:
+        entries = observables.rotation[:, list(axes)].reshape(len(observables.energy), -1) ** 2
+        return np.column_stack([entries, observables.angular_momentum[:, 2], observables.energy]).astype(float)
+
+    a, b = columns(found), columns(true)
+    scale = np.ones(b.shape[1])
+    scale[-2:] = np.max(np.abs(b[:, -2:]), axis=0)
+    levels = (np.arange(len(a)) + 0.5) / len(a)
+    moved = np.mean(np.abs(np.quantile(a, levels, axis=0) - np.quantile(b, levels, axis=0)), axis=0)
+    distance = np.divide(moved, scale, out=np.zeros_like(moved), where=scale > 0)
+    return float(np.nanmax(distance))
+
+
+def rms(values: np.ndarray) -> float:
+    """Root mean square; inf where a value is not finite."""
+    return float(np.sqrt(np.mean(values**2))) if np.all(np.isfinite(values)) else inf

@@ -1,0 +1,243 @@
+"""References: solutions in extended precision, certified, with a stated uncertainty, never a contestant's own."""
+
+import hashlib
+import json
+from dataclasses import astuple, dataclass, replace
+from importlib.metadata import version
+from math import isfinite, isnan
+
+import numpy as np
+
+from polhode.harness.common import cache
+from polhode.harness.references import certificate as certify
+from polhode.harness.references.chaos import Growth, growth
+from polhode.harness.references.errors import errors, statistics_distance
+from polhode.harness.references.extended import ReferenceFailedError, extended_integrator, extended_run
+from polhode.models.catalogue import form as find_form
+from polhode.models.form import Form
+from polhode.models.observables import Observables
+from polhode.models.problem import Problem
+from polhode.models.scene import Scene
+from polhode.solvers.compile import load_heyoka
+from polhode.solvers.taylor import Precision
+
+Run = tuple[Precision, float]
+
+# Tight and loose run; their difference, times the safety factor, is the reference's own uncertainty.
+QUADRUPLE: tuple[Run, Run] = (("quadruple", 1e-22), ("long double", 1e-19))
+LONG_DOUBLE: tuple[Run, Run] = (("long double", 1e-19), ("long double", 1e-17))
+SAFETY = 10.0
+# Cost of a run, in units of T: fast rotation makes it more, and so does stability on the stiff side. Quadruple
+# precision, 45 times as slow, is used up to the first number, two moved starts instead of one up to the second.
+QUADRUPLE_UP_TO, TWO_MOVED_UP_TO = 5000.0, 2e5
+# Length of Taylor's interval of stability at these orders, about.
+STABLE = 8.0
+# Angular velocity, in shear rates, up to which T alone tells the cost.
+ORDINARY = 3.0
+# Above this St the horizon is bounded; runs beyond it take too long to be certified.
+FREE_UP_TO, HORIZON = 1e6, 5e6
+# Runs with each number of start and parameters moved by half an ulp, which double precision cannot tell.
+ROUNDING_SEEDS = (1, 2)
+ROUNDING_RUN: Run = ("long double", 1e-17)
+# Spread from half an ulp, in rad or over I_max, from which on a reference is examined for chaos.
+SUSPICIOUS = 1e-9
+SCHEMA = 10
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Observables of a form's exact solution, how well they are known, and what confirmed them.
+
+    Parameters
+    ----------
+    form : str
+    times : ndarray, shape (n,)
+        In the form's own time.
+    observables : Observables
+    slow_uncertainty : float
+        Over I_max; not less than the spread from half an ulp in start and parameters.
+    orientation_uncertainty : float or None
+        In rad.
+    certificate : Certificate
+    precision : str
+        Of the tight run.
+    growth : Growth or None
+        Of small differences, where they grow so much that chaos had to be looked into.
+    meaningful : int
+        Number of samples over which errors of trajectories mean anything; n unless the motion is chaotic. The
+        uncertainties are those over these samples.
+    statistics_uncertainty : float
+        Distance of the distributions (`statistics_distance`) between runs that double precision cannot tell apart.
+    """
+
+    form: str
+    times: np.ndarray
+    observables: Observables
+    slow_uncertainty: float
+    orientation_uncertainty: float | None
+    certificate: certify.Certificate
+    precision: str
+    growth: Growth | None
+    meaningful: int
+    statistics_uncertainty: float
+
+    @property
+    def meaningful_until(self) -> float | None:
+        """Time, in the form's own time, from which on errors of trajectories are meaningless; None if never."""
+        return None if self.meaningful == len(self.times) else float(self.times[self.meaningful - 1])
+
+
+def reference(scene: Scene, form: str | Form, samples: int) -> Reference:
+    """Reference solution of a scene by a form's own equations, from the cache or computed and certified.
+
+    Taylor runs in extended precision, from the very parameters in double precision that the contestants receive.
+
+    Parameters
+    ----------
+    scene : Scene
+    form : str or Form
+        A full form gives the reference of all full forms; an averaged one its own exact solution.
+    samples : int
+        Equispaced times from 0 to the end, both included.
+
+    Raises
+    ------
+    ReferenceFailedError
+        If a run does not reach its end, is contradicted by its certificate, or is beyond the horizon.
+    """
+    shape = find_form(form) if isinstance(form, str) else form
+    if not shape.averaged:
+        shape = find_form(full_form(scene))
+        if scene.stokes > FREE_UP_TO and scene.time > HORIZON and isfinite(scene.stokes):
+            raise ReferenceFailedError(f"time: got {scene.time:g}, expected at most {HORIZON:g} above St = 1e6")
+    problem = shape.problem(scene)
+    key = _key(problem, samples)
+    arrays = cache.load(key)
+    if arrays is None:
+        arrays = _compute(scene, shape, problem, samples)
+        cache.keep(key, arrays)
+    return _unpacked(shape, arrays)
+
+
+def full_form(scene: Scene) -> str:
+    """The form whose reference all full forms of a scene are compared with."""
+    return "jeffery" if scene.stokes == 0 else "quaternion"
+
+
+def _compute(scene: Scene, form: Form, problem: Problem, samples: int) -> dict[str, np.ndarray]:
+    times = np.linspace(0.0, problem.end, samples)
+    extra = list(certify.expected_times(scene, form, problem.end))
+    every = np.union1d(times, extra)
+    wanted = np.searchsorted(every, times)
+    (precision, tight_tolerance), loose_run, seeds = _runs(scene, form)
+    states = extended_run(problem, every, precision, tight_tolerance)
+    tight = certify.observe(form, scene, states[wanted])
+    loose = certify.observe(form, scene, extended_run(problem, every, *loose_run)[wanted])
+    moved = [
+        certify.observe(form, scene, extended_run(_rounded_otherwise(problem, seed), times, *ROUNDING_RUN))
+        for seed in seeds
+    ]
+    at = dict(zip(extra, states[np.searchsorted(every, extra)], strict=True))
+    try:
+        certificate = certify.certify(scene, form, at, _flow(problem))
+    except certify.UncertifiedError as error:
+        raise ReferenceFailedError(str(error)) from None
+    spread = [errors(scene.ellipsoid, other, tight) for other in moved]
+    size = max(1.0, float(np.max(np.abs(tight.slow))) / max(scene.ellipsoid.inertia))
+    largest = max(max(each.slow / size, each.orientation or 0.0) for each in spread)
+    grown = growth(problem, min(2000, samples - 1)) if largest > SUSPICIOUS else None
+    grown = grown if grown and grown.chaotic else None
+    meaningful = int(np.searchsorted(times, grown.meaningful_until(), side="right")) if grown else samples
+    kept = max(2, meaningful)
+    own = errors(scene.ellipsoid, loose.first(kept), tight.first(kept))
+    early = [errors(scene.ellipsoid, other.first(kept), tight.first(kept)) for other in moved]
+    slow = max(SAFETY * own.slow, *(each.slow for each in early))
+    orientation = np.nan
+    if own.orientation is not None:
+        orientation = max(SAFETY * own.orientation, *(each.orientation or 0.0 for each in early))
+    return {
+        "times": times,
+        "angular_momentum": tight.angular_momentum.astype(float),
+        "energy": tight.energy.astype(float),
+        "rotation": tight.rotation.astype(float),
+        "slow_uncertainty": np.array(slow),
+        "orientation_uncertainty": np.array(orientation),
+        "certificate_by": np.array([certificate.form, certificate.solver]),
+        "certificate": np.array(astuple(certificate)[2:], dtype=float),
+        "precision": np.array(precision),
+        "growth_times": np.array([]) if grown is None else grown.times,
+        "growth": np.array([]) if grown is None else grown.logarithm,
+        "meaningful": np.array(kept),
+        "statistics_uncertainty": np.array(max(statistics_distance(scene.ellipsoid, other, tight) for other in moved)),
+    }
+
+
+def _unpacked(form: Form, arrays: dict[str, np.ndarray]) -> Reference:
+    orientation = float(arrays["orientation_uncertainty"])
+    count, back, *differences = arrays["certificate"].tolist()
+    by_form, by_solver = (str(name) for name in arrays["certificate_by"])
+    return Reference(
+        form.name,
+        arrays["times"],
+        Observables(arrays["angular_momentum"], arrays["energy"], arrays["rotation"]),
+        float(arrays["slow_uncertainty"]),
+        None if isnan(orientation) else orientation,
+        certify.Certificate(by_form, by_solver, int(count), int(back), *differences),
+        str(arrays["precision"]),
+        Growth(arrays["growth_times"], arrays["growth"]) if len(arrays["growth"]) else None,
+        int(arrays["meaningful"]),
+        float(arrays["statistics_uncertainty"]),
+    )
+
+
+def _runs(scene: Scene, form: Form) -> tuple[Run, Run, tuple[int, ...]]:
+    """Tight and loose run of a scene, and the seeds of the moved ones."""
+    if form.averaged:
+        return *LONG_DOUBLE, ROUNDING_SEEDS
+    stiffness = 0.0 if scene.stokes == 0 else max(scene.ellipsoid.damping) * scene.torque_factor / STABLE
+    cost = scene.time * max(1.0, stiffness, float(np.max(np.abs(scene.angular_velocity))) / ORDINARY)
+    runs = QUADRUPLE if cost <= QUADRUPLE_UP_TO else LONG_DOUBLE
+    return *runs, ROUNDING_SEEDS if cost <= TWO_MOVED_UP_TO else ROUNDING_SEEDS[:1]
+
+
+def _flow(problem: Problem) -> certify.Flow:
+    """The reference's own method, in long double, over a piece, backwards too."""
+    integrator = extended_integrator(problem, *ROUNDING_RUN)
+
+    def flow(state: np.ndarray, time: float, duration: float) -> np.ndarray:
+        integrator.time = np.longdouble(time)
+        integrator.state[:] = state
+        integrator.pars[:] = problem.parameters
+        outcome = integrator.propagate_for(np.longdouble(duration))[0]
+        if outcome != load_heyoka().taylor_outcome.time_limit:
+            raise ReferenceFailedError(f"going back over the reference of form {problem.name!r} ended with {outcome}")
+        return integrator.state.copy()
+
+    return flow
+
+
+def _rounded_otherwise(problem: Problem, seed: int) -> Problem:
+    """The problem with each number of start and parameters moved by half an ulp, up or down."""
+    generator = np.random.default_rng(seed)
+
+    def moved(values: tuple[float, ...]) -> tuple[np.longdouble, ...]:
+        exact = np.array(values, dtype=np.longdouble)
+        ulp = np.spacing(np.abs(np.array(values)))
+        signs = generator.choice([-0.5, 0.5], len(values))
+        return tuple(np.where(exact == 0, exact, exact + signs * ulp))
+
+    return replace(problem, start=moved(problem.start), parameters=moved(problem.parameters or ()))
+
+
+def _key(problem: Problem, samples: int) -> str:
+    content = {
+        "schema": SCHEMA,
+        "form": problem.name,
+        "start": [value.hex() for value in problem.start],
+        "parameters": [value.hex() for value in problem.parameters or ()],
+        "end": problem.end.hex(),
+        "samples": samples,
+        "runs": (QUADRUPLE, LONG_DOUBLE, ROUNDING_RUN, ROUNDING_SEEDS, QUADRUPLE_UP_TO, TWO_MOVED_UP_TO),
+        "heyoka": version("heyoka"),
+    }
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

@@ -1,0 +1,148 @@
+"""How much there is to integrate: rotations on the oscillatory side, stiffness on the other.
+
+Run times of full forms follow these two numbers, not St alone.
+"""
+
+from math import isinf, pi, sqrt
+
+import numpy as np
+
+from polhode.models.flow import jeffery_angular_velocity, shares
+from polhode.models.forms import averaged, averaged_spheroid, quaternion
+from polhode.models.forms.kinematics import directions, quaternion_rates
+from polhode.models.free_top.mean_speed import mean_speed
+from polhode.models.operations import Field, Operations
+from polhode.models.problem import Problem
+from polhode.models.scene import Scene, SlowStart
+from polhode.solvers.solve import solve
+
+# The explicit runs are cheap enough to follow a chaotic scene for a while.
+TOLERANCE = 1e-9
+STIFF_TOLERANCE = 1e-6
+AVERAGED_TOLERANCE = 1e-6
+# Beyond so many rotations averages are cheaper than a loose run, and no less accurate.
+MANY = 1000.0
+# Longest piece of a run, in rotations, or on the stiff side in time: some tenths of a second. The rest is extrapolated.
+LONGEST_ROTATIONS = 1e5
+LONGEST_STIFF = 5e3
+# Damping rate from which an implicit method takes fewer steps than stability allows an explicit one.
+STIFF_FROM = 30.0
+# Least |ω| √(St I/8πX), the root of the angle turned while the torque changes |ω| by itself (section `DAC`).
+SEPARATED = 1.5
+NODES = 64
+
+
+def rotations(scene: Scene) -> float:
+    """Number of rotations N = ∫|ω| dt/2π of a scene, within two per cent, in milliseconds.
+
+    From the averaged slow variables where they are valid and N is large, else from a loose run that integrates |ω|
+    along; beyond 1e5 rotations such a run stops, and goes on at the mean rate of its second half. Of a chaotic scene
+    N is known no better than the scene itself.
+
+    Raises
+    ------
+    ValueError
+        If the start has no orientation and the averaged equations do not apply.
+    """
+    slow_start = isinstance(scene.start, SlowStart)
+    if slow_start or _averages_well(scene):
+        turned = _averaged_angle(scene)
+        if turned is not None:
+            return turned / (2 * pi)
+    if slow_start:
+        raise ValueError(
+            "start: L and E alone, and the averaged equations break down on the way, expected a quaternion"
+        )
+    return _angle(scene) / (2 * pi)
+
+
+def stiffness(scene: Scene) -> float:
+    """T max(8πX/I)/St: how many times the fastest damping acts over the run; inf at St = 0, 0 at St = inf."""
+    return scene.slow_time * max(scene.ellipsoid.damping)
+
+
+def _averages_well(scene: Scene) -> bool:
+    speed = float(np.linalg.norm(scene.angular_velocity))
+    return scene.time * max(speed, 0.5) / (2 * pi) > MANY and speed * _separation(scene) > SEPARATED
+
+
+def _separation(scene: Scene) -> float:
+    """√(St I/8πX) of the strongest damping."""
+    return sqrt(scene.stokes / max(scene.ellipsoid.damping))
+
+
+def _averaged_angle(scene: Scene) -> float | None:
+    """∫⟨|ω|⟩ dt along the averaged slow variables; None where they do not apply.
+
+    By Gauss-Legendre quadrature in s, t₂ = τ (exp(s) - 1), τ the fastest damping time, so that the transient and a long
+    rest are both resolved.
+    """
+    if isinf(scene.stokes):
+        return scene.time * float(mean_speed(scene.ellipsoid, scene.initial.slow)[0])
+    form = averaged.Averaged() if scene.ellipsoid.kind == "triaxial" else averaged_spheroid.AveragedSpheroid()
+    try:
+        problem = form.problem(scene)
+    except ValueError:
+        return None
+    fastest = 1 / max(scene.ellipsoid.damping)
+    node, weight = np.polynomial.legendre.leggauss(NODES)
+    span = np.log1p(problem.end / fastest)
+    s = span * (node + 1) / 2
+    times = np.concatenate([[0.0], fastest * np.expm1(s)])
+    run = solve(problem, "cyrk-vern8", AVERAGED_TOLERANCE, times, max_steps=100_000)
+    if not run.success:
+        return None
+    observed = form.observe(scene, run.states[1:])
+    speed = mean_speed(scene.ellipsoid, observed.slow)
+    turns_back = np.sum(observed.angular_momentum[1:] * observed.angular_momentum[:-1], axis=1) < 0
+    pinched = np.any(turns_back) or np.min(speed) * _separation(scene) < SEPARATED
+    # L passes near zero, where a full run knows better if there can be one.
+    if pinched and not isinstance(scene.start, SlowStart):
+        return None
+    return scene.stokes * float(np.sum(weight * speed * fastest * np.exp(s))) * span / 2
+
+
+def turning_field(ops: Operations) -> Field:
+    """The quaternion form with the angle ∫|ω| dt beside it; p as in `polhode.models.forms.motion`."""
+    full, sqrt = ops.use(quaternion.field), ops.sqrt
+
+    def rhs(y, p):  # noqa: ANN001, ANN202
+        r0, r1, r2, r3, a1, a2, a3 = full(y, p)
+        return r0, r1, r2, r3, a1, a2, a3, sqrt(y[4] * y[4] + y[5] * y[5] + y[6] * y[6])
+
+    return rhs
+
+
+def jeffery_turning_field(ops: Operations) -> Field:
+    """The same at St = 0; p as in `polhode.models.forms.jeffery`."""
+    directions_of, rates, jeffery = ops.use(directions), ops.use(quaternion_rates), ops.use(jeffery_angular_velocity)
+    sqrt = ops.sqrt
+
+    def rhs(y, p):  # noqa: ANN001, ANN202
+        flow, gradient = directions_of(y[0], y[1], y[2], y[3])
+        w1, w2, w3 = jeffery(flow, gradient, p)
+        r0, r1, r2, r3 = rates(y[0], y[1], y[2], y[3], w1, w2, w3)
+        return r0, r1, r2, r3, sqrt(w1 * w1 + w2 * w2 + w3 * w3)
+
+    return rhs
+
+
+def _angle(scene: Scene) -> float:
+    """∫|ω| dt by a loose run of the full equations."""
+    assert not isinstance(scene.start, SlowStart)
+    if scene.stokes == 0:
+        start, parameters = scene.start.quaternion, shares(scene.ellipsoid)
+        problem = Problem("jeffery", jeffery_turning_field, (*start, 0.0), scene.time, parameters)
+    else:
+        full = quaternion.Quaternion().problem(scene)
+        problem = Problem("quaternion", turning_field, (*full.start, 0.0), full.end, full.parameters)
+    damping = max(scene.ellipsoid.damping) * scene.torque_factor
+    stiff = scene.stokes > 0 and damping > STIFF_FROM
+    speed = max(0.5, float(np.linalg.norm(scene.angular_velocity)))
+    end = min(scene.time, LONGEST_STIFF if stiff else LONGEST_ROTATIONS * 2 * pi / speed)
+    solver, tolerance = ("cyrk-radau", STIFF_TOLERANCE) if stiff else ("cyrk-vern8", TOLERANCE)
+    run = solve(problem, solver, tolerance, np.array([0.0, end / 2, end]))
+    if not run.success:
+        raise ValueError(f"rotations: the loose run ended with {run.status.value}: {run.message}")
+    half, whole = (float(angle) for angle in run.states[1:, -1])
+    return whole + (scene.time - end) * (whole - half) / (end / 2)

@@ -1,0 +1,160 @@
+"""The motion itself: an axis on the unit sphere beside the L_z–E plane, linked in time."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from math import inf, pi
+from typing import Any
+
+import numpy as np
+
+from polhode.harness.api import SceneSolution, solve
+from polhode.harness.picking.simplest import simplest
+from polhode.harness.references.rotations import rotations
+from polhode.harness.site.markup import Page, missing, prose
+from polhode.models.catalogue import form
+from polhode.models.form import FormNotValidError
+from polhode.models.scene import BodyStart, Scene
+from polhode.models.scenes import named_scene
+from polhode.solvers.contract import SolverNotValidError
+
+LEAD = (
+    "An axis of the particle on the unit sphere, the angular momentum it turns about, and the slow path in the plane "
+    "of L_z and E. Move through time with the slider; turn the sphere by dragging or with the arrow keys."
+)
+NOTE = (
+    "Black: L̂, and the path of its tip. Orange: the axis now and its path, darker where it has just been. Blue: the "
+    "path that the axis would take from here on without torque, for a spheroid the Euler cone. In the plane: the full "
+    "equations in blue, the averaged ones in pink; E never falls below the dotted parabola, L_z² over twice the "
+    "largest moment of inertia; dashed: over twice the smallest one."
+)
+UNITS = "Times in inverse shear rates, L and E over the largest moment of inertia. Solved anew for this page."
+# Samples per rotation that make a smooth path, and the fewest and most samples of a page of moderate size.
+PER_ROTATION, FEWEST, MOST = 80, 400, 3000
+# The torque-free path, from so many moments, over so many turns, each of so many points.
+MOMENTS, TURNS, POINTS = 48, 4, 40
+AVERAGED = ("averaged", "averaged-spheroid")
+TOLERANCE = 1e-10
+STOKES, TIME = 200.0, 100.0
+
+
+def examples() -> dict[str, Scene]:
+    """Motions to show: both kinds of particle where rotations are fast but still to be seen, and no inertia at all."""
+    return {
+        f"prolate spheroid, κ = 2, St = {STOKES:g}": replace(named_scene("spheroid"), stokes=STOKES, time=TIME),
+        f"ellipsoid (1, 0.8, 0.5), St = {STOKES:g}": replace(named_scene("paper"), stokes=STOKES, time=TIME),
+        "from rest, needle κ = 10, St = 1000": replace(named_scene("needle"), time=200.0),
+        "Jeffery orbit, κ = 2, St = 0": replace(named_scene("jeffery"), time=50.0),
+    }
+
+
+def motion_page(own: dict[str, Scene], tell: Callable[[str], None]) -> Page:
+    """The scenes of one's own first, then the examples."""
+    motions = []
+    for name, scene in {**own, **examples()}.items():
+        tell(f"motion: {name}")
+        motions.append({"name": name, **motion(scene)})
+    shown = [each for each in motions if "t" in each]
+    lost = "".join(
+        missing(f"The motion of {each['name']} ({each['why']}) is", "polhode solve")
+        for each in motions
+        if "why" in each
+    )
+    body = f'<div id="motion" class="motion"></div><p class=note>{prose(NOTE)}</p>{lost}'
+    commands = ("polhode report", "polhode report --scene ice.toml")
+    scripts = ("tables.js", "chart.js", "motion.js")
+    return Page("motion", "See it move", LEAD, body, commands, (UNITS,), {"motion-data": shown}, scripts)
+
+
+def motion(scene: Scene) -> dict[str, Any]:
+    """What the page draws of a scene; `why` instead if it has no orientation or cannot be solved."""
+    if scene.ellipsoid.kind == "sphere":
+        return {"why": "a sphere has no axis"}
+    try:
+        samples = int(min(max(PER_ROTATION * rotations(scene), FEWEST), MOST))
+        solution = _follow(scene, samples)
+    except (ValueError, ArithmeticError) as error:
+        return {"why": str(error)}
+    if not solution.success:
+        return {"why": str(solution.status)}
+    axis = shown_axis(scene)
+    size = max(scene.ellipsoid.inertia)
+    length = np.linalg.norm(solution.angular_momentum, axis=1, keepdims=True)
+    direction = np.divide(solution.angular_momentum, length, out=np.zeros((samples, 3)), where=length > 0)
+    return {
+        "t": solution.times.tolist(),
+        "axis": _rounded(solution.rotation[:, axis]),
+        "L": _rounded(direction),
+        "plane": _rounded(_plane(solution)),
+        "averaged": _averaged(scene),
+        "circle": scene.stokes > 0 and scene.ellipsoid.kind in ("prolate", "oblate"),
+        "paths": _torque_free(solution, axis) if scene.stokes > 0 and scene.ellipsoid.kind == "triaxial" else [],
+        "parabolas": [size / max(scene.ellipsoid.inertia), size / min(scene.ellipsoid.inertia)],
+        "stokes": scene.stokes,
+        "how": f"{solution.form} by {solution.solver} at tolerance {solution.tolerance:g}",
+    }
+
+
+def _follow(scene: Scene, samples: int) -> SceneSolution:
+    """The scene in its simplest form that tells an axis, far more accurate than a screen shows."""
+    name = simplest(scene, "orientation")[0]
+    problem = form(name).problem(scene)
+    solver = "exact" if problem.closed_form else "ida" if problem.parameters is None else "taylor"
+    return solve(scene, form=name, solver=solver, tolerance=TOLERANCE, samples=samples)
+
+
+def shown_axis(scene: Scene) -> int:
+    """The symmetry axis of a spheroid, the longest axis of others."""
+    symmetry = scene.ellipsoid.symmetry_axis
+    return int(np.argmax(scene.ellipsoid.semi_axes)) if symmetry is None else symmetry
+
+
+def _plane(solution: SceneSolution) -> np.ndarray:
+    """L_z and E over I_max, shape (n, 2)."""
+    return np.column_stack([solution.angular_momentum[:, 2], solution.energy]) / max(solution.scene.ellipsoid.inertia)
+
+
+def _averaged(scene: Scene) -> list[float]:
+    """The slow path by the averaged equations; empty where there are none."""
+    for name in AVERAGED if 0 < scene.stokes < inf else ():
+        try:
+            solution = solve(scene, form=name, solver="taylor", tolerance=TOLERANCE)
+        except (FormNotValidError, SolverNotValidError):
+            continue
+        return _rounded(_plane(solution))
+    return []
+
+
+def _torque_free(solution: SceneSolution, axis: int) -> list[list[float]]:
+    """Paths of the axis without torque, each starting at one of `MOMENTS` equispaced samples."""
+    from scipy.spatial.transform import Rotation
+
+    ellipsoid, paths = solution.scene.ellipsoid, []
+    inertia = np.array(ellipsoid.inertia)
+    for k in np.linspace(0, len(solution.times) - 1, MOMENTS).astype(int):
+        rotation, momentum = solution.rotation[k], solution.angular_momentum[k]
+        x, y, z, w = Rotation.from_matrix(rotation.T).as_quat().tolist()
+        omega = (rotation @ momentum / inertia).tolist()
+        turn = 2 * pi * float(np.median(inertia)) / float(np.linalg.norm(momentum))
+        start = BodyStart((w, x, y, z), (omega[0], omega[1], omega[2]))
+        top = Scene(ellipsoid, inf, start, TURNS * turn)
+        free = solve(top, form="euler-top", solver="exact", tolerance=1e-9, samples=TURNS * POINTS + 1)
+        paths.append(_rounded(free.rotation[:, axis], 3))
+    return paths
+
+
+def _rounded(values: np.ndarray, digits: int = 4) -> list[float]:
+    """Flat list; more digits than a pixel shows would only weigh."""
+    return np.round(values, digits).ravel().tolist()
+
+
+def scene_names(names: Sequence[str]) -> dict[str, Scene]:
+    """Scenes of files or built-in names, by what they were called.
+
+    Raises
+    ------
+    ValueError
+        If there is no such scene, or it is none.
+    """
+    from polhode.harness.studies.scenes import find_scene
+
+    return {name: find_scene(name) for name in names}

@@ -1,0 +1,270 @@
+"""A case: one scene, one form, one solver, one tolerance; its measurement is a record."""
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
+from importlib import import_module
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from polhode.harness.common.machine import package_version
+from polhode.harness.common.timing import seconds_of
+from polhode.harness.references.errors import Errors, errors, statistics_distance
+from polhode.harness.references.extended import ReferenceFailedError
+from polhode.harness.references.reference import Reference, full_form, reference
+from polhode.harness.references.rotations import rotations
+from polhode.harness.studies.cost import rhs_seconds
+from polhode.models.catalogue import form as find_form
+from polhode.models.observables import Observables
+from polhode.models.problem import Problem
+from polhode.models.scene import Scene
+from polhode.models.scene_file import scene_table
+from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.contract import Backend, Jacobian, Status
+from polhode.solvers.solve import INVARIANT_FLOOR, INVARIANT_TOLERANCES, Solution, solve
+
+# Changes whenever a record's meaning does, so that no old record is taken for a new one.
+SCHEMA = 2
+# A run of fewer steps than one per this many rotations cannot be right.
+ROTATIONS_PER_STEP = 20.0
+# Below this St a stiff method may well step over rotations that the particle no longer makes by itself.
+OSCILLATORY_FROM = 1.0
+
+Record = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Case:
+    """One thing to measure.
+
+    Parameters
+    ----------
+    scene_name : str
+    scene : Scene
+    form, solver : str
+        Catalogue names.
+    tolerance : float
+    samples : int
+        Equispaced times at which errors are measured.
+    max_seconds : float
+        Time limit of each run.
+    backend, jacobian : str, optional
+        The solver's first ones by default.
+    tags : tuple of str
+        The scene's in its study; no part of the question.
+    """
+
+    scene_name: str
+    scene: Scene
+    form: str
+    solver: str
+    tolerance: float
+    samples: int
+    max_seconds: float
+    backend: Backend | None = None
+    jacobian: Jacobian | None = None
+    tags: tuple[str, ...] = field(default=(), compare=False)
+
+    @property
+    def content(self) -> Record:
+        """The case as plain data, types coerced, with the schema and the versions it depends on."""
+        package = find_solver(self.solver).package
+        return {
+            "schema": SCHEMA,
+            "scene_name": self.scene_name,
+            "scene": scene_table(self.scene),
+            "form": self.form,
+            "solver": self.solver,
+            "tolerance": float(self.tolerance),
+            "samples": int(self.samples),
+            "max_seconds": float(self.max_seconds),
+            "backend": self.backend,
+            "jacobian": self.jacobian,
+            "versions": {name: package_version(name) for name in ("polhode", package)},
+        }
+
+    @property
+    def key(self) -> str:
+        """Hash of the canonical content."""
+        return hashlib.sha256(json.dumps(self.content, sort_keys=True).encode()).hexdigest()
+
+    @cached_property
+    def problem(self) -> Problem:
+        """The scene's initial value problem in the case's form, with the least number of steps it can take."""
+        form = find_form(self.form)
+        problem = form.problem(self.scene)
+        if form.averaged or self.scene.stokes < OSCILLATORY_FROM:
+            return problem
+        return replace(problem, least_steps=max(1, int(rotations(self.scene) / ROTATIONS_PER_STEP)))
+
+    @cached_property
+    def times(self) -> np.ndarray:
+        """Sample times in the problem's own time."""
+        return np.linspace(0.0, self.problem.end, self.samples)
+
+    def solve(self, *, count: bool = False) -> Solution:
+        """Run the case once, over its samples."""
+        return solve(
+            self.problem,
+            self.solver,
+            self.tolerance,
+            self.times,
+            backend=self.backend,
+            jacobian=self.jacobian,
+            count=count,
+            max_seconds=self.max_seconds,
+        )
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A first run of a case, with counting: its record so far, and the solution to be judged."""
+
+    record: Record
+    times: np.ndarray
+    states: np.ndarray
+
+
+def attempt(case: Case) -> Attempt:
+    """Compile, and run once with counting; a pure function, to be called in a process that may be killed."""
+    prepare_seconds = _first_preparation(case)
+    solution = case.solve(count=True)
+    record = {
+        "status": str(solution.status),
+        "message": solution.message,
+        "inferred": False,
+        "prepare_seconds": prepare_seconds,
+        "counted_seconds": solution.seconds,
+        "reached": float(solution.times[-1] / solution.problem.end),
+        "work": asdict(solution.work),
+        "rhs_seconds": _rhs_seconds(case),
+    }
+    return Attempt(record, solution.times, solution.states)
+
+
+def judge(case: Case, tried: Attempt) -> Record:
+    """Record of an attempt with its errors.
+
+    The record's columns: `slow_error` and `orientation_error` against the exact solution of the full equations,
+    `solver_*` against the exact solution of the same form, `model_*` of that exact solution against the full one.
+    A full form has no model error. An error that cannot be measured is None. Where the motion is chaotic, errors are
+    those up to `meaningful_until`, and `statistics_distance` compares the distributions over the whole run.
+    """
+    form, ellipsoid, record = find_form(case.form), case.scene.ellipsoid, tried.record
+    try:
+        full = reference(case.scene, full_form(case.scene), case.samples)
+    except ReferenceFailedError as error:
+        return {**record, "reference_failed": str(error)}
+    exact = full
+    if form.averaged:
+        try:
+            exact = reference(case.scene, form, case.samples)
+        except ReferenceFailedError as error:
+            exact, record = None, {**record, "reference_failed": str(error)}
+    found = form.observe(case.scene, tried.states)
+    if record["status"] != Status.REACHED_END:
+        so_far = errors(ellipsoid, found, full.observables.first(len(tried.times)))
+        return {**record, "slow_error_so_far": so_far.slow}
+    n = full.meaningful
+    truth, early = full.observables.first(n), found.first(n)
+    total = errors(ellipsoid, early, truth, case.scene if n == case.samples else None)
+    distance = None if n == case.samples else statistics_distance(ellipsoid, found, full.observables)
+    return (
+        record
+        | _error_columns(total, full)
+        | (_parted(case, early, truth, exact) if form.averaged else _undivided(total, full))
+        | {"statistics_distance": distance}
+        | ({} if form.averaged else _broken_balance(total, case.tolerance))
+    )
+
+
+def time_once(case: Case) -> float:
+    """Wall time, in seconds, of one warm run of a case that `attempt` has prepared in this process."""
+    _ = case.times
+    return seconds_of(case.solve)
+
+
+def _broken_balance(total: Errors, tolerance: float) -> Record:
+    """The status of a run whose energy does not follow from the torque's work, whatever its solver claims."""
+    allowed = max(INVARIANT_FLOOR, INVARIANT_TOLERANCES * tolerance)
+    if total.balance is None or total.balance <= allowed:
+        return {}
+    message = f"the energy balance is broken by {total.balance:.1e}, expected at most {allowed:.1e}"
+    return {"status": str(Status.FALSE_SUCCESS), "message": message}
+
+
+def _rhs_seconds(case: Case) -> float | None:
+    """Wall time of one right-hand side by the case's back end, measured once per form and process."""
+    method = find_solver(case.solver)
+    backend = case.backend or method.backends[0]
+    if case.problem.parameters is None or case.solver == "exact":
+        return None
+    key = case.form, backend
+    if key not in _RHS_SECONDS:
+        _RHS_SECONDS[key] = rhs_seconds(case.problem, backend)
+    return _RHS_SECONDS[key]
+
+
+_RHS_SECONDS: dict[tuple[str, Backend], float] = {}
+
+
+def _first_preparation(case: Case) -> float:
+    """Wall time of a run over next to no time: compilation, unless it was compiled before in this process."""
+    import_module(find_solver(case.solver).library)
+    moment = replace(case.problem, end=case.problem.end * 1e-9, least_steps=0)
+    began = perf_counter()
+    solve(moment, case.solver, case.tolerance, backend=case.backend, jacobian=case.jacobian)
+    return perf_counter() - began
+
+
+def _error_columns(total: Errors, full: Reference) -> Record:
+    return {
+        "slow_error": total.slow,
+        "orientation_error": total.orientation,
+        "slow_uncertainty": full.slow_uncertainty,
+        "orientation_uncertainty": full.orientation_uncertainty,
+        "statistics_uncertainty": full.statistics_uncertainty,
+        "meaningful_until": full.meaningful_until,
+        "worst_time": float(full.times[total.worst_sample]),
+        "certified_pieces": full.certificate.pieces,
+        "errors": asdict(total),
+    }
+
+
+def _undivided(total: Errors, full: Reference) -> Record:
+    """A full form's error is its solver's."""
+    return {
+        "solver_slow_error": total.slow,
+        "solver_orientation_error": total.orientation,
+        "solver_slow_uncertainty": full.slow_uncertainty,
+        "model_slow_error": 0.0,
+        "model_orientation_error": 0.0,
+    }
+
+
+def _parted(case: Case, found: Observables, truth: Observables, exact: Reference | None) -> Record:
+    """An averaged form's error, parted by its own exact solution, if that is known."""
+    if exact is None:
+        parts = ("slow_error", "orientation_error")
+        return {f"{whose}_{part}": None for whose in ("solver", "model") for part in parts}
+    own_truth = exact.observables.first(len(truth.slow))
+    own, model = (errors(case.scene.ellipsoid, *pair) for pair in ((found, own_truth), (own_truth, truth)))
+    return {
+        "solver_slow_error": own.slow,
+        "solver_orientation_error": own.orientation,
+        "solver_slow_uncertainty": exact.slow_uncertainty,
+        "model_slow_error": model.slow,
+        "model_orientation_error": model.orientation,
+    }
+
+
+def missing(case: Case) -> Record:
+    """Record of a case whose library is not installed."""
+    return {
+        "status": str(Status.ADAPTER_MISSING),
+        "message": find_solver(case.solver).why_not,
+        "inferred": True,
+    }

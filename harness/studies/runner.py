@@ -1,0 +1,132 @@
+"""Running a study into a store: batch by batch, so that an interrupted run is taken up where it stopped."""
+
+import gc
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from math import inf
+
+from tqdm import tqdm
+
+from polhode.harness.common.machine import machine, now, versions
+from polhode.harness.common.store import Store
+from polhode.harness.common.timing import Patience, Timing, sentinel
+from polhode.harness.common.worker import Failure, Worker
+from polhode.harness.studies.case import Attempt, Case, Record, attempt, judge, missing, time_once
+from polhode.harness.studies.study import Batches
+from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.contract import Backend, Jacobian, Status
+
+# Seconds that a first run may spend on compilation, beyond its time limit, before it is killed.
+COMPILATION = 60.0
+# A stopped run that was further off than this had gone wrong: a tighter tolerance may well be faster.
+SANE_ERROR = 1.0
+
+Group = tuple[str, float, str, str, Backend | None, Jacobian | None]
+
+
+@dataclass
+class Runner:
+    """Runs the batches of a study, once each, in a worker process that is killed and replaced where need be.
+
+    Parameters
+    ----------
+    store : Store
+        Cases whose key it holds are skipped.
+    quiet : bool
+        Whether to show no progress on stderr.
+    """
+
+    store: Store
+    quiet: bool = False
+    _worker: Worker = field(default_factory=Worker)
+    _too_slow: dict[Group, Record] = field(default_factory=dict)
+    _patience: Patience = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._patience = Patience(self._sentinel)
+
+    def run(self, study: Batches) -> list[Record]:
+        """Run what the store does not hold yet and return the records of the whole study."""
+        batches = list(study.batches())
+        known, wanted = self.store.keys(), [case.key for batch in batches for case in batch]
+        surroundings = {"machine": machine(), "versions": versions()}
+        with (
+            self._worker,
+            tqdm(total=len(wanted), disable=self.quiet, unit="case", desc=study.name, leave=False) as progress,
+        ):
+            for batch in batches:
+                fresh = [case for case in batch if case.key not in known]
+                self._recall(case for case in batch if case.key in known)
+                for case, record in self._measure(fresh, progress):
+                    self.store.put(case.key, case.content, {**record, **surroundings})
+                progress.update(len(batch) - len(fresh))
+        of_study = set(wanted)
+        return [record for record in self.store.records() if record["key"] in of_study]
+
+    def _measure(self, batch: list[Case], progress: tqdm) -> list[tuple[Case, Record]]:
+        gc.collect()
+        records: dict[Case, Record] = {}
+        timed: list[Case] = []
+        for case in batch:
+            progress.set_postfix_str(f"St = {case.scene.stokes:g} {case.solver} {case.tolerance:g}")
+            records[case] = {"date": now(), "tags": list(case.tags), **self._examine(case)}
+            if records[case]["status"] == Status.REACHED_END:
+                timed.append(case)
+            progress.update()
+        timings: dict[Case, Timing] = {}
+        steadiness = self._patience.look() if batch else 0.0
+        while timed:
+            steadiness = min(steadiness, self._patience.steady())
+            for case in timed:
+                reply = self._worker.run(time_once, case, limit=case.max_seconds)
+                earlier = timings[case].runs if case in timings else ()
+                timings[case] = Timing((*earlier, reply.value) if reply.failure is None else earlier)
+            timed = [case for case in timed if timings[case].runs and timings[case].wants_more]
+        for case, timing in timings.items():
+            if not timing.runs:
+                continue
+            records[case] |= {
+                "seconds": timing.seconds,
+                "seconds_spread": timing.spread,
+                "seconds_runs": list(timing.runs),
+            }
+        return [(case, {**record, "sentinel_seconds": steadiness}) for case, record in records.items()]
+
+    def _sentinel(self) -> float:
+        reply = self._worker.run(sentinel, limit=COMPILATION)
+        return inf if reply.failure else float(reply.value)
+
+    def _examine(self, case: Case) -> Record:
+        if not find_solver(case.solver).available:
+            return missing(case)
+        earlier = self._too_slow.get(_group(case))
+        if earlier is not None:
+            return {"status": earlier["status"], "message": "at a looser tolerance already", "inferred": True}
+        reply = self._worker.run(attempt, case, limit=case.max_seconds + COMPILATION)
+        tried: Attempt | None = reply.value
+        record = judge(case, tried) if tried else _lost(reply.failure, reply.message)
+        if _too_slow(record):
+            self._too_slow[_group(case)] = record
+        return record
+
+    def _recall(self, cases: Iterable[Case]) -> None:
+        for case in cases:
+            record = self.store.result(case.key)
+            if record is not None and _too_slow(record):
+                self._too_slow.setdefault(_group(case), record)
+
+
+def _lost(failure: Failure | None, message: str) -> Record:
+    """Record of a run that took its process with it, or raised."""
+    status = Status.TIME_LIMIT if failure is Failure.KILLED else Status.CRASHED
+    return {"status": str(status), "message": message.strip().splitlines()[-1], "inferred": False}
+
+
+def _too_slow(record: Record) -> bool:
+    """Whether tighter tolerances would be too slow as well: the run was stopped, and not because it had gone wrong."""
+    stopped = record["status"] in (Status.TIME_LIMIT, Status.STEP_LIMIT)
+    return stopped and record.get("slow_error_so_far", 0.0) < SANE_ERROR
+
+
+def _group(case: Case) -> Group:
+    return case.scene_name, case.scene.stokes, case.form, case.solver, case.backend, case.jacobian

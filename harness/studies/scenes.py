@@ -1,0 +1,24 @@
+"""Which scene a word on the command line means."""
+
+from pathlib import Path
+
+from polhode.models.registry import hint
+from polhode.models.scene import Scene
+from polhode.models.scene_file import read_scene
+from polhode.models.scenes import SCENES, named_scene
+
+
+def find_scene(word: str) -> Scene:
+    """The scene of a file if one of that name exists, else the built-in scene of that name.
+
+    Raises
+    ------
+    ValueError
+        If there is neither, or the file is no scene.
+    """
+    path = Path(word)
+    if path.exists() and not path.is_dir():
+        return read_scene(path)
+    if word in SCENES:
+        return named_scene(word)
+    raise ValueError(f"scene: got {word!r}, expected a file or one of {', '.join(SCENES)}{hint(word, SCENES)}")

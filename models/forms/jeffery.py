@@ -1,0 +1,167 @@
+"""St = 0: the particle turns with Jeffery's angular velocity (`jw1`–`jw3`); spheroids in closed form."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import hypot, pi
+
+import numpy as np
+
+from polhode.models.flow import jeffery_angular_velocity, shares
+from polhode.models.form import Form
+from polhode.models.forms.kinematics import directions, norm_drift, quaternion_rates
+from polhode.models.observables import Observables, observe_body
+from polhode.models.operations import Field, Operations, numpy_operations
+from polhode.models.problem import Problem
+from polhode.models.rotation import Quaternion, make_third, matrix_from_quaternion
+from polhode.models.scene import Scene
+
+
+def field(ops: Operations) -> Field:
+    """q̇ = ½ q∘(0, Ω_J); p = shares of Jeffery's angular velocity, as in `polhode.models.forms.motion`."""
+    directions_of, rates, jeffery = ops.use(directions), ops.use(quaternion_rates), ops.use(jeffery_angular_velocity)
+
+    def rhs(y, p):
+        flow, gradient = directions_of(y[0], y[1], y[2], y[3])
+        w1, w2, w3 = jeffery(flow, gradient, p)
+        return rates(y[0], y[1], y[2], y[3], w1, w2, w3)
+
+    return rhs
+
+
+@dataclass(frozen=True)
+class JefferyOrbit:
+    """Jeffery orbit of a spheroid in closed form, spin included.
+
+    The symmetry axis follows a spherical ellipse (`phitraj`, and `thetraj` with the exponent 1/2):
+    p̂ ∝ (-s κ sin τ, -s cos τ, z) with τ = τ₀ + t/(κ + 1/κ); s/z is the orbit constant. The spin angle obeys
+    ψ̇ = ½ Λ cos θ cos 2φ, an elliptic integral of the third kind in τ, here in Carlson's form (DLMF 19.25.5, 19.25.14).
+
+    Parameters
+    ----------
+    axial, equatorial : float
+        Semi-axes in any common unit.
+    axis : int
+        Body axis (0, 1, 2) of symmetry.
+    quaternion : tuple of 4 float
+        Orientation at t = 0, of unit norm.
+    """
+
+    axial: float
+    equatorial: float
+    axis: int
+    quaternion: Quaternion
+
+    @property
+    def aspect_ratio(self) -> float:
+        """Aspect ratio kappa."""
+        return self.axial / self.equatorial
+
+    @property
+    def period(self) -> float:
+        """Time 2π(κ + 1/κ) of one revolution of the symmetry axis."""
+        return 2 * pi * (self.aspect_ratio + 1 / self.aspect_ratio)
+
+    @cached_property
+    def _ellipse(self) -> tuple[float, float, np.longdouble]:
+        """s, z and τ₀ of the symmetry axis at the start."""
+        px, py, pz = matrix_from_quaternion(np.array(self.quaternion))[self.axis].tolist()
+        sine = px / self.aspect_ratio
+        return hypot(sine, py), pz, np.arctan2(np.longdouble(-sine), np.longdouble(-py))
+
+    def at(self, times: np.ndarray) -> np.ndarray:
+        """Unit quaternions, shape (n, 4), at times of shape (n,); the phase is carried in long double."""
+        s, z, start = self._ellipse
+        ratio = np.longdouble(self.axial) / np.longdouble(self.equatorial)
+        tau = np.concatenate([[start], start + times.astype(np.longdouble) / (ratio + 1 / ratio)])
+        half_turns = np.rint(tau / np.longdouble(_PI))
+        rest = (tau - half_turns * _PI).astype(float)
+        turns, kappa = half_turns.astype(float), self.aspect_ratio
+        sine, cosine = np.sin(rest), np.cos(rest)
+        phi = -(turns * pi + np.arctan2(kappa * sine, cosine))
+        theta = np.arctan2(s * np.hypot(kappa * sine, cosine), z)
+        q = _quaternions(theta, phi, self._spin(turns, sine, cosine))
+        given = np.array(make_third(self.quaternion, self.axis))
+        q = _turned_about_third(q, given)[1:]
+        if self.axis == 2:
+            return q
+        return np.stack(make_third(tuple(q.T), 1 - self.axis), axis=1)
+
+    def _spin(self, turns: np.ndarray, sine: np.ndarray, cosine: np.ndarray) -> np.ndarray:
+        """Spin angle ψ, up to a constant, at τ = turns π + rest with |rest| ≤ π/2."""
+        s, z, _ = self._ellipse
+        kappa = self.aspect_ratio
+        n = (1 - kappa) * (1 + kappa)
+        modulus = s * s * n / (z * z + s * s)
+        quarter = _spin_integral(np.array(1.0), np.array(0.0), n, modulus)
+        integral = 2 * turns * quarter + _spin_integral(sine, cosine, n, modulus)
+        return -n * z / (2 * kappa * hypot(z, s)) * integral
+
+
+_PI = np.longdouble("3.14159265358979323846264338327950288")
+
+
+def _spin_integral(sine: np.ndarray, cosine: np.ndarray, n: float, modulus: float) -> np.ndarray:
+    """∫ (cos² - κ² sin²)/((cos² + κ² sin²) √(1 - m sin²)) dτ from 0 to τ, with n = 1 - κ² and m the modulus."""
+    from scipy.special import elliprf, elliprj
+
+    x, y, weight = cosine**2, 1 - modulus * sine**2, 1 - n * sine**2
+    return sine * elliprf(x, y, 1.0) - 2 * (1 - n) / 3 * sine**3 * elliprj(x, y, 1.0, weight)
+
+
+def _quaternions(theta: np.ndarray, phi: np.ndarray, psi: np.ndarray) -> np.ndarray:
+    c, s = np.cos(theta / 2), np.sin(theta / 2)
+    plus, minus = (phi + psi) / 2, (phi - psi) / 2
+    return np.stack([c * np.cos(plus), s * np.cos(minus), s * np.sin(minus), c * np.sin(plus)], axis=1)
+
+
+def _turned_about_third(q: np.ndarray, given: np.ndarray) -> np.ndarray:
+    """Quaternions, shape (n, 4), all turned about the third body axis by the angle that makes the first one `given`."""
+    c = float(q[0] @ given)
+    s = float(q[0] @ np.array([given[3], -given[2], given[1], -given[0]]))
+    c, s = c / hypot(c, s), s / hypot(c, s)
+    q0, q1, q2, q3 = q.T
+    return np.stack([c * q0 - s * q3, c * q1 + s * q2, c * q2 - s * q1, c * q3 + s * q0], axis=1)
+
+
+class Jeffery(Form):
+    """State (q₀, q₁, q₂, q₃): inertia is gone, the angular velocity follows from the orientation."""
+
+    name = "jeffery"
+    summary = "St = 0: orientation alone, with Jeffery's angular velocity; closed form for spheroids"
+    valid_for = "St = 0, every ellipsoid; closed form (solver 'exact') for spheroids and spheres"
+    state = ("q0", "q1", "q2", "q3")
+    orientation = "full"
+
+    def check(self, scene: Scene) -> None:
+        """Refuse St > 0 and starts without orientation."""
+        if scene.stokes > 0:
+            raise self.refuse(f"St = {scene.stokes:g} is not 0", "quaternion")
+        self.require_orientation(scene)
+
+    def problem(self, scene: Scene) -> Problem:
+        """Initial value problem in time t."""
+        self.check(scene)
+        start = self.require_orientation(scene).quaternion
+        return Problem(
+            name=self.name,
+            field=field,
+            start=start,
+            end=scene.time,
+            parameters=shares(scene.ellipsoid),
+            closed_form=None if scene.ellipsoid.kind == "triaxial" else _orbit(scene, start).at,
+            invariant=norm_drift,
+        )
+
+    def observe(self, scene: Scene, states: np.ndarray) -> Observables:
+        """Observables; L and E are those of Jeffery's angular velocity, quaternions are normalised first."""
+        rotation = matrix_from_quaternion(states)
+        jeffery = jeffery_angular_velocity(numpy_operations())
+        omega = jeffery(rotation[:, :, 0].T, rotation[:, :, 1].T, shares(scene.ellipsoid))
+        return observe_body(scene.ellipsoid, rotation, np.stack(omega, axis=1))
+
+
+def _orbit(scene: Scene, start: Quaternion) -> JefferyOrbit:
+    axes = scene.ellipsoid.scaled_axes
+    axis = scene.ellipsoid.symmetry_axis
+    axis = 2 if axis is None else axis
+    return JefferyOrbit(axes[axis], axes[(axis + 1) % 3], axis, start)

@@ -1,0 +1,115 @@
+"""Euler-angle form of a spheroid: `fsptho`–`fpsso`, corrected, for oblate and prolate shapes alike."""
+
+import numpy as np
+
+from polhode.models.form import Form
+from polhode.models.forms.euler_angles import (
+    POLE_LIMIT,
+    guarded_sine,
+    require_distance_from_pole,
+)
+from polhode.models.forms.motion import explicit_parameters, mass_form
+from polhode.models.forms.spheroid import Spheroid, axis_rotation, require_spheroid
+from polhode.models.observables import Observables
+from polhode.models.operations import Field, Operations
+from polhode.models.problem import Problem
+from polhode.models.rotation import Triple, euler_from_quaternion, euler_rates_from_angular_velocity, make_third
+from polhode.models.scene import BodyStart, EulerStart, Scene
+
+
+def field(ops: Operations) -> Field:
+    """Rates of (θ, φ, θ̇, φ̇, ω₃); p = (alpha, beta, I_a/I_e, 8πX_c/I_a, 8πY_c/I_e, Λ).
+
+    From `ultima` in the axes of the line of nodes (ψ = 0), which turn with (θ̇, φ̇ sin θ, φ̇ cos θ) while the body turns
+    with (θ̇, φ̇ sin θ, ω₃), and from `spheroid_wj1`–`spheroid_wj3`. As printed, `fsptho`–`fpsso` have misprints.
+    """
+    sin, cos, sine = ops.sin, ops.cos, ops.use(guarded_sine)
+
+    def rhs(y, p):
+        theta, phi, dtheta, dphi, spin = y[0], y[1], y[2], y[3], y[4]
+        alpha, beta = p[0], p[1]
+        st, ct = sine(theta), cos(theta)
+        gyration = alpha * (p[2] * spin - dphi * ct)
+        return (
+            dtheta,
+            dphi,
+            -gyration * dphi * st - beta * p[4] * (dtheta + 0.5 * p[5] * st * ct * sin(2 * phi)),
+            (gyration - alpha * dphi * ct) * dtheta / st - beta * p[4] * (dphi + 0.5 + 0.5 * p[5] * cos(2 * phi)),
+            -beta * p[3] * (spin + 0.5 * ct),
+        )
+
+    return rhs
+
+
+class SpheroidAngles(Form):
+    """State (θ, φ, θ̇, φ̇, ω₃) of the symmetry axis, whichever body axis it is.
+
+    The spin angle ψ says nothing about a spheroid and is left out; of the spin rate, ω₃ = ψ̇ + φ̇ cos θ is kept, whose
+    equation `fpsso` is regular where that of ψ̇ is not. Near θ = 0 and π the form ends as `EulerAngles` does.
+    """
+
+    name = "spheroid-angles"
+    summary = "the paper's angles of a spheroid's symmetry axis; singular at θ = 0 and π"
+    valid_for = (
+        f"spheroids about any body axis, and spheres, as long as |sin θ| ≥ {POLE_LIMIT} for the symmetry axis; "
+        "at St = 0 in its implicit form alone"
+    )
+    state = ("theta", "phi", "dtheta", "dphi", "w3")
+    orientation = "axis"
+
+    def check(self, scene: Scene) -> None:
+        """Refuse triaxial ellipsoids, starts without orientation, and those too close to the pole."""
+        require_spheroid(self, scene, "euler-angles")
+        angles = _angles(scene, self.require_orientation(scene))
+        require_distance_from_pole(self, angles[0], "spheroid-axis")
+
+    def problem(self, scene: Scene) -> Problem:
+        """Initial value problem in time t."""
+        self.check(scene)
+        spheroid = Spheroid.of(scene.ellipsoid)
+        shape = (
+            spheroid.inertia_ratio,
+            spheroid.axial_damping,
+            spheroid.equatorial_damping,
+            spheroid.anisotropy,
+        )
+        return Problem(
+            name=self.name,
+            field=field,
+            start=_start(scene, self.require_orientation(scene)),
+            end=scene.time,
+            parameters=explicit_parameters(scene, shape),
+            mass_form=mass_form(scene, (False, False, True, True, True), shape),
+            periodic=(1,),
+        )
+
+    def observe(self, scene: Scene, states: np.ndarray) -> Observables:
+        """Observables; of the rotation, the symmetry axis alone."""
+        spheroid = Spheroid.of(scene.ellipsoid)
+        theta, phi, dtheta, dphi, spin = states.T
+        st, ct, sf, cf = np.sin(theta), np.cos(theta), np.sin(phi), np.cos(phi)
+        nodes = np.stack([cf, sf, np.zeros_like(cf)], axis=1)
+        across = np.stack([-sf * ct, cf * ct, st], axis=1)
+        axis = np.stack([st * sf, -st * cf, ct], axis=1)
+        first, second = spheroid.equatorial_inertia * dtheta, spheroid.equatorial_inertia * dphi * st
+        third = spheroid.axial_inertia * spin
+        momentum = first[:, None] * nodes + second[:, None] * across + third[:, None] * axis
+        energy = 0.5 * (first * dtheta + second * dphi * st + third * spin)
+        return Observables(momentum, energy, axis_rotation(spheroid.axis, axis))
+
+
+def _angles(scene: Scene, start: EulerStart | BodyStart) -> Triple:
+    """Euler angles of the body axes, renamed so that the third one is the symmetry axis."""
+    axis = Spheroid.of(scene.ellipsoid).axis
+    return start.angles if axis == 2 else euler_from_quaternion(make_third(start.quaternion, axis))
+
+
+def _start(scene: Scene, start: EulerStart | BodyStart) -> tuple[float, float, float, float, float]:
+    """(θ, φ, θ̇, φ̇, ω₃) of the symmetry axis at the start."""
+    axis = Spheroid.of(scene.ellipsoid).axis
+    w1, w2, w3 = (scene.angular_velocity[(axis + shift) % 3] for shift in (1, 2, 3))
+    angles = _angles(scene, start)
+    if axis == 2 and isinstance(start, EulerStart) and scene.stokes > 0:
+        return angles[0], angles[1], start.rates[0], start.rates[1], w3
+    dtheta, dphi, _ = euler_rates_from_angular_velocity(angles, (w1, w2, w3))
+    return angles[0], angles[1], dtheta, dphi, w3

@@ -1,0 +1,138 @@
+"""Planar motion: a principal axis stays along the vorticity, one angle and its rate tell everything."""
+
+from dataclasses import dataclass
+from math import atan2, hypot
+
+import numpy as np
+
+from polhode.models.form import Form
+from polhode.models.forms.motion import explicit_parameters, mass_form
+from polhode.models.observables import Observables
+from polhode.models.operations import Field, Operations
+from polhode.models.problem import Problem
+from polhode.models.scene import Scene
+
+# Roundoff of a start meant to be planar, such as cos(π/2), stays below; whatever is larger is taken for meant.
+PLANAR = 1e-14
+
+
+def field(ops: Operations) -> Field:
+    """Rates of (φ, φ̇); p = (alpha, beta, 8πX_k/I_k, δ), with δ = (l_i² - l_j²)/(l_i² + l_j²) (`ultima`, `jw1`–`jw3`).
+
+    Body axis k is along z; φ is the angle from the flow to the in-plane axis i, and Jeffery's rate
+    -(1 - δ cos 2φ)/2 does not depend on the length along z.
+    """
+    cos = ops.cos
+
+    def rhs(y, p):
+        return y[1], -p[1] * p[2] * (y[1] + 0.5 - 0.5 * p[3] * cos(2 * y[0]))
+
+    return rhs
+
+
+@dataclass(frozen=True)
+class Plane:
+    """A planar start.
+
+    Parameters
+    ----------
+    angle, rate : float
+        φ of an in-plane principal axis in rad, and φ̇.
+    inertia, damping : float
+        I_k and 8πX_k/I_k of the rotation about z.
+    anisotropy : float
+        δ of `field`.
+    """
+
+    angle: float
+    rate: float
+    inertia: float
+    damping: float
+    anisotropy: float
+
+
+class Tumbling(Form):
+    """State (φ, φ̇): the in-plane angle of a principal axis.
+
+    A spheroid may have its symmetry axis along the vorticity or in the plane; any other axis in the plane is then a
+    principal axis too. Small deviations from the plane may grow in reality; this form keeps to the plane.
+    """
+
+    name = "tumbling"
+    summary = "planar motion about a principal axis along the vorticity: one angle and its rate"
+    valid_for = "starts with a principal axis and ω along the vorticity; at St = 0 in its implicit form alone"
+    state = ("phi", "dphi")
+    orientation = "full"
+
+    def check(self, scene: Scene) -> None:
+        """Refuse starts out of the plane, and those without orientation."""
+        self.require_orientation(scene)
+        self._plane(scene)
+
+    def problem(self, scene: Scene) -> Problem:
+        """Initial value problem in time t."""
+        self.check(scene)
+        plane = self._plane(scene)
+        shape = plane.damping, plane.anisotropy
+        return Problem(
+            name=self.name,
+            field=field,
+            start=(plane.angle, plane.rate),
+            end=scene.time,
+            parameters=explicit_parameters(scene, shape),
+            mass_form=mass_form(scene, (False, True), shape),
+            periodic=(0,),
+        )
+
+    def observe(self, scene: Scene, states: np.ndarray) -> Observables:
+        """Observables: the start turned about z."""
+        plane = self._plane(scene)
+        turn = states[:, 0] - plane.angle
+        c, s, zero = np.cos(turn), np.sin(turn), np.zeros_like(turn)
+        turned = np.stack(
+            [np.stack([c, s, zero], 1), np.stack([-s, c, zero], 1), np.stack([zero, zero, zero + 1], 1)], 1
+        )
+        momentum = plane.inertia * states[:, 1]
+        return Observables(
+            angular_momentum=np.stack([zero, zero, momentum], axis=1),
+            energy=0.5 * momentum * states[:, 1],
+            rotation=scene.initial_rotation @ turned,
+        )
+
+    def _plane(self, scene: Scene) -> Plane:
+        rotation, ellipsoid = scene.initial_rotation, scene.ellipsoid
+        x, y, rate = (float(component) for component in rotation.T @ np.array(scene.angular_velocity))
+        if hypot(x, y) > PLANAR * max(1.0, abs(rate)):
+            condition = f"the angular velocity leaves the vorticity axis by {hypot(x, y):.1e}"
+            raise self.refuse(condition, _general_form(scene))
+        axes = _principal_axes(scene)
+        if axes is None:
+            raise self.refuse("no principal axis lies along the vorticity", _general_form(scene))
+        upright, first, second = axes
+        a, b = ellipsoid.scaled_axes[first], ellipsoid.scaled_axes[second]
+        return Plane(
+            angle=atan2(rotation[first, 1], rotation[first, 0]),
+            rate=rate,
+            inertia=ellipsoid.inertia[upright],
+            damping=ellipsoid.damping[upright],
+            anisotropy=(a - b) * (a + b) / (a * a + b * b),
+        )
+
+
+def _principal_axes(scene: Scene) -> tuple[int, int, int] | None:
+    """Body axes along the vorticity, along the angle φ, and the third one, up to symmetry; None if there are none."""
+    rotation, symmetry = scene.initial_rotation, scene.ellipsoid.symmetry_axis
+    inplane = np.hypot(rotation[:, 0], rotation[:, 1])
+    if symmetry is not None and abs(rotation[symmetry, 2]) <= PLANAR:
+        return (symmetry + 1) % 3, symmetry, (symmetry + 2) % 3
+    if scene.ellipsoid.kind == "sphere":
+        first = int(np.argmax(inplane))
+        return (first + 2) % 3, first, (first + 1) % 3
+    for axis in range(3) if symmetry is None else (symmetry,):
+        if inplane[axis] <= PLANAR:
+            return axis, (axis + 1) % 3, (axis + 2) % 3
+    return None
+
+
+def _general_form(scene: Scene) -> str:
+    return "quaternion" if scene.ellipsoid.kind == "triaxial" else "spheroid-axis"

@@ -1,0 +1,185 @@
+"""The Euler top (St = ∞) in closed form: any inertia, any start, at a cost independent of the time asked for.
+
+The invariants come from the start in rational arithmetic, so that the distance from the separatrix L² = 2EI₂ and from
+the permanent rotations suffers no cancellation; the rest is long double.
+"""
+
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, DTypeLike, NDArray
+
+from polhode.models.free_top.elliptic import PI, Long, LongArray, carlson_rf, exact, jacobi, rounded, theta4_phase
+from polhode.models.free_top.polhode import Polhode, Triple, positive_inertia
+
+Quaternion = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True)
+class TorqueFree:
+    """Torque-free rotation (`eulg`) from a given start, in closed form.
+
+    Body angular velocity by Jacobi functions (`eq:omg1`–`eq:omg3`; Landau & Lifshitz, Mechanics, §37); precession by
+    theta functions (`eq:prec1`, `eq:prec2`; Whittaker, Analytical Dynamics, §69). Instead of the Euler angles, which
+    are singular where the polhode passes close to its axis, their sum with the spin is used: the angle about L of the
+    frame carried along by the shortest rotation from L to axis c (Celledoni, Fassò, Säfström & Zanna, SIAM J. Sci.
+    Comput. 30 (2008) 2084), regular for every start.
+
+    Parameters
+    ----------
+    inertia : (I₁, I₂, I₃)
+        Moments of inertia about the body axes, positive, in any order.
+    quaternion : (q₀, q₁, q₂, q₃)
+        Unit quaternion of the start, q̇ = ½ q∘(0, ω); what its norm lacks by rounding is made up for.
+    angular_velocity : (ω₁, ω₂, ω₃)
+        Start, in body axes and units of the shear rate (any inverse unit of the times asked for).
+
+    Raises
+    ------
+    ValueError
+        If an entry is not finite, a moment of inertia not positive, or the quaternion's norm off by more than 1e-6.
+    """
+
+    inertia: Triple
+    quaternion: Quaternion
+    angular_velocity: Triple
+
+    def __post_init__(self) -> None:
+        """Refuse starts without meaning."""
+        positive_inertia(self.inertia)
+        if len(self.angular_velocity) != 3 or not np.all(np.isfinite(self.angular_velocity)):
+            raise ValueError(f"angular_velocity: got {self.angular_velocity}, expected three finite numbers")
+        if len(self.quaternion) != 4 or not abs(np.linalg.norm(np.asarray(self.quaternion, float)) - 1) < 1e-6:
+            raise ValueError(f"quaternion: got {self.quaternion}, expected four numbers of norm 1")
+
+    @cached_property
+    def _exact(self) -> tuple[tuple[Fraction, ...], tuple[Fraction, ...]]:
+        return positive_inertia(self.inertia), tuple(exact(Long(rate)) for rate in self.angular_velocity)
+
+    @cached_property
+    def _polhode(self) -> Polhode:
+        inertia, omega = self._exact
+        momentum_squared = sum(((i * w) ** 2 for i, w in zip(inertia, omega, strict=True)), Fraction(0))
+        twice_energy = sum((i * w * w for i, w in zip(inertia, omega, strict=True)), Fraction(0))
+        return Polhode.of(inertia, momentum_squared, twice_energy)
+
+    @property
+    def is_permanent(self) -> bool:
+        """Whether ω is constant in the body, exactly: L and ω are parallel."""
+        (i1, i2, i3), (w1, w2, w3) = self._exact
+        return (i3 - i2) * w2 * w3 == (i1 - i3) * w3 * w1 == (i2 - i1) * w1 * w2 == 0
+
+    @property
+    def period(self) -> float:
+        """Period T of the body angular velocity in t; see `periods` for permanent rotations and the separatrix."""
+        return self._polhode.periods[0]
+
+    @property
+    def precession_period(self) -> float:
+        """Period T' of the mean precession about L in t; see `periods`."""
+        return self._polhode.periods[1]
+
+    @property
+    def complementary_parameter(self) -> float:
+        """Distance from the separatrix, 1−m = 1−k²: 0 on it, 1 for a symmetric top and a stable permanent rotation."""
+        return float(self._polhode.m1)
+
+    def at(self, times: ArrayLike, *, dtype: DTypeLike = np.float64) -> tuple[NDArray, NDArray]:
+        """Orientation and body angular velocity.
+
+        Parameters
+        ----------
+        times : array_like, shape (n,)
+            Finite times since the start, of either sign.
+        dtype : dtype
+            Floating-point type of the results, to which they are rounded from long double.
+
+        Returns
+        -------
+        quaternion : ndarray, shape (n, 4)
+            Unit quaternions, continuous in time from the start.
+        angular_velocity : ndarray, shape (n, 3)
+            In body axes.
+
+        Raises
+        ------
+        ValueError
+            If the times are not one-dimensional and finite.
+        """
+        t = np.asarray(times, dtype=Long)
+        if t.ndim != 1 or not np.all(np.isfinite(t)):
+            raise ValueError(f"times: got shape {t.shape}, expected a one-dimensional array of finite numbers")
+        turn, omega = self._permanent(t) if self.is_permanent else self._wobbling(t)
+        start = np.asarray(self.quaternion, dtype=Long)
+        quaternion = _product(start / np.sqrt(np.sum(start**2)), turn)
+        return quaternion.astype(dtype), omega.astype(dtype)
+
+    def _permanent(self, t: LongArray) -> tuple[LongArray, LongArray]:
+        omega = np.asarray(self.angular_velocity, dtype=Long)
+        speed = np.sqrt(rounded(sum((w * w for w in self._exact[1]), Fraction(0))))
+        axis = omega / speed if speed > 0 else omega
+        half = speed * t / 2
+        turn = np.concatenate([np.cos(half)[:, None], np.sin(half)[:, None] * axis], axis=1)
+        return turn, np.broadcast_to(omega, (len(t), 3))
+
+    def _wobbling(self, t: LongArray) -> tuple[LongArray, LongArray]:
+        """Rotation since the start, shape (n, 4), and ω, shape (n, 3), both in body axes."""
+        polhode = self._polhode
+        order = list(polhode.order)
+        signs = self._signs
+        start = signs * np.asarray(self.angular_velocity, dtype=Long)[order]
+        u0 = _argument(start, polhode)
+        # The start goes through the same functions as the times, so that what they have in common drops out.
+        u = np.concatenate([[u0], u0 + polhode.sense * polhode.rate * t])
+        half_turns = np.rint(u / (2 * polhode.quarter))
+        rest = u - (2 * polhode.quarter * half_turns if np.isfinite(polhode.quarter) else 0)
+        sn, cn, dn = jacobi(rest, polhode.m1)
+        parity = 1 - 2 * np.mod(half_turns, 2)
+        spin = np.arctan2(np.sqrt(1 + polhode.n) * sn, cn) + PI * half_turns
+        angle = theta4_phase(rest, polhode.m, polhode.m1, polhode.n) - spin
+        carried = angle[1:] - angle[0] + polhode.precession * t
+        omega = np.stack([parity * cn, parity * sn, dn], axis=1) * np.array(polhode.amplitudes)
+        upright = _shortest_to_third(omega * np.array([Long(self.inertia[axis]) for axis in order]) / polhode.momentum)
+        zero = np.zeros_like(t)
+        about = np.stack([np.cos(carried / 2), zero, zero, np.sin(carried / 2)], axis=1)
+        turn = _product(_product(upright[0] * np.array([1, -1, -1, -1]), about), upright[1:])
+        back = np.argsort(order)
+        vector, rates = (signs * turn[:, 1:])[:, back], (signs * omega[1:])[:, back]
+        return np.concatenate([turn[:, :1], vector], axis=1), rates
+
+    @cached_property
+    def _signs(self) -> LongArray:
+        """Signs of the axes a, b, c, shape (3,), that make ω_a and ω_c non-negative and leave the axes right-handed."""
+        order = self._polhode.order
+        sign_a, sign_c = (1 if self.angular_velocity[axis] >= 0 else -1 for axis in (order[0], order[2]))
+        handedness = 1 if (order[1] - order[0]) % 3 == 1 else -1
+        return np.array([sign_a, handedness * sign_a * sign_c, sign_c], dtype=Long)
+
+
+def _argument(start: LongArray, polhode: Polhode) -> Long:
+    """Argument τ in [−K, K] of the start, ω_a ≥ 0 and ω_c > 0; well-conditioned for every amplitude (DLMF §22.15)."""
+    cn, sn, dn = (rate / amplitude for rate, amplitude in zip(start, polhode.amplitudes, strict=True))
+    size = np.hypot(cn, sn)
+    return sn / size * carlson_rf((cn / size) ** 2, dn**2, Long(1))
+
+
+def _shortest_to_third(unit: LongArray) -> LongArray:
+    """Quaternions, shape (n, 4), of the shortest rotations of unit vectors, shape (n, 3), with z ≥ 0 to the z axis."""
+    x, y, z = unit.T
+    unscaled = np.stack([1 + z, y, -x, np.zeros_like(x)], axis=1)
+    return unscaled / np.sqrt(np.sum(unscaled**2, axis=1, keepdims=True))
+
+
+def _product(left: LongArray, right: LongArray) -> LongArray:
+    """Quaternion product, shapes (..., 4)."""
+    a0, a1, a2, a3 = np.moveaxis(left, -1, 0)
+    b0, b1, b2, b3 = np.moveaxis(right, -1, 0)
+    components = [
+        a0 * b0 - a1 * b1 - a2 * b2 - a3 * b3,
+        a0 * b1 + a1 * b0 + a2 * b3 - a3 * b2,
+        a0 * b2 - a1 * b3 + a2 * b0 + a3 * b1,
+        a0 * b3 + a1 * b2 - a2 * b1 + a3 * b0,
+    ]
+    return np.stack(components, axis=-1)

@@ -1,0 +1,1 @@
+"""The form averaged to second order and its tables; imports `models`, `forms` and `free_top`."""

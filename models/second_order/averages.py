@@ -1,0 +1,135 @@
+"""Second-order averages of a triaxial ellipsoid: functions of h alone per shape and side of L² = 2EI₂.
+
+With l = |L|, n = L/l, S_n = ½(e_x n_y + e_y n_x), W_n = ½(e_x n_y - e_y n_x), ⊥ the part across n, s₀ = n_x n_y and
+w₀ = n_z/2:
+
+========  =========================  ==================================================================================
+rate      first order                second order, over St
+========  =========================  ==================================================================================
+l         l f₀ + f₂w₀                (a₁ + a₂w₀/l) s₀/l
+y         g₀ + g₂w₀/l                (b₁ + b₂w₀/l) s₀/l²
+L⊥        n×(r₁S_n + r₂W_n)          [p₁S_n⊥ + p₂W_n + n×(p₃S_n + p₄W_n) s₀/l + (p₅S_n⊥ + p₆W_n) w₀/l]/l
+α, β      e_α s₀/l, e_β s₀/l
+========  =========================  ==================================================================================
+"""
+
+import numpy as np
+
+from polhode.models.second_order.polhodes import Polhode, Side
+from polhode.models.second_order.torus import Mask, Torus, torque
+
+Array = np.ndarray
+
+FIRST = ("f0", "f2", "g0", "g2", "r1", "r2", "ea", "eb")
+SECOND = ("a1", "a2", "b1", "b2", "p1", "p2", "p3", "p4", "p5", "p6")
+# Polhode phases per ln(1/nome) that resolve second-order averages to 1e-9, and at least so many.
+PHASES, LEAST_PHASES = 90.0, 24
+# Flow directions, as rows, and |L| at which the averages are taken to tell their parts apart.
+_TURNS = np.array([[[2, -1, 2], [2, 2, -1], [-1, 2, 2]], [[6, 2, 3], [-3, 6, 2], [-2, -3, 6]]]) / np.array(
+    [[[3]], [[7]]]
+)
+FRAMES = np.concatenate([_TURNS, np.swapaxes(_TURNS, 1, 2)])
+SIZES = np.array([1.0, 2.0])
+
+
+def averages(side: Side, y: Array, masks: tuple[Mask, ...] = ()) -> tuple[dict[str, Array], float]:
+    """Coefficients by name, each shape (m,), at y, shape (m,), and the largest relative residual of their fit."""
+    found: dict[str, list[float]] = {name: [] for name in (*FIRST, *SECOND, "nu1", "nu2")}
+    residual = 0.0
+    for value in y:
+        first, second, left, rates = _at(side, float(value), masks)
+        residual = max(residual, left)
+        for name, number in zip(found, (*first, *second, *rates), strict=True):
+            found[name].append(float(number))
+    return {name: np.array(values) for name, values in found.items()}, residual
+
+
+def phases(side: Side, y: float) -> int:
+    """Even number of polhode phases that resolves a polhode."""
+    from scipy.special import ellipk, ellipkm1
+
+    _, _, complement = Polhode(side, np.array([y]), np.zeros(1), 2).moduli
+    nome = np.pi * ellipk(complement[0]) / ellipkm1(complement[0])
+    return max(LEAST_PHASES, 2 * int(np.ceil(PHASES / nome / 2)))
+
+
+def _at(side: Side, y: float, masks: tuple[Mask, ...]) -> tuple[Array, Array, float, tuple[float, float]]:
+    frames, sizes = np.repeat(FRAMES, len(SIZES), axis=0), np.tile(SIZES, len(FRAMES))
+    m = len(sizes)
+    polhode = Polhode(side, np.full(m, y), np.zeros(m), phases(side, y))
+    torus = Torus(polhode, sizes, np.zeros(m), frames[:, 0], frames[:, 1], masks, averaging=True)
+    mean = np.real(torus.spectrum[:, 0, 0])
+    second = second_order(torus)
+    first_rows, second_rows = _templates(frames, sizes)
+    first, left = _fit(first_rows, np.concatenate([mean[:, 2], mean[:, 3], *mean[:, :2].T, mean[:, 4], mean[:, 5]]))
+    higher, right = _fit(second_rows, np.concatenate([second[:, 2], second[:, 3], *second[:, :2].T]))
+    return first, higher, max(left, right), (float(polhode.rate[0]), float(polhode.precession[0]))
+
+
+def second_order(torus: Torus) -> Array:
+    """F₂ of (L in its frame, y), shape (m, 4): the mean of U·∂P, P along the flow of U being a polynomial.
+
+    The torus must be one for averaging.
+    """
+    p = torus.polhode
+    change, turn = torus.ambient
+    size = torus.size[:, None, None]
+    scale = 1 / (1 + np.sqrt(np.sum(change**2, axis=-1) / size**2 + np.sum(turn**2, axis=-1)))[..., None]
+    spin = scale[..., None] * _skew(turn)
+    n = np.array([0.0, 0.0, 1.0])
+    wide = (slice(None), None, None)
+
+    def pull(step: int) -> tuple[Array, Array, Array]:
+        rotation = torus.rotation + step * spin @ torus.rotation
+        momentum = np.einsum("mabij,mabi->mabj", rotation, size[..., None] * n + step * scale * change)
+        tau = torque(p.side, rotation, momentum, torus.flow[wide], torus.gradient[wide])
+        space = np.einsum("mabij,mabj->mabi", rotation, tau)
+        return space, np.sum(p.side.inverse_inertia * momentum * tau, axis=-1), np.sum(momentum * tau, axis=-1)
+
+    steps = {step: pull(step) for step in (-2, -1, 1, 2)}
+    space, power, pulled = (
+        (8 * (steps[1][k] - steps[-1][k]) - (steps[2][k] - steps[-2][k])) / 12 / (scale if k == 0 else scale[..., 0])
+        for k in range(3)
+    )
+    # dh/dt₂ = 2(ω·τ - h L·τ)/l²
+    _, power0, pulled0 = pull(0)
+    u = np.fft.ifft2(torus.generator_spectrum[..., 3], axes=(1, 2), norm="forward").real
+    h, slope = p.h[:, None, None], p.slope[:, None, None]
+    rate_h = 2 * (power0 - h * pulled0) / size**2
+    change_h = 2 * (power - h * pulled - slope * u * pulled0) / size**2 - 2 * rate_h * change[..., 2] / size
+    return np.concatenate([space.mean(axis=(1, 2)), (change_h.mean(axis=(1, 2)) / p.slope)[:, None]], axis=1)
+
+
+def _templates(frames: Array, sizes: Array) -> tuple[Array, Array]:
+    """Rows of factors, shapes (6m, 8) and (4m, 10), in the order of `_at`: l, y, two of L⊥, α, β."""
+    x, y, z = frames[:, 0], frames[:, 1], frames[:, 2]
+    s0, w0, over = x[:, 2] * y[:, 2], z[:, 2] / 2, 1 / sizes
+    strain, spin = (0.5 * (x * y[:, 2:] + sign * y * x[:, 2:])[:, :2] for sign in (1, -1))
+    turned = [np.stack([-v[:, 1], v[:, 0]], axis=1) for v in (strain, spin)]
+    zero = np.zeros_like(s0)
+    first = [
+        np.stack([sizes, w0, *[zero] * 6], axis=1),
+        np.stack([zero, zero, sizes**0, w0 * over, *[zero] * 4], axis=1),
+        *(np.stack([*[zero] * 4, turned[0][:, i], turned[1][:, i], zero, zero], axis=1) for i in (0, 1)),
+        np.stack([*[zero] * 6, s0 * over, zero], axis=1),
+        np.stack([*[zero] * 7, s0 * over], axis=1),
+    ]
+    second = [
+        np.stack([s0 * over, s0 * w0 * over**2, *[zero] * 8], axis=1),
+        np.stack([zero, zero, s0 * over**2, s0 * w0 * over**3, *[zero] * 6], axis=1),
+    ]
+    for i in (0, 1):
+        plain, round_n = [v[:, i] * over for v in (strain, spin)], [v[:, i] * s0 * over**2 for v in turned]
+        second.append(np.stack([*[zero] * 4, *plain, *round_n, *(v * w0 * over for v in plain)], axis=1))
+    return np.concatenate(first), np.concatenate(second)
+
+
+def _fit(rows: Array, values: Array) -> tuple[Array, float]:
+    solution = np.linalg.lstsq(rows, values, rcond=None)[0]
+    return solution, float(np.max(np.abs(rows @ solution - values)) / np.max(np.abs(values)))
+
+
+def _skew(vectors: Array) -> Array:
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    zero = np.zeros_like(x)
+    return np.moveaxis(np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]), (0, 1), (-2, -1))

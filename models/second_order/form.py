@@ -1,0 +1,181 @@
+"""Form `averaged-second-order`: slow variables to O(1/St²) and orientation to O(1/St), at a cost free of St."""
+
+from functools import lru_cache
+from math import inf
+
+import numpy as np
+
+from polhode.models.form import Form, FormNotValidError
+from polhode.models.forms.spheroid import Spheroid, axis_rotation
+from polhode.models.observables import Observables
+from polhode.models.problem import Problem
+from polhode.models.scene import Scene
+from polhode.models.second_order import bound as second_order_bound
+from polhode.models.second_order import run as triaxial_run
+from polhode.models.second_order import spheroid as spheroidal
+from polhode.models.second_order.spheroid_error import Estimate, estimate
+
+# The slow start x solves x = z - u(x)/St; each pass gains a factor of the correction's size.
+START_PASSES = 60
+START_CLOSE = 1e-15
+# Above this estimated slow error, over I_max, the expansion in 1/St means nothing.
+MEANINGLESS = 1.0
+
+
+class SecondOrder(Form):
+    """State (L, q, σ) of a spheroid in slow time: L over I_e, its axis without fast turning, that angle over St.
+
+    A triaxial ellipsoid has the state of `polhode.models.second_order.field` instead, and its complete orientation; it
+    is followed on one side of L² = 2EI₂ alone, through resonances by partial averaging. Caveat: the angle St σ carries
+    St times the tolerance, and at best St times rounding, so that the orientation stops gaining accuracy near St =
+    1e8.
+    """
+
+    name = "averaged-second-order"
+    summary = "second-order averaging: L and E to O(1/St²), orientation to O(1/St), at a cost free of St"
+    valid_for = "large finite St, L away from 0: spheroids; triaxial ellipsoids on one side of L² = 2EI₂"
+    state = ("Lx/Ie", "Ly/Ie", "Lz/Ie", "qx", "qy", "qz", "sigma")
+    orientation = "axis"
+    averaged = True
+
+    def check(self, scene: Scene) -> None:
+        """Refuse spheres, St = 0 and inf, starts without orientation, St too small, and what `prepared` refuses."""
+        triaxial = scene.ellipsoid.kind == "triaxial"
+        full = "quaternion" if triaxial else "spheroid-axis"
+        if scene.ellipsoid.kind == "sphere":
+            raise self.refuse("a sphere has no symmetry axis, and L obeys a linear equation", full)
+        if scene.stokes == 0:
+            raise self.refuse("St = 0 has no slow variables", "jeffery")
+        if scene.torque_factor == 0:
+            raise self.refuse("at St = inf the slow variables are constant", "euler-top")
+        self.require_orientation(scene)
+        if not np.any(scene.initial.angular_momentum):
+            raise self.refuse("the start has L = 0, where averaging does not apply", full)
+        if triaxial:
+            try:
+                triaxial_run.prepared(scene)
+            except triaxial_run.NotAveragedError as error:
+                raise self.refuse(str(error), full) from None
+        elif slow_start(scene) is None:
+            raise self.refuse(f"St = {scene.stokes:g} is too small for the start's |L|", full)
+        if not estimated(scene).slow < MEANINGLESS:
+            raise self.refuse(f"St = {scene.stokes:g} is too small for this run", full)
+
+    def problem(self, scene: Scene) -> Problem:
+        """Initial value problem in slow time t₂ = t/St."""
+        self.check(scene)
+        if scene.ellipsoid.kind == "triaxial":
+            run = triaxial_run.prepared(scene)
+            return Problem(
+                name=self.name,
+                field=run.field,
+                start=run.state,
+                end=scene.slow_time,
+                parameters=run.parameters,
+                invariant=frame_drift,
+                time_unit=scene.stokes,
+            )
+        start = slow_start(scene)
+        assert start is not None
+        return Problem(
+            name=self.name,
+            field=spheroidal.field,
+            start=(*start, 0.0),
+            end=scene.slow_time,
+            parameters=spheroidal.parameters(Spheroid.of(scene.ellipsoid), scene.torque_factor),
+            invariant=axis_drift,
+            time_unit=scene.stokes,
+        )
+
+    def observe(self, scene: Scene, states: np.ndarray) -> Observables:
+        """Observables, the fast motion and the O(1/St) swing put back; of a spheroid with the axis' row alone."""
+        if scene.ellipsoid.kind == "triaxial":
+            return triaxial_run.observe(scene, states)
+        spheroid = Spheroid.of(scene.ellipsoid)
+        axis = spheroidal.turned(states[:, :3], spheroidal.unit(states[:, 3:6]), scene.stokes * states[:, 6])
+        momentum, axis = spheroidal.swung(spheroid, scene.torque_factor, states[:, :3], axis)
+        along = np.sum(momentum * axis, axis=1)
+        across = np.sum((momentum - along[:, None] * axis) ** 2, axis=1)
+        energy = 0.5 * spheroid.equatorial_inertia * (along**2 / spheroid.inertia_ratio + across)
+        return Observables(spheroid.equatorial_inertia * momentum, energy, axis_rotation(spheroid.axis, axis))
+
+    def estimate(self, scene: Scene) -> Estimate:
+        """Largest model errors over the run, slow and orientation, from the size of the expansion's next term.
+
+        Raises
+        ------
+        FormNotValidError
+            As `check` does.
+        """
+        self.check(scene)
+        return estimated(scene)
+
+    def reach(self, scene: Scene) -> float:
+        """Slow time to which the form follows a scene: its end, or, of a triaxial one, short of L² = 2EI₂.
+
+        Raises
+        ------
+        FormNotValidError
+            If the scene cannot be followed at all.
+        """
+        try:
+            self.check(scene)
+        except FormNotValidError:
+            if scene.ellipsoid.kind == "triaxial" and 0 < scene.stokes < inf and np.any(scene.initial.angular_momentum):
+                for part in triaxial_run.shorter(scene):
+                    try:
+                        self.check(part)
+                    except FormNotValidError:
+                        continue
+                    return part.slow_time
+            raise
+        return scene.slow_time
+
+    def demands(self, scene: Scene) -> str:
+        """Partial averaging of resonances: seconds to prepare and to compile."""
+        if scene.ellipsoid.kind != "triaxial" or not triaxial_run.resonates(scene):
+            return ""
+        return "the run comes near resonances of polhode and precession, whose treatment takes seconds to prepare"
+
+    def error_estimate(self, scene: Scene) -> float:
+        """Slow model error over I_max, as `estimate` gives it."""
+        return self.estimate(scene).slow
+
+
+@lru_cache(maxsize=256)
+def slow_start(scene: Scene) -> tuple[float, ...] | None:
+    """Slow L over I_e and p, whose image under the transformation is the scene's start; None if none is found."""
+    spheroid = Spheroid.of(scene.ellipsoid)
+    momentum = scene.initial.angular_momentum[0] / spheroid.equatorial_inertia
+    exact = np.concatenate([momentum, scene.initial_rotation[spheroid.axis]])
+    slow = exact
+    for _ in range(START_PASSES):
+        image = np.concatenate(spheroidal.swung(spheroid, scene.torque_factor, slow[None, :3], slow[None, 3:]), axis=1)
+        excess = image[0] - exact
+        slow = slow - excess
+        slow[3:] = spheroidal.unit(slow[3:])
+        if np.max(np.abs(excess)) <= START_CLOSE * max(1.0, float(np.linalg.norm(momentum))):
+            return tuple(slow.tolist())
+        if not np.all(np.abs(slow) < 1e3 * np.max(np.abs(exact))):
+            return None
+    return None
+
+
+@lru_cache(maxsize=256)
+def estimated(scene: Scene) -> Estimate:
+    """Estimated model errors of a scene that has a slow start."""
+    if scene.ellipsoid.kind == "triaxial":
+        return second_order_bound.estimated(scene)
+    start = slow_start(scene)
+    assert start is not None
+    return estimate(Spheroid.of(scene.ellipsoid), scene.torque_factor, start, scene.slow_time)
+
+
+def axis_drift(states: np.ndarray) -> np.ndarray:
+    """|q|² - 1 of states, shape (n, 7)."""
+    return np.sum(states[:, 3:6] ** 2, axis=1) - 1
+
+
+def frame_drift(states: np.ndarray) -> np.ndarray:
+    """|e₁|² - 1 of states, shape (n, 9)."""
+    return np.sum(states[:, 4:7] ** 2, axis=1) - 1

@@ -1,0 +1,231 @@
+"""The torque as a perturbation of the Euler top, on the torus of polhode phase α and precession phase β.
+
+Q carries the frame of L (e₃ = n = L/l) to space, S the body (`polhode.models.second_order.polhodes`) to the frame of L:
+R = QS, S = R_z(β + χ)S₀(z), S₀ the least rotation that carries the body vector z = Rᵀn to e₃. Unperturbed,
+dα/dt = lν₁(h) and dβ/dt = lν₂(h).
+
+Arrays have shape (m, a, b, …): m states, a equal polhode phases and b equal precession phases counted from the state's
+own, which is entry (0, 0).
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import pi
+
+import numpy as np
+
+from polhode.models.second_order.field import POWER
+from polhode.models.second_order.polhodes import Polhode, Side
+
+Array = np.ndarray
+
+# The torque holds |k₂| <= 3 in space, so that eight precession phases resolve it.
+PRECESSIONS = 8
+# Divisors below this share of ν₂ are not divided by; whether their modes matter is asked beforehand.
+SMALLEST_DIVISOR = 1e-3
+
+
+@dataclass(frozen=True)
+class Mask:
+    """A mode and its conjugate, kept out of the generator by the share μ = (1 + d⁴/POWER)^-POWER, d = D/width.
+
+    D = k₁ν₁ + k₂ν₂ is the divisor over l. What it is divided by stays away from zero: 1 - μ falls like d⁴.
+
+    Parameters
+    ----------
+    k1, k2 : int
+        k₂ > 0.
+    width : float
+        In the units of ν.
+    """
+
+    k1: int
+    k2: int
+    width: float
+
+    def inverses(self, divisor: Array) -> Array:
+        """What stands for 1/D, 1/D² and again 1/D² in the generator: (1 - μ)/D and (1 - μ)/D², on a leading axis."""
+        left = self._kept(divisor)[0]
+        return np.array([divisor * left, left, left])
+
+    def mean_inverses(self, divisor: Array) -> Array:
+        """What stands for them in the mean of the second order.
+
+        Of U = (1 - μ)P/D and F₁ = μP, ⟨U·∂P - F₁·∂U⟩ takes (1 - μ²)/D where U·∂P of the whole mode has 1/D, and
+        (1 - μ²)/D² + μμ'/D where it has 1/D² from the change of D; ⟨U·∂P + P·∂U⟩ = 0 for slow components is used.
+        """
+        left, share, slope = self._kept(divisor)
+        both = (1 + share) * left
+        return np.array([divisor * both, both, both + share * slope])
+
+    def _kept(self, divisor: Array) -> tuple[Array, Array, Array]:
+        """(1 - μ)/D², μ and μ'/D."""
+        square = (divisor / self.width) ** 2
+        rest = -np.expm1(-POWER * np.log1p(square**2 / POWER))
+        slope = -4 * square * (1 - rest) / (1 + square**2 / POWER)
+        return rest / np.maximum(square, 1e-30) / self.width**2, 1 - rest, slope / self.width**2
+
+
+@dataclass(frozen=True)
+class Torus:
+    """The perturbation at m states, over all phases.
+
+    Parameters
+    ----------
+    polhode : Polhode
+    size : ndarray, shape (m,)
+        l = |L|.
+    precession : ndarray, shape (m,)
+        β of the states.
+    flow, gradient : ndarray, shape (m, 3)
+        The flow's directions x and y in the frame of L.
+    masks : tuple of Mask, optional
+        Resonant modes.
+    averaging : bool
+        Whether the generator is that of the second-order averages, which differs in masked modes.
+    """
+
+    polhode: Polhode
+    size: Array
+    precession: Array
+    flow: Array
+    gradient: Array
+    masks: tuple[Mask, ...] = ()
+    averaging: bool = False
+
+    @cached_property
+    def rotation(self) -> Array:
+        """S, shape (m, a, b, 3, 3)."""
+        z = self.polhode.z
+        least = least_rotation(z)
+        turn = self.precession[:, None, None] + 2 * pi / PRECESSIONS * np.arange(PRECESSIONS)
+        turn = turn + self.polhode.lead[:, :, None]
+        cos, sin = np.cos(turn)[..., None], np.sin(turn)[..., None]
+        first, second = least[:, :, None, 0], least[:, :, None, 1]
+        third = np.broadcast_to(least[:, :, None, 2], (*turn.shape, 3))
+        return np.stack([cos * first - sin * second, sin * first + cos * second, third], axis=-2)
+
+    @cached_property
+    def body_torque(self) -> Array:
+        """τ in body axes, shape (m, a, b, 3)."""
+        wide = (slice(None), None, None)
+        momentum = (self.size[:, None, None] * self.polhode.z)[:, :, None]
+        return torque(self.polhode.side, self.rotation, momentum, self.flow[wide], self.gradient[wide])
+
+    @cached_property
+    def perturbation(self) -> Array:
+        """Rates in slow time of (L in its frame, y, α, β), shape (m, a, b, 6)."""
+        p, tau = self.polhode, self.body_torque
+        size, slope = self.size[:, None, None], p.slope[:, None, None]
+        i, h = p.side.inverse_inertia, p.h[:, None, None]
+        z, dz, yz = p.z[:, :, None], p.along[:, :, None], p.beside.z[:, :, None]
+        rate_l = np.einsum("mabij,mabj->mabi", self.rotation, tau)
+        rate_y = 2 / (size * slope) * np.sum((i - h[..., None]) * z * tau, axis=-1)
+        across = np.sum(tau * dz, axis=-1) / size - rate_y * np.sum(yz * dz, axis=-1)
+        rate_a = across / np.sum(dz * dz, axis=-1)
+        rate_b = -rate_a * self.turn_along[:, :, None] - rate_y * self.turn_beside[:, :, None]
+        return np.concatenate([rate_l, np.stack([rate_y, rate_a, rate_b], axis=-1)], axis=-1)
+
+    @property
+    def turn_along(self) -> Array:
+        """Turn of S about e₃ per α, shape (m, 1)."""
+        p = self.polhode
+        return ((p.h - p.precession) / p.rate)[:, None]
+
+    @cached_property
+    def turn_beside(self) -> Array:
+        """Turn of S about e₃ per y, shape (m, a)."""
+        z, dz = self.polhode.z, self.polhode.beside.z
+        return self.polhode.beside.lead + (z[..., 0] * dz[..., 1] - z[..., 1] * dz[..., 0]) / (1 + z[..., 2])
+
+    @cached_property
+    def inverses(self) -> Array:
+        """1/D, and 1/D² twice, of D = k₁ν₁ + k₂ν₂, shape (3, m, a, b), or what stands for them in masked modes.
+
+        Zero for the mean, for Nyquist modes, for k₁ + k₂ odd, and where D is too small. Of those of second order the
+        first comes from the change of l, the other from that of y.
+        """
+        rate, precession = (each[:, None, None] for each in (self.polhode.rate, self.polhode.precession))
+        k1 = np.fft.fftfreq(self.polhode.nodes, 1 / self.polhode.nodes)[:, None]
+        k2 = np.fft.fftfreq(PRECESSIONS, 1 / PRECESSIONS)
+        divisor = k1 * rate + k2 * precession
+        left_out = ((k1 + k2) % 2 != 0) | ((k1 == 0) & (k2 == 0))
+        left_out |= (k1 == -(self.polhode.nodes // 2)) | (k2 == -(PRECESSIONS // 2))
+        over = 1 / np.where(left_out | (np.abs(divisor) < SMALLEST_DIVISOR * precession), np.inf, divisor)
+        inverses = np.array([over, over**2, over**2])
+        for mask in self.masks:
+            for k in ((mask.k1, mask.k2), (-mask.k1, -mask.k2)):
+                d = divisor[:, k[0], k[1]]
+                inverses[:, :, k[0], k[1]] = mask.mean_inverses(d) if self.averaging else mask.inverses(d)
+        return inverses
+
+    @cached_property
+    def spectrum(self) -> Array:
+        """Fourier coefficients of `perturbation`, shape (m, a, b, 6)."""
+        return np.fft.fft2(self.perturbation, axes=(1, 2), norm="forward")
+
+    @cached_property
+    def generator_spectrum(self) -> Array:
+        """Fourier coefficients of the generator U of (L, y, α, β), shape (m, a, b, 6)."""
+        p, size = self.polhode, self.size[:, None, None, None]
+        once, longer, other = self.inverses[..., None]
+        u = -1j * self.spectrum * once / size
+        rates = np.stack([p.rate, p.precession], axis=-1)[:, None, None]
+        changes = np.stack([p.beside.rate, p.beside.precession], axis=-1)[:, None, None]
+        growth, rise = self.spectrum[..., 2:3] / size, self.spectrum[..., 3:4]
+        u[..., 4:] -= (rates * growth * longer + changes * rise * other) / size
+        return u
+
+    @cached_property
+    def ambient(self) -> tuple[Array, Array]:
+        """The generator as changes of L and turns of R, in the frame of L, shapes (m, a, b, 3), over all phases."""
+        return self.along(np.fft.ifft2(self.generator_spectrum, axes=(1, 2), norm="forward").real)
+
+    @cached_property
+    def ambient_here(self) -> tuple[Array, Array]:
+        """The generator at the states themselves: changes of L and turns of R, in the frame of L, shapes (m, 3)."""
+        change, turn = self.along(self.generator_spectrum.sum(axis=(1, 2)).real[:, None, None])
+        return change[:, 0, 0], turn[:, 0, 0]
+
+    def along(self, u: Array) -> tuple[Array, Array]:
+        """Changes of (L, y, α, β), shape (m, a, b, 6), as changes of L and turns of R in the frame of L."""
+        a, b = u.shape[1:3]
+        p = self.polhode
+        z, dz, yz = (part[:, :a, None] for part in (p.z, p.along, p.beside.z))
+        turn = u[..., 4:5] * (np.cross(dz, z) + self.turn_along[:, :, None, None] * z)
+        turn = turn + u[..., 3:4] * (np.cross(yz, z) + self.turn_beside[:, :a, None, None] * z) + u[..., 5:6] * z
+        turned = np.einsum("mabij,mabj->mabi", self.rotation[:, :a, :b], turn)
+        over = 1 / self.size[:, None, None]
+        tilt = np.stack([-u[..., 1] * over, u[..., 0] * over, np.zeros_like(u[..., 0])], axis=-1)
+        return u[..., :3], turned + tilt
+
+
+def least_rotation(z: Array) -> Array:
+    """Rotations, shape (..., 3, 3), about an axis normal to e₃ that carry z, shape (..., 3), z₃ > -1, to e₃."""
+    x, y, c = np.moveaxis(z, -1, 0)
+    k = 1 / (1 + c)
+    rows = [[1 - k * x * x, -k * x * y, -x], [-k * x * y, 1 - k * y * y, -y], [x, y, c]]
+    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+
+
+def torque(side: Side, rotation: Array, momentum: Array, flow: Array, gradient: Array) -> Array:
+    """Torque in body axes, shape (..., 3) (`ultima`, `jw1`–`jw3`).
+
+    Parameters
+    ----------
+    side : Side
+    rotation : ndarray, shape (..., 3, 3)
+        Body to frame.
+    momentum : ndarray, shape (..., 3)
+        L in body axes.
+    flow, gradient : ndarray, shape (..., 3)
+        The flow's x and y in the frame.
+    """
+    x = np.einsum("...ij,...i->...j", rotation, flow)
+    y = np.einsum("...ij,...i->...j", rotation, gradient)
+    squares = side.squares
+    spin = [
+        (squares[j] * x[..., k] * y[..., j] - squares[k] * x[..., j] * y[..., k]) / (squares[j] + squares[k])
+        for j, k in ((1, 2), (2, 0), (0, 1))
+    ]
+    return side.drag * (np.stack(spin, axis=-1) - side.inverse_inertia * momentum)

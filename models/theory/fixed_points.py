@@ -1,0 +1,100 @@
+"""Fixed points of the slow manifold: uniform rotation about a principal axis along the ambient vorticity."""
+
+from dataclasses import dataclass
+from math import pi
+from typing import Literal
+
+from polhode.models.shape import Ellipsoid
+
+Rotation = Literal[
+    "longest axis", "middle axis", "shortest axis", "symmetry axis", "equatorial axis", "any axis of a sphere"
+]
+Stability = Literal["stable node", "saddle", "singular"]
+
+_BY_LENGTH: tuple[Rotation, ...] = ("longest axis", "middle axis", "shortest axis")
+
+
+@dataclass(frozen=True)
+class FixedPoint:
+    """One fixed point of the averaged equations, where the body turns with the fluid, ω = -½ ẑ.
+
+    Parameters
+    ----------
+    rotation : str
+        The body axis along the vorticity; a spheroid spins about its symmetry axis and tumbles about another one.
+    variables : tuple of str, length d
+        Slow variables in which the point is given: E of a triaxial ellipsoid, η of a spheroid (`lxmain`–`emain`,
+        `lxsmain`–`nsmain`), L alone of a sphere.
+    state : tuple of float, length d
+        Where it lies, in the units of `Observables`.
+    eigenvalues : tuple of float
+        Of the linearised equations, per unit of slow time, in the order of the paper: those along L_x and L_y first.
+        A singular point has these two alone.
+    """
+
+    rotation: Rotation
+    variables: tuple[str, ...]
+    state: tuple[float, ...]
+    eigenvalues: tuple[float, ...]
+
+    @property
+    def stability(self) -> Stability:
+        """Stable node, saddle, or singular, where the equations have no linear approximation."""
+        if len(self.eigenvalues) < len(self.state):
+            return "singular"
+        return "stable node" if max(self.eigenvalues) < 0 else "saddle"
+
+
+def fixed_points(ellipsoid: Ellipsoid) -> tuple[FixedPoint, ...]:
+    """All fixed points of the averaged equations of an ellipsoid.
+
+    A triaxial ellipsoid has three, from the longest to the shortest axis (section `elsa`); the one of the middle axis
+    is singular, see `polhode.models.theory.separatrix`. A spheroid has a pair of spinning ones and a tumbling one
+    (`spinmode_sph`, `tumbmode_sph`, with L_z = -I_a/2 and -I_e/2), a sphere one.
+    """
+    if ellipsoid.kind == "sphere":
+        momentum = (0.0, 0.0, -ellipsoid.inertia[0] / 2)
+        return (FixedPoint("any axis of a sphere", ("Lx", "Ly", "Lz"), momentum, eigenvalues(ellipsoid, 0)[:3]),)
+    if ellipsoid.symmetry_axis is None:
+        return tuple(
+            FixedPoint(
+                rotation,
+                ("Lx", "Ly", "Lz", "E"),
+                (0.0, 0.0, -ellipsoid.inertia[axis] / 2, ellipsoid.inertia[axis] / 8),
+                eigenvalues(ellipsoid, axis)[: 2 if rotation == "middle axis" else 4],
+            )
+            for axis, rotation in zip(ellipsoid.order, _BY_LENGTH, strict=True)
+        )
+    axial, equatorial = ellipsoid.symmetry_axis, (ellipsoid.symmetry_axis + 1) % 3
+    return tuple(
+        FixedPoint(
+            "symmetry axis" if eta else "equatorial axis",
+            ("Lx", "Ly", "Lz", "eta"),
+            (0.0, 0.0, -ellipsoid.inertia[axis] / 2, eta),
+            eigenvalues(ellipsoid, axis),
+        )
+        for axis, eta in ((axial, 0.5), (axial, -0.5), (equatorial, 0.0))
+    )
+
+
+def eigenvalues(ellipsoid: Ellipsoid, axis: int) -> tuple[float, float, float, float]:
+    """Eigenvalues λ₁₋₄ of uniform rotation about a body axis along the vorticity, per unit of slow time.
+
+    The paper's lists for the longest and the shortest axis of an ellipsoid (section `elsa`) and for the spinning and
+    the tumbling spheroid (section `lsds`) are one formula. About the middle axis of a triaxial ellipsoid only the
+    first two hold, as limits that are approached like 1/log.
+    """
+    squares, inertia, resistance = (
+        [length * length for length in ellipsoid.scaled_axes],
+        ellipsoid.inertia,
+        ellipsoid.resistance,
+    )
+    along_x, along_y, wobble = 0.0, 0.0, 0.0
+    for other in ((axis + 1) % 3, (axis + 2) % 3):
+        third = 3 - axis - other
+        share = squares[third] / (squares[axis] + squares[third])
+        along_x += resistance[other] * share
+        along_y += resistance[other] * (1 - share)
+        wobble += resistance[other] * (inertia[axis] - inertia[other]) / inertia[other]
+    factor = -8 * pi / inertia[axis]
+    return factor * along_x, factor * along_y, factor * resistance[axis], factor * wobble

@@ -1,0 +1,89 @@
+"""The paper's first-order correction to a spheroid's slow motion (its appendix B), in corrected form."""
+
+from math import atan2
+
+import numpy as np
+
+from polhode.models.form import Form
+from polhode.models.forms.averaged_spheroid import AveragedSpheroid, slow_variables
+from polhode.models.forms.averaged_spheroid import field as averaged_field
+from polhode.models.forms.spheroid import Spheroid
+from polhode.models.observables import Observables, observe_slow
+from polhode.models.operations import Field, Operations
+from polhode.models.problem import Problem
+from polhode.models.scene import Scene
+
+# Rounding of a start meant to have L along the vorticity stays below this share of L.
+ALIGNED = 1e-14
+
+
+def field(ops: Operations) -> Field:
+    """Averaged rates of (L_z, η) at L_x = L_y = 0, and of the phase Φ = ∫ L_z/I_e dt₂; p as in `averaged_spheroid`."""
+    averaged = ops.use(averaged_field)
+
+    def rhs(y, p):
+        zero = 0.0 * y[0]
+        _, _, lz, spin = averaged((zero, zero, y[0], y[1]), p)
+        return lz, spin, y[0] + zero
+
+    return rhs
+
+
+class CorrectedSpheroid(Form):
+    """State (L_z, η, Φ) in slow time: the averaged motion of L along the vorticity, and the phase of the precession.
+
+    To the slow L_z⁽⁰⁾ the observables add L_z⁽¹⁾/St with
+    L_z⁽¹⁾ = -2πY_c Λ h̄² (I_e/L_z⁽⁰⁾) sin 2(St Φ + φ₀) (`lzsfod2`, the phase taken along the slow solution, L_z signed);
+    the slow solution starts at L_z(0) - L_z⁽¹⁾(0)/St. The error of L_z and E is then O(St⁻²).
+
+    Not in the catalogue: L_x and L_y keep their O(1/St) error (the first-order correction of the paper leaves them at
+    0), so that as a whole the form is of no higher order than `averaged-spheroid`.
+    """
+
+    name = "averaged-spheroid-corrected"
+    summary = "averaged spheroid with L along the vorticity, and the first-order correction of L_z"
+    valid_for = "spheroids at large finite St with L along the vorticity; no orientation; corrects L_z and E alone"
+    state = ("Lz/Ie", "eta", "phase")
+    orientation = "none"
+    averaged = True
+
+    def check(self, scene: Scene) -> None:
+        """Refuse what `averaged-spheroid` refuses, and L off the vorticity axis."""
+        AveragedSpheroid().check(scene)
+        self.require_orientation(scene)
+        lx, ly, lz = scene.initial.angular_momentum[0]
+        if np.hypot(lx, ly) > ALIGNED * abs(lz):
+            raise self.refuse("the start has L off the vorticity axis", "averaged-spheroid")
+
+    def problem(self, scene: Scene) -> Problem:
+        """Initial value problem in slow time t₂ = t/St."""
+        self.check(scene)
+        averaged = AveragedSpheroid().problem(scene)
+        lz, spin = averaged.start[2:]
+        shift = float(_correction(scene, np.array([lz]), np.array([spin]), np.array([0.0]))[0])
+        return Problem(
+            name=self.name,
+            field=field,
+            start=(lz - shift, spin, 0.0),
+            end=scene.slow_time,
+            parameters=averaged.parameters,
+            time_unit=scene.stokes,
+        )
+
+    def observe(self, scene: Scene, states: np.ndarray) -> Observables:
+        """Observables with L_z corrected, without orientation."""
+        spheroid = Spheroid.of(scene.ellipsoid)
+        lz, spin, phase = states.T
+        corrected = (lz + _correction(scene, lz, spin, phase)) * spheroid.equatorial_inertia
+        momentum = np.stack([np.zeros_like(corrected), np.zeros_like(corrected), corrected], axis=1)
+        return observe_slow(slow_variables(spheroid, momentum, spin))
+
+
+def _correction(scene: Scene, lz: np.ndarray, spin: np.ndarray, phase: np.ndarray) -> np.ndarray:
+    """L_z⁽¹⁾/St in units of I_e, shape (n,)."""
+    spheroid = Spheroid.of(scene.ellipsoid)
+    x, y, _ = scene.initial_rotation[spheroid.axis]
+    angle = scene.stokes * phase + atan2(x, -y)
+    across2 = 1 - (spheroid.inertia_ratio * spin / lz) ** 2
+    amplitude = spheroid.equatorial_damping * spheroid.anisotropy * across2 / (4 * lz)
+    return -amplitude * np.sin(2 * angle) / scene.stokes

@@ -1,0 +1,66 @@
+"""Which equations, and which solver, for a massive ellipsoid tumbling in shear flow.
+
+The names that users type, imported on first use::
+
+    import polhode
+
+    solution = polhode.solve("paper")
+    print(polhode.pick("paper", 1e-6, "slow").ranking[0])
+"""
+
+from importlib import import_module
+from pkgutil import extend_path
+from typing import TYPE_CHECKING, Any
+
+# An installed polhode keeps its parts elsewhere than beside this file.
+__path__ = extend_path(__path__, __name__)
+
+if TYPE_CHECKING:
+    from polhode.harness.api import SceneSolution, pick, solve
+    from polhode.harness.work_precision import WorkPrecision
+    from polhode.models.problem import Problem
+    from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart
+    from polhode.models.shape import Ellipsoid
+
+    __version__: str
+
+__all__ = [
+    "BodyStart",
+    "Ellipsoid",
+    "EulerStart",
+    "Problem",
+    "Scene",
+    "SceneSolution",
+    "SlowStart",
+    "WorkPrecision",
+    "__version__",
+    "pick",
+    "solve",
+]
+
+_HOMES = {
+    "solve": "harness.api",
+    "pick": "harness.api",
+    "SceneSolution": "harness.api",
+    "WorkPrecision": "harness.work_precision",
+    "Scene": "models.scene",
+    "EulerStart": "models.scene",
+    "BodyStart": "models.scene",
+    "SlowStart": "models.scene",
+    "Ellipsoid": "models.shape",
+    "Problem": "models.problem",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("polhode")
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"polhode.{_HOMES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

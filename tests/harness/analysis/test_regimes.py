@@ -1,0 +1,248 @@
+"""The regime map, on records with known winners."""
+
+import re
+from dataclasses import replace
+from math import isnan, nan
+
+import numpy as np
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+
+from polhode.harness.analysis.regime_map import Method, cells, cost, front, parts, sentences, standings
+from polhode.harness.commands.regimes import ahead, regimes
+from polhode.harness.common.store import Store
+from polhode.harness.pages.regime_text import horizon, scatter
+from polhode.harness.pages.regimes import COLORS, draw, picture, write_page
+from polhode.harness.studies.study import read_study
+from polhode.models.catalogue import form as find_form
+
+TOLERANCES = [10.0**-k for k in range(2, 13)]
+SURROUNDINGS = {"machine": {"processor": "x", "cores": 2, "system": "y", "python": "3"}, "versions": {"numpy": "2"}}
+
+
+def runs(form: str, solver: str, stokes: float, seconds: float, slope: float, floor: float = 0.0) -> list[dict]:
+    """Records of a method whose time is seconds · error^(-slope), down to a floor of its error."""
+    return [
+        {
+            "scene_name": "ellipsoid",
+            "stokes": stokes,
+            "form": form,
+            "solver": solver,
+            "tolerance": tolerance,
+            "status": "reached_end",
+            "seconds": seconds * tolerance**-slope,
+            "slow_error": max(tolerance, floor),
+            "orientation_error": nan if floor else tolerance,
+            "slow_uncertainty": 1e-14,
+            "orientation_uncertainty": 1e-11,
+            "sentinel_seconds": 1e-3,
+        }
+        for tolerance in TOLERANCES
+    ]
+
+
+@pytest.fixture
+def table() -> pd.DataFrame:
+    stiff = runs("quaternion", "cyrk-radau", 1e-3, 1e-4, 0.2) + runs("quaternion", "taylor", 1e-3, 1e-1, 0.0)
+    middle = runs("quaternion", "cyrk-radau", 1e3, 1e-1, 0.2) + runs("quaternion", "taylor", 1e3, 1e-3, 0.02)
+    middle += runs("quaternion", "cyrk-vern8", 1e3, 1.1e-3, 0.02)
+    large = runs("averaged", "taylor", 1e6, 1e-4, 0.0, floor=1e-5) + runs("averaged", "ida", 1e6, 1e-2, 0.0, floor=1e-5)
+    large += runs("quaternion", "taylor", 1e6, 1.0, 0.02)
+    return pd.DataFrame(stiff + middle + large)
+
+
+def test_cost_is_interpolated_along_the_power_law():
+    points = front(pd.DataFrame(runs("quaternion", "taylor", 1.0, 2.0, 0.25)), "slow_error")
+    assert cost(points, 3e-6) == pytest.approx(2.0 * 3e-6**-0.25, rel=1e-12)
+    assert cost(points, 1.0) == pytest.approx(2.0 * 1e-2**-0.25)
+    assert isnan(cost(points, 1e-13))
+    assert isnan(cost(np.empty((0, 2)), 1e-3))
+
+
+def test_runs_that_another_one_beats_do_not_count():
+    spoilt = runs("quaternion", "taylor", 1.0, 2.0, 0.25)
+    spoilt.append({**spoilt[3], "seconds": 1e3, "slow_error": 2e-4})
+    spoilt.append({**spoilt[3], "seconds": 1e-9, "slow_error": 1e-9, "status": "time_limit"})
+    points = front(pd.DataFrame(spoilt), "slow_error")
+    assert len(points) == len(TOLERANCES)
+    assert points[:, 1].tolist() == sorted(points[:, 1].tolist())
+
+
+def test_winners_leads_and_ties(table: pd.DataFrame):
+    found = {(cell.stokes, cell.target): cell for cell in cells(table, "slow_error")}
+    stiff, middle, large = (found[stokes, 1e-4] for stokes in (1e-3, 1e3, 1e6))
+    assert stiff.winner == Method("quaternion", "cyrk-radau")
+    assert stiff.lead == pytest.approx(1e-1 / (1e-4 * 1e-4**-0.2))
+    assert not stiff.tied
+    assert (middle.winner, middle.second) == (Method("quaternion", "taylor"), Method("quaternion", "cyrk-vern8"))
+    assert middle.tied
+    assert middle.lead == pytest.approx(1.1)
+    assert large.winner == Method("averaged", "taylor")
+    # Another solver of the same averaged form is not another way: the lead is that over the full equations.
+    assert large.second == Method("quaternion", "taylor")
+    assert found[1e6, 1e-6].winner == Method("quaternion", "taylor")
+    sides = [cell.winner.side for cell in (stiff, middle, large) if cell.winner]
+    assert sides == ["implicit", "explicit", "averaged"]
+
+
+def test_nobody_wins_where_the_reference_cannot_tell(table: pd.DataFrame):
+    found = {(cell.stokes, cell.target): cell for cell in cells(table, "orientation_error")}
+    assert found[1e3, 1e-9].winner is not None
+    assert found[1e3, 1e-11].winner is None
+    assert not found[1e3, 1e-11].known
+    assert found[1e6, 1e-2].winner == Method("quaternion", "taylor")
+
+
+def test_sentences_name_each_side(table: pd.DataFrame):
+    implicit, explicit, averaged = sentences(cells(table, "slow_error"), "slow")
+    assert implicit.startswith("An implicit solver wins")
+    assert ", at St = 0.001, by a factor" in implicit
+    assert "from St = 1000 to 1e6" in explicit
+    assert averaged.startswith("An averaged form wins 4 of 33 cells")
+    assert sentences([], "slow")[0] == "An implicit solver never wins (slow)."
+
+
+def test_every_cell_is_drawn_in_its_winners_colour(table: pd.DataFrame):
+    import matplotlib.pyplot as plt
+    from matplotlib.colors import to_hex
+    from matplotlib.patches import Rectangle
+
+    figure, axes = plt.subplots()
+    found = cells(table, "slow_error")
+    draw(axes, found)
+    boxes = [patch for patch in axes.patches if isinstance(patch, Rectangle)]
+    expected = [COLORS[cell.winner.label].lower() if cell.winner else None for cell in found]
+    assert [to_hex(box.get_facecolor()) for box in boxes] == expected
+    plt.close(figure)
+
+
+def test_colours_are_known_for_every_method_of_the_study():
+    study = read_study(None, "regimes")
+    labels = {Method(form, solver).label for form in study.forms for solver in study.solvers}
+    assert labels <= set(COLORS)
+
+
+def test_the_study_covers_the_range_within_the_horizon():
+    study = read_study(None, "regimes")
+    numbers = sorted({scene.stokes for _, scene in study.scenes})
+    assert (numbers[0], numbers[-1]) == (1e-4, 1e8)
+    assert np.allclose(np.diff(np.log10(numbers)), 1)
+    assert all(scene.time <= 5e6 for _, scene in study.scenes)
+
+
+def test_averaged_forms_are_left_out_where_slow_time_is_endless():
+    for part in parts(read_study(None, "regimes")):
+        ((_, scene),) = part.scenes
+        assert any(find_form(name).averaged for name in part.forms) == (scene.stokes >= 1)
+
+
+def test_every_method_stands_somewhere_whether_it_wins_or_not(table: pd.DataFrame):
+    lost = {**runs("quaternion", "ida", 1e3, 1.0, 0.0)[0], "status": "time_limit", "seconds": nan, "slow_error": nan}
+    beaten = runs("quaternion", "lsoda", 1e3, 5.0, 0.02)
+    table = pd.concat([table, pd.DataFrame([lost, *beaten])])
+    found = cells(table, "slow_error")
+    rows = {str(row.method): row for row in standings(table, "slow_error", found)}
+    assert set(rows) == {f"{form}, {solver}" for form, solver in zip(table["form"], table["solver"], strict=True)}
+    assert sum(row.won for row in rows.values()) == sum(cell.winner is not None for cell in found)
+    taylor = rows["quaternion, taylor"]
+    assert (taylor.won, taylor.tied) == (18, 0)
+    assert (taylor.front, taylor.measured, taylor.failures) == (2, 3, {})
+    assert rows["quaternion, cyrk-vern8"].tied == len(TOLERANCES)
+    assert rows["quaternion, cyrk-vern8"].front == 0
+    assert (rows["quaternion, lsoda"].front, rows["quaternion, lsoda"].won) == (0, 0)
+    assert rows["quaternion, ida"].failures == {"time_limit": 1}
+
+
+def test_methods_without_a_colour_of_their_own_and_any_st_are_drawn():
+    import matplotlib.pyplot as plt
+
+    table = pd.DataFrame(runs("quaternion", "lsoda", 50.0, 1.0, 0.1) + runs("quaternion", "lsoda", 0.0, 1.0, 0.1))
+    panels = [cells(table, error) for error in ("orientation_error", "slow_error")]
+    drawing = picture(panels, {0.0: 20.0, 50.0: 25.0})
+    below = [text.get_text() for text in drawing.axes[1].texts if text.get_position()[1] < 0]
+    assert below[:9] == ["St", "0", "50", "$t$", "20", "25", "$t_2$", "∞", "0.5"]
+    plt.close(drawing)
+
+
+def test_the_page_is_written_from_records(table: pd.DataFrame, tmp_path):
+    study = read_study(None, "regimes")
+    study = replace(study, scenes=tuple(pair for pair in study.scenes if pair[0] == "ellipsoid"))
+    records = [{**row, **SURROUNDINGS} for row in table.to_dict("records")]
+    page = write_page(study, records, tmp_path, "polhode regimes").read_text(encoding="utf-8")
+    assert "An averaged form wins 4 of 33 cells" in page
+    assert re.search(r"\| quaternion +\| cyrk-vern8 +\| +0 / 0 \|", page)
+    assert {path.name for path in tmp_path.iterdir()} == {"README.md", "ellipsoid.png", "cells.csv", "runs.csv"}
+
+
+def test_a_shorter_slow_time_is_told_on_the_page_and_in_the_figure():
+    import matplotlib.pyplot as plt
+
+    scenes = [scene for name, scene in read_study(None, "regimes").scenes if name == "ellipsoid"]
+    remark = " ".join(horizon(scenes))
+    assert "t₂ = 0.05 at St = 1e7, 0.005 at St = 1e8 instead of 0.5" in remark
+    assert horizon([scene for scene in scenes if scene.stokes <= 1e6]) == []
+    times = {scene.stokes: scene.time for scene in scenes}
+    table = pd.DataFrame([row for stokes in times for row in runs("quaternion", "taylor", stokes, 1.0, 0.1)])
+    drawing = picture([cells(table, "slow_error")] * 2, times)
+    bold = [text.get_text() for text in drawing.axes[1].texts if text.get_weight() == "bold"]
+    assert bold == ["5e5", "5e5", "0.05", "0.005"]
+    plt.close(drawing)
+
+
+def test_the_scatter_of_equal_work_is_that_put_in():
+    generator = np.random.default_rng(1)
+    pace, noise = np.exp(generator.normal(0, 0.2, 4000)), np.exp(generator.normal(0, 0.03, 4000))
+    own = runs("averaged-spheroid", "taylor", 1.0, 2.0, 0.1)[0] | {"scene.time": 0.5}
+    rows = [
+        own | {"stokes": 1.0 + i, "scene.time": 0.5 * (1 + i), "seconds": 2.0 * fast * jump, "sentinel_seconds": fast}
+        for i, (fast, jump) in enumerate(zip(pace.tolist(), noise.tolist(), strict=True))
+    ]
+    found = scatter(pd.DataFrame(rows))
+    assert found == pytest.approx((np.hypot(0.2, 0.03), 0.03), rel=0.05)
+    assert scatter(pd.DataFrame(rows[:1])) is None
+
+
+def test_a_millisecond_is_written_as_one():
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots()
+    draw(axes, cells(pd.DataFrame(runs("quaternion", "taylor", 1.0, 0.9998e-3, 0.0)), "slow_error"))
+    assert {text.get_text() for text in axes.texts} == {"1.0 ms", "alone"}
+    plt.close(figure)
+
+
+STUDY = """
+name = "few"
+title = "Few"
+tolerances = [1e-4]
+forms = ["spheroid-axis"]
+solvers = ["taylor"]
+
+[[scenes]]
+name = "spheroid"
+stokes = [1.0, 10.0]
+time = 1.0
+shape.semi_axes = [1.0, 1.0, 2.0]
+start.euler_angles = [1.0, 0.5, 0.0]
+start.euler_rates = [1.0, 1.0, 1.0]
+"""
+
+
+def test_resume_tells_how_much_is_ahead_and_shows_no_cases_of_an_older_study(tmp_path):
+    file, out = tmp_path / "few.toml", tmp_path / "out"
+    file.write_text(STUDY, encoding="utf-8")
+    study = read_study(file)
+    result = {"seconds": 1e-3, "slow_error": 1e-5, "orientation_error": 1e-5, "status": "reached_end"}
+    result |= {"slow_uncertainty": 1e-14, "orientation_uncertainty": 1e-12, "sentinel_seconds": 1e-3, **SURROUNDINGS}
+    with Store(out / "store.sqlite") as store:
+        assert "holds 0 of 2 cases, 2 are measured now" in ahead(study, store)
+        for case in (case for batch in study.batches() for case in batch):
+            store.put(case.key, case.content, result)
+    file.write_text(STUDY.replace("[1.0, 10.0]", "[1.0]"), encoding="utf-8")
+    done = CliRunner().invoke(regimes, [str(file), "--out", str(out), "--resume"])
+    assert done.exit_code == 0
+    assert "holds 1 of 1 cases, 0 are measured now" in done.stderr
+    assert pd.read_csv(out / "runs.csv")["stokes"].tolist() == [1.0]
+    assert set(pd.read_csv(out / "cells.csv")["St"]) == {1.0}
+    assert not re.search(r"^\| +10 \|", (out / "README.md").read_text(encoding="utf-8"), re.MULTILINE)

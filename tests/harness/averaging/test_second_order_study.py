@@ -1,0 +1,130 @@
+"""The study of second-order averaging: its rows come back from its files, its page tells what they say."""
+
+import re
+from dataclasses import replace
+from math import isnan, nan
+
+import pytest
+
+from polhode.harness.averaging import study
+from polhode.harness.averaging.cost import Cost, costs
+from polhode.harness.averaging.findings import findings
+from polhode.harness.averaging.resonances import CASES, ResonantRow, measure, timed_anew
+from polhode.harness.averaging.second_orders import Row, slopes
+from polhode.harness.pages.second_order import page
+
+ROWS = [
+    Row(
+        "1:1:2",
+        "paper",
+        0.1,
+        stokes,
+        1e2 / stokes**2,
+        1 / stokes,
+        1 / stokes,
+        1.5e2 / stokes**2,
+        8 / stokes,
+        1e-17,
+        1e-16,
+    )
+    for stokes in (1e4, 1e5, 1e6)
+]
+PASSED = ResonantRow("1:0.8:0.5", "ω", 0.1, 1e5, "(-3, 1)", 2e-4, 7e-6, 2e-5, 3.5e-4, 7e-3, 0.1, 0.03, 1.5, "")
+REFUSED = ResonantRow(
+    "1:0.6:0.4", "ω", 0.03, 1e4, "", nan, nan, nan, nan, nan, nan, nan, nan, "St = 10000 is too small"
+)
+COST = [
+    Cost("averaged-second-order", "taylor", 1e-9, 1e3, 11, 4e-4, 5e-4, nan),
+    Cost("averaged-second-order", "taylor", 1e-9, 1e6, 11, 5e-4, 6e-4, 8e-9),
+    Cost("averaged-spheroid", "taylor", 1e-9, 1e6, 11, 5e-5, 1e-4, 2e-5),
+    Cost("spheroid-axis", "taylor", 1e-8, 1e6, 11, 0.4, 0.42, 4e-9),
+    Cost("spheroid-axis", "cyrk-vern8", 1e-8, 1e6, 11, 0.2, 0.21, 4e-7),
+]
+HERE = {
+    "date": "2026-05-04T03:02:01Z",
+    "machine": {"processor": "abacus", "cores": 1, "system": "wood", "python": "3.11"},
+    "versions": {"polhode": "0.1.0"},
+    "repeats": 3,
+}
+TIMED = {"passages": HERE, "cost": HERE}
+
+
+def results() -> study.Results:
+    return study.Results(ROWS, [PASSED], [REFUSED], COST, TIMED)
+
+
+def test_data_come_back(tmp_path):
+    study.write(tmp_path, results())
+    assert repr(study.read(tmp_path)) == repr(results())
+
+
+def test_the_page_shows_every_kind_of_row(tmp_path):
+    study.write(tmp_path, results())
+    text = (tmp_path / "README.md").read_text(encoding="utf-8")
+    assert "Measured on 2026-05-04 on abacus, 1 cores" in text
+    (row,) = re.findall(r"\| 1:0.8:0.5 .*", text)
+    assert [cell.strip() for cell in row.split("|")][10:-1] == ["50", "7.0e-3", "0.1", "1.5 s", "30 ms"]
+    assert "- 1:0.6:0.4, ω, St = 10000, up to t₂ = 0.03: St = 10000 is too small." in text
+    assert re.search(r"\| +-2\.00 \|", text)
+    assert "The fastest of 3 runs" in text
+    once = page(ROWS, slopes(ROWS), [PASSED], [], [], {**TIMED, "passages": {**HERE, "repeats": 1}})
+    assert "alone. One run;" in once
+    assert "## Cost" not in once
+
+
+def test_findings_are_those_of_the_numbers():
+    orders, estimates, gains, crossings, there, share, steady, compared = findings(
+        ROWS, slopes(ROWS), [PASSED], [replace(PASSED, slow=3.5e-5), REFUSED], COST
+    )
+    assert orders.startswith("Spheroids, 1 starts: the slow error falls like St^-2.00 to St^-2.00")
+    assert "away from resonances: 1.5 to 1.5 times the slow error measured, 8 to 8 times the orientation's" in estimates
+    assert "50 to 50 times smaller" in gains
+    assert "10 to 10 times smaller" in crossings
+    assert "Refused at all St: 1 of 2 runs" in crossings
+    assert "0.57 to 2.9 times the slow error" in there
+    assert "the integration takes 2 to 2 %" in share
+    assert "500 µs to 600 µs at St from 1000 to 1e6: at the largest St 1.20 times" in steady
+    assert "210 ms for a slow error of at most 1e-6 (`cyrk-vern8`, the fastest of 2 solvers), 350 times" in compared
+    assert findings([], [], [], [], []) == []
+
+
+def test_the_times_alone_are_measured_anew():
+    row = measure(CASES[1], 1e4)
+    assert row.modes == "(-4, 2)"
+    assert row.slow < row.estimated_slow < row.first_order_slow / 20
+    assert row.orientation < row.estimated_orientation
+    assert 0 < row.integration < row.seconds
+    old = replace(row, integration=nan, seconds=1e9)
+    new, refused = timed_anew(CASES, [old, REFUSED])
+    assert 0 < new.integration < new.seconds < 1e9
+    assert replace(new, integration=row.integration, seconds=row.seconds) == row
+    assert refused is REFUSED
+
+
+def test_costs_have_one_row_for_each_form_solver_and_st():
+    found = list(costs(exponents=(3, 4), compared=1e4))
+    assert [(each.form, each.stokes) for each in found[:3]] == [
+        ("averaged-second-order", 1e3),
+        ("averaged-second-order", 1e4),
+        ("averaged-spheroid", 1e4),
+    ]
+    assert len({(each.form, each.solver, each.stokes) for each in found}) == len(found) == 6
+    assert all(0 < each.integration < each.seconds for each in found)
+    assert isnan(found[0].slow)
+    assert found[1].slow < found[2].slow / 10
+    assert max(each.slow for each in found[3:]) <= 1e-6
+
+
+def test_options_that_make_no_sense_are_one_line(tmp_path, capsys):
+    for arguments in (["--page-only", "--out", str(tmp_path)], ["--page-only", "--times"], ["--slow"]):
+        with pytest.raises(SystemExit) as stopped:
+            study.main(arguments)
+        assert stopped.value.code == 2
+    told = capsys.readouterr().err
+    assert "timed.json: No such file or directory, expected the data that the study writes" in told
+    assert "not allowed with argument --page-only" in told
+    study.write(tmp_path, results())
+    (tmp_path / "cost.csv").write_text("form,solver\n")
+    with pytest.raises(SystemExit):
+        study.main(["--times", "--out", str(tmp_path)])
+    assert "cost.csv: got no column 'tolerance'" in capsys.readouterr().err

@@ -1,0 +1,154 @@
+"""How good `pick` is held to be: outcomes of scenes held out, their judgement, and the page about them."""
+
+from dataclasses import replace
+from math import inf
+
+import pytest
+
+from polhode.harness.calibration.heldout import (
+    FINAL,
+    FINALISTS,
+    Answer,
+    Evaluation,
+    Outcome,
+    Prediction,
+    answer,
+    finalists,
+    judge,
+)
+from polhode.harness.calibration.heldout import studies as held_out_studies
+from polhode.harness.calibration.scenes import HELD_OUT_SCENES, HELD_OUT_SEED, TRAINING_SCENES, questions
+from polhode.harness.commands.laws import heldout, laws
+from polhode.harness.common.text import scientific
+from polhode.harness.pages.pick import summary, write_pages
+from polhode.harness.picking.laws import Interval, load_laws
+from polhode.harness.picking.ranking import Recommendation, Row
+
+
+def a_record(question, solver, tolerance, seconds, error):
+    """Record of a run of the quaternion form."""
+    return {
+        "scene_name": question.name,
+        "form": "quaternion",
+        "solver": solver,
+        "tolerance": tolerance,
+        "status": "reached_end",
+        "seconds": seconds,
+        f"{question.want}_error": error,
+    }
+
+
+@pytest.mark.parametrize(
+    ("own_error", "own_seconds", "met", "factor"),
+    [(0.5, 3.0, True, 1.5), (2.0, 3.0, False, 1.5), (0.5, 1.0, True, 1.0)],
+)
+def test_held_out_judgement(own_error, own_seconds, met, factor):
+    """Of three runs the cheapest that meets the error counts as the best; the first choice may be it."""
+    question = questions(HELD_OUT_SEED, 1)[0]
+    interval = Interval(1.0, 0.5, 2.0)
+    row = Row("quaternion", "taylor", 1e-9, interval, interval, 1.0, False, "")
+    told = Answer(question, Recommendation(question.want, question.error, 1.0, 1.0, (row,), ()), "")
+    records = [
+        a_record(question, "taylor", 1e-9, own_seconds, own_error * question.error),
+        a_record(question, "cyrk-vern8", 1e-9, 2.0, 0.9 * question.error),
+        a_record(question, "cyrk-vern8", 1e-6, 0.1, 90 * question.error),
+    ]
+    lawless = replace(load_laws(), methods={})
+    last = [{**record, "scene": None, "scene_name": question.name + FINAL} for record in records]
+    (outcome,) = judge([told], [], last, lawless).outcomes
+    assert outcome.met is met
+    assert outcome.factor == pytest.approx(factor)
+
+
+@pytest.mark.parametrize(("error", "met"), [(0.5, False), (2.0, True)])
+def test_refusal_counts_as_met_only_if_nothing_meets_the_error(error, met):
+    question = questions(HELD_OUT_SEED, 1)[0]
+    best = a_record(question, "taylor", 1e-9, 1.0, error * question.error)
+    outcome = Outcome(Answer(question, None, "not attainable"), None, None if error > 1 else best)
+    assert outcome.met is met
+
+
+def test_held_out_shares_and_pages(tmp_path):
+    """Two scenes, one of them a failure; three runs, one of them predicted badly."""
+    question = questions(HELD_OUT_SEED, 1)[0]
+    good = a_record(question, "taylor", 1e-9, 1.0, 0.5 * question.error)
+    interval = Interval(1.0, 0.5, 2.0)
+    row = Row("quaternion", "taylor", 1e-9, interval, interval, 1.0, False, "")
+    told = Answer(question, Recommendation(question.want, question.error, 1.0, 1.0, (row,), ()), "")
+    outcomes = Outcome(told, good, good), Outcome(told, None, good)
+    predictions = tuple(
+        Prediction({**good, "seconds": 2 * seconds}, seconds, interval, Interval(1e-7, 1e-8, 1e-6), error)
+        for seconds, error in ((1.4, 1e-7), (0.7, 1e-5), (1.6, 1e-9))
+    )
+    found = Evaluation(outcomes, predictions)
+    assert (found.met, found.cheap) == (0.5, 0.5)
+    assert found.predicted == pytest.approx(2 / 3)
+    assert found.predicted_as_timed == pytest.approx(1 / 3)
+    assert found.bounded == pytest.approx(2 / 3)
+    assert not found.reached
+    assert outcomes[1].factor == inf
+    page = write_pages(tmp_path, load_laws(), found, "polhode heldout").read_text(encoding="utf-8")
+    assert all(sentence in page for sentence in summary(found))
+    assert (tmp_path / "predicted.png").stat().st_size > 10_000
+    assert len((tmp_path / "scenes.csv").read_text().splitlines()) == 3
+
+
+def test_what_is_not_known_is_a_dash_that_the_page_explains(tmp_path):
+    """A first choice that failed, one that no reference could judge, and a request that was refused."""
+    question = questions(HELD_OUT_SEED, 1)[0]
+    good = a_record(question, "taylor", 1e-9, 1.0, 0.5 * question.error)
+    unjudged = {**good, f"{question.want}_error": None}
+    interval = Interval(1.0, 0.5, 2.0)
+    row = Row("quaternion", "taylor", 1e-9, interval, interval, 1.0, False, "")
+    told = Answer(question, Recommendation(question.want, question.error, 7.0, 1.0, (row,), ()), "")
+    refused = Answer(question, None, "not attainable")
+    outcomes = Outcome(told, None, good), Outcome(told, unjudged, good), Outcome(refused, None, good)
+    outcomes += (Outcome(told, good, good),)
+    predictions = (Prediction(good, 1.0, interval, interval, 1e-7),)
+    page = write_pages(tmp_path, load_laws(), Evaluation(outcomes, predictions), "x").read_text(encoding="utf-8")
+    explained, _, table = page.partition("## The scenes")[2].partition("|")
+    assert "– stands for what is not known" in explained
+    cells = [[cell.strip() for cell in line.split("|")[1:-1]] for line in table.splitlines()[2:6]]
+    assert [(row[2], row[6], row[7]) for row in cells] == [
+        ("7", "–", "–"),
+        ("7", "–", "1.0 s"),
+        ("–", "–", "–"),
+        ("7", scientific(0.5 * question.error), "1.0 s"),
+    ]
+    assert cells[0][8] == "inf"
+
+
+def test_held_out_scene_is_measured_by_the_first_choice_and_by_tens():
+    told = answer(questions(HELD_OUT_SEED, 1)[0], load_laws())
+    assert told.recommendation is not None
+    first, *others = held_out_studies(told)
+    row = told.recommendation.ranking[0]
+    assert (first.forms, first.solvers, first.tolerances) == ((row.form,), (row.solver,), (row.tolerance,))
+    tolerances = [study.tolerances[0] for study in others]
+    assert tolerances == sorted(tolerances, reverse=True)
+    assert all(tolerance == float(f"{tolerance:.0e}") for tolerance in tolerances)
+
+
+def test_the_first_choice_and_the_cheapest_that_meet_the_error_go_into_the_finals():
+    told = answer(questions(HELD_OUT_SEED, 1)[0], load_laws())
+    question = told.question
+    assert told.recommendation is not None
+    row = told.recommendation.ranking[0]
+    dear = {"form": row.form, "samples": 201, "max_seconds": 1.0}
+    records = [
+        {**a_record(question, row.solver, row.tolerance, 9.0, 2 * question.error), **dear},
+        *({**a_record(question, "taylor", 10.0**-k, k, question.error / 2), **dear} for k in range(14, 0, -1)),
+        {**a_record(question, "cyrk-bdf", 1e-3, 0.1, 2 * question.error), **dear},
+        {"scene_name": question.name, "status": "step_limit", "form": "quaternion", "solver": "taylor"},
+    ]
+    first, *others = finalists(told, records)
+    assert (first.form, first.solver, first.tolerance) == (row.form, row.solver, row.tolerance)
+    assert [case.tolerance for case in others] == [10.0**-k for k in range(1, FINALISTS + 1)]
+    assert {case.scene_name for case in (first, *others)} == {question.name + FINAL}
+
+
+def test_the_commands_defaults_are_those_of_the_package():
+    """They stand there again so that `--help` needs no numerics."""
+    trained, held = ({option.name: option.default for option in command.params} for command in (laws, heldout))
+    assert trained["scenes"] == TRAINING_SCENES
+    assert (held["scenes"], held["seed"]) == (HELD_OUT_SCENES, HELD_OUT_SEED)

@@ -1,0 +1,83 @@
+"""`polhode doctor`: true about what is there, clear about what is not."""
+
+import json
+from dataclasses import replace
+from importlib.resources import files
+from pathlib import Path
+
+import pytest
+from commandline import Run
+
+from polhode.harness.commands import diagnosis as doctor
+from polhode.harness.commands.diagnosis import Cache, Steadiness, examine, look
+from polhode.harness.picking.laws import parse_laws
+from polhode.solvers.catalogue import SOLVERS
+
+
+def test_json_tells_versions_solvers_and_caches(polhode: Run, environment: dict[str, str]):
+    done = polhode("doctor", "--json")
+    assert (done.returncode, done.stderr) == (0, "")
+    found = json.loads(done.stdout)
+    assert [row["name"] for row in found["adapters"]] == list(SOLVERS)
+    assert found["versions"]["polhode"]
+    place = Path(environment["POLHODE_CACHE"])
+    assert [cache["folder"] for cache in found["caches"]] == [str(place / "references"), str(place / "heyoka")]
+    assert found["steadiness"]["ratio"] >= 1
+
+
+def test_page_is_plain_where_it_is_no_terminal(polhode: Run):
+    done = polhode("doctor")
+    assert done.returncode == 0
+    assert "\x1b" not in done.stdout
+    assert all(name in done.stdout for name in SOLVERS)
+
+
+def test_what_is_missing_is_named_with_its_remedy(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("polhode.solvers.contract.installed", lambda library: library != "CyRK")
+    found = examine(watch=0.0)
+    missing = [row["name"] for row in found.adapters if not row["available"]]
+    assert missing == [name for name in SOLVERS if name.startswith("cyrk-")]
+    assert "cyrk-vern8: cyrk is not installed: pip install cyrk" in found.advice
+
+
+def test_laws_are_named_for_what_they_are(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    """As `bench` and `laws` leave them: those that were merely rescaled count the runs, not the fit."""
+    own = tmp_path / "laws.json"
+    monkeypatch.setattr(doctor, "own_laws_path", lambda: own)
+    assert examine(watch=0.0).laws == "those of the package"
+    laws = parse_laws((files("polhode.harness.picking") / "laws.json").read_text(encoding="utf-8"))
+    fitted = {name: value for name, value in laws.source.items() if name != "refitted"}
+    replace(laws, source=fitted).save(own)
+    assert examine(watch=0.0).laws == f"fitted on this machine: {own}"
+    replace(laws, source={**fitted, "refitted": 412}).save(own)
+    assert examine(watch=0.0).laws == f"times rescaled by 412 runs of this machine: {own}"
+    own.write_text('{"schema": "of another version"}', encoding="utf-8")
+    assert examine(watch=0.0).laws == f"those of the package; passed over, since of another version: {own}"
+    own.write_text("{", encoding="utf-8")
+    assert examine(watch=0.0).laws.startswith("cannot be read")
+
+
+def test_a_cache_is_counted(tmp_path: Path):
+    (tmp_path / "deep").mkdir()
+    (tmp_path / "deep" / "one").write_bytes(b"12345")
+    (tmp_path / "two").write_bytes(b"123")
+    assert look("files", tmp_path) == Cache("files", tmp_path, files=2, size=8, writable=True)
+    absent = look("files", tmp_path / "not" / "yet")
+    assert (absent.files, absent.size, absent.writable) == (0, 0, True)
+
+
+def test_a_place_that_is_no_folder_is_no_cache(tmp_path: Path):
+    (tmp_path / "file").write_text("")
+    assert not look("files", tmp_path / "file" / "cache").writable
+
+
+@pytest.mark.parametrize(
+    ("ratio", "load", "steady"), [(1.0, 0.0, True), (1.02, None, True), (1.2, 0.0, False), (1.0, 2.0, False)]
+)
+def test_steadiness(ratio: float, load: float | None, steady: bool):
+    assert Steadiness(1e-3, ratio, load).steady is steady
+
+
+def test_advice_on_an_unsteady_machine(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(doctor, "watch_sentinel", lambda _: Steadiness(1e-3, 1.5, None))
+    assert any("noisy" in line for line in examine(watch=0.0).advice)

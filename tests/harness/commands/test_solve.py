@@ -1,0 +1,328 @@
+"""`polhode solve` through a subprocess: the file it writes, and what an interrupted run leaves."""
+
+import signal
+import subprocess
+import time
+from math import inf
+from pathlib import Path
+
+import numpy as np
+import pytest
+from commandline import SCENE, SCRIPT, Run
+from scipy.spatial.transform import Rotation
+
+from polhode.harness.cli import main
+from polhode.harness.references.errors import errors
+from polhode.harness.references.reference import reference
+from polhode.models.observables import Observables
+from polhode.models.rotation import Triple, matrix_from_quaternion
+from polhode.models.scene_file import parse_scene, read_scene
+
+# Nothing left open, so that nothing needs to be picked.
+GIVEN = ("--form", "quaternion", "--tolerance", "1e-8", "--solver", "taylor")
+HEADER = "t,t2,Lx,Ly,Lz,E,R11,R12,R13,R21,R22,R23,R31,R32,R33"
+
+
+class Table:
+    """A CSV file of `polhode solve`: its cells as written, and as numbers."""
+
+    def __init__(self, path: Path) -> None:
+        header, *lines = path.read_text(encoding="utf-8").splitlines()
+        assert header == HEADER
+        self.cells = [line.split(",") for line in lines]
+        assert all(len(row) == len(HEADER.split(",")) for row in self.cells)
+        self.numbers = np.array([[float(cell) if cell else np.nan for cell in row] for row in self.cells])
+
+    @property
+    def observables(self) -> Observables:
+        return Observables(self.numbers[:, 2:5], self.numbers[:, 5], self.numbers[:, 6:].reshape(-1, 3, 3))
+
+
+def scene_text(
+    stokes: float, time: float, axes: Triple = (1.0, 0.8, 0.5), start: str = "euler_angles = [1.0, 0.5, 0.2]"
+) -> str:
+    if "_rates" not in start and "_velocity" not in start and "energy" not in start:
+        start += "\nat_rest = true"
+    return f"stokes = {stokes}\ntime = {time}\n[shape]\nsemi_axes = {list(axes)}\n[start]\n{start}\n"
+
+
+@pytest.fixture
+def solved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
+    """`polhode solve` in this process, which has compiled already what it needs."""
+    monkeypatch.chdir(tmp_path)
+
+    def solve(text: str, *arguments: object) -> Table:
+        (tmp_path / "scene.toml").write_text(text, encoding="utf-8")
+        with pytest.raises(SystemExit) as end:
+            main(["solve", "scene.toml", *map(str, arguments), "--out", "out.csv"])
+        assert end.value.code == 0
+        assert capsys.readouterr().out == ""
+        assert sorted(path.name for path in tmp_path.iterdir()) == ["out.csv", "scene.toml"]
+        return Table(tmp_path / "out.csv")
+
+    return solve
+
+
+@pytest.mark.parametrize(
+    ("arguments", "slow", "orientation"),
+    [
+        ([], 1e-6, 1e-4),
+        (["--form", "quaternion", "--solver", "taylor", "--tolerance", "1e-14"], 1e-11, 1e-9),
+        (["--form", "euler-angles", "--solver", "cyrk-dop853", "--tolerance", "1e-12"], 1e-9, 1e-7),
+    ],
+    ids=["default", "taylor", "other form and solver"],
+)
+def test_the_manuals_scene_agrees_with_the_reference(
+    polhode: Run, scene_file: Path, tmp_path: Path, monkeypatch, environment, arguments: list[str], slow, orientation
+):
+    monkeypatch.setenv("POLHODE_CACHE", environment["POLHODE_CACHE"])
+    assert polhode("solve", "scene.toml", *arguments, "--samples", 101, "--out", "out.csv").returncode == 0
+    table = Table(tmp_path / "out.csv")
+    scene = read_scene(scene_file)
+    true = reference(scene, "quaternion", 101)
+    assert true.slow_uncertainty < slow / 10
+    found = errors(scene.ellipsoid, table.observables, true.observables)
+    assert found.slow <= slow
+    assert found.orientation is not None
+    assert found.orientation <= orientation
+
+
+def test_rows_times_and_digits(solved):
+    table = solved(SCENE, *GIVEN, "--samples", 7)
+    assert len(table.cells) == 7
+    times = table.numbers[:, 0]
+    assert times[0] == 0
+    assert times[-1] == 500
+    assert np.diff(times) == pytest.approx(500 / 6, rel=1e-14)
+    assert table.numbers[:, 1] == pytest.approx(times / 1000, rel=1e-15)
+    # 17 significant digits: writing what was read gives the same text, and no digit of a double is lost.
+    assert all(
+        f"{number:.17g}" == cell
+        for row, line in zip(table.numbers, table.cells, strict=True)
+        for number, cell in zip(row, line, strict=True)
+    )
+    assert any(len(cell.lstrip("-0.").replace(".", "")) >= 17 for cell in table.cells[3])
+    scene = parse_scene(
+        {
+            "stokes": 1000.0,
+            "time": 1.0,
+            "shape": {"semi_axes": [1.0, 0.8, 0.5]},
+            "start": {"euler_angles": [1.0471975511965976, 0.5235987755982988, 0.0], "euler_rates": [1.0, 1.0, -1.0]},
+        }
+    )
+    assert table.numbers[0, 2:6] == pytest.approx(scene.initial.slow[0], rel=1e-14)
+    assert table.numbers[0, 6:] == pytest.approx(scene.initial.rotation[0].ravel(), abs=1e-15)
+
+
+def test_default_number_of_rows(solved):
+    assert len(solved(scene_text(10.0, 1.0), *GIVEN).cells) == 201
+
+
+def test_slow_time_is_empty_at_st_0_and_0_at_st_inf(solved):
+    at_rest = scene_text(0.0, 5.0)
+    assert {row[1] for row in solved(at_rest, "--form", "jeffery", *GIVEN[2:], "--samples", 3).cells} == {""}
+    top = scene_text(inf, 5.0, start="euler_angles = [1.0, 0.5, 0.2]\neuler_rates = [1.0, 1.0, -1.0]")
+    exact = ("--form", "euler-top", "--solver", "exact", "--tolerance", 1)
+    assert {row[1] for row in solved(top, *exact, "--samples", 3).cells} == {"0"}
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_form_that_knows_the_symmetry_axis_fills_its_row_alone(solved, axis: int):
+    axes = (1.0, 1.0, 2.0)[2 - axis :] + (1.0, 1.0, 2.0)[: 2 - axis]
+    assert axes[axis] == 2.0
+    start = "euler_angles = [1.0, 0.5, 0.2]\neuler_rates = [1.0, 1.0, -1.0]"
+    table = solved(scene_text(50.0, 2.0, axes, start), "--form", "spheroid-axis", *GIVEN[2:], "--samples", 3)
+    for row in table.cells:
+        filled = [bool(cell) for cell in row[6:]]
+        assert filled == [i == axis for i in range(3) for _ in range(3)]
+    lengths = np.linalg.norm(table.numbers[:, 6 + 3 * axis : 9 + 3 * axis], axis=1)
+    assert lengths == pytest.approx(np.ones(3), abs=1e-7)
+
+
+def test_averaged_forms_leave_the_rotation_empty(solved):
+    table = solved(SCENE, "--form", "averaged", *GIVEN[2:], "--samples", 3)
+    assert all(cell == "" for row in table.cells for cell in row[6:])
+    assert not np.isnan(table.numbers[:, :6]).any()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "note"),
+    [
+        (
+            ["--form", "averaged", "--error", "1e-9"],
+            "note: averaged by taylor is not expected to meet the error 1e-9: ",
+        ),
+        (["--form", "averaged", "--error", "1e-9", "--quiet"], ""),
+        ([*GIVEN, "--error", "1e-9"], "note: the --tolerance given governs the run"),
+        ([*GIVEN], ""),
+    ],
+    ids=["averaged", "quiet", "tolerance and error", "tolerance"],
+)
+def test_what_the_error_asked_for_does_not_get_is_noted(
+    scene_file: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], arguments: list, note: str
+):
+    monkeypatch.chdir(scene_file.parent)
+    with pytest.raises(SystemExit) as end:
+        main(["solve", "scene.toml", *arguments, "--samples", "3", "--out", "out.csv"])
+    assert end.value.code == 0
+    noted = [line for line in capsys.readouterr().err.splitlines() if line.startswith("note") and "R11" not in line]
+    assert len(noted) == bool(note)
+    assert all(line.startswith(note) for line in noted)
+
+
+def test_averaged_forms_start_from_l_and_e(solved):
+    start = "angular_momentum = [0.1, 0.2, 0.3]\nenergy = 0.15"
+    table = solved(scene_text(1000.0, 500.0, start=start), "--form", "averaged", *GIVEN[2:], "--samples", 3)
+    assert table.numbers[0, 2:6] == pytest.approx([0.1, 0.2, 0.3, 0.15], rel=1e-15)
+
+
+def permuted(order: tuple[int, int, int]) -> str:
+    """The manual's scene with its body axes named in another order; an odd one turns the last axis round."""
+    scene = parse_scene(
+        {
+            "stokes": 1.0,
+            "time": 1.0,
+            "shape": {"semi_axes": [1.0, 0.8, 0.5]},
+            "start": {"euler_angles": [1.0471975511965976, 0.5235987755982988, 0.0], "euler_rates": [1.0, 1.0, -1.0]},
+        }
+    )
+    change = np.eye(3)[list(order)]
+    change[2] *= np.linalg.det(change)
+    rotation, velocity = change @ scene.initial_rotation, change @ np.array(scene.angular_velocity)
+    x, y, z, w = Rotation.from_matrix(rotation.T).as_quat().tolist()
+    assert matrix_from_quaternion(np.array([w, x, y, z])) == pytest.approx(rotation, abs=1e-14)
+    axes = [(1.0, 0.8, 0.5)[i] for i in order]
+    start = f"quaternion = {[w, x, y, z]}\nangular_velocity = {velocity.tolist()}"
+    return scene_text(1000.0, 50.0, (axes[0], axes[1], axes[2]), start)
+
+
+@pytest.mark.parametrize("order", [(1, 2, 0), (2, 0, 1), (1, 0, 2), (2, 1, 0)])
+@pytest.mark.parametrize("form", ["quaternion", "averaged"])
+def test_the_order_of_the_semi_axes_changes_neither_l_nor_e(solved, form: str, order: tuple[int, int, int]):
+    arguments = ["--form", form, "--solver", "taylor", "--tolerance", "1e-13", "--samples", 6]
+    as_given = solved(permuted((0, 1, 2)), *arguments).numbers[:, 2:6]
+    otherwise = solved(permuted(order), *arguments).numbers[:, 2:6]
+    assert otherwise == pytest.approx(as_given, abs=1e-11)
+
+
+def test_built_in_scenes_go_by_name_and_files_come_first(polhode: Run, tmp_path: Path):
+    done = polhode("solve", "paper", *GIVEN, "--samples", 2, "--out", "built-in.csv")
+    assert done.returncode == 0
+    (tmp_path / "paper").write_text(SCENE.replace("1000.0", "10.0"), encoding="utf-8")
+    assert polhode("solve", "paper", *GIVEN, "--samples", 2, "--out", "file.csv").returncode == 0
+    assert Table(tmp_path / "built-in.csv").numbers[-1, 0] == 500
+    assert Table(tmp_path / "file.csv").numbers[-1, 0] == 5
+
+
+def test_devices_are_written_to_and_stdout_holds_the_table_alone(polhode: Run, scene_file: Path, tmp_path: Path):
+    done = polhode("solve", "scene.toml", *GIVEN, "--samples", 3, "--out", "/dev/stdout")
+    assert done.returncode == 0
+    assert done.stdout.splitlines()[0] == HEADER
+    assert len(done.stdout.splitlines()) == 4
+    assert [path.name for path in tmp_path.iterdir()] == [scene_file.name]
+
+
+@pytest.mark.parametrize("out", ["-", "/dev/stdout"])
+def test_redirected_output_is_written_to_and_goes_on_where_it_stands(environment, scene_file: Path, out: str):
+    """As `(echo before; polhode solve … --out -) > table.csv` in a shell."""
+    words = [SCRIPT, "solve", scene_file.name, *GIVEN, "--samples", "3", "--out", out]
+    table = scene_file.with_name("table.csv")
+    with table.open("w", encoding="utf-8") as file:
+        file.write("before\n")
+        file.flush()
+        done = subprocess.run(
+            words, cwd=scene_file.parent, env=environment, stdout=file, stderr=subprocess.PIPE, check=False, timeout=120
+        )
+    assert done.returncode == 0, done.stderr
+    before, header, *rows = table.read_text(encoding="utf-8").splitlines()
+    assert (before, header, len(rows)) == ("before", HEADER, 3)
+    assert sorted(path.name for path in scene_file.parent.iterdir()) == [scene_file.name, "table.csv"]
+    assert Path("/dev/stdout").is_symlink()
+
+
+@pytest.mark.parametrize(
+    ("scene", "form", "note"),
+    [
+        ("spheroid", "spheroid-axis", "knows the symmetry axis alone: R11 to R13, R21 to R23 stay empty"),
+        ("paper", "averaged", "knows no orientation: R11 to R13, R21 to R23, R31 to R33 stay empty"),
+        ("paper", "quaternion", ""),
+    ],
+)
+def test_what_stays_empty_is_said(polhode: Run, scene: str, form: str, note: str):
+    words = ("--form", form, "--solver", "taylor", "--tolerance", "1e-6", "--samples", 2)
+    done = polhode("solve", scene, *words, "--out", "a.csv")
+    assert done.returncode == 0
+    assert note in done.stderr
+    assert ("stay empty" in done.stderr) == bool(note)
+
+
+def test_a_link_stays_and_what_it_points_to_is_replaced(polhode: Run, tmp_path: Path, scene_file: Path):
+    (tmp_path / "there").mkdir()
+    (tmp_path / "there" / "a.csv").write_text("old\n", encoding="utf-8")
+    (tmp_path / "a.csv").symlink_to("there/a.csv")
+    assert polhode("solve", scene_file.name, *GIVEN, "--samples", 3, "--out", "a.csv").returncode == 0
+    assert (tmp_path / "a.csv").is_symlink()
+    assert (tmp_path / "there" / "a.csv").read_text(encoding="utf-8").startswith(HEADER)
+    assert [path.name for path in (tmp_path / "there").iterdir()] == ["a.csv"]
+
+
+def test_a_home_that_cannot_be_written_changes_nothing(environment, scene_file: Path):
+    words = [SCRIPT, "solve", scene_file.name, *GIVEN, "--samples", "3", "--out", "/dev/stdout"]
+    surroundings = {**environment, "HOME": "/proc", "XDG_CACHE_HOME": "/proc"}
+    done = subprocess.run(
+        words, cwd=scene_file.parent, env=surroundings, capture_output=True, text=True, check=False, timeout=120
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith(HEADER)
+    assert len(done.stdout.splitlines()) == 4
+
+
+def test_a_full_disk_is_a_failed_run(polhode: Run, scene_file: Path):
+    done = polhode("solve", scene_file.name, *GIVEN, "--samples", 3, "--out", "/dev/full")
+    assert done.returncode == 1
+    assert "/dev/full: No space left on device" in done.stderr.splitlines()[-1]
+
+
+def test_a_failed_run_leaves_its_rows_as_partial(polhode: Run, scene_file: Path, tmp_path: Path):
+    # Euler angles through their pole: the run cannot reach its end.
+    start = "euler_angles = [1e-4, 0.3, 0.2]\neuler_rates = [-1e-5, 0.0, 0.0]"
+    scene_file.write_text(scene_text(1e6, 40.0, start=start), encoding="utf-8")
+    (tmp_path / "out.csv").write_text("earlier", encoding="utf-8")
+    done = polhode("solve", "scene.toml", "--form", "euler-angles", *GIVEN[2:], "--samples", 401, "--out", "out.csv")
+    assert done.returncode == 1
+    line = done.stderr.splitlines()[-1]
+    rows = Table(tmp_path / "out.csv.partial").numbers
+    assert 1 < len(rows) < 401
+    assert f"{len(rows)} of 401 rows are in out.csv.partial" in line
+    assert line.startswith(("polhode: non_finite", "polhode: step_underflow"))
+    assert np.isfinite(rows).all()
+    assert (tmp_path / "out.csv").read_text(encoding="utf-8") == "earlier"
+
+
+@pytest.mark.parametrize("solver", ["taylor", "cyrk-vern8"])
+def test_ctrl_c_keeps_the_finished_rows(polhode: Run, environment, scene_file: Path, tmp_path: Path, solver: str):
+    start = "euler_angles = [1.0, 0.5, 0.2]\neuler_rates = [1.0, 1.0, -1.0]"
+    scene_file.write_text(scene_text(1e8, 1e9, start=start), encoding="utf-8")
+    words = [SCRIPT, "solve", "scene.toml", *GIVEN[:-1], solver, "--samples", "1000001", "--out", "out.csv"]
+    # Long enough to have compiled and finished rows, on a busy machine too.
+    for patience in (1.5, 6.0, 24.0):
+        process = subprocess.Popen(words, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True)
+        time.sleep(patience)
+        process.send_signal(signal.SIGINT)
+        _, text = process.communicate(timeout=60)
+        assert process.returncode == 1
+        assert "Traceback" not in text
+        assert not (tmp_path / "out.csv").exists()
+        partial = tmp_path / "out.csv.partial"
+        if not partial.exists() or not partial.read_text(encoding="utf-8"):
+            continue
+        rows = Table(tmp_path / "out.csv.partial").numbers
+        if len(rows) > 1:
+            break
+    assert len(rows) > 1
+    assert rows[:, 0] == pytest.approx(np.arange(len(rows)) * 1e3, rel=1e-12)
+    assert np.isfinite(rows).all()
+    note, line = text.splitlines()
+    assert note.startswith("quaternion by")
+    assert line == f"polhode: interrupted: {len(rows)} of 1000001 rows are in out.csv.partial."
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["out.csv.partial", "scene.toml"]

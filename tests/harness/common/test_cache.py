@@ -1,0 +1,74 @@
+"""The cache of references: what comes back is what was kept, or nothing."""
+
+import os
+
+import numpy as np
+import pytest
+
+from polhode.harness.common import cache
+
+ARRAYS = {"x": np.arange(5) / 7, "name": np.array("quaternion")}
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("POLHODE_CACHE", str(tmp_path))
+    return tmp_path
+
+
+def test_arrays_come_back_bit_by_bit():
+    cache.keep("abc", ARRAYS)
+    found = cache.load("abc")
+    assert found is not None
+    assert found["x"].tobytes() == ARRAYS["x"].tobytes()
+    assert str(found["name"]) == "quaternion"
+    assert cache.load("other") is None
+
+
+def damage_flip(content: bytes) -> bytes:
+    return content[:-10] + bytes([content[-10] ^ 1]) + content[-9:]
+
+
+@pytest.mark.parametrize("damage", [damage_flip, lambda content: content[:100], lambda content: b""])
+def test_a_damaged_file_is_noticed_named_and_removed(damage, capsys):
+    cache.keep("abc", ARRAYS)
+    path = cache.path_of("abc")
+    path.write_bytes(damage(path.read_bytes()))
+    assert cache.load("abc") is None
+    output = capsys.readouterr()
+    assert str(path) in output.err
+    assert "damaged" in output.err
+    assert not output.out
+    assert not path.exists()
+
+
+def test_nothing_but_the_file_is_left_behind(folder):
+    cache.keep("abc", ARRAYS)
+    assert [path.name for path in (folder / "references").iterdir()] == ["abc.npz"]
+
+
+def test_a_folder_that_cannot_be_written_is_no_error(folder):
+    (folder / "references").write_text("a file where a folder should be")
+    cache.keep("abc", ARRAYS)
+    assert cache.load("abc") is None
+
+
+def test_a_write_that_fails_leaves_nothing_behind(folder, monkeypatch):
+    def fail(*names: str) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", fail)
+    cache.keep("abc", ARRAYS)
+    assert list((folder / "references").iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("variables", "expected"),
+    [({"POLHODE_CACHE": "/x"}, "/x"), ({"XDG_CACHE_HOME": "/y"}, "/y/polhode"), ({"HOME": "/z"}, "/z/.cache/polhode")],
+)
+def test_the_folder_is_where_the_environment_says(variables, expected, monkeypatch):
+    for name in ("POLHODE_CACHE", "XDG_CACHE_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    assert str(cache.cache_folder()) == expected

@@ -1,0 +1,20 @@
+"""Where and when: the head of every page of measured records."""
+
+from polhode.harness.common.provenance import dates, header
+
+ONE = {"machine": {"processor": "One", "cores": 2, "system": "Linux", "python": "3.11"}, "versions": {"polhode": "1"}}
+TWO = {**ONE, "machine": {**ONE["machine"], "processor": "Two"}}
+
+
+def test_dates_of_records():
+    first, later = {"date": "2026-01-02T23:59:59Z"}, {"date": "2026-01-10T00:00:00Z"}
+    assert dates([first]) == "on 2026-01-02"
+    assert dates([later, first, first]) == "from 2026-01-02 to 2026-01-10"
+    assert dates([{}, first]) == "on 2026-01-02, and on unknown dates"
+    assert dates([{}, {"date": None}]) == "on an unknown date"
+
+
+def test_every_machine_is_named_once():
+    text = "\n".join(header("A title", "polhode bench", [ONE, TWO, ONE]))
+    assert text.startswith("# A title\n\nMade by `polhode bench`.")
+    assert text.count("One, 2 cores, Linux, Python 3.11 (polhode 1)") == text.count("Two, 2 cores") == 1

@@ -1,0 +1,229 @@
+"""The store: one row per case, whoever writes it, and never a damaged file overwritten."""
+
+import csv
+import json
+import os
+import sqlite3
+import subprocess
+import sys
+import time
+from datetime import UTC, datetime
+from math import inf, isnan, nan
+from pathlib import Path
+
+import pytest
+
+from polhode.harness.analysis.frames import frame
+from polhode.harness.common.store import DamagedStoreError, Store, export, read_export
+
+WRITER = """
+import sys, time
+from pathlib import Path
+from polhode.harness.common.store import Store
+path, name, first, last = sys.argv[1:]
+with Store(Path(path)) as store:
+    print("ready", flush=True)
+    sys.stdin.readline()
+    for number in range(int(first), int(last)):
+        store.put(f"key{number}", {"number": number}, {"writer": name})
+"""
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "store.sqlite"
+
+
+def test_records_come_back_in_the_order_of_writing(path: Path):
+    with Store(path) as store:
+        store.put("b", {"tolerance": 1e-3, "form": "x"}, {"seconds": 0.1 + 0.2, "error": None, "runs": [1, 2]})
+        store.put("a", {"tolerance": 1e-6}, {"seconds": inf, "flag": True})
+    with Store(path) as store:
+        assert store.keys() == {"a", "b"}
+        records = store.records()
+        for record in records:
+            assert abs(datetime.now(UTC) - datetime.fromisoformat(record.pop("date"))).total_seconds() < 60
+        assert records == [
+            {"key": "b", "tolerance": 1e-3, "form": "x", "seconds": 0.1 + 0.2, "error": None, "runs": [1, 2]},
+            {"key": "a", "tolerance": 1e-6, "seconds": inf, "flag": True},
+        ]
+
+
+def test_a_store_of_before_tells_its_dates_by_when_it_was_written(path: Path):
+    Store(path).close()
+    with sqlite3.connect(path) as connection:
+        row = ("old", '{"form": "x", "stokes": Infinity}', '{"seconds": 1.0}', "2025-03-04 05:06:07")
+        connection.execute('INSERT INTO cases (key, "case", result, written) VALUES (?, ?, ?, ?)', row)
+    connection.close()
+    with Store(path) as store:
+        store.put("new", {"form": "x"}, {"date": "2026-01-01T00:00:00Z"})
+        records = store.records()
+    assert [record["date"] for record in records] == ["2025-03-04T05:06:07Z", "2026-01-01T00:00:00Z"]
+    assert records[0]["stokes"] == inf
+
+
+def test_a_second_result_of_a_case_changes_nothing(path: Path):
+    with Store(path) as store:
+        store.put("a", {"form": "x"}, {"seconds": 1.0})
+        store.put("a", {"form": "x"}, {"seconds": 2.0})
+        assert [record["seconds"] for record in store.records()] == [1.0]
+
+
+def test_two_processes_write_at_once(path: Path):
+    ranges = [("one", "0", "60"), ("two", "40", "100")]
+    writers = [
+        subprocess.Popen(
+            [sys.executable, "-c", WRITER, path, *words], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+        for words in ranges
+    ]
+    for writer in writers:
+        assert writer.stdout is not None
+        assert writer.stdout.readline() == "ready\n"
+    for writer in writers:
+        writer.communicate("go\n", timeout=60)
+        assert writer.returncode == 0
+    with Store(path) as store:
+        records = store.records()
+    assert sorted(record["number"] for record in records) == list(range(100))
+    assert {record["writer"] for record in records if record["number"] < 40} == {"one"}
+    assert {record["writer"] for record in records if record["number"] >= 60} == {"two"}
+
+
+def test_a_killed_writer_leaves_a_readable_store(path: Path):
+    words = [sys.executable, "-c", WRITER, path, "one", "0", "1000000"]
+    with (
+        subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as writer,
+        Store(path) as store,
+    ):
+        assert writer.stdin is not None
+        writer.stdin.write("go\n")
+        writer.stdin.flush()
+        while not store.keys():
+            time.sleep(0.01)
+        writer.kill()
+        writer.wait()
+        records = store.records()
+    assert [record["number"] for record in records] == list(range(len(records)))
+    assert records
+
+
+def filled(path: Path) -> None:
+    with Store(path) as store:
+        for number in range(20):
+            store.put(f"key{number}", {"number": number}, {"text": "x" * 3000})
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda content: b"this is no database" * 100,
+        lambda content: content[:100] + os.urandom(4000) + content[4100:],
+        lambda content: content[: len(content) // 2],
+        lambda content: content[:4096] + bytes(len(content) - 4096),
+    ],
+    ids=["text", "noise in the first page", "truncated", "zeros"],
+)
+def test_a_damaged_file_is_noticed_and_left_alone(path: Path, damage):
+    filled(path)
+    content = damage(path.read_bytes())
+    path.write_bytes(content)
+    with pytest.raises(DamagedStoreError, match=str(path)):
+        Store(path).put("new", {}, {})
+    assert path.read_bytes() == content
+
+
+def test_a_database_of_something_else_is_left_alone(path: Path):
+    with sqlite3.connect(path) as connection:
+        connection.execute("CREATE TABLE bookmarks (url TEXT)")
+    connection.close()
+    with pytest.raises(DamagedStoreError, match="a database of something else"):
+        Store(path)
+    with sqlite3.connect(path) as connection:
+        assert connection.execute("SELECT name FROM sqlite_master").fetchall() == [("bookmarks",)]
+    connection.close()
+
+
+def test_a_folder_is_no_store(path: Path):
+    path.mkdir()
+    with pytest.raises(DamagedStoreError, match=str(path)):
+        Store(path)
+
+
+RECORDS = [
+    {
+        "key": "a",
+        "seconds": 0.1 + 0.2,
+        "work": {"steps": 7},
+        "scene": {"stokes": 10.0},
+        "runs": [1e-300],
+        "note": "ü\n",
+    },
+    {"key": "b", "seconds": None, "more": 1},
+]
+
+
+def test_export_as_json_lines_loses_nothing(tmp_path: Path):
+    export(RECORDS, tmp_path / "out.jsonl")
+    lines = (tmp_path / "out.jsonl").read_text(encoding="utf-8").splitlines()
+    assert [json.loads(line) for line in lines] == RECORDS
+
+
+UNENDING = {"key": "c", "scene": {"stokes": inf}, "errors": [nan, -inf, 1.0], "seconds": inf, "note": "none"}
+
+
+def refused(word: str) -> None:
+    raise AssertionError(f"{word} is no JSON")
+
+
+def test_exported_json_lines_are_json_and_read_back_as_they_were(tmp_path: Path):
+    export([*RECORDS, UNENDING], tmp_path / "out.jsonl")
+    lines = (tmp_path / "out.jsonl").read_text(encoding="utf-8").splitlines()
+    last = [json.loads(line, parse_constant=refused) for line in lines][-1]
+    assert last["scene"] == {"stokes": "Infinity"}
+    assert last["errors"] == ["NaN", "-Infinity", 1.0]
+    *others, found = read_export(tmp_path / "out.jsonl")
+    assert others == RECORDS
+    assert isnan(found["errors"].pop(0))
+    assert found == {**UNENDING, "errors": [-inf, 1.0]}
+
+
+def test_exports_of_before_are_read(tmp_path: Path):
+    (tmp_path / "old.jsonl").write_text('{"stokes": Infinity}\n{"stokes": 1}\n', encoding="utf-8")
+    assert read_export(tmp_path / "old.jsonl") == [{"stokes": inf}, {"stokes": 1}]
+
+
+def test_numbers_without_end_in_csv_are_what_float_reads(tmp_path: Path):
+    export([UNENDING], tmp_path / "out.csv")
+    with (tmp_path / "out.csv").open(newline="", encoding="utf-8") as file:
+        (row,) = csv.DictReader(file)
+    assert float(row["seconds"]) == inf
+    assert json.loads(row["scene"], parse_constant=refused) == {"stokes": "Infinity"}
+
+
+def test_export_as_csv(tmp_path: Path):
+    export(RECORDS, tmp_path / "out.csv")
+    with (tmp_path / "out.csv").open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0]) == ["key", "seconds", "work", "scene", "runs", "note", "more"]
+    assert float(rows[0]["seconds"]) == 0.1 + 0.2
+    assert json.loads(rows[0]["work"]) == {"steps": 7}
+    assert rows[0]["note"] == "ü\n"
+    assert (rows[1]["seconds"], rows[1]["more"]) == ("", "1")
+
+
+def test_export_refuses_other_endings_and_keeps_the_earlier_file(tmp_path: Path):
+    with pytest.raises(ValueError, match=r"out\.xlsx: expected a file name ending in \.csv or \.jsonl"):
+        export(RECORDS, tmp_path / "out.xlsx")
+    (tmp_path / "out.jsonl").write_text("earlier", encoding="utf-8")
+    with pytest.raises(TypeError):
+        export([{"key": object()}], tmp_path / "out.jsonl")
+    assert (tmp_path / "out.jsonl").read_text(encoding="utf-8") == "earlier"
+
+
+def test_a_frame_of_records():
+    table = frame(RECORDS)
+    assert list(table["key"]) == ["a", "b"]
+    assert table.loc[0, "stokes"] == 10.0
+    assert table.loc[0, "work.steps"] == 7
+    assert table["seconds"].isna().tolist() == [False, True]

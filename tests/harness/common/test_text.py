@@ -1,0 +1,65 @@
+"""Numbers and tables as people read them."""
+
+import pytest
+
+from polhode.harness.common.text import aligned, bracketed, duration, markdown, scientific
+
+
+def test_aligned():
+    assert aligned(["a", "long"], [["xyz", 1], ["", None]]) == "a    long\nxyz  1\n     None"
+
+
+def test_aligned_without_rows():
+    assert aligned(["a", "b"], []) == "a  b"
+
+
+def test_markdown():
+    expected = "| a   | number |\n| --- | -----: |\n| x   |    1.5 |\n"
+    assert markdown(["a", "number"], [["x", 1.5]], right=[1]) == expected
+
+
+def test_markdown_without_rows():
+    assert markdown(["a"], []) == "| a   |\n| --- |\n"
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (1.26e-7, "1.3e-7"),
+        (1.0, "1.0e0"),
+        (9.96e-10, "1.0e-9"),
+        (0.0, "0.0e0"),
+        (-2.5e12, "-2.5e12"),
+        (None, "–"),
+        (float("nan"), "–"),
+    ],
+)
+def test_scientific(value: float | None, text: str):
+    assert scientific(value) == text
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [
+        (63.4, "63 s"),
+        (9.96, "10 s"),
+        (9.94, "9.9 s"),
+        (1.0, "1.0 s"),
+        (0.0123, "12 ms"),
+        (1e-3, "1.0 ms"),
+        (0.0009, "900 µs"),
+        (2.5e-6, "2.5 µs"),
+        (2e-9, "2.0 ns"),
+        (0.0, "0 s"),
+        (None, "–"),
+        (float("nan"), "–"),
+    ],
+)
+def test_duration(seconds: float | None, text: str):
+    assert duration(seconds) == text
+
+
+def test_what_is_not_known_stands_in_brackets():
+    assert bracketed(1.3e-7, known=True) == "1.3e-7"
+    assert bracketed(1.3e-7, known=None) == "1.3e-7"
+    assert bracketed(1.3e-7, known=False) == "(1.3e-7)"

@@ -1,0 +1,88 @@
+"""Timing on functions of known duration."""
+
+import gc
+import time
+from itertools import chain, count, repeat
+
+import pytest
+
+from polhode.harness.common.timing import (
+    BUDGET,
+    MOST_RUNS,
+    Patience,
+    Timing,
+    collector_off,
+    seconds_of,
+    sentinel,
+    time_runs,
+)
+
+
+def test_a_sleeper_is_timed():
+    timing = time_runs(lambda: time.sleep(0.05))
+    assert len(timing.runs) == MOST_RUNS
+    assert 0.05 <= timing.seconds < 0.1
+    assert timing.spread >= 0
+
+
+def test_the_minimum_of_uneven_runs():
+    naps = iter([0.08, 0.02, 0.06, 0.04, 0.05])
+    timing = time_runs(lambda: time.sleep(next(naps)))
+    assert timing.seconds == min(timing.runs)
+    assert 0.02 <= timing.seconds < 0.08
+    assert timing.spread == max(timing.runs) - min(timing.runs) > 0
+
+
+def test_a_slow_function_runs_once_and_a_quick_one_five_times():
+    assert not Timing((BUDGET,)).wants_more
+    assert Timing((0.6 * BUDGET,)).wants_more
+    assert not Timing((0.6 * BUDGET, 0.6 * BUDGET)).wants_more
+    assert Timing((MOST_RUNS - 1) * (1e-6,)).wants_more
+    assert not Timing(MOST_RUNS * (1e-6,)).wants_more
+    assert Timing((2.0,)).spread == 0
+
+
+def test_the_collector_stays_out_and_comes_back():
+    seen = []
+    seconds_of(lambda: seen.append(gc.isenabled()))
+    assert seen == [False]
+    assert gc.isenabled()
+    with pytest.raises(ZeroDivisionError), collector_off():
+        _ = 1 / 0
+    assert gc.isenabled()
+    gc.disable()
+    try:
+        with collector_off():
+            pass
+        assert not gc.isenabled()
+    finally:
+        gc.enable()
+
+
+def test_every_run_counts():
+    calls = count()
+    timing = time_runs(lambda: next(calls))
+    assert next(calls) == len(timing.runs)
+
+
+def test_the_sentinel_takes_a_millisecond_or_so():
+    assert 1e-4 < sentinel() < 0.1
+
+
+def test_slow_moments_are_waited_out():
+    looks = iter([1.0, 2.0, 1.8, 1.1, 3.0])
+    patience = Patience(lambda: next(looks))
+    assert patience.steady() == 1.0
+    time.sleep(0.5)
+    assert patience.steady() == 1.1
+    assert next(looks) == 3.0
+
+
+def test_patience_ends():
+    """A machine that stays slow is waited for during a tenth of the time, and no longer."""
+    looks = chain([1.0], repeat(2.0))
+    patience, began = Patience(lambda: next(looks)), time.perf_counter()
+    patience.steady()
+    time.sleep(0.4)
+    assert patience.steady() == 2.0
+    assert time.perf_counter() - began < 2.0

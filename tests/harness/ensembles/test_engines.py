@@ -1,0 +1,179 @@
+"""Engines against workers that die, hang and raise; Dask's against a real scheduler and two workers."""
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from dasks import contact, dask_scheduler, dask_worker
+
+from oracle.labour import Job, die_always, die_once, refuse_odd, spin, square
+from polhode.harness.ensembles.engines import AHEAD, Dask, Engine, Processes, Serial
+
+
+@pytest.fixture(params=["serial", "processes", "dask"])
+def engine(request: pytest.FixtureRequest) -> Engine:
+    if request.param == "dask":
+        return Dask(request.getfixturevalue("cluster")[0])
+    return Serial() if request.param == "serial" else Processes(2)
+
+
+def values(engine: Engine, function, jobs) -> dict[int, object]:
+    return {outcome.task.number: outcome.value for outcome in engine.run(function, jobs)}
+
+
+def test_every_task_once(engine: Engine, tmp_path: Path):
+    jobs = [Job(number, folder=tmp_path) for number in range(20)]
+    assert values(engine, square, jobs) == {number: number**2 for number in range(20)}
+    marks = [path.read_text().splitlines() for path in tmp_path.iterdir()]
+    assert [len(mark) for mark in marks] == [1] * 20
+    here = {str(os.getpid())}
+    assert ({line for mark in marks for line in mark} == here) is isinstance(engine, Serial)
+
+
+def test_an_exception_is_a_message(engine: Engine):
+    outcomes = list(engine.run(refuse_odd, [Job(100 + number) for number in range(6)]))
+    assert sorted(outcome.message for outcome in outcomes if outcome.message) == [
+        f"ValueError: job {number} is odd" for number in (101, 103, 105)
+    ]
+    assert sorted(outcome.value for outcome in outcomes if not outcome.message) == [10000, 10404, 10816]
+
+
+def test_tasks_are_taken_as_there_is_room(engine: Engine):
+    taken = []
+
+    def jobs() -> Iterator[Job]:
+        for number in range(200, 2000):
+            taken.append(number)
+            yield Job(number)
+
+    run = engine.run(square, jobs())
+    assert next(run).value is not None
+    threads = 1 if isinstance(engine, Serial) else 2 if isinstance(engine, Processes) else 4
+    assert len(taken) <= (1 + AHEAD) * threads + 1
+    run.close()
+
+
+def test_two_processes_work_side_by_side():
+    run = Processes(2).run(square, [Job(0, 0.5), Job(1, 0.5), Job(2), *(Job(number, 0.5) for number in range(3, 9))])
+    next(run)
+    began = time.perf_counter()
+    rest = [outcome.task.number for outcome in run]
+    assert len(rest) == 8
+    # Seven tasks of half a second at least: one process would take 3.5 s.
+    assert time.perf_counter() - began < 3.4
+
+
+def test_a_killed_process_costs_no_task(tmp_path: Path):
+    jobs = [Job(number, folder=tmp_path) for number in range(10)]
+    assert values(Processes(2), die_once, jobs) == {number: number**2 for number in range(10)}
+    assert len(list(tmp_path.iterdir())) == 4
+
+
+def test_a_task_that_always_kills_is_given_up():
+    outcomes = {outcome.task.number: outcome for outcome in Processes(2).run(die_always, map(Job, range(4)))}
+    assert outcomes[1].value is None
+    assert outcomes[1].message == "crashed with SIGKILL"
+    assert [outcomes[number].value for number in (0, 2, 3)] == [0, 4, 9]
+
+
+def test_a_hanging_task_is_killed_at_twice_its_limit():
+    (outcome,) = Processes(1, max_seconds=0.2).run(square, [Job(1, seconds=60)])
+    assert outcome.value is None
+    assert outcome.message.startswith("killed after")
+
+
+def test_closing_stops_at_once():
+    run = Processes(2).run(square, [Job(0), Job(1, seconds=60), Job(2, seconds=60)])
+    assert next(run).value == 0
+    began = time.perf_counter()
+    run.close()
+    assert time.perf_counter() - began < 5
+
+
+def test_no_processes_are_refused():
+    with pytest.raises(ValueError, match="workers: got 0, expected"):
+        Processes(0)
+
+
+def test_processes_end_with_their_parent_even_in_a_long_task(tmp_path: Path):
+    code = (
+        "from pathlib import Path; from oracle.labour import Job, hold\n"
+        "from polhode.harness.ensembles.engines import Processes\n"
+        "if __name__ == '__main__':\n"
+        "    list(Processes(1).run(hold, [Job(1, seconds=100, folder=Path('.'))]))\n"
+    )
+    (tmp_path / "parent.py").write_text(code)
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+    with subprocess.Popen([sys.executable, "parent.py"], cwd=tmp_path, env=environment) as parent:
+        wait_until((tmp_path / "job-1").exists)
+        worker = Path("/proc", (tmp_path / "job-1").read_text())
+        assert worker.exists()
+        parent.kill()
+    wait_until(lambda: not worker.exists())
+
+
+def wait_until(condition: Callable[[], bool], seconds: float = 30) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "waited in vain"
+        time.sleep(0.02)
+
+
+def test_dask_says_what_is_missing(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("polhode.harness.ensembles.engines.installed", lambda package: False)
+    with pytest.raises(ValueError, match=r"pip install 'polhode\[dask\]'"):
+        Dask("tcp://127.0.0.1:8786")
+
+
+@pytest.mark.parametrize("address", ["", "foo", "tcp://", "tcp://:8786", "127.0.0.1", "http://127.0.0.1:80", "a b:1"])
+def test_what_is_no_address_is_refused(address: str):
+    with pytest.raises(ValueError, match="expected an address such as tcp://host:8786") as refusal:
+        Dask(address)
+    assert repr(address) in str(refusal.value)
+
+
+def test_a_scheduler_out_of_reach_is_named(monkeypatch: pytest.MonkeyPatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("polhode.harness.ensembles.engines.CONNECT_SECONDS", 1)
+    with pytest.raises(OSError, match=r"tcp://127\.0\.0\.1:9"):
+        list(Dask("tcp://127.0.0.1:9").run(square, [Job(1)]))
+    with pytest.raises(ValueError, match=r"^dask: got tcp://127\.0\.0\.1:9, expected a scheduler that runs: Timed out"):
+        Dask("tcp://127.0.0.1:9").check()
+
+
+def test_a_killed_scheduler_ends_the_run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("polhode.harness.ensembles.engines.CONNECT_SECONDS", 3)
+    with dask_scheduler(tmp_path) as scheduler:
+        address = contact(tmp_path)
+
+        def jobs() -> Iterator[Job]:
+            yield Job(1)
+            scheduler.kill()
+            yield Job(2)
+
+        # No worker, no result: the run waits for as long as it may.
+        with pytest.raises(OSError, match=r"127\.0\.0\.1"):
+            list(Dask(address).run(square, jobs()))
+
+
+def test_dask_survives_the_kill_of_a_worker(cluster):
+    address, workers, folder = cluster
+    jobs = [Job(3000 + number, seconds=0.2) for number in range(30)]
+    run = Dask(address).run(square, jobs)
+    found = {next(run).task.number for _ in range(4)}
+    workers[0].kill()
+    found |= {outcome.task.number for outcome in run if outcome.value is not None}
+    assert found == {job.number for job in jobs}
+    workers[0].wait()
+    workers[0] = dask_worker(folder)
+
+
+def test_spinning_takes_as_long_as_it_says():
+    began = time.perf_counter()
+    assert spin(Job(5, 0.05)) == 5
+    assert time.perf_counter() - began >= 0.05

@@ -1,0 +1,255 @@
+"""Particles in batches against the same particles alone, their starts against what each form makes of them."""
+
+import threading
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from polhode.harness.ensembles.attractors import attractors, circle
+from polhode.harness.ensembles.ensemble import Ensemble, Task, run_task
+from polhode.harness.ensembles.starts import ENSEMBLE_FORMS, Drawn, Starts
+from polhode.models.catalogue import form as find_form
+from polhode.models.observables import observe_body
+from polhode.models.rotation import matrix_from_quaternion
+from polhode.models.scene import BodyStart, Scene
+from polhode.models.shape import Ellipsoid
+from polhode.solvers.ensembles.runge_kutta_batch import run_vectorised
+from polhode.solvers.ensembles.taylor_batch import LEAST_FOR_SCOUTS, run_batches
+from polhode.solvers.solve import solve
+
+TRIAXIAL = Ellipsoid((0.8, 1.0, 0.5))
+PROLATE = Ellipsoid((2.0, 1.0, 1.0))
+OBLATE = Ellipsoid((1.0, 1.0, 0.5))
+SHAPE_OF = {"quaternion": TRIAXIAL, "averaged": TRIAXIAL, "jeffery": TRIAXIAL}
+
+
+def shape_of(form: str) -> Ellipsoid:
+    return SHAPE_OF.get(form, PROLATE)
+
+
+def scene_of(form: str, drawn: Drawn, index: int, slow_time: float) -> Scene:
+    stokes = 0.0 if form == "jeffery" else 100.0
+    q, w = (array[index].tolist() for array in (drawn.quaternion, drawn.angular_velocity))
+    return Scene(shape_of(form), stokes, BodyStart(tuple(q), tuple(w)), slow_time * 100)
+
+
+def draw(form: str, particles: int) -> Drawn:
+    starts = Starts("momentum-isotropic", (0.0, 0.6, -0.8))
+    return starts.draw(shape_of(form), np.random.SeedSequence(7), particles)
+
+
+@pytest.mark.parametrize("form", ENSEMBLE_FORMS)
+def test_starts_are_those_that_the_form_makes(form: str):
+    drawn = draw(form, 5)
+    states = drawn.states(form, shape_of(form))
+    for index, state in enumerate(states):
+        expected = find_form(form).problem(scene_of(form, drawn, index, 1.0)).start
+        assert state == pytest.approx(expected, rel=1e-13, abs=1e-14)
+
+
+@pytest.mark.parametrize("form", [name for name in ENSEMBLE_FORMS if not name.startswith("averaged")])
+def test_particles_in_lanes_are_the_same_as_alone(form: str):
+    drawn = draw(form, 11)
+    problem = find_form(form).problem(scene_of(form, drawn, 0, 0.1))
+    starts, times = drawn.states(form, shape_of(form)), np.linspace(0, problem.end, 6)
+    states, statuses = run_batches(problem, starts, times, 1e-12)
+    assert set(statuses) == {"reached_end"}
+    for index in (0, 5, 10):
+        alone = solve(replace(problem, start=tuple(starts[index])), "taylor", 1e-12, times)
+        assert states[:, index] == pytest.approx(alone.states, abs=1e-12)
+
+
+@pytest.mark.parametrize("form", ["averaged", "averaged-spheroid"])
+def test_averaged_particles_agree_with_another_method(form: str, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("polhode.solvers.ensembles.runge_kutta_batch.WIDTH", 32)
+    drawn = draw(form, 200)
+    problem = find_form(form).problem(scene_of(form, drawn, 0, 0.05))
+    starts, times = drawn.states(form, shape_of(form)), np.linspace(0, problem.end, 41)
+    some = np.array([0, 150, 199])
+    errors = []
+    for tolerance in (1e-6, 1e-9):
+        states, statuses = run_vectorised(problem, starts, times, tolerance)
+        assert set(statuses) == {"reached_end"}
+        assert np.isfinite(states).all()
+        for index in some:
+            alone = solve(replace(problem, start=tuple(starts[index])), "dop853", 1e-10, times, backend="python")
+            errors.append(np.max(np.abs(states[:, index] - alone.states)))
+    # The separatrix, where the field is not Lipschitz, may cost a factor; 1e-3 in tolerance must show all the same.
+    assert max(errors[:3]) < 1e-3
+    assert max(errors[3:]) < 1e-5
+    assert max(errors[3:]) < max(errors[:3]) / 10
+
+
+def test_a_particle_that_fails_is_counted_and_left_out():
+    form = "averaged-spheroid"
+    drawn = draw(form, 20)
+    problem = find_form(form).problem(scene_of(form, drawn, 0, 0.05))
+    starts = drawn.states(form, shape_of(form))
+    starts[3] = np.nan
+    states, statuses = run_vectorised(problem, starts, np.array([0.0, problem.end]), 1e-6)
+    assert statuses[3] == "step_underflow"
+    assert np.isnan(states[-1, 3]).all()
+    assert list(np.flatnonzero(statuses != "reached_end")) == [3]
+    assert np.isfinite(states[-1, statuses == "reached_end"]).all()
+
+
+def test_a_particle_whose_momentum_vanishes_is_given_up():
+    drawn = draw("averaged", 20)
+    problem = find_form("averaged").problem(scene_of("averaged", drawn, 0, 0.2))
+    starts = drawn.states("averaged", TRIAXIAL)
+    # L²/2E far below the smallest moment of inertia: what an error of E makes of a particle that all but stops.
+    starts[7] = [6.4e-5, 5.0e-5, -9.1e-6, 1.8e-6]
+    states, statuses = run_vectorised(problem, starts, np.array([0.0, problem.end]), 1e-6)
+    assert list(np.flatnonzero(statuses != "reached_end")) == [7]
+    assert statuses[7] in ("step_limit", "step_underflow")
+    assert np.isfinite(states[-1, statuses == "reached_end"]).all()
+
+
+def test_a_particle_that_blows_up_in_its_lane_leaves_the_others_alone():
+    drawn = draw("quaternion", 9)
+    problem = find_form("quaternion").problem(scene_of("quaternion", drawn, 0, 0.02))
+    starts, times = drawn.states("quaternion", TRIAXIAL), np.array([0.0, problem.end])
+    good, _ = run_batches(problem, starts, times, 1e-10)
+    starts[4] = np.inf
+    states, statuses = run_batches(problem, starts, times, 1e-10)
+    assert statuses[4] == "non_finite"
+    others = np.arange(9) != 4
+    assert set(statuses[others]) == {"reached_end"}
+    assert states[:, others] == pytest.approx(good[:, others], abs=1e-13)
+
+
+def test_which_particles_share_a_batch_changes_none_of_them():
+    """Above so many particles the first ones tell who goes with whom."""
+    drawn = draw("quaternion", LEAST_FOR_SCOUTS + 5)
+    scene = scene_of("quaternion", drawn, 0, 0.005)
+    problem = find_form("quaternion").problem(scene)
+    starts, times = drawn.states("quaternion", TRIAXIAL), np.linspace(0, problem.end, 3)
+    plain, _ = run_batches(problem, starts, times, 1e-6)
+    grouped, statuses = run_batches(problem, starts, times, 1e-6, find_form("quaternion").observe(scene, starts).slow)
+    assert set(statuses) == {"reached_end"}
+    assert np.array_equal(grouped, plain)
+
+
+@pytest.mark.parametrize(
+    ("motion", "momentum"),
+    [
+        ("rest", None),
+        ("fluid", None),
+        ("jeffery", None),
+        ("momentum", (0.1, 0.2, -0.5)),
+        ("momentum-isotropic", (1, 0, 0)),
+    ],
+)
+def test_motions_of_the_start(motion, momentum):
+    drawn = Starts(motion, momentum).draw(TRIAXIAL, np.random.SeedSequence(3), 4000)
+    rotation = matrix_from_quaternion(drawn.quaternion)
+    seen = observe_body(TRIAXIAL, rotation, drawn.angular_velocity)
+    in_space = np.einsum("nij,ni->nj", rotation, drawn.angular_velocity)
+    if motion == "rest":
+        assert not drawn.angular_velocity.any()
+    elif motion == "fluid":
+        assert in_space == pytest.approx(np.tile([0, 0, -0.5], (4000, 1)), abs=1e-14)
+    elif motion == "jeffery":
+        scene = Scene(TRIAXIAL, 0.0, BodyStart(tuple(drawn.quaternion[9].tolist())), 1.0)
+        assert drawn.angular_velocity[9] == pytest.approx(scene.angular_velocity, abs=1e-14)
+    elif motion == "momentum":
+        assert seen.angular_momentum / max(TRIAXIAL.inertia) == pytest.approx(np.tile(momentum, (4000, 1)), abs=1e-14)
+    else:
+        directions = seen.angular_momentum / max(TRIAXIAL.inertia)
+        assert np.linalg.norm(directions, axis=1) == pytest.approx(np.ones(4000))
+        assert np.abs(directions.mean(axis=0)).max() < 4 / np.sqrt(3 * 4000)
+    # Isotropy: every entry of t_ij has mean 0 and mean square 1/3, whose variances are 1/3 and 4/45.
+    assert np.abs(rotation.mean(axis=0)).max() < 4.5 / np.sqrt(3 * 4000)
+    assert np.abs((rotation**2).mean(axis=0) - 1 / 3).max() < 4.5 * np.sqrt(4 / 45 / 4000)
+
+
+def test_starts_depend_on_seed_and_block_alone():
+    small = Ensemble(PROLATE, 100.0, 1.0, Starts("fluid"), particles=20, block=10, seed=5, samples=3, snapshots=3)
+    other = replace(small, ellipsoid=TRIAXIAL, stokes=50.0)
+    first, same = small._drawn(1, 10).quaternion, other._drawn(1, 10).quaternion
+    assert np.array_equal(first, same)
+    assert not np.array_equal(first, small._drawn(0, 10).quaternion)
+    assert not np.array_equal(first, replace(small, seed=6)._drawn(1, 10).quaternion)
+
+
+def test_a_task_is_a_pure_function_in_any_thread():
+    ensemble = Ensemble(PROLATE, 100.0, 5.0, Starts("fluid"), particles=40, block=20, samples=5, snapshots=3)
+    tasks = list(ensemble.tasks())
+    assert len({task.key for task in tasks}) == 2
+    alone = [run_task(task) for task in tasks]
+    together: dict[int, object] = {}
+    threads = [threading.Thread(target=lambda t=t: together.update({t.index: run_task(t)})) for t in tasks]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert [together[0], together[1]] == alone
+
+
+def test_a_task_of_other_versions_is_refused(monkeypatch: pytest.MonkeyPatch):
+    task = Task(Ensemble(PROLATE, 100.0, 1.0, particles=2, samples=3, snapshots=3), 0)
+    assert task.key
+    monkeypatch.setattr("polhode.harness.ensembles.ensemble.package_version", lambda package: "0.0")
+    with pytest.raises(RuntimeError, match="other versions"):
+        run_task(task)
+
+
+@pytest.mark.parametrize(
+    ("changes", "line"),
+    [
+        ({"particles": 0}, "particles: got 0"),
+        ({"samples": 10, "snapshots": 4, "block": 1}, None),
+        ({"samples": 10, "snapshots": 3}, "snapshots: got 3"),
+        ({"tolerance": 0.0}, "tolerance: got 0.0"),
+        ({"equations": "averaged"}, "start.motion: got 'rest'"),
+        ({"equations": "averaged", "starts": Starts("fluid"), "stokes": 0.0}, "St = 0"),
+        ({"stokes": -1.0}, "stokes: got -1.0"),
+    ],
+)
+def test_bad_ensembles_get_one_line(changes, line):
+    if line is None:
+        assert replace(Ensemble(PROLATE, 100.0, 1.0), **changes)
+        return
+    with pytest.raises(ValueError, match=line) as refusal:
+        replace(Ensemble(PROLATE, 100.0, 1.0), **changes)
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("motion", "momentum", "quaternion"),
+    [("spin", None, None), ("momentum", None, None), ("rest", (1, 0, 0), None), ("rest", None, (0, 0, 0, 0))],
+)
+def test_bad_starts_get_one_line(motion, momentum, quaternion):
+    with pytest.raises(ValueError, match=r"^start\.[a-z_]+: got .*, expected"):
+        Starts(motion, momentum, quaternion)
+
+
+@pytest.mark.parametrize("ellipsoid", [PROLATE, Ellipsoid((1.0, 0.8, 0.5))])
+def test_particles_circle_their_attractor_at_the_distance_stated(ellipsoid: Ellipsoid):
+    stokes = 2000.0
+    (attractor,) = attractors(ellipsoid, stokes, 1e-9, circling=True)
+    axis = ellipsoid.order[2]
+    velocity = [0.0, 0.0, 0.0]
+    velocity[axis] = -0.5
+    q = {0: (0.5, -0.5, -0.5, -0.5), 2: (1.0, 0.0, 0.0, 0.0)}[axis]
+    scene = Scene(ellipsoid, stokes, BodyStart(q, tuple(velocity)), stokes)
+    assert scene.initial_rotation[axis] == pytest.approx([0, 0, 1], abs=1e-15)
+    form = find_form("quaternion")
+    solution = solve(form.problem(scene), "taylor", 1e-12, np.linspace(0, scene.time, 20001))
+    seen = form.observe(scene, solution.states[10000:])
+    distance = np.linalg.norm(seen.slow / max(ellipsoid.inertia) - attractor.state, axis=1)
+    assert attractor.reach == pytest.approx(circle(ellipsoid, stokes) + 1e-9)
+    assert distance.max() == pytest.approx(circle(ellipsoid, stokes), rel=20 / stokes)
+
+
+@pytest.mark.parametrize(
+    ("ellipsoid", "names"),
+    [(PROLATE, ["equatorial axis"]), (OBLATE, ["symmetry axis"]), (TRIAXIAL, ["shortest axis"])],
+)
+def test_the_attractor_is_rotation_about_the_shortest_axis(ellipsoid: Ellipsoid, names: list[str]):
+    found = attractors(ellipsoid, 1e4, 0.01, circling=True)
+    assert [attractor.rotation for attractor in found] == names
+    assert found[0].state == pytest.approx([0, 0, -0.5, 0.125])
+    assert attractors(ellipsoid, 0.0, 0.01, circling=True) == ()
+    assert attractors(Ellipsoid((1.0, 1.0, 1.01)), 1e4, 0.05, circling=True) == ()

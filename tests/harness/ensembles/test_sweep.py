@@ -1,0 +1,376 @@
+"""Sweeps through the command line, against whatever ends a run: the store holds every task once, with its numbers."""
+
+import json
+import os
+import resource
+import signal
+import sqlite3
+import subprocess
+import time
+import tomllib
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+import pytest
+from commandline import SCRIPT, Run
+
+from polhode.harness.common.store import DamagedStoreError, Store
+from polhode.harness.ensembles.engines import Serial
+from polhode.harness.ensembles.results import write_results
+from polhode.harness.ensembles.summary import second_moments
+from polhode.harness.ensembles.sweep import gather, parse_sweep, read_sweep, run_sweep
+
+# Tasks of some hundredths of a second.
+SWEEP = """\
+name = "small"
+title = "A small sweep"
+shapes = [[1.0, 1.0, 2.0], [1.0, 1.0, 0.5]]
+stokes = [200.0, 500.0]
+time = 60.0
+particles = 900
+block = 100
+samples = 11
+snapshots = 3
+bins = 8
+tolerance = 1e-8
+start.motion = "fluid"
+"""
+TASKS = 36
+
+
+@pytest.fixture
+def sweep_file(tmp_path: Path) -> Path:
+    path = tmp_path / "sweep.toml"
+    path.write_text(SWEEP, encoding="utf-8")
+    return path
+
+
+def rows(path: Path) -> dict[str, str]:
+    """Statistics of each task that a store holds, as they stand there."""
+    if not path.exists():
+        return {}
+    with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True, timeout=10)) as connection:
+        try:
+            found = connection.execute("SELECT key, result FROM cases").fetchall()
+        except sqlite3.OperationalError:
+            return {}
+    assert len({key for key, _ in found}) == len(found)
+    return {key: json.dumps(json.loads(result)["statistics"]) for key, result in found}
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """What a run that nothing disturbs leaves in its store, made in this process."""
+    path = tmp_path_factory.mktemp("whole") / "store.sqlite"
+    with Store(path) as store:
+        tally = run_sweep(parse_sweep(tomllib.loads(SWEEP)), store, Serial(), quiet=True)
+    assert (tally.finished, tally.found, tally.failed) == (TASKS, 0, 0)
+    return rows(path)
+
+
+def start(folder: Path, environment: dict[str, str], *words: str, **options) -> subprocess.Popen[str]:
+    command = [SCRIPT, "sweep", "sweep.toml", "--out", "out", *words]
+    return subprocess.Popen(command, cwd=folder, env=environment, stderr=subprocess.PIPE, text=True, **options)
+
+
+def wait_for_rows(path: Path, least: int, process: subprocess.Popen[str]) -> None:
+    while process.poll() is None and len(rows(path)) < least:
+        time.sleep(0.01)
+
+
+def children(pid: int) -> list[int]:
+    """Processes that a process has started to work for it."""
+    found = []
+    for task in Path(f"/proc/{pid}/task").iterdir():
+        found += [int(child) for child in (task / "children").read_text().split()]
+    return [child for child in found if "spawn_main" in Path(f"/proc/{child}/cmdline").read_text()]
+
+
+@pytest.mark.parametrize("words", [("--workers", "0"), ("--workers", "2")], ids=["serial", "processes"])
+def test_killed_and_resumed_gives_the_same_numbers(
+    polhode: Run, environment, sweep_file: Path, tmp_path: Path, undisturbed, words
+):
+    path = tmp_path / "out" / "store.sqlite"
+    with start(tmp_path, environment, *words) as process:
+        wait_for_rows(path, 2, process)
+        workers = children(process.pid)
+        process.kill()
+        process.communicate()
+    assert process.returncode == -signal.SIGKILL
+    assert len(workers) == int(words[1])
+    early = rows(path)
+    assert 2 <= len(early) < TASKS
+    assert not (tmp_path / "out" / "README.md").exists()
+    refused = polhode("sweep", "sweep.toml", "--out", "out")
+    assert refused.returncode == 2
+    assert refused.stderr == (
+        "polhode: out/store.sqlite: exists, expected --resume to go on with it, or another --out\n"
+    )
+    done = polhode("sweep", "sweep.toml", "--out", "out", "--resume", "--quiet", *words)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "out/README.md\n", "")
+    assert rows(path) == undisturbed
+    for pid in workers:
+        assert not Path(f"/proc/{pid}").exists()
+
+
+def test_killed_workers_cost_nothing(environment, sweep_file: Path, tmp_path: Path, undisturbed):
+    path = tmp_path / "out" / "store.sqlite"
+    with start(tmp_path, environment, "--workers", "2") as process:
+        wait_for_rows(path, 2, process)
+        for pid in children(process.pid):
+            os.kill(pid, signal.SIGKILL)
+        process.communicate(timeout=100)
+    assert process.returncode == 0
+    assert rows(path) == undisturbed
+
+
+def test_two_runs_at_once_share_a_store(polhode: Run, environment, sweep_file: Path, tmp_path: Path, undisturbed):
+    path = tmp_path / "out" / "store.sqlite"
+    with start(tmp_path, environment, "--workers", "1", "--resume") as one:
+        with start(tmp_path, environment, "--workers", "1", "--resume") as two:
+            _, second = two.communicate(timeout=100)
+        _, first = one.communicate(timeout=100)
+    assert (one.returncode, two.returncode) == (0, 0), first + second
+    assert rows(path) == undisturbed
+
+
+@pytest.mark.parametrize(
+    ("number", "workers"),
+    [(signal.SIGINT, "0"), (signal.SIGINT, "2"), (signal.SIGTERM, "2")],
+    ids=["Ctrl-C", "Ctrl-C with processes", "terminated"],
+)
+def test_ends_cleanly_and_says_how_to_go_on(
+    environment, sweep_file: Path, tmp_path: Path, undisturbed, number: int, workers: str
+):
+    path = tmp_path / "out" / "store.sqlite"
+    with start(tmp_path, environment, "--workers", workers) as process:
+        wait_for_rows(path, 2, process)
+        pids = children(process.pid)
+        process.send_signal(number)
+        _, text = process.communicate(timeout=30)
+    assert process.returncode == 1
+    last = text.splitlines()[-1].rpartition("\r")[2].strip()
+    assert last == "polhode: interrupted: finished tasks are in out/store.sqlite, --resume goes on"
+    assert "Traceback" not in text
+    assert len(pids) == int(workers)
+    for pid in pids:
+        assert not Path(f"/proc/{pid}").exists()
+    early = rows(path)
+    assert early.items() <= undisturbed.items()
+    assert 2 <= len(early) < TASKS
+
+
+def finish(polhode: Run, path: Path, undisturbed: dict[str, str]) -> None:
+    early = rows(path)
+    assert early.items() <= undisturbed.items()
+    assert len(early) < TASKS
+    done = polhode("sweep", "sweep.toml", "--out", "out", "--resume", "--quiet", "--workers", "0")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert rows(path) == undisturbed
+
+
+def test_a_limit_of_file_size_loses_nothing(polhode: Run, environment, sweep_file: Path, tmp_path: Path, undisturbed):
+    path = tmp_path / "out" / "store.sqlite"
+
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (150_000, 150_000))
+
+    with start(tmp_path, environment, "--workers", "0", preexec_fn=limit) as process:
+        _, text = process.communicate(timeout=100)
+    assert process.returncode == 1
+    assert text.splitlines()[-1].endswith("; finished tasks are in out/store.sqlite, --resume goes on")
+    assert "Traceback" not in text
+    finish(polhode, path, undisturbed)
+
+
+@contextmanager
+def small_disk(folder: Path, size: str) -> Iterator[Path]:
+    """A disk of that size at the folder."""
+    folder.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(folder)]
+    if os.geteuid() != 0 or subprocess.run(mount, capture_output=True, check=False).returncode:
+        pytest.skip("a small disk needs the right to mount one")
+    try:
+        yield folder
+    finally:
+        subprocess.run(["umount", "-l", str(folder)], check=True)
+
+
+def test_a_full_disk_loses_nothing(polhode: Run, environment, sweep_file: Path, tmp_path: Path, undisturbed):
+    with small_disk(tmp_path / "out", "300k") as folder:
+        with start(tmp_path, environment, "--workers", "1") as process:
+            _, text = process.communicate(timeout=100)
+        assert process.returncode == 1
+        assert "disk" in text.splitlines()[-1]
+        assert text.splitlines()[-1].endswith("; finished tasks are in out/store.sqlite, --resume goes on")
+        assert "Traceback" not in text
+        subprocess.run(["mount", "-o", "remount,size=30m", str(folder)], check=True)
+        finish(polhode, folder / "store.sqlite", undisturbed)
+
+
+def test_no_room_for_a_store_is_no_damage(polhode: Run, sweep_file: Path, tmp_path: Path):
+    with small_disk(tmp_path / "out", "4k"):
+        done = polhode("sweep", "sweep.toml", "--out", "out", "--workers", "0")
+    assert done.returncode == 1
+    assert done.stderr == (
+        "polhode: out/store.sqlite: database or disk is full, expected a writable file and room for it; "
+        "--resume goes on\n"
+    )
+
+
+@pytest.mark.parametrize("size", [100, 5000, 0.5])
+def test_a_truncated_store_is_named_and_left_alone(polhode: Run, sweep_file: Path, tmp_path: Path, size):
+    path = tmp_path / "out" / "store.sqlite"
+    with Store(path) as store:
+        for number in range(50):
+            store.put(str(number), {}, {"text": "x" * 2000})
+    content = path.read_bytes()
+    path.write_bytes(content[: int(size * len(content)) if size < 1 else size])
+    content = path.read_bytes()
+    done = polhode("sweep", "sweep.toml", "--out", "out", "--resume")
+    assert done.returncode == 2
+    assert done.stderr.startswith("polhode: out/store.sqlite: ")
+    assert done.stderr.count("\n") == 1
+    assert path.read_bytes() == content
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        """replace(result, '"particles": 20', '"particles": 21')""",
+        "substr(result, 1, 100)",
+        """'{"statistics": {}}'""",
+        "'[]'",
+    ],
+    ids=["another number", "cut off", "no checksum", "no record"],
+)
+def test_a_changed_record_is_named_and_left_alone(tmp_path: Path, damage: str):
+    sweep = parse_sweep({**tomllib.loads(SWEEP), "particles": 20, "stokes": [200.0], "shapes": [[1.0, 1.0, 2.0]]})
+    path = tmp_path / "store.sqlite"
+    with Store(path) as store:
+        run_sweep(sweep, store, Serial(), quiet=True)
+        gather(sweep.ensembles[0], store)
+    with closing(sqlite3.connect(path)) as connection, connection:
+        connection.execute(f"UPDATE cases SET result = {damage}")
+    content = path.read_bytes()
+    with Store(path) as store:
+        assert run_sweep(sweep, store, Serial(), quiet=True).finished == 0
+        (key,) = store.keys()
+        with pytest.raises(DamagedStoreError, match=f"store.sqlite: the store is damaged: task {key} fails its checks"):
+            gather(sweep.ensembles[0], store)
+    assert path.read_bytes() == content
+
+
+def test_results_tell_what_the_store_holds(polhode: Run, sweep_file: Path, tmp_path: Path):
+    done = polhode("sweep", "sweep.toml", "--out", "out", "--json", "--quiet", "--workers", "0")
+    assert (done.returncode, done.stderr) == (0, "")
+    table = json.loads(done.stdout)
+    assert [(row["a"], row["b"], row["c"], row["stokes"]) for row in table] == [
+        (1.0, b, c, stokes) for b, c in ((1.0, 2.0), (1.0, 0.5)) for stokes in (200.0, 500.0)
+    ]
+    assert {row["particles"] for row in table} == {900}
+    sweep = read_sweep(sweep_file)
+    with Store(tmp_path / "out" / "store.sqlite") as store:
+        mean, _ = second_moments(gather(sweep.ensembles[0], store))
+        assert {record["timing"] for record in store.records()} == {"no times: tasks may run side by side"}
+    lines = (tmp_path / "out" / "moments.csv").read_text(encoding="utf-8").splitlines()
+    header, first = lines[0].split(","), lines[1].split(",")
+    assert dict(zip(header, first, strict=True))["moment"] == "xx"
+    assert float(first[header.index("mean")]) == mean[0, 0, 0]
+    names = sorted(path.name for path in (tmp_path / "out").iterdir() if not path.name.startswith("store"))
+    assert names == ["README.md", "arrivals.csv", "distributions.csv", "moments.csv", "slow.csv"]
+
+
+def test_dask_gives_the_same_numbers(polhode: Run, cluster, sweep_file: Path, tmp_path: Path, undisturbed):
+    done = polhode("sweep", "sweep.toml", "--out", "out", "--quiet", "--dask", cluster[0])
+    assert (done.returncode, done.stdout, done.stderr) == (0, "out/README.md\n", "")
+    assert rows(tmp_path / "out" / "store.sqlite") == undisturbed
+
+
+@pytest.mark.parametrize(
+    ("change", "line"),
+    [
+        ({"particles": 0}, "particles: got 0, expected a number greater than or equal to 1"),
+        ({"slow_time": 1.0}, "got both of slow_time and time, expected exactly one"),
+        ({"grid": 1}, "grid: unknown key, expected one of name, title"),
+        ({"start": {"motion": "spin"}}, "start.motion: got 'spin', expected one of rest, fluid"),
+        ({"start": {"orientation": "random"}}, "start.orientation"),
+        ({"shapes": [[1.0, 1.0]]}, "shapes[0]: got [1.0, 1.0], expected at least 3 items"),
+        ({"stokes": [100.0, 100.0]}, "expected each once"),
+        ({"stokes": 0.0, "time": None, "slow_time": 1.0}, "slow_time: got 1.0 at stokes = 0, expected time"),
+        ({"snapshots": 7}, "snapshots: got 7"),
+        ({"stokes": 0.0, "equations": "averaged"}, "St = 0 has no slow variables"),
+    ],
+)
+def test_bad_sweeps_get_one_line(change, line):
+    contents = {name: value for name, value in {**tomllib.loads(SWEEP), **change}.items() if value is not None}
+    with pytest.raises(ValueError) as refusal:  # noqa: PT011
+        parse_sweep(contents)
+    assert line in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+def test_the_sweep_that_comes_with_the_package_is_one():
+    sweep = read_sweep(None)
+    assert len(sweep.ensembles) == 6
+    assert sweep.size == len(list(sweep.tasks()))
+
+
+@pytest.mark.parametrize(
+    "words",
+    [("--workers", "-1"), ("--workers", "1", "--dask", "tcp://127.0.0.1:9"), ("--dask", "foo"), ("none.toml",)],
+)
+def test_bad_options_get_one_line(polhode: Run, tmp_path: Path, words):
+    done = polhode("sweep", *words, "--out", "out")
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+AVERAGED = """\
+name = "averaged"
+title = "Averaged equations"
+shapes = [[1.0, 1.0, 2.0]]
+stokes = [1000.0]
+slow_time = 0.2
+particles = 20
+block = 20
+samples = 11
+snapshots = 3
+equations = "averaged"
+start.motion = "momentum-isotropic"
+start.angular_momentum = [0.0, 0.0, 0.7]
+"""
+
+
+def page_of(text: str, folder: Path) -> str:
+    """Page of a sweep that is run here and now."""
+    sweep = parse_sweep(tomllib.loads(text))
+    folder.mkdir(exist_ok=True)
+    with Store(folder / "store.sqlite") as store:
+        run_sweep(sweep, store, Serial(), quiet=True)
+        return write_results(sweep, store, folder)[0].read_text(encoding="utf-8")
+
+
+def test_averaged_equations_leave_no_empty_file_of_moments(tmp_path: Path):
+    (tmp_path / "moments.csv").write_text("\r\n")
+    page = page_of(AVERAGED, tmp_path)
+    assert "have no orientation" in page
+    assert "moments.csv" not in page
+    assert not (tmp_path / "moments.csv").exists()
+    assert all(path.stat().st_size > 100 for path in tmp_path.glob("*.csv"))
+    # All arrive: nothing is later, and there is no dash.
+    assert "later" not in page
+    assert "–" not in page
+
+
+def test_words_of_the_table_are_explained_where_they_occur(tmp_path: Path):
+    short = page_of(AVERAGED.replace("slow_time = 0.2", "slow_time = 0.02"), tmp_path / "short")
+    assert short.count("later") > 1
+    assert "`later` is after that end" in short
+    lost = page_of(AVERAGED.replace("1000.0", "20.0").replace("averaged", "full"), tmp_path / "lost")
+    assert "| – " in lost
+    assert "– under *arrived*" in lost
+    assert "[moments.csv]" in lost
+    assert "have no orientation" not in lost

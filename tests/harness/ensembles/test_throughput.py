@@ -1,0 +1,55 @@
+"""What the bench of ensembles measures, on a small scale, and the page that it makes of it."""
+
+import pytest
+
+from polhode.harness.ensembles import throughput as ensemble_bench
+from polhode.harness.pages.ensembles import page
+
+
+@pytest.fixture(scope="module")
+def averaged() -> list[dict]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ensemble_bench, "ROUNDS", 2)
+        return [ensemble_bench.averaged_throughput(*item, particles=60) for item in ensemble_bench.SHAPES.items()]
+
+
+def test_averaged_throughput_is_made_of_its_parts(averaged):
+    for row in averaged:
+        # Six evaluations a step, and one to begin with.
+        assert 6 * 5 < row["evaluations_per_particle"] < 6 * 100
+        assert 0 < row["field_share"] < 1
+        assert min(row["per_second"], row["sampled_per_second"], row["task_per_second"]) > 0
+        assert 0 < row["median_error"] < 1e-4
+        assert row["median_error"] < row["error_of_99_percent"] < 1e-2
+
+
+def test_the_page_shows_where_the_time_goes(averaged):
+    averaged[0] |= {"per_second": 1e5, "sampled_per_second": 5e4, "task_per_second": 4e4, "field_share": 0.25}
+    averaged[0] |= {"evaluations_per_particle": 120.2}
+    full = {"shape": "s", "scalar_per_second": 1e3, "lanes_per_second": 6e3, "speedup": 6.0}
+    found = {
+        "settings": {
+            "stokes": 1e3,
+            "slow_time": 0.2,
+            "tolerance": 1e-9,
+            "averaged_tolerance": 1e-6,
+            "rounds": 2,
+            "task_seconds": 1.0,
+        },
+        "machine": {"processor": "P", "cores": 2},
+        "full": [{**full, "scalar_error": 1e-9, "lanes_error": 1e-9}],
+        "averaged": averaged,
+        "tasks": [
+            {"equations": "full", "per_second": 1e4, "record_bytes": 2**20},
+            {"equations": "averaged", "per_second": 4e4, "record_bytes": 2**20},
+        ],
+        "overhead": [{"engine": "serial", "share": 0.01}],
+        "memory": {"particles": 100, "bytes": 2**28, "seconds": 9.0},
+        "two_processes": {"particles": 100, "ratio": 2.0, "one_seconds": 4.0, "two_seconds": 2.0},
+    }
+    cells = [[cell.strip() for cell in line.split("|")[1:-1]] for line in page(found).splitlines() if "|" in line]
+    assert ["1 : 0.8 : 0.5", "120", "2.5", "7.5", "10.0", "5.0"] in cells
+    # 10⁶ particles at 10⁴ a second; 10⁴ particles at a hundredth of that.
+    assert ["full", "1,000,000", "1000", "10", "10.0 MiB", "0.03"] in cells
+    assert ["full", "10,000", "100000", "1", "1.0 MiB", "0.03"] in cells
+    assert ["averaged", "1,000,000,000", "1000", "10,000", "10,000.0 MiB", "6.94"] in cells

@@ -1,0 +1,138 @@
+"""The page of the main job, on records with known winners."""
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import pytest
+from commandline import STUDY
+
+from polhode.harness.pages.bench import write_page
+from polhode.harness.references.uncertainty import BRACKETS
+from polhode.harness.studies.study import Study, read_study
+
+mpl.use("Agg")
+
+# The reference knows the slow error to 1e-9, the orientation to 1e-7: below 1e-8 and 1e-6 it cannot tell.
+RUN: dict[str, Any] = {
+    "scene_name": "paper",
+    "scene": {
+        "stokes": 50.0,
+        "time": 25.0,
+        "shape": {"semi_axes": [1.0, 0.8, 0.5]},
+        "start": {"euler_angles": [1.0, 0.5, 0.0], "euler_rates": [1.0, 1.0, -1.0]},
+    },
+    "samples": 11,
+    "form": "quaternion",
+    "status": "reached_end",
+    "message": "",
+    "inferred": False,
+    "seconds_spread": 1e-5,
+    "prepare_seconds": 0.001,
+    "model_slow_error": 0.0,
+    "model_orientation_error": 0.0,
+    "slow_uncertainty": 1e-9,
+    "orientation_uncertainty": 1e-7,
+    "work": {"rhs_calls": 10, "steps": 5},
+    "machine": {"processor": "one", "cores": 1, "system": "Linux", "python": "3.11"},
+    "versions": {"polhode": "0"},
+}
+
+
+def run(solver: str, tolerance: float, seconds: float, error: float) -> dict[str, Any]:
+    own = {"solver": solver, "tolerance": tolerance, "seconds": seconds, "slow_error": error}
+    return {**RUN, **own, "solver_slow_error": error, "orientation_error": 10 * error}
+
+
+RECORDS = [
+    run("taylor", 1e-4, 0.5, 3e-5),
+    run("taylor", 1e-8, 1.0, 4e-9),
+    run("cyrk-dop853", 1e-4, 0.1, 2e-4),
+    run("cyrk-dop853", 1e-8, 2.0, 5e-8),
+]
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Study:
+    path = tmp_path / "study.toml"
+    path.write_text(STUDY.replace("[50.0, 100.0]", "50.0"), encoding="utf-8")
+    return read_study(path)
+
+
+def table_below(page: str, heading: str) -> list[list[str]]:
+    """Cells of the first table below a line that contains the heading."""
+    lines = page[page.index(heading) :].splitlines()
+    first = next(i for i, line in enumerate(lines) if line.startswith("|"))
+    rows = []
+    for line in lines[first:]:
+        if not line.startswith("|"):
+            break
+        rows.append([cell.strip() for cell in line.strip("|").split("|")])
+    return [rows[0], *rows[2:]]
+
+
+def test_errors_that_the_reference_cannot_tell_stand_in_brackets(study: Study, tmp_path: Path):
+    page = write_page(study, RECORDS, tmp_path, "polhode bench").read_text(encoding="utf-8")
+    assert BRACKETS in page
+    header, *rows = table_below(page, "### St = 50")
+    slow, orientation = header.index("slow error"), header.index("orientation")
+    assert [row[slow] for row in rows] == ["3.0e-5", "(4.0e-9)", "2.0e-4", "5.0e-8"]
+    assert [row[orientation] for row in rows] == ["3.0e-4", "(4.0e-8)", "2.0e-3", "(5.0e-7)"]
+
+
+def test_nobody_wins_an_error_that_the_reference_cannot_tell(study: Study, tmp_path: Path):
+    page = write_page(study, RECORDS, tmp_path, "polhode bench").read_text(encoding="utf-8")
+    slow = dict(table_below(page, "The cheapest run that meets a slow error"))
+    assert slow["0.001"].startswith("quaternion, cyrk-dop853, 0.0001: 100 ms")
+    assert slow["1e-06"].startswith("quaternion, taylor, 1e-08: 1.0 s")
+    assert slow["1e-08"] == slow["1e-10"] == "unknown: the reference cannot tell"
+    orientation = dict(table_below(page, "The same for the orientation error"))
+    assert orientation["1e-06"] == "unknown: the reference cannot tell"
+    assert orientation["0.0001"].startswith("quaternion, taylor, 1e-08")
+
+
+def test_several_scenes_have_figures_tables_and_verdicts_of_their_own(study: Study, tmp_path: Path):
+    other = [{**record, "scene_name": "round", "seconds": 10 * record["seconds"]} for record in RECORDS]
+    page = write_page(study, [*RECORDS, *other], tmp_path, "polhode bench").read_text(encoding="utf-8")
+    names = {"slow.png", "orientation.png", "slow-round.png", "orientation-round.png"}
+    assert {path.name for path in tmp_path.glob("*.png")} == names
+    assert all(f"]({name})" in page for name in names)
+    assert dict(table_below(page, "### The cheapest: paper"))["0.001"].endswith("100 ms")
+    assert dict(table_below(page, "### The cheapest: round"))["0.001"].endswith("1.0 s")
+    assert len(table_below(page, "### round, St = 50")) == len(RECORDS) + 1
+    assert table_below(page, "Uncertainty of the references") == [
+        ["scene", "St", "slow", "orientation, rad"],
+        ["paper", "50", "1.0e-9", "1.0e-7"],
+        ["round", "50", "1.0e-9", "1.0e-7"],
+    ]
+
+
+def test_the_page_tells_what_was_run(study: Study, tmp_path: Path):
+    scene = {**RUN["scene"], "stokes": 200.0, "time": 100.0}
+    at_rest = {"quaternion": [1.0, 0.0, 0.0, 0.0], "angular_velocity": [0.0, 0.0, 0.25]}
+    other = {"scene_name": "round", "scene": {**scene, "start": at_rest}, "form": "euler-angles"}
+    longer = {"scene_name": "round", "scene": {**scene, "start": at_rest, "time": 7.0}, "samples": 21}
+    records = [
+        *RECORDS,
+        {**RECORDS[0], "scene": scene, "form": "averaged"},
+        *({**RECORDS[0], **x} for x in (other, longer)),
+    ]
+    page = write_page(study, records, tmp_path, "polhode bench").read_text(encoding="utf-8")
+    assert table_below(page, "## The scenes")[1:] == [
+        [
+            *("paper", "(1, 0.8, 0.5)", "(θ, φ, ψ) = (1, 0.5, 0), at the rates (1, 1, -1)", "50, 200"),
+            *("t₂ = 0.5, t = 25, 100", "11", "quaternion, averaged"),
+        ],
+        [
+            *("round", "(1, 0.8, 0.5)", "quaternion (1, 0, 0, 0), angular velocity (0, 0, 0.25) in the body", "200"),
+            *("t = 7, 100", "11, 21", "euler-angles, quaternion"),
+        ],
+    ]
+
+
+def test_a_study_without_averaged_forms_has_no_verdict_on_them(study: Study, tmp_path: Path):
+    page = write_page(study, RECORDS, tmp_path, "polhode bench").read_text(encoding="utf-8")
+    assert "averaged form is the cheapest" not in page
+    averaged = {**RECORDS[0], "form": "averaged", "seconds": 0.15, "seconds_spread": 0.0}
+    page = write_page(study, [*RECORDS, averaged], tmp_path, "polhode bench").read_text(encoding="utf-8")
+    assert "- For a slow error of 0.0001 an averaged form is the cheapest at St = 50, the only one measured." in page

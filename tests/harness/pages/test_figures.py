@@ -1,0 +1,254 @@
+"""Figures: what is drawn is what the records say."""
+
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import pandas as pd
+import pytest
+
+from polhode.harness.analysis.frames import frame
+from polhode.harness.analysis.pareto import pareto_front
+from polhode.harness.pages.work_precision import (
+    EXPLICIT,
+    GREY,
+    IMPLICIT,
+    UNKNOWN,
+    mark_failures,
+    power_of_ten,
+    save,
+    work_precision,
+    work_precision_panels,
+)
+from polhode.solvers.catalogue import SOLVERS
+from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.contract import OWN
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+
+
+def run(solver: str, tolerance: float, seconds: float | None, error: float | None, **more: object) -> dict:
+    return {
+        "form": "quaternion",
+        "solver": solver,
+        "tolerance": tolerance,
+        "scene": {"stokes": 100.0},
+        "status": "reached_end" if seconds is not None else "time_limit",
+        "seconds": seconds,
+        "slow_error": error,
+        "orientation_error": None if error is None else 10 * error,
+        "slow_uncertainty": 1e-12,
+        "orientation_uncertainty": 1e-11,
+        "model_slow_error": 0.0,
+        "model_orientation_error": None,
+        **more,
+    }
+
+
+RECORDS = [
+    run("taylor", 1e-4, 0.1, 1e-4),
+    run("taylor", 1e-8, 0.2, 1e-8),
+    run("cyrk-radau", 1e-4, 0.3, 1e-3),
+    run("cyrk-radau", 1e-8, None, None),
+    run("cyrk-dop853", 1e-4, 0.05, 1e-2),
+    run("taylor", 1e-4, 0.01, 2e-2, form="averaged", model_slow_error=1.9e-2),
+    run("taylor", 1e-8, 0.02, 1.9e-2, form="averaged", model_slow_error=1.9e-2),
+]
+
+
+@pytest.fixture
+def axes():
+    figure, axes = plt.subplots()
+    yield axes
+    plt.close(figure)
+
+
+def test_every_run_is_drawn_where_its_error_and_time_say(axes):
+    assert work_precision(axes, frame(RECORDS)) is axes
+    drawn = {line.get_label(): np.column_stack([*line.get_data()]).tolist() for line in axes.get_lines()}
+    assert drawn["taylor"] == [[1e-4, 0.1], [1e-8, 0.2]]
+    assert drawn["cyrk-radau"] == [[1e-3, 0.3]]
+    assert drawn["cyrk-dop853"] == [[1e-2, 0.05]]
+    assert drawn["averaged form,\ncheapest runs"] == [[2e-2, 0.01], [1.9e-2, 0.02]]
+    assert drawn["averaged form,\nmodel error"] == [[1.9e-2, 0], [1.9e-2, 1]]
+    assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
+
+
+def test_methods_of_one_library_differ_in_marker_or_colour(axes):
+    records = [run(name, 1e-4, 0.1, 1e-4) for name in SOLVERS if name != "exact"]
+    lines = [line for line in work_precision(axes, frame(records)).get_lines() if line.get_label() in SOLVERS]
+    assert len({(line.get_color(), line.get_marker()) for line in lines}) == len(records)
+
+
+def test_every_library_has_a_colour():
+    assert {find_solver(name).family for name in SOLVERS} <= set(EXPLICIT)
+    assert set(EXPLICIT) == set(IMPLICIT)
+    assert OWN not in {find_solver(name).family for name in SOLVERS}
+    assert len(set(EXPLICIT.values())) == len(EXPLICIT)
+    assert find_solver("ida").family == find_solver("cvode-bdf").family == "SUNDIALS"
+
+
+def test_pareto_front():
+    points = [(1.0, 1e-2), (2.0, 1e-4), (3.0, 1e-3), (4.0, 1e-8), (4.0, 1e-9), (5.0, 1e-9), (0.5, 1.0)]
+    runs = pd.DataFrame(points, columns=["seconds", "slow_error"])
+    front = pareto_front(runs)
+    assert list(front["seconds"]) == [0.5, 1.0, 2.0, 4.0]
+    assert list(front["slow_error"]) == [1.0, 1e-2, 1e-4, 1e-9]
+
+
+def test_pareto_front_against_brute_force():
+    generator = np.random.default_rng(5)
+    runs = pd.DataFrame({"seconds": generator.random(60), "slow_error": generator.random(60)})
+    better = [
+        not any((o.seconds < r.seconds) and (o.slow_error < r.slow_error) for o in runs.itertuples())
+        for r in runs.itertuples()
+    ]
+    assert set(pareto_front(runs).index) == set(runs.index[better])
+
+
+def test_stopped_methods_are_listed(axes):
+    mark_failures(axes, frame([*RECORDS, run("cyrk-radau", 1e-10, None, None)]))
+    (text,) = axes.texts
+    assert "cyrk-radau 1e-08" in text.get_text()
+    assert "taylor" not in text.get_text()
+
+
+def test_failures_of_every_kind_are_listed(axes):
+    more = [run("ida", tolerance, None, None, status="non_finite") for tolerance in (1e-6, 1e-8)]
+    mark_failures(axes, frame([*RECORDS, *more]))
+    (text,) = axes.texts
+    assert text.get_text().splitlines() == [
+        "stopped at the time limit, from this tolerance on: cyrk-radau 1e-08",
+        "non finite, at tolerance: ida 1e-06 to 1e-08",
+    ]
+
+
+def test_points_that_the_reference_cannot_tell_are_grey_and_the_legend_says_so():
+    near = {"slow_uncertainty": 2e-9}
+    records = [run("taylor", 1e-4, 0.1, 2.1e-8, **near), run("taylor", 1e-8, 0.2, 2e-8, **near)]
+    records += [run("taylor", 1e-8, 0.02, 1e-8, form="averaged", **near), run("ida", 1e-4, 1.0, 1e-4, **near)]
+    figure = work_precision_panels(frame(records), "slow_error", "slow error")
+    (panel,) = figure.axes
+    lines = {line.get_label(): line for line in panel.get_lines()}
+    grey = [line for line in panel.get_lines() if line.get_label() == UNKNOWN]
+    assert [np.column_stack([*line.get_data()]).tolist() for line in grey] == [[[2e-8, 0.2]], [[1e-8, 0.02]]]
+    assert {line.get_color() for line in grey} == {GREY}
+    assert all(line.get_zorder() > lines["taylor"].get_zorder() for line in grey)
+    assert [text.get_text() for text in figure.legends[0].get_texts()].count(UNKNOWN) == 1
+    assert lines["Pareto front"].get_data()[0].tolist() == [2.1e-8], "an unknown error wins nothing"
+    plt.close(figure)
+
+
+def test_the_pareto_front_of_the_full_forms_is_drawn_beneath_all(axes):
+    lines = {line.get_label(): line for line in work_precision(axes, frame(RECORDS)).get_lines()}
+    front = lines.pop("Pareto front")
+    assert np.column_stack([*front.get_data()]).tolist() == [[1e-2, 0.05], [1e-4, 0.1], [1e-8, 0.2]]
+    assert all(front.get_zorder() < line.get_zorder() for line in lines.values())
+
+
+def test_forms_of_one_solver_are_told_apart(axes):
+    records = [*RECORDS[:2], *(run("taylor", 1e-4, 0.3, 1e-4, form=form) for form in ("euler-angles", "averaged"))]
+    lines = {line.get_label(): line for line in work_precision(axes, frame(records)).get_lines()}
+    first, second = lines["taylor, quaternion"], lines["taylor, euler-angles"]
+    assert first.get_color() == second.get_color()
+    assert first.get_linestyle() != second.get_linestyle()
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(1e-4, "$10^{-4}$"), (1e8, "$10^{8}$"), (100.0, "100"), (0.1, "0.1"), (250.0, "250"), (0, "0")]
+)
+def test_powers_of_ten(value: float, text: str):
+    assert power_of_ten(value) == text
+
+
+def test_nothing_is_listed_where_nothing_was_stopped(axes):
+    mark_failures(axes, frame(RECORDS[:3]))
+    assert not axes.texts
+
+
+@pytest.mark.parametrize(("numbers", "visible"), [((1e2,), 1), ((1e2, 1e3, 1e4), 3)])
+def test_one_panel_per_st(tmp_path: Path, numbers: tuple[float, ...], visible: int):
+    records = [{**record, "scene": {"stokes": stokes}} for stokes in numbers for record in RECORDS]
+    figure = work_precision_panels(frame(records), "slow_error", "slow error over I_max")
+    panels = [axes for axes in figure.axes if axes.get_visible()]
+    assert len(panels) == visible
+    labels = {1e2: "100", 1e3: "$10^{3}$", 1e4: "$10^{4}$"}
+    assert [axes.get_title() for axes in panels] == [f"St = {labels[stokes]}" for stokes in numbers]
+    names = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert len(names) == len(set(names)) == 6
+    low, high = panels[0].get_xlim()
+    assert low > 2e-2 > 1e-8 > high, "more accurate to the right"
+    save(figure, tmp_path, "picture", ("png", "svg"))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["picture.png", "picture.svg"]
+    assert (tmp_path / "picture.png").read_bytes().startswith(b"\x89PNG")
+    assert not plt.get_fignums()
+
+
+def test_small_print_stands_above_the_points():
+    more = [run(name, tolerance, None, None) for name in SOLVERS for tolerance in (1e-4, 1e-6)]
+    more += [{**one, "status": "non_finite"} for one in more]
+    figure = work_precision_panels(frame([*RECORDS, *more]), "slow_error", "slow error")
+    (panel,) = figure.axes
+    figure.canvas.draw()
+    text = panel.texts[0].get_window_extent()
+    highest = panel.transData.transform((1e-4, 0.3))[1]
+    assert len(panel.texts[0].get_text().splitlines()) > 4
+    assert text.y0 > highest
+    plt.close(figure)
+
+
+def test_small_print_covers_lines_and_keeps_within_its_panel():
+    more = [run(name, tolerance, None, None) for name in SOLVERS for tolerance in (1e-4, 1e-6)]
+    figure = work_precision_panels(frame([*RECORDS, *more]), "slow_error", "slow error")
+    (panel,) = figure.axes
+    figure.canvas.draw()
+    (note,) = panel.texts
+    assert note.get_bbox_patch().get_facecolor()[:3] == (1, 1, 1)
+    assert note.get_zorder() > max(line.get_zorder() for line in panel.get_lines())
+    assert note.get_window_extent().x1 < panel.get_window_extent().x1
+    plt.close(figure)
+
+
+def test_few_lines_of_small_print_take_little_room():
+    figure = work_precision_panels(frame(RECORDS), "slow_error", "slow error")
+    assert 0.3 < figure.axes[0].get_ylim()[1] < 1.0
+    plt.close(figure)
+
+
+def test_long_names_in_the_legend_are_whole(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.syspath_prepend(Path(__file__).parents[3] / "docs" / "examples")
+    forms = ("quaternion", "own_form:Directions")
+    own = [run("own_solver:ClassicalRungeKutta", 1e-4, 0.1, 1e-4, form=form) for form in forms]
+    figure = work_precision_panels(frame([*RECORDS, *own]), "slow_error", "slow error")
+    figure.canvas.draw()
+    (legend,) = figure.legends
+    names = [text.get_text() for text in legend.get_texts()]
+    assert {f"own_solver:ClassicalRungeKutta,\n{form}" for form in forms} <= set(names)
+    box, page = legend.get_window_extent(), figure.bbox
+    assert page.x0 <= box.x0 <= box.x1 <= page.x1
+    assert box.x0 >= figure.axes[0].get_window_extent().x1
+    plt.close(figure)
+
+
+@pytest.mark.parametrize("numbers", [(1e2, 1e3), (1e2, 1e3, 1e4)])
+def test_the_lowest_panel_of_every_column_names_its_axis(numbers: tuple[float, ...]):
+    records = [{**record, "scene": {"stokes": stokes}} for stokes in numbers for record in RECORDS]
+    figure = work_precision_panels(frame(records), "slow_error", "slow error")
+    figure.canvas.draw()
+    panels = [axes for axes in figure.axes if axes.get_visible()]
+    named = [axes for axes in panels if axes.get_xlabel() and axes.xaxis.get_ticklabels()[0].get_visible()]
+    assert named == panels[-2:]
+    plt.close(figure)
+
+
+def test_a_study_in_which_every_run_failed_is_drawn_empty(tmp_path: Path):
+    records = [run("cyrk-radau", tolerance, None, None) for tolerance in (1e-4, 1e-8)]
+    figure = work_precision_panels(frame(records), "slow_error", "slow error")
+    assert "cyrk-radau 1e-04" in figure.axes[0].texts[0].get_text()
+    save(figure, tmp_path, "picture")
+
+
+def test_exact_solutions_without_error_are_drawn_at_no_place_but_do_not_stop_the_others(tmp_path: Path):
+    figure = work_precision_panels(frame([*RECORDS, run("exact", 1e-4, 0.1, 0.0)]), "slow_error", "slow error")
+    save(figure, tmp_path, "picture")

@@ -1,0 +1,56 @@
+"""What commands print for people: short tables, wrapped on terminals alone, and what to do next."""
+
+import sys
+from os import terminal_size
+
+import pytest
+
+from polhode.harness.commands.pick import FEW, pick_page
+from polhode.harness.common import text
+from polhode.harness.common.text import aligned, on_terminal, short
+from polhode.harness.picking.laws import Interval
+from polhode.harness.picking.ranking import Excluded, Recommendation, Row
+from polhode.solvers.catalogue import SOLVERS
+
+
+@pytest.mark.parametrize(
+    ("value", "expected"),
+    [(1e-8, "1e-8"), (7e-13, "7e-13"), (1e8, "1e8"), (2.5e-7, "2.5e-7"), (0.001, "0.001"), (1000.0, "1000")],
+)
+def test_short_numbers_are_the_numbers(value: float, expected: str):
+    assert short(value) == expected
+    assert float(short(value)) == value
+
+
+ROWS = [["averaged", "L and E alone, first order in the inverse Stokes number"], ["quaternion", "no singularity"]]
+
+
+def test_a_narrow_terminal_wraps_the_last_column(monkeypatch: pytest.MonkeyPatch):
+    assert on_terminal(["form", "what"], ROWS) == aligned(["form", "what"], ROWS)
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    monkeypatch.setattr(text, "get_terminal_size", lambda: terminal_size((45, 24)))
+    lines = on_terminal(["form", "what"], ROWS).splitlines()
+    assert max(map(len, lines)) <= 45
+    assert lines[2].startswith(" " * 12)
+    assert " ".join(lines[1].split() + lines[2].split()) == " ".join(ROWS[0])
+
+
+def row(form: str, seconds: float) -> Row:
+    predicted = Interval(seconds, seconds / 2, seconds * 2)
+    return Row(form, "taylor", 1e-8, Interval(1e-7, 1e-8, 9e-7), predicted, 1.5, False, f"why {form} takes so long")
+
+
+def test_pick_shows_the_cheapest_and_the_forms_that_will_not_do():
+    ranking = tuple(row("quaternion", 1e-3 * 2**i) for i in range(FEW + 3))
+    excluded = [Excluded("averaged", name, "too far off") for name in SOLVERS]
+    excluded += [Excluded("quaternion", "exact", "no closed form")]
+    found = Recommendation("slow", 1e-6, 40.0, 16.0, ranking, tuple(excluded))
+    page = pick_page(found, everything=False)
+    assert page.startswith("L and E within 1e-6 of I_max, over 40 rotations")
+    assert page.count("taylor  ") == FEW
+    assert "3 more ways, not cheaper: --all" in page
+    assert "why quaternion takes so long" in page
+    assert page.splitlines()[-1].split() == ["averaged", "too", "far", "off"]
+    whole = pick_page(found, everything=True)
+    assert whole.count("taylor  ") == FEW + 3
+    assert [line.split()[:2] for line in whole.splitlines()[-2:]] == [["averaged", "all"], ["quaternion", "exact"]]

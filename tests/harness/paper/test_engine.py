@@ -1,0 +1,266 @@
+"""The engine of the reproduction: what is kept, what is made again, what the pages say, and the command itself."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from matplotlib.figure import Figure
+from PIL import Image
+
+from polhode.harness.commands.paper import paper
+from polhode.harness.paper import store
+from polhode.harness.paper.catalogue import find_items
+from polhode.harness.paper.drawing import FORMATS, groups, power, with_palette
+from polhode.harness.paper.engine import Settings, run, section_of
+from polhode.harness.paper.item import Grid, Item, Number, Verdict, Word
+from polhode.harness.paper.pages import allowed, measured
+from polhode.harness.paper.runs import mean_interval, power_law
+
+LARGEST_FIGURE = 300_000
+
+
+def made_up(calls, slope=-1.0):
+    """An item that counts how often it is computed."""
+
+    def compute(grid):
+        calls.append(grid)
+        x = np.geomspace(1.0, 1e4, 5)
+        return {"": {"x": x, "y": x**slope, "word": np.array(["a,b"] * 5)}}
+
+    def figure(data):
+        drawn = Figure()
+        drawn.subplots().plot(data[""]["x"], data[""]["y"])
+        return drawn
+
+    def verdict(data):
+        number = Number.near("slope", power_law(data[""]["x"], data[""]["y"]).exponent, -1.0, 1e-3)
+        return Verdict(Word.CONFIRMED, "It falls.", (number,))
+
+    return Item("made-up", "Made up", "It falls.", compute, figure, verdict, lambda data: "A line.")
+
+
+@pytest.fixture
+def catalogue(monkeypatch):
+    """Let the engine believe that the catalogue holds one section with the given items."""
+
+    def replace_by(*items):
+        from polhode.harness.paper import engine
+
+        section = replace(engine.sections()[0], name="made", title="Made", items=items)
+        monkeypatch.setattr(engine, "sections", lambda: (section,))
+
+    return replace_by
+
+
+def test_what_is_there_is_kept(tmp_path, catalogue):
+    calls, told = [], []
+    item = made_up(calls)
+    catalogue(item)
+    for _ in range(2):
+        assert run([item], tmp_path, Settings(Grid.REDUCED), told.append) == []
+    assert calls == [Grid.REDUCED]
+    assert "kept" in told[-2]
+
+
+@pytest.mark.parametrize("settings", [Settings(Grid.FULL), Settings(Grid.REDUCED, force=True)], ids=["grid", "force"])
+def test_another_grid_and_force_compute_again(tmp_path, catalogue, settings):
+    calls = []
+    item = made_up(calls)
+    catalogue(item)
+    run([item], tmp_path, Settings(Grid.REDUCED), lambda _: None)
+    run([item], tmp_path, settings, lambda _: None)
+    assert len(calls) == 2
+
+
+def test_damaged_data_are_made_again(tmp_path, catalogue):
+    calls = []
+    item = made_up(calls)
+    catalogue(item)
+    run([item], tmp_path, Settings(Grid.REDUCED), lambda _: None)
+    path = tmp_path / "made" / "made-up.csv"
+    path.write_text(path.read_text().replace("1000", "1001"))
+    assert store.read(tmp_path / "made", item) is None
+    run([item], tmp_path, Settings(Grid.REDUCED), lambda _: None)
+    assert len(calls) == 2
+
+
+def test_the_key_knows_settings_and_grid():
+    first, second = find_items(("spheroid-slow-1", "spheroid-slow-2"))
+    keys = {store.content_key(item, grid) for item in (first, second) for grid in Grid}
+    assert len(keys) == 4
+
+
+def test_data_depend_on_every_module_that_computes_them():
+    (item,) = find_items(("ellipsoid-plane",))
+    names = {f"{path.parent.name}/{path.stem}" for path in store.code_of(item)}
+    assert names >= {"ellipsoids/planes", "ellipsoids/motion", "paper/planes", "paper/runs", "paper/slow_motion"}
+    assert not names & {"paper/drawing", "paper/pages", "paper/engine", "limits/jeffery_top"}
+
+
+def test_redraw_takes_data_of_older_code(tmp_path, catalogue, monkeypatch):
+    calls = []
+    item = made_up(calls)
+    catalogue(item)
+    run([item], tmp_path, Settings(Grid.REDUCED), lambda _: None)
+    monkeypatch.setattr(store, "SCHEMA", store.SCHEMA + 1)
+    run([item], tmp_path, Settings(Grid.REDUCED, redraw=True), lambda _: None)
+    assert len(calls) == 1
+    assert "Made by older code, to be computed again: made-up" in (tmp_path / "README.md").read_text()
+    run([item], tmp_path, Settings(Grid.REDUCED), lambda _: None)
+    assert len(calls) == 2
+
+
+def test_a_failure_does_not_stop_the_others(tmp_path, catalogue):
+    calls, told = [], []
+
+    def fail(grid):
+        raise RuntimeError("no such luck")
+
+    broken = replace(made_up([]), name="broken", title="Broken", compute=fail)
+    item = made_up(calls)
+    catalogue(broken, item)
+    assert run([broken, item], tmp_path, Settings(Grid.REDUCED), told.append) == ["broken"]
+    assert calls
+    assert any("no such luck" in line for line in told)
+    assert "Not computed yet: `polhode paper broken`" in (tmp_path / "made.md").read_text()
+
+
+def test_older_rows_of_a_neighbour_do_not_stop_the_pages(tmp_path, catalogue):
+    old = replace(made_up([]), name="old", title="Old")
+    catalogue(old)
+    run([old], tmp_path, Settings(Grid.REDUCED), lambda _: None)
+
+    def refuse(data):
+        raise ValueError("rows that today's code does not know")
+
+    item, changed = made_up([]), replace(old, verdict=refuse)
+    catalogue(item, changed)
+    assert run([item], tmp_path, Settings(Grid.REDUCED), lambda _: None) == []
+    page = (tmp_path / "made.md").read_text()
+    assert "**Verdict: confirmed.**" in page
+    assert "Not computed yet: `polhode paper old`" in page
+
+
+def test_a_number_out_of_range_takes_the_verdict_away(tmp_path, catalogue):
+    item = made_up([], slope=-1.1)
+    catalogue(item)
+    run([item], tmp_path, Settings(Grid.REDUCED), lambda _: None)
+    found = store.read(tmp_path / "made", item)
+    assert found is not None
+    assert item.verdict(found[0]).word is Word.NOT_CONFIRMED
+    assert "not confirmed" in (tmp_path / "README.md").read_text()
+
+
+def test_tables_survive_their_files(tmp_path):
+    item = made_up([])
+    data = item.compute(Grid.REDUCED)
+    store.write(tmp_path, item, Grid.REDUCED, data)
+    found = store.read(tmp_path, item)
+    assert found is not None
+    table, current, grid = found[0][""], found[1], found[2]
+    assert current
+    assert grid is Grid.REDUCED
+    assert table["word"].tolist() == ["a,b"] * 5
+    np.testing.assert_allclose(table["y"], data[""]["y"], rtol=10.0 ** (1 - store.DIGITS))
+
+
+def test_groups_keep_order_and_rows():
+    table = {"key": np.array([2.0, 1.0, 2.0]), "value": np.array([1.0, 2.0, 3.0])}
+    assert [(key, part["value"].tolist()) for key, part in groups(table, "key")] == [(2.0, [1.0, 3.0]), (1.0, [2.0])]
+
+
+@pytest.mark.parametrize(
+    ("number", "value", "holds_for"),
+    [
+        (Number("n", 0.5, 0.0, 1.0, "rad"), "0.5 rad", "0 … 1"),
+        (Number("n", 0.5, high=1.0), "0.5", "≤ 1"),
+        (Number("n", 0.5, low=0.25, interval=(0.4, 0.6)), "0.5 (95 %: 0.4 … 0.6)", "≥ 0.25"),
+        (Number("n", 0.5), "0.5", "any value"),
+    ],
+)
+def test_numbers_as_the_pages_write_them(number, value, holds_for):
+    assert number.holds
+    assert measured(number) == value
+    assert allowed(number) == holds_for
+
+
+def test_nan_holds_nowhere():
+    assert not Number("n", float("nan")).holds
+
+
+@pytest.mark.parametrize(("value", "text"), [(1e4, "$10^{4}$"), (5e4, r"$5\times10^{4}$"), (1e3, "1000"), (50.0, "50")])
+def test_powers_of_ten(value, text):
+    assert power(value) == text
+
+
+def test_power_law_recovers_exponent_and_covers_it():
+    generator = np.random.default_rng(0)
+    x = np.geomspace(1.0, 1e4, 12)
+    covered = 0
+    for _ in range(200):
+        fit = power_law(x, 3 * x**-0.8 * np.exp(generator.normal(scale=0.1, size=12)))
+        covered += fit.low <= -0.8 <= fit.high
+    assert 180 <= covered <= 199
+    assert power_law(x, 3 * x**-0.8).exponent == pytest.approx(-0.8)
+    assert power_law(x, 3 * x**-0.8).factor == pytest.approx(3)
+
+
+def test_mean_interval_by_hand():
+    mean, low, high = mean_interval(np.array([1.0, 2.0, 3.0]))
+    assert mean == 2.0
+    assert (high - mean, mean - low) == pytest.approx((4.302652729911275 / 3**0.5,) * 2)
+
+
+def test_command_makes_a_page_with_small_figures(tmp_path):
+    result = CliRunner().invoke(paper, ["symmetric-top", "--quick", "--out", str(tmp_path)])
+    assert result.exit_code == 0, result.output
+    folder = tmp_path / section_of(find_items(("symmetric-top",))[0]).name
+    for ending in FORMATS:
+        assert 0 < (folder / f"symmetric-top.{ending}").stat().st_size < LARGEST_FIGURE
+    page = (tmp_path / "limits.md").read_text()
+    for part in ("**Claim.**", "**Verdict: confirmed.**", "symmetric-top.png", "`polhode paper symmetric-top`"):
+        assert part in page
+    index = (tmp_path / "README.md").read_text()
+    assert "Made on the reduced grid: a look, not a result." in index
+    assert "[symmetric-top](limits.md#trajectory-of-a-symmetric-euler-top)" in index
+
+
+def test_palette_keeps_common_and_rare_colours(tmp_path):
+    """Shades of blue by the thousand, white around them, and three points of green, which must not turn blue."""
+    generator = np.random.default_rng(4)
+    pixels = np.full((200, 200, 3), 255, dtype=np.uint8)
+    pixels[50:, :, 0] = generator.integers(0, 80, size=(150, 200))
+    pixels[50:, :, 1] = generator.integers(60, 140, size=(150, 200))
+    pixels[50:, :, 2] = generator.integers(150, 200, size=(150, 200))
+    green = (0, 158, 60)
+    pixels[60:63, 7] = green
+    drawn = np.asarray(with_palette(Image.fromarray(pixels)).convert("RGB")).astype(int)
+    assert (drawn[:50] == 255).all()
+    assert np.max(np.abs(drawn[61, 7] - green)) < 40
+    assert len(np.unique(drawn.reshape(-1, 3), axis=0)) <= 256
+    by_frequency = np.asarray(Image.fromarray(pixels).quantize(256).convert("RGB")).astype(int)
+    assert np.max(np.abs(by_frequency[61, 7] - green)) > 60
+
+
+def test_figures_of_the_report_are_small():
+    """Those of the repository, if the report is there: an installed package has none."""
+    report = Path(__file__).parents[3] / "reports" / "paper"
+    large = [
+        path for ending in FORMATS for path in report.glob(f"*/*.{ending}") if path.stat().st_size > LARGEST_FIGURE
+    ]
+    assert not large
+
+
+def test_command_lists_items():
+    result = CliRunner().invoke(paper, ["--list", "--json", "beyond"])
+    assert [row["section"] for row in json.loads(result.output)] == ["beyond"] * 3
+
+
+@pytest.mark.parametrize("arguments", [["no-such-item"], ["--force", "--redraw"], ["--json"]])
+def test_command_refuses_bad_input(arguments, tmp_path):
+    result = CliRunner().invoke(paper, [*arguments, "--out", str(tmp_path)])
+    assert result.exit_code == 2
+    assert ", expected " in result.output

@@ -1,0 +1,53 @@
+"""The Jeffery top's sections: the tangent equations against differences, the saddle's exponent, a sharp separatrix."""
+
+from math import cosh, log, pi
+
+import numpy as np
+import pytest
+
+from polhode.harness.paper.sections.limits.poincare import half_turn, orbit, stretched_orbit, tangent_field
+from polhode.harness.paper.sections.limits.stochastic_layer import Layer, measure_layer, saddle_growth
+from polhode.models.forms.jeffery import field
+from polhode.models.forms.motion import shares
+from polhode.models.operations import FLOAT
+from polhode.models.shape import Ellipsoid
+
+BODY = Ellipsoid((1.0, 0.9, 0.5))
+
+
+def test_tangent_equations_against_differences():
+    generator = np.random.default_rng(2)
+    p = shares(BODY)
+    q, u = generator.normal(size=(2, 4))
+    base = field(FLOAT)
+    slope = (np.array(base(q + 1e-6 * u, p)) - np.array(base(q - 1e-6 * u, p))) / 2e-6
+    growth = slope @ u / (u @ u)
+    found = np.array(tangent_field(FLOAT)([*q, *u, 0.0], p))
+    np.testing.assert_allclose(found, [*base(q, p), *(slope - growth * u), growth], rtol=1e-7, atol=1e-9)
+
+
+def test_neighbours_part_as_the_stretching_says():
+    """Two orbits of a slender body, 1e-9 rad apart, in its chaotic sea."""
+    body = Ellipsoid((0.05, 0.1, 1.0))
+    duration = 12 * half_turn(body)
+    first, second = (np.array(orbit(body, 1.5, 1.4 + step, duration))[:, -1] for step in (0.0, 1e-9))
+    _, stretch = stretched_orbit(body, 1.5, 1.4, duration)
+    assert log(np.linalg.norm(first - second) / 1e-9) == pytest.approx(stretch, abs=3.0)
+    assert stretch > 6
+
+
+def test_growth_of_the_saddle_over_two_sections():
+    """The second iterate of a map with the eigenvalues e^±λ has the trace 2 cosh 2λ."""
+    offset = 1e-4
+    _, psi = orbit(BODY, pi / 2, pi / 2 - offset, 2.5 * half_turn(BODY))
+    assert (pi / 2 - abs(psi[1])) / offset == pytest.approx(cosh(2 * saddle_growth(BODY)), rel=1e-4)
+
+
+def test_a_nearly_round_body_has_a_sharp_separatrix():
+    layer = measure_layer(Ellipsoid((1.0, 0.95, 0.5)), 200)
+    assert 0.1 < layer.librating < 0.4
+    assert abs(layer.width) < 1e-12
+
+
+def test_width():
+    assert Layer(10, 0.25, 0.75).width == 0.5

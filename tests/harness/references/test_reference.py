@@ -1,0 +1,141 @@
+"""References: known answers, stated uncertainties that hold, and certificates that notice what is wrong."""
+
+from dataclasses import replace
+from math import inf
+
+import numpy as np
+import pytest
+
+from polhode.harness.common import cache
+from polhode.harness.references import certificate as certify
+from polhode.harness.references import reference as module
+from polhode.harness.references.errors import errors
+from polhode.harness.references.reference import ReferenceFailedError, reference
+from polhode.models.catalogue import form as find_form
+from polhode.models.scene import Scene
+from polhode.models.scenes import named_scene
+
+
+@pytest.fixture(autouse=True, scope="module")
+def folder(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("POLHODE_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+PAPER = replace(named_scene("paper"), stokes=100.0, time=50.0)
+SPHEROID = replace(named_scene("spheroid"), stokes=100.0, time=50.0)
+
+
+@pytest.mark.parametrize(
+    ("scene", "closed"),
+    [(replace(PAPER, stokes=inf), "euler-top"), (replace(SPHEROID, stokes=0.0), "jeffery")],
+)
+def test_a_reference_meets_the_closed_form(scene: Scene, closed: str):
+    form = find_form(closed)
+    known = reference(scene, "quaternion", 101)
+    problem = form.problem(scene)
+    assert problem.closed_form is not None
+    exact = form.observe(scene, problem.closed_form(known.times))
+    found = errors(scene.ellipsoid, exact, known.observables)
+    assert found.slow < 1e-14
+    assert found.orientation is not None
+    assert found.orientation < 1e-13
+
+
+@pytest.mark.parametrize("scene", [PAPER, SPHEROID], ids=["ellipsoid", "spheroid"])
+def test_quadruple_and_long_double_agree_within_the_uncertainty(scene: Scene, monkeypatch):
+    tight = reference(scene, "quaternion", 101)
+    monkeypatch.setattr(module, "QUADRUPLE_UP_TO", 0.0)
+    rough = reference(scene, "quaternion", 101)
+    assert (tight.precision, rough.precision) == ("quadruple", "long double")
+    found = errors(scene.ellipsoid, rough.observables, tight.observables)
+    assert rough.orientation_uncertainty is not None
+    assert found.orientation is not None
+    # Both are kept in double precision, which the uncertainties leave out.
+    assert found.slow <= rough.slow_uncertainty + 2.3e-16
+    assert found.orientation <= rough.orientation_uncertainty + 4.5e-16
+
+
+def test_uncertainty_is_no_smaller_than_what_half_an_ulp_makes():
+    known = reference(PAPER, "quaternion", 101)
+    assert 1e-18 < known.slow_uncertainty < 1e-14
+    assert known.orientation_uncertainty is not None
+    assert 1e-17 < known.orientation_uncertainty < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("scene", "form", "by"),
+    [
+        (PAPER, "quaternion", ("euler-angles", "cyrk-vern8")),
+        (SPHEROID, "quaternion", ("spheroid-axis", "cyrk-vern8")),
+        (replace(PAPER, stokes=1e-2, time=1.0), "quaternion", ("euler-angles", "cyrk-vern8")),
+        (replace(PAPER, stokes=0.0), "quaternion", ("euler-angles", "ida")),
+        (replace(SPHEROID, stokes=0.0), "jeffery", ("jeffery", "exact")),
+        (PAPER, "averaged", ("averaged", "cyrk-vern8")),
+        (SPHEROID, "averaged-spheroid", ("averaged-spheroid", "cyrk-vern8")),
+    ],
+)
+def test_references_are_certified_by_another_form_and_method(scene: Scene, form: str, by: tuple[str, str]):
+    certificate = reference(scene, form, 11).certificate
+    assert (certificate.form, certificate.solver) == by
+    assert certificate.pieces >= 20
+    assert 0 < certificate.ratio <= 1
+    assert certificate.back == (0 if scene.stokes == 0 else 24)
+
+
+@pytest.mark.parametrize("component", range(7))
+def test_a_certificate_notices_a_wrong_state(component: int, monkeypatch):
+    honest = module.extended_run
+
+    def lying(problem, times, precision, tolerance):
+        rows = honest(problem, times, precision, tolerance)
+        rows[len(rows) // 2 :, component] += 1e-9
+        return rows
+
+    monkeypatch.setattr(module, "extended_run", lying)
+    with pytest.raises(ReferenceFailedError, match="differs from form 'euler-angles' by cyrk-vern8"):
+        reference(replace(PAPER, time=49.0), "quaternion", 11)
+
+
+def test_a_certificate_notices_wrong_equations():
+    scene = replace(PAPER, time=10.0)
+    form = find_form("quaternion")
+    wrong = form.problem(replace(scene, stokes=scene.stokes * (1 + 1e-7)))
+    times = np.unique(list(certify.expected_times(scene, form, wrong.end)))
+    states = module.extended_run(wrong, times, "long double", 1e-19)
+    with pytest.raises(certify.UncertifiedError, match="times the method's error"):
+        certify.certify(scene, form, dict(zip(times.tolist(), states, strict=True)), module._flow(wrong))
+
+
+@pytest.mark.parametrize("name", ["paper", "plate", "stiff", "rest-1e8", "long"])
+def test_pieces_that_go_back_do_not_amplify(name: str):
+    scene = named_scene(name)
+    for piece in certify.pieces(scene, find_form("quaternion"), scene.time):
+        assert 0 <= piece.start < piece.back <= piece.end <= scene.time * (1 + 1e-15)
+        assert max(scene.ellipsoid.damping) * (piece.back - piece.start) / scene.stokes < 5
+
+
+def test_a_second_call_reads_the_cache_and_a_damaged_file_is_computed_anew(monkeypatch, capsys):
+    first = reference(PAPER, "quaternion", 21)
+    monkeypatch.setattr(module, "_compute", lambda *arguments: pytest.fail("computed though cached"))
+    second = reference(PAPER, "quaternion", 21)
+    assert second.observables.rotation.tobytes() == first.observables.rotation.tobytes()
+    assert (second.slow_uncertainty, second.certificate) == (first.slow_uncertainty, first.certificate)
+    monkeypatch.undo()
+    key = module._key(find_form("quaternion").problem(PAPER), 21)
+    path = cache.path_of(key)
+    path.write_bytes(path.read_bytes()[:-1])
+    third = reference(PAPER, "quaternion", 21)
+    assert third.observables.rotation.tobytes() == first.observables.rotation.tobytes()
+    assert "damaged" in capsys.readouterr().err
+
+
+def test_every_full_form_has_the_same_reference_and_averaged_ones_their_own():
+    assert reference(SPHEROID, "spheroid-axis", 11).form == reference(SPHEROID, "euler-angles", 11).form == "quaternion"
+    assert reference(SPHEROID, "averaged-spheroid", 11).form == "averaged-spheroid"
+
+
+def test_beyond_the_horizon_there_is_no_reference():
+    with pytest.raises(ReferenceFailedError, match="expected at most 5e\\+06 above St = 1e6"):
+        reference(replace(PAPER, stokes=1e8, time=1e7), "quaternion", 11)

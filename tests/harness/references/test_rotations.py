@@ -1,0 +1,90 @@
+"""The number of rotations against quadrature of |ω| over a tight run of an unrelated solver."""
+
+from dataclasses import replace
+from math import inf, pi
+
+import numpy as np
+import pytest
+
+from polhode.harness.references import rotations as module
+from polhode.harness.references.rotations import rotations, stiffness
+from polhode.models.catalogue import form
+from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart
+from polhode.models.scenes import named_scene
+from polhode.models.shape import Ellipsoid
+from polhode.solvers.solve import solve
+
+START = EulerStart((1.0, 0.5, 0.2), (1.0, 1.0, -1.0))
+TRIAXIAL, PROLATE, OBLATE = Ellipsoid((1.0, 0.8, 0.5)), Ellipsoid((1.0, 1.0, 1.5)), Ellipsoid((0.4, 1.0, 1.0))
+
+
+def by_quadrature(scene, samples=40_001):
+    """∫|ω| dt/2π by the trapezoidal rule over a run at tolerance 1e-11."""
+    name = "jeffery" if scene.stokes == 0 else "quaternion"
+    times = np.linspace(0, scene.time, samples)
+    solver = "cyrk-radau" if 0 < stiffness(scene) / scene.time < inf and scene.stokes < 1 else "taylor"
+    run = solve(form(name).problem(scene), solver, 1e-8 if solver == "cyrk-radau" else 1e-11, times)
+    assert run.success
+    seen = form(name).observe(scene, run.states)
+    body = np.einsum("nij,nj->ni", seen.rotation, seen.angular_momentum) / scene.ellipsoid.inertia
+    return float(np.trapezoid(np.linalg.norm(body, axis=1), times)) / (2 * pi)
+
+
+NAMED = ["paper", "paper-saddle", "pinch-point", "rest-5e4", "needle", "plate", "stiff", "jeffery", "tumbler", "top"]
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_named_scenes(name):
+    scene = named_scene(name)
+    assert rotations(scene) == pytest.approx(by_quadrature(scene), rel=1e-3)
+
+
+@pytest.mark.parametrize("ellipsoid", [TRIAXIAL, PROLATE, OBLATE, Ellipsoid((1.0, 1.0, 1.0))])
+@pytest.mark.parametrize("stokes", [1e3, 1e4, inf])
+def test_averages_give_the_rotations_of_the_full_run(ellipsoid, stokes, monkeypatch):
+    """With the threshold lowered, so that a tight run is short enough to compare with."""
+    monkeypatch.setattr(module, "MANY", 50.0)
+    scene = Scene(ellipsoid, stokes, START, 1000.0)
+    turned = module._averaged_angle(scene)
+    assert turned is not None
+    assert rotations(scene) == turned / (2 * pi)
+    assert rotations(scene) == pytest.approx(by_quadrature(scene), rel=1e-2)
+
+
+def test_start_without_orientation():
+    scene = Scene(TRIAXIAL, 1e4, START, 1000.0)
+    slow = scene.initial
+    lx, ly, lz = slow.angular_momentum[0].tolist()
+    bare = replace(scene, start=SlowStart((lx, ly, lz), float(slow.energy[0])))
+    assert rotations(bare) == pytest.approx(rotations(scene), rel=1e-3)
+    with pytest.raises(ValueError, match="expected a quaternion"):
+        rotations(replace(bare, stokes=0.0))
+
+
+def test_averages_are_not_trusted_where_momentum_vanishes(monkeypatch):
+    """L → 0 and L_z changes sign: the averaged run does not know the way on, the full one does."""
+    monkeypatch.setattr(module, "MANY", 50.0)
+    scene = replace(named_scene("pinch-point"), stokes=1e4, time=3000.0)
+    assert module._averages_well(scene)
+    assert module._averaged_angle(scene) is None
+    assert rotations(scene) == pytest.approx(by_quadrature(scene), rel=1e-3)
+
+
+@pytest.mark.parametrize(("stokes", "limit"), [(20.0, "LONGEST_ROTATIONS"), (0.05, "LONGEST_STIFF")])
+def test_long_runs_go_on_at_the_mean_rate(stokes, limit, monkeypatch):
+    scene = Scene(TRIAXIAL, stokes, START, 2000.0)
+    whole = rotations(scene)
+    monkeypatch.setattr(module, limit, 60.0 if limit == "LONGEST_ROTATIONS" else 400.0)
+    assert rotations(scene) == pytest.approx(whole, rel=0.02)
+    assert rotations(scene) != whole
+
+
+def test_at_rest_without_torque():
+    assert rotations(Scene(TRIAXIAL, inf, BodyStart((1.0, 0.0, 0.0, 0.0)), 10.0)) == 0
+
+
+def test_stiffness():
+    sphere = Ellipsoid((1.0, 1.0, 1.0))
+    assert stiffness(Scene(sphere, 0.5, START, 3.0)) == pytest.approx(8 * pi / (8 * pi / 15) * 3.0 / 0.5, rel=1e-13)
+    assert stiffness(Scene(TRIAXIAL, 0.0, START, 3.0)) == inf
+    assert stiffness(Scene(TRIAXIAL, inf, START, 3.0)) == 0

@@ -1,0 +1,70 @@
+"""The bare calls that `solve` is measured against are fair: they give the rows that it gives."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from polhode.harness.studies import overhead
+from polhode.harness.studies.overhead import Overhead, bare_call, has_bare_call, measure, paper_problem
+from polhode.models.problem import Problem
+from polhode.solvers.catalogue import SOLVERS, solver
+from polhode.solvers.contract import Integrator, Settings, Solver
+from polhode.solvers.solve import solve
+
+PROBLEM = replace(paper_problem(), end=20.0)
+TIMES = np.linspace(0.0, 20.0, 21)
+
+
+class Lone(Solver):
+    """Of a library with a known bare call, but written by itself: its bare call is anyone's guess."""
+
+    name = "lone"
+    summary = accepts = ""
+    library = package = "scipy"
+
+    def prepare(self, problem: Problem, settings: Settings) -> Integrator:
+        raise AssertionError("nothing is prepared")
+
+
+def has_rows(name: str) -> bool:
+    """Whether the bare call returns its rows, as CyRK's C entry does not."""
+    return name != "exact" and solver(name).library != "CyRK" and has_bare_call(solver(name))
+
+
+@pytest.mark.parametrize("name", [name for name in SOLVERS if has_rows(name)])
+def test_a_bare_call_gives_the_same_rows(name: str):
+    method = solver(name)
+    result = bare_call(method, PROBLEM, method.settings(1e-6), TIMES)()
+    rows = {"scipy": lambda: result.y.T, "sksundae": lambda: result.y, "heyoka": lambda: result[-1]}[method.library]()
+    assert rows == pytest.approx(solve(PROBLEM, name, 1e-6, TIMES).states, abs=1e-14)
+
+
+def test_overhead_is_judged_by_share_or_by_time():
+    assert Overhead("a", 1e-3, 1.049e-3).allowed
+    assert Overhead("a", 1e-4, 1.49e-4).allowed
+    assert not Overhead("a", 1e-4, 1.51e-4).allowed
+    assert Overhead("a", 1e-1, 1.049e-1).allowed
+    assert not Overhead("a", 1e-1, 1.051e-1).allowed
+
+
+def test_measuring_gives_a_row_per_solver():
+    table = measure(PROBLEM, solvers=("taylor", "cyrk-vern8", "cvode-bdf"), samples=21, seconds=0.05)
+    assert [row.solver for row in table] == ["taylor", "cyrk-vern8", "cvode-bdf"]
+    assert all(0 < row.bare < 1 and 0 < row.solve < 1 for row in table)
+
+
+def test_a_solver_whose_bare_call_is_unknown_is_left_out(monkeypatch: pytest.MonkeyPatch):
+    lone = Lone()
+    assert lone.available
+    assert not has_bare_call(lone)
+    with pytest.raises(ValueError, match="'lone': no bare call"):
+        bare_call(lone, PROBLEM, Settings(1e-6, "numba"), TIMES)
+    monkeypatch.setattr(overhead, "find_solver", lambda name: lone if name == "lone" else solver(name))
+    table = measure(PROBLEM, solvers=("lone", "taylor"), samples=21, seconds=0.01)
+    assert [row.solver for row in table] == ["taylor"]
+
+
+def test_bare_calls_are_known_of_the_solvers_that_footing_compares():
+    classes = {base for base in overhead._BARE if any(isinstance(solver(name), base) for name in SOLVERS)}
+    assert classes == set(overhead._BARE)

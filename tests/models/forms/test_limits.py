@@ -1,0 +1,131 @@
+"""Jeffery orbits, tumbling periods, and the choice of the simplest form."""
+
+from math import acosh, inf, pi, sqrt
+
+import numpy as np
+import pytest
+from observed import observed, orientation_difference, slow_difference
+
+from polhode.harness.picking.simplest import simplest
+from polhode.models.catalogue import form
+from polhode.models.forms.jeffery import JefferyOrbit
+from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart
+from polhode.models.shape import Ellipsoid
+from polhode.solvers.taylor import taylor_integrator
+
+SHAPES = [(1, 1, 2), (1, 2, 1), (2, 1, 1), (0.5, 1, 1), (1, 1, 10), (1, 1, 0.05), (1, 1, 1), (1, 1, 1 + 1e-9)]
+STARTS = [(pi / 3, pi / 6, 0.3), (0, 0, 0), (pi / 2, 0, 1.0), (pi, 0.3, 0.2), (2.5, 4.0, 5.0), (1e-9, 0.2, 0.3)]
+
+
+@pytest.mark.parametrize("axes", SHAPES)
+@pytest.mark.parametrize("angles", STARTS)
+def test_jeffery_orbit_solves_the_field_with_its_spin(axes, angles):
+    scene = Scene(Ellipsoid(axes), 0.0, EulerStart(angles), 50.0)
+    problem = form("jeffery").problem(scene)
+    assert problem.closed_form is not None
+    times = np.linspace(0, 50, 51)
+    closed = problem.closed_form(times)
+    assert np.allclose(closed[0], problem.start, rtol=0, atol=1e-14)
+    numerical, exact = observed("jeffery", scene, samples=51), observed("jeffery", scene, solver="exact", samples=51)
+    assert orientation_difference(numerical, exact) < 1e-12
+    assert slow_difference(scene, numerical, exact) < 1e-12
+
+
+@pytest.mark.parametrize("kappa", [0.01, 0.5, 2.0, 10.0, 100.0])
+def test_jeffery_period(kappa):
+    """The linear flow's own frequency: the axis p̂ is a line element of the flow W + Λ E, squeezed to unit length."""
+    orbit = JefferyOrbit(kappa, 1.0, 2, EulerStart((1.0, 0.3, 0.2)).quaternion)
+    anisotropy = (kappa**2 - 1) / (kappa**2 + 1)
+    flow = np.array([[0, 1 + anisotropy], [anisotropy - 1, 0]]) / 2
+    assert orbit.period == pytest.approx(2 * pi / abs(np.linalg.eigvals(flow)[0].imag), rel=1e-11)
+    scene = Scene(Ellipsoid((1.0, 1.0, kappa)), 0.0, EulerStart((1.0, 0.3, 0.2)), orbit.period)
+    states = form("jeffery").problem(scene).closed_form(np.array([0.0, 1.0]) * orbit.period)
+    rows = form("jeffery").observe(scene, states).rotation[:, 2]
+    assert np.allclose(rows, rows[0], rtol=0, atol=1e-11)
+    halfway = form("jeffery").observe(scene, form("jeffery").problem(scene).closed_form(np.array([orbit.period / 2])))
+    assert np.allclose(halfway.rotation[0, 2], rows[0] * [-1, -1, 1], atol=1e-11)
+
+
+def test_jeffery_orbit_costs_the_same_at_any_time():
+    scene = Scene(Ellipsoid((1, 1, 2)), 0.0, EulerStart((1.0, 0.3, 0.2)), 1e9)
+    states = form("jeffery").problem(scene).closed_form(np.array([1e9]))
+    assert np.linalg.norm(states[0]) == pytest.approx(1, abs=1e-14)
+
+
+def test_triaxial_jeffery_has_no_closed_form_and_no_inertia():
+    scene = Scene(Ellipsoid((1, 0.8, 0.5)), 0.0, EulerStart((1.0, 0.3, 0.2), (5.0, 5.0, 5.0)), 10.0)
+    assert form("jeffery").problem(scene).closed_form is None
+    at_rest = Scene(scene.ellipsoid, 0.0, EulerStart((1.0, 0.3, 0.2)), 10.0)
+    assert np.array_equal(scene.initial.slow, at_rest.initial.slow)
+
+
+def tumbling_period(axes, stokes, guess):
+    """Period of the tumbling form on its limit cycle, by Newton's method on the time of one turn.
+
+    From a little below, for back in time the damping blows up.
+    """
+    scene = Scene(Ellipsoid(axes), stokes, BodyStart((0.5, 0.5, 0.5, 0.5), (0.0, -0.5, 0.0)), 1.0)
+    problem = form("tumbling").problem(scene)
+    integrator = taylor_integrator(problem.field, 2, len(problem.parameters), 1e-16)
+    integrator.time, integrator.state[:], integrator.pars[:] = 0.0, problem.start, problem.parameters
+    integrator.propagate_until(40 * stokes / scene.ellipsoid.damping[1])
+    integrator.state[0] %= 2 * pi
+    integrator.time, goal = 0.0, integrator.state[0] - 2 * pi
+    integrator.propagate_until(guess - 1e-4)
+    for _ in range(5):
+        integrator.propagate_until(integrator.time - (integrator.state[0] - goal) / integrator.state[1])
+    return integrator.time
+
+
+@pytest.mark.parametrize("kappa", [2.0, 3.0])
+def test_slow_tumbler_turns_faster_by_what_is_printed(kappa):
+    """`vivtp`, value and sign, at St = 0.1."""
+    bracket = (1 - 2 * kappa**2) * acosh(kappa) + kappa * sqrt(kappa**2 - 1)
+    printed = -(0.1**2) * pi * bracket**2 / (100 * kappa**2 * (kappa**4 - 1) * (kappa + 1) ** 2)
+    jeffery = 2 * pi * (kappa + 1 / kappa)
+    change = tumbling_period((1.0, 1.0, kappa), 0.1, jeffery) - jeffery
+    assert change < 0
+    assert change == pytest.approx(printed, rel=1e-4)
+
+
+@pytest.mark.parametrize("axes", [(1.0, 1.0, 2.0), (1.0, 0.8, 0.5)])
+def test_fast_tumbler_has_period_four_pi(axes):
+    slower, faster = (abs(tumbling_period(axes, stokes, 4 * pi) - 4 * pi) for stokes in (1e3, 1e4))
+    assert faster < 1e-4
+    assert slower / faster == pytest.approx(100, rel=0.01)
+
+
+PLANAR = BodyStart((1.0, 0.0, 0.0, 0.3), (0.0, 0.0, 0.5))
+TILTED = EulerStart((1.0, 0.3, 0.2), (0.1, 0.2, 0.3))
+
+
+@pytest.mark.parametrize(
+    ("axes", "stokes", "start", "name", "reason"),
+    [
+        ((1, 0.8, 0.5), 10.0, TILTED, "quaternion", "triaxial"),
+        ((1, 0.8, 0.5), 10.0, PLANAR, "tumbling", "planar"),
+        ((1, 1, 2), 10.0, TILTED, "spheroid-axis", "spheroid"),
+        ((1, 1, 2), 10.0, PLANAR, "tumbling", "planar"),
+        ((1, 1, 1), 10.0, TILTED, "spheroid-axis", "sphere"),
+        ((1, 0.8, 0.5), 0.0, TILTED, "jeffery", "St = 0"),
+        ((1, 1, 2), 0.0, PLANAR, "jeffery", "St = 0"),
+        ((1, 0.8, 0.5), inf, TILTED, "euler-top", "St = inf"),
+    ],
+)
+@pytest.mark.parametrize("want", ["slow", "orientation"])
+def test_simplest_form(axes, stokes, start, name, reason, want):
+    scene = Scene(Ellipsoid(axes), stokes, start, 10.0)
+    chosen, why = simplest(scene, want)
+    assert chosen == name
+    assert reason in why
+    full = observed("jeffery" if stokes == 0 else "quaternion", scene)
+    assert slow_difference(scene, observed(chosen, scene), full) < 1e-10
+
+
+def test_simplest_form_refuses_what_is_not_defined():
+    scene = Scene(Ellipsoid((1, 0.8, 0.5)), 10.0, TILTED, 10.0)
+    with pytest.raises(ValueError, match="want: got 'statistics', expected 'slow' or 'orientation'"):
+        simplest(scene, "statistics")
+    slow = Scene(scene.ellipsoid, 10.0, SlowStart((0.1, 0.1, -0.2), 0.07), 10.0)
+    with pytest.raises(ValueError, match="no orientation; use 'averaged'"):
+        simplest(slow, "slow")

@@ -1,0 +1,112 @@
+"""Periods of the torque-free rotation, and the paper's formulas for it."""
+
+import mpmath as mp
+import numpy as np
+import pytest
+from scipy.special import ellipj, ellipk
+
+from polhode.models.free_top.polhode import periods
+from polhode.models.free_top.torque_free import TorqueFree
+from polhode.models.rotation import matrix_from_quaternion
+
+UNTURNED = (1.0, 0.0, 0.0, 0.0)
+
+
+def random_body(seed):
+    rng = np.random.default_rng(seed)
+    quaternion, omega = rng.normal(size=4), rng.normal(size=3)
+    return TorqueFree(tuple(rng.uniform(0.2, 1.0, 3)), tuple(quaternion / np.linalg.norm(quaternion)), tuple(omega))
+
+
+def momentum_and_energy(body):
+    """L in space axes and E at the start."""
+    moment = np.array(body.inertia) * body.angular_velocity
+    return moment @ matrix_from_quaternion(np.array(body.quaternion)), moment @ body.angular_velocity / 2
+
+
+@pytest.mark.parametrize("exchange", [False, True])
+def test_printed_angular_velocity(exchange):
+    """`eq:omg1`–`eq:omg3` with the printed signs, T = 4K/(dτ/dt), and the exchange of 1 and 3 as it stands."""
+    i1, i2, i3 = (0.8, 0.5, 0.3) if exchange else (0.3, 0.5, 0.8)
+    momentum, energy = 1.0, 0.5 * (1 / i2 + (1 / i3 - 1 / i2) * 0.4)
+    wobble, spin = 2 * energy * i3 - momentum**2, momentum**2 - 2 * energy * i1
+    rate, k2 = np.sqrt((i3 - i2) * spin / (i1 * i2 * i3)), (i2 - i1) * wobble / ((i3 - i2) * spin)
+    times = np.linspace(-40, 40, 81)
+    sn, cn, dn, _ = ellipj(rate * times, k2)
+    amplitudes = [
+        np.sqrt(wobble / (i1 * (i3 - i1))),
+        np.sqrt(wobble / (i2 * (i3 - i2))),
+        np.sqrt(spin / (i3 * (i3 - i1))),
+    ]
+    printed = np.stack([amplitudes[0] * cn, amplitudes[1] * sn, amplitudes[2] * dn], axis=1)
+    # The exchange renames: axis 1 remains the one of least inertia.
+    forward = slice(None, None, -1 if exchange else 1)
+    body = TorqueFree((i1, i2, i3)[forward], UNTURNED, (amplitudes[0], 0.0, amplitudes[2])[forward])
+    assert np.max(np.abs(body.at(times)[1] - printed[:, forward])) < 1e-13
+    assert body.period == pytest.approx(4 * ellipk(k2) / rate, rel=1e-13)
+
+
+@pytest.mark.parametrize("exchange", [False, True])
+def test_corrected_precession_period(exchange):
+    """`eq:prec2` with ζ → −ζ where L² > 2EI₂, as printed after the exchange of 1 and 3; the other sign is far off."""
+    i1, i2, i3 = (0.8, 0.5, 0.3) if exchange else (0.3, 0.5, 0.8)
+    momentum, energy = 1.0, 0.5 * (1 / i2 + (1 / i3 - 1 / i2) * 0.4)
+    with mp.workdps(30):
+        wobble, spin = 2 * energy * i3 - momentum**2, momentum**2 - 2 * energy * i1
+        k2 = (i2 - i1) * wobble / ((i3 - i2) * spin)
+        quarter, rate = mp.ellipk(k2), mp.sqrt((i3 - i2) * spin / (i1 * i2 * i3))
+        nome = mp.qfrom(m=k2)
+        zeta = mp.ellipf(mp.atan(mp.sqrt(i3 * spin / (i1 * wobble))), 1 - k2) / (2 * quarter)
+        ratio = mp.pi * mp.jtheta(4, 1j * mp.pi * zeta, nome, 1) / mp.jtheta(4, 1j * mp.pi * zeta, nome)
+        term = float(mp.re(2j * ratio * rate / (4 * quarter)))
+    sign = -1 if exchange else 1
+    _, precession_period = periods((i1, i2, i3), momentum, energy)
+    assert 2 * np.pi / precession_period == pytest.approx(momentum / i1 + sign * term, rel=1e-14)
+    assert abs(2 * np.pi / precession_period - (momentum / i1 - sign * term)) > 0.1
+
+
+def test_periods_where_they_are_infinite_or_limits():
+    inertia = (0.3, 0.5, 0.8)
+    assert TorqueFree(inertia, UNTURNED, (0.0, 0.0, 0.0)).period == np.inf
+    assert TorqueFree(inertia, UNTURNED, (0.0, 0.0, 0.0)).precession_period == np.inf
+    unstable = TorqueFree(inertia, UNTURNED, (0.0, 2.0, 0.0))
+    assert (unstable.period, unstable.precession_period) == (np.inf, pytest.approx(np.pi))
+    separatrix = TorqueFree((6.0, 3.0, 4.0), UNTURNED, (-1.0, 2.0, 0.3))
+    assert (separatrix.complementary_parameter, separatrix.period) == (0, np.inf)
+    for axis in (0, 2):
+        still, wobbling = (np.eye(3)[axis] + shift for shift in (0.0, 1e-9))
+        limit, near = (TorqueFree(inertia, UNTURNED, tuple(omega)) for omega in (still, wobbling))
+        assert limit.is_permanent
+        assert not near.is_permanent
+        assert limit.period == pytest.approx(near.period, rel=1e-8)
+        assert limit.precession_period == pytest.approx(near.precession_period, rel=1e-8)
+    sphere = TorqueFree((0.5, 0.5, 0.5), UNTURNED, (0.6, 0.0, 0.8))
+    assert (sphere.period, sphere.precession_period) == (np.inf, pytest.approx(2 * np.pi))
+
+
+def test_periods_from_momentum_and_energy_agree_with_those_of_a_start():
+    body = random_body(11)
+    momentum, energy = momentum_and_energy(body)
+    expected = pytest.approx((body.period, body.precession_period), rel=1e-13)
+    assert periods(body.inertia, float(np.linalg.norm(momentum)), float(energy)) == expected
+    assert periods((0.1, 0.2, 0.3), 0.3, 0.15) == pytest.approx((2 * np.pi / np.sqrt(1.0), 2 * np.pi / 2.0), rel=1e-7)
+    for momentum, energy in ((1.0, 1.0), (1.0, 100.0), (-1.0, 1.0), (np.nan, 1.0)):
+        with pytest.raises(ValueError, match="momentum, energy"):
+            periods((0.1, 0.2, 0.3), momentum, energy)
+
+
+def test_period_and_precession_describe_the_motion():
+    for seed in range(6):
+        body = random_body(seed)
+        start, after = body.at([0.0, body.period])[1]
+        assert np.max(np.abs(start - after)) < 1e-13
+        turns = 10000
+        times = body.period * np.arange(3) * turns
+        axis = body._polhode.order[2]
+        rows = matrix_from_quaternion(body.at(times)[0])[:, axis]
+        momentum, _ = momentum_and_energy(body)
+        along = momentum / np.linalg.norm(momentum)
+        flat = rows - np.outer(rows @ along, along)
+        angle = np.arctan2(along @ np.cross(flat[0], flat[1]), flat[0] @ flat[1])
+        expected = 2 * np.pi * body.period * turns / body.precession_period
+        assert abs(np.remainder(angle - expected + np.pi, 2 * np.pi) - np.pi) < 1e-9

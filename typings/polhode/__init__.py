@@ -1,0 +1,1 @@
+../../polhode/__init__.py

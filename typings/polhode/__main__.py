@@ -1,0 +1,1 @@
+../../polhode/__main__.py
