@@ -135,11 +135,11 @@ def counting_c_callback(factory: FieldFactory, dimension: int, parameters: int) 
 
 @cache
 def load_heyoka() -> Any:
-    """Import heyoka, the one way that everybody here does: quiet, and with its cache where the user wants it.
+    """Import heyoka: quiet, and with its cache where the user wants it.
 
-    heyoka keeps compiled code on disk, in ``$XDG_CACHE_HOME/heyoka`` or ``~/.cache/heyoka``. The environment
-    variable ``POLHODE_CACHE`` names another folder, of which it gets the part ``heyoka``. What heyoka has to say about
-    a cache that it cannot write, it says on standard output, where tables go: so it is told to be silent.
+    heyoka keeps compiled code on disk, in ``$XDG_CACHE_HOME/heyoka`` or ``~/.cache/heyoka``, or in the folder
+    ``heyoka`` of the one that the environment variable ``POLHODE_CACHE`` names. It prints warnings about a cache that
+    it cannot write on standard output, where tables go; hence the logger level.
     """
     import heyoka
 

@@ -73,27 +73,18 @@ class SolverNotValidError(ValueError):
 
 @dataclass
 class Work:
-    """Work done; None where the library does not tell.
+    """Work done; counts that the library does not report stay None."""
 
-    Parameters
-    ----------
-    rhs_calls : int, optional
-        Evaluations of the vector field, those for finite-difference Jacobians included. Counted by the callback
-        itself, in an untimed run.
-    steps, rejected : int, optional
-        Accepted and rejected steps, as the library tells.
-    jacobians, factorizations : int, optional
-        Evaluations of the Jacobian and factorizations of the iteration matrix.
-    """
-
+    # Evaluations of the vector field, those for finite-difference Jacobians included.
     rhs_calls: int | None = None
     steps: int | None = None
     rejected: int | None = None
     jacobians: int | None = None
+    # Of the iteration matrix.
     factorizations: int | None = None
 
     def add(self, other: "Work") -> None:
-        """Add the work of a further piece of the run; what one of them does not tell stays untold."""
+        """Add the work of a further piece of the run; a count that is None in one of them stays None."""
         for name in vars(self):
             mine, more = getattr(self, name), getattr(other, name)
             setattr(self, name, None if mine is None or more is None else mine + more)
@@ -101,30 +92,22 @@ class Work:
 
 @dataclass(frozen=True)
 class Settings:
-    """What a solver is asked for, besides the problem.
+    """What a solver is asked for, besides the problem."""
 
-    Parameters
-    ----------
-    tolerance : float
-        Handed to the library as its docstring says: relative and absolute tolerance alike.
-    backend : {"compiled", "numba", "python"}
-        Who evaluates the right-hand side: machine code without Python in the loop, a numba function called from
-        Python, or plain Python.
-    jacobian : {"exact", "difference"}
-        For implicit solvers: from the vector field by automatic differentiation, or the library's finite differences.
-    count : bool
-        Whether to count right-hand sides; costs time, so that timed runs leave it off.
-    """
-
+    # Relative and absolute tolerance alike, as the solver's docstring says.
     tolerance: float
+    # Who evaluates the right-hand side: machine code without Python in the loop, machine code called from Python,
+    # or plain Python.
     backend: Backend
+    # Of implicit solvers: by automatic differentiation of the vector field, or by the library's finite differences.
     jacobian: Jacobian = "exact"
+    # Count right-hand sides; costs time, so that timed runs leave it off.
     count: bool = False
 
 
 @dataclass
 class Record:
-    """Where a solver writes a piece of a run, row by row, so that what is finished is never lost.
+    """Where a solver writes a piece of a run, row by row, so that finished rows are never lost.
 
     Parameters
     ----------
@@ -137,7 +120,7 @@ class Record:
     max_steps : int
         Limit of steps for this piece.
     now : float
-        Time that the solver is at, which may lie beyond the last row filled; for whoever watches the run.
+        Time that the solver has reached, which may lie beyond the last row filled; an observer of the run reads it.
     """
 
     times: np.ndarray
@@ -150,7 +133,7 @@ class Record:
 
     @property
     def reached(self) -> float:
-        """Time that the run has come to, as far as is known."""
+        """Time that the run has reached, as far as is known."""
         return max(self.now, float(self.times[self.filled - 1]))
 
     @property
@@ -182,11 +165,11 @@ class Solver(ABC):
     1. `prepare` receives the problem and the settings and returns an integrator; it compiles, if need be, and keeps
        what it compiled (in `polhode.solvers.compile`), so that a second call is cheap.
     2. The integrator receives a record (start, times, deadline), fills its rows in order, adds its work, and returns
-       a status with the library's message. It never raises for a failed integration.
+       a status with the reason of a failure. It never raises for a failed integration.
     3. It stops by itself soon after the record's deadline and leaves the rows finished so far.
     4. Rows lie on the requested times by the library's own interpolation wherever it has one, without changing steps.
-    5. The solver counts steps, Jacobians and factorizations as its library tells; the callbacks count right-hand
-       sides, when the settings ask for it. What nobody tells stays None.
+    5. The solver counts steps, Jacobians and factorizations as its library reports them; the callbacks count
+       right-hand sides, when the settings ask for it. Counts that the library does not report stay None.
     6. A solver keeps no data of its own; its class says what it is: the import name of its library, the package that
        brings it, the family that it is drawn with; whether it is implicit, switches between stiff and non-stiff
        methods, is of so low an order that tight tolerances take forever, or evaluates a closed form.

@@ -31,7 +31,7 @@ INVARIANT_FLOOR, INVARIANT_CEILING = 1e-6, 0.5
 
 @dataclass(frozen=True)
 class Solution:
-    """What a run gave, finished or not.
+    """Result of a run, finished or not.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class Solution:
     states : ndarray, shape (n, d)
     status : Status
     message : str
-        The library's own words.
+        Why it failed, in the library's own words; empty after success.
     work : Work
     seconds : float
         Wall time of the integrator alone, compilation left out.
@@ -72,7 +72,7 @@ class Solution:
 
 
 def described(solution: Any, problem: str, setting: str) -> str:
-    """A solution in words, one fact a line; what the library does not tell is left out."""
+    """A solution in words, one fact a line; counts that the library does not report are left out."""
     work = ", ".join(f"{count} {name}" for name, count in vars(solution.work).items() if count is not None)
     times = solution.times
     facts = {
@@ -80,7 +80,7 @@ def described(solution: Any, problem: str, setting: str) -> str:
         "solver": f"{solution.solver} at {setting}",
         "status": f"{solution.status}: {solution.message}" if solution.message else str(solution.status),
         "rows": f"{len(times)}, t = {float(times[0]):g} to {float(times[-1]):g}" if len(times) else "0",
-        "work": work or "not told",
+        "work": work or "not reported",
         "seconds": f"{solution.seconds:.3g}",
     }
     return "\n".join([type(solution).__name__, *(f"  {name}: {fact}" for name, fact in facts.items())])
@@ -168,6 +168,7 @@ def solve(
             watch(record)
         try:
             status, message = integrate(record)
+            message = "" if status.success else message
         except KeyboardInterrupt:
             done = first + record.filled
             raise Interrupted(finished()) from None

@@ -50,7 +50,7 @@ def propagate(integrator: Any, record: Record) -> Outcome:
         rows = result[-1][1:]
         record.put(rows if reason != outcome.err_nf_state else rows[np.isfinite(rows).all(axis=1)])
         if reason == outcome.time_limit or record.filled == len(record.times):
-            return Status.REACHED_END, str(reason)
+            return Status.REACHED_END, ""
         if reason != outcome.step_limit:
             return Status.NON_FINITE if reason == outcome.err_nf_state else Status.STEP_UNDERFLOW, str(reason)
         if steps >= record.max_steps:
@@ -66,7 +66,6 @@ class Taylor(Solver):
 
     Tolerance: heyoka's `tol`, relative to the largest entry of the state, for truncation of the Taylor series in each
     step; there is no tolerance per component. On stiff problems the step is bound by stability.
-    Error per rotation over tolerance: at most 20; 6 measured.
     Source: Jorba and Zou, Experimental Mathematics 14 (2005) 99; Biscani and Izzo, MNRAS 504 (2021) 2614.
     """
 
@@ -77,7 +76,7 @@ class Taylor(Solver):
     package = "heyoka"
     family = "heyoka"
     backends = ("compiled",)
-    error_constant = 20.0
+    error_constant = 20.0  # 6 measured
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         """Compile the integrator, once per field and tolerance."""

@@ -15,7 +15,6 @@ import numpy as np
 from polhode.models.problem import Problem
 from polhode.solvers.compile import FieldFactory, load_heyoka, traced_system
 from polhode.solvers.contract import Status
-from polhode.solvers.ensembles.runge_kutta_kernels import kernels
 
 SAFETY, LEAST_FACTOR, GREATEST_FACTOR = 0.9, 0.2, 5.0
 # Of the run's duration: the first step, and the step below which a particle has failed.
@@ -138,22 +137,22 @@ def _most_steps(front: _Front, end: float, tolerance: float) -> float:
 def _step(front: _Front, field: ArrayField, times: np.ndarray, tolerance: float, states: np.ndarray) -> None:
     """Try one step of every particle; those that succeed move on and fill the rows that they pass."""
     nodes, weights, error_weights, dense = _pair()
-    loops = kernels(len(front.state), *dense.shape)
+    advance, weigh, interpolate = _loops(len(front.state), *dense.shape)
     y, left = front.state, times[-1] - front.time
     h = np.minimum(front.step, left)
     slopes, new, ratio = np.empty((len(weights) + 1, *y.shape)), np.empty_like(y), np.empty_like(h)
     slopes[0] = front.rate
     for stage, row in enumerate((*nodes, weights), start=1):
-        loops.advance(y, h, slopes, row, new)
+        advance(y, h, slopes, row, new)
         field(new, slopes[stage])
-    loops.error(new, h, slopes, error_weights, ratio)
+    weigh(new, h, slopes, error_weights, ratio)
     ratio /= tolerance
     with np.errstate(divide="ignore", invalid="ignore"):
         factor = np.clip(SAFETY * ratio**-0.2, LEAST_FACTOR, GREATEST_FACTOR)
     front.step = h * np.where(np.isfinite(ratio), factor, LEAST_FACTOR)
     accepted = (ratio <= 1) & (left > 0)
     arrived = np.where(accepted, np.where(h < left, front.time + h, times[-1]), front.time)
-    loops.interpolate(y, h, slopes, dense, front.time, arrived, times, front.due, front.index, states)
+    interpolate(y, h, slopes, dense, front.time, arrived, times, front.due, front.index, states)
     front.state = np.where(accepted, new, y)
     front.rate = np.where(accepted, slopes[-1], front.rate)
     front.time = arrived
@@ -173,3 +172,74 @@ def _pair() -> tuple[list[np.ndarray], np.ndarray, np.ndarray, np.ndarray]:
 def _compiled(factory: FieldFactory, dimension: int, parameters: int) -> Any:
     system = traced_system(factory, dimension, parameters)
     return load_heyoka().cfunc([rate for _, rate in system], [variable for variable, _ in system])
+
+
+@cache
+def _loops(dimension: int, stages: int, degree: int) -> tuple[Callable[..., None], ...]:
+    """The arithmetic of a step in compiled loops, which need none of NumPy's temporaries.
+
+    States have shape (d, n), slopes (stages, d, n), steps h (n,). ``advance(y, h, slopes, weights, out)`` puts
+    y + h Σ weights k into `out`; ``weigh(y, h, slopes, weights, out)`` the maximum of |h Σ weights k|/max(1, |y|) over
+    components; ``interpolate(y, h, slopes, dense, time, arrived, times, due, index, states)`` fills each particle's
+    rows of `states`, shape (particles, m, d), at its `index`, from `due` up to the time where it has arrived, and
+    leaves in `due` the next one. `dense`, shape (stages, degree), makes of the slopes the coefficients of
+    y + h Σ c share^(power + 1).
+    """
+    import numba
+
+    number, whole = numba.float64, numba.int64
+    flat, table, cube = number[::1], number[:, ::1], number[:, :, ::1]
+    fixed = numba.types.Array(number, 1, "C", readonly=True)
+    fixed2 = numba.types.Array(number, 2, "C", readonly=True)
+
+    @numba.njit(numba.void(cube, fixed, whole, flat))
+    def weighted(slopes, weights, i, row):  # noqa: ANN001, ANN202
+        row[:] = 0.0
+        for stage in range(len(weights)):
+            weight, slope = weights[stage], slopes[stage, i]
+            for j in range(len(row)):
+                row[j] += weight * slope[j]
+
+    @numba.njit(numba.void(table, flat, cube, fixed, table))
+    def advance(y, h, slopes, weights, out):  # noqa: ANN001, ANN202
+        for i in range(y.shape[0]):
+            row = out[i]
+            weighted(slopes, weights, i, row)
+            for j in range(len(row)):
+                row[j] = y[i, j] + h[j] * row[j]
+
+    @numba.njit(numba.void(table, flat, cube, fixed, flat))
+    def weigh(y, h, slopes, weights, out):  # noqa: ANN001, ANN202
+        row = np.empty_like(out)
+        out[:] = 0.0
+        for i in range(y.shape[0]):
+            weighted(slopes, weights, i, row)
+            for j in range(len(row)):
+                share = abs(row[j]) / max(1.0, abs(y[i, j]))
+                # NaN stays NaN.
+                out[j] = out[j] if share <= out[j] else share
+        for j in range(len(row)):
+            out[j] *= h[j]
+
+    @numba.njit(numba.void(table, flat, cube, fixed2, flat, flat, fixed, whole[::1], whole[::1], cube))
+    def interpolate(y, h, slopes, dense, time, arrived, times, due, index, states):  # noqa: ANN001, ANN202
+        coefficients = np.empty((dimension, degree))
+        for j in range(len(h)):
+            if due[j] == len(times) or times[due[j]] > arrived[j]:
+                continue
+            for i in range(dimension):
+                for power in range(degree):
+                    total = 0.0
+                    for stage in range(stages):
+                        total += dense[stage, power] * slopes[stage, i, j]
+                    coefficients[i, power] = total
+            while due[j] < len(times) and times[due[j]] <= arrived[j]:
+                share = (times[due[j]] - time[j]) / h[j]
+                for i in range(dimension):
+                    slope = 0.0
+                    for power in range(degree):
+                        slope = (slope + coefficients[i, degree - 1 - power]) * share
+                    states[index[j], due[j], i] = y[i, j] + h[j] * slope
+                due[j] += 1
+
+    return advance, weigh, interpolate

@@ -13,7 +13,7 @@ from polhode.solvers.contract import Status
 
 # Two SIMD registers per operation keep the processor's pipelines full; more spill.
 REGISTERS = 2
-# So many particles tell how many steps the others take, if there are more than so many in all.
+# The steps of so many particles predict those of the others, if there are more than so many in all.
 SCOUTS, LEAST_FOR_SCOUTS = 128, 1024
 # A particle that needs more steps is recorded as failed: a stiff one, at small St, is no case for this method.
 MOST_STEPS = 10_000_000
@@ -27,8 +27,8 @@ def run_batches(
     """Solve a problem from many starts by Taylor's method, a batch of particles at a time.
 
     Particles of like speed share a batch, so that no lane waits long for the others; if there are many and their slow
-    variables are known, those share one that will take as many steps, as the first ones tell. St and the shape are
-    parameters: one compilation serves all of them.
+    variables are known, those share one that will take as many steps, as predicted from the first ones. St and the
+    shape are parameters: one compilation serves all of them.
 
     Parameters
     ----------

@@ -102,7 +102,7 @@ def test_finite_differences_cost_right_hand_sides(name: str):
     assert extra > 1.5 * difference.work.jacobians / difference.work.steps
 
 
-def test_what_nobody_tells_is_none():
+def test_counts_that_a_library_does_not_report_are_none():
     taylor = solve(RIGID_BODY, "taylor", 1e-6, count=True).work
     assert (taylor.rhs_calls, taylor.rejected, taylor.jacobians, taylor.factorizations) == (None,) * 4
     cyrk = solve(RIGID_BODY, "cyrk-bdf", 1e-6).work

@@ -3,14 +3,17 @@
 import pickle
 
 import numpy as np
+import pytest
 
 from oracle.classical import CLASSICAL
+from oracle.runs import runs
+from polhode.solvers.catalogue import SOLVERS
 from polhode.solvers.solve import solve
 
 PROBLEM = CLASSICAL["rigid-body"].problem
 
 
-def test_a_solution_is_told_in_a_few_lines_whatever_its_length():
+def test_a_solution_prints_in_a_few_lines_whatever_its_length():
     times = np.linspace(0.0, PROBLEM.end, 5001)
     solution = solve(PROBLEM, "dop853", 1e-7, times, count=True)
     lines = str(solution).splitlines()
@@ -24,8 +27,14 @@ def test_a_solution_is_told_in_a_few_lines_whatever_its_length():
     assert repr(pickle.loads(pickle.dumps(solution))) == repr(solution)
 
 
-def test_a_failure_is_told_with_its_reason():
+def test_a_failure_prints_its_reason():
     solution = solve(PROBLEM, "taylor", 1e-9, max_steps=3)
     assert "  status: step_limit: 3 steps" in str(solution).splitlines()
-    # Taylor's method tells neither right-hand sides nor rejections.
+    # heyoka reports neither right-hand sides nor rejections.
     assert "  work: 3 steps" in str(solution).splitlines()
+
+
+@pytest.mark.parametrize("name", list(SOLVERS))
+def test_a_success_has_no_message(name: str):
+    problem = runs(closed=True)[0].problem if name == "exact" else PROBLEM
+    assert solve(problem, name, 1e-5).message == ""

@@ -1,6 +1,9 @@
-"""What stops a SUNDIALS run from within: a right-hand side that turns NaN, upon which the library gives up."""
+"""How a SUNDIALS run is stopped from within: its right-hand side turns NaN, upon which the library gives up."""
 
-from collections.abc import Callable
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from time import perf_counter
 from typing import Any
 
@@ -16,7 +19,7 @@ STALLED = 100
 
 
 class Guard:
-    """What stops a run from within its right-hand side, which looks at the clock and, at every alarm, here.
+    """Stops a run from within its right-hand side, which looks at the clock and, at every alarm, here.
 
     A step too small to advance the time is no error to the library: it "will continue anyway". Here it is.
     """
@@ -25,7 +28,7 @@ class Guard:
         self.open(None)
 
     def open(self, record: Record | None) -> None:
-        """Begin a run into a record, which is told the time now and then."""
+        """Begin a run into a record, whose `now` follows the run."""
         self.record = record
         self.calls, self.alarm, self.deadline = 0, 0.0, record.deadline if record else np.inf
         self.time, self.repeats = -np.inf, 0
@@ -84,3 +87,29 @@ def guarded_residual(residual: Callback, mass: np.ndarray, parameters: Any, guar
         resfn(t, y, rates, out)
 
     return counted if count else resfn
+
+
+@contextmanager
+def deferred_interrupt(press: Callable[[], None]) -> Iterator[None]:
+    """Hold back `KeyboardInterrupt`: Ctrl-C calls `press`, the exception follows at the end of the block.
+
+    The library would lose its rows or swallow the exception. Python's own handler alone is replaced, in the main
+    thread; elsewhere Ctrl-C does what it always does.
+    """
+    in_main_thread = threading.current_thread() is threading.main_thread()
+    if not in_main_thread or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield
+        return
+    pressed = []
+
+    def handler(number: int, frame: Any) -> None:
+        pressed.append(number)
+        press()
+
+    signal.signal(signal.SIGINT, handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    if pressed:
+        raise KeyboardInterrupt
