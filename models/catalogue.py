@@ -1,40 +1,30 @@
 """The catalogue of forms: one line each; modules are imported on use."""
 
-from functools import cache
 from typing import TYPE_CHECKING
 
-from polhode.models.registry import load
+from polhode.models.registry import Catalogue
 
 if TYPE_CHECKING:
     from polhode.models.form import Form
     from polhode.models.scene import Scene
 
-FORMS: dict[str, str] = {
-    "euler-angles": "polhode.models.forms.euler_angles:EulerAngles",
-    "spheroid-angles": "polhode.models.forms.spheroid_angles:SpheroidAngles",
-    "quaternion": "polhode.models.forms.quaternion:Quaternion",
-    "spheroid-axis": "polhode.models.forms.spheroid_axis:SpheroidAxis",
-    "tumbling": "polhode.models.forms.tumbling:Tumbling",
-    "jeffery": "polhode.models.forms.jeffery:Jeffery",
-    "euler-top": "polhode.models.forms.euler_top:EulerTop",
-    "averaged": "polhode.models.forms.averaged:Averaged",
-    "averaged-spheroid": "polhode.models.forms.averaged_spheroid:AveragedSpheroid",
-    "averaged-second-order": "polhode.models.second_order.form:SecondOrder",
-}
-
-
-@cache
-def form(name: str) -> "Form":
-    """Form of the given catalogue name, or of a ``"module:class"`` outside the catalogue.
-
-    Raises
-    ------
-    ValueError
-        If there is no form of that name.
-    """
-    from polhode.models.form import Form
-
-    return load("form", name, FORMS, Form)
+FORMS: "Catalogue[Form]" = Catalogue(
+    "form",
+    "polhode.models.form:Form",
+    {
+        "euler-angles": "polhode.models.forms.euler_angles:EulerAngles",
+        "spheroid-angles": "polhode.models.forms.spheroid_angles:SpheroidAngles",
+        "quaternion": "polhode.models.forms.quaternion:Quaternion",
+        "spheroid-axis": "polhode.models.forms.spheroid_axis:SpheroidAxis",
+        "tumbling": "polhode.models.forms.tumbling:Tumbling",
+        "jeffery": "polhode.models.forms.jeffery:Jeffery",
+        "euler-top": "polhode.models.forms.euler_top:EulerTop",
+        "averaged": "polhode.models.forms.averaged:Averaged",
+        "averaged-spheroid": "polhode.models.forms.averaged_spheroid:AveragedSpheroid",
+        "averaged-second-order": "polhode.models.second_order.form:SecondOrder",
+    },
+)
+form = FORMS.find
 
 
 def full_form(scene: "Scene") -> str:

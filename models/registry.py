@@ -1,9 +1,9 @@
-"""Objects by their catalogue names, or as "module:class" from outside the catalogue."""
+"""Catalogues of classes by name, imported on use; a class outside one is named "module:class"."""
 
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from importlib import import_module
-from typing import TypeVar
+from typing import Generic, TypeVar
 
 T = TypeVar("T")
 # A shorter word is a part of too much; less alike (`difflib`), a word is another one.
@@ -24,36 +24,46 @@ def near(word: str, names: Iterable[str]) -> str | None:
     return found[0] if found else None
 
 
-def load(kind: str, name: str, catalogue: Mapping[str, str], base: type[T]) -> T:
-    """Instance of the class that a name stands for.
+class Catalogue(dict[str, str], Generic[T]):
+    """Names of the classes of one kind and where they are, "module:class"; `base`, likewise, is what they derive from.
 
-    Parameters
-    ----------
-    kind : str
-        What it is, for messages.
-    name : str
-        A catalogue name, or ``"module:class"``.
-    catalogue : mapping
-        Name to ``"module:class"``.
-    base : type
-        What the class must derive from.
-
-    Raises
-    ------
-    ValueError
-        If there is no class of that name, or one of another kind.
+    Their modules and libraries are imported by `find` alone.
     """
-    target = catalogue.get(name, name)
+
+    def __init__(self, kind: str, base: str, targets: Mapping[str, str]) -> None:
+        super().__init__(targets)
+        self.kind, self.base = kind, base
+        self._made: dict[str, T] = {}
+
+    def find(self, name: str) -> T:
+        """The instance of a catalogue name, or of a ``"module:class"`` outside the catalogue.
+
+        Raises
+        ------
+        ValueError
+            If there is no class of that name, or one of another kind.
+        """
+        if name not in self._made:
+            self._made[name] = self._class(name)()
+        return self._made[name]
+
+    def _class(self, name: str) -> type[T]:
+        got = f"{self.kind}: got {name!r}, expected"
+        if ":" not in self.get(name, name).strip(":"):
+            raise ValueError(f"{got} one of {', '.join(self)}{hint(name, self)}")
+        try:
+            found = _imported(self.get(name, name))
+        except (ImportError, AttributeError) as error:
+            if name in self:
+                raise
+            place = "; is its folder on PYTHONPATH?" if isinstance(error, ModuleNotFoundError) else ""
+            raise ValueError(f"{got} an importable module:class ({error}){place}") from None
+        if not (isinstance(found, type) and issubclass(found, _imported(self.base))):
+            raise ValueError(f"{got} a class derived from {self.base}")
+        return found
+
+
+def _imported(target: str):
+    """What a "module:attribute" names."""
     module, _, attribute = target.partition(":")
-    if not (module and attribute):
-        raise ValueError(f"{kind}: got {name!r}, expected one of {', '.join(catalogue)}{hint(name, catalogue)}")
-    try:
-        found = getattr(import_module(module), attribute)
-    except (ImportError, AttributeError) as error:
-        if name in catalogue:
-            raise
-        place = "; is its folder on PYTHONPATH?" if isinstance(error, ModuleNotFoundError) else ""
-        raise ValueError(f"{kind}: got {name!r}, expected an importable module:class ({error}){place}") from None
-    if not (isinstance(found, type) and issubclass(found, base)):
-        raise ValueError(f"{kind}: got {name!r}, expected a class derived from {base.__module__}:{base.__qualname__}")
-    return found()
+    return getattr(import_module(module), attribute)

@@ -1,29 +1,27 @@
-"""Reading TOML files whose contents somebody checks: one clear line for what is wrong with them."""
+"""TOML files with checked keys: what is wrong with one, in one line."""
 
+import reprlib
 import tomllib
 from collections.abc import Callable
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
+
+from pydantic import BaseModel, ValidationError
+
+from polhode.models.registry import hint, near
 
 Made = TypeVar("Made")
+Table = TypeVar("Table", bound=BaseModel)
 
 
 def read_toml(source: Path | Traversable, parse: Callable[[dict[str, Any]], Made], where: str | None = None) -> Made:
-    """Read a TOML file and make of its contents what `parse` makes of them.
-
-    Parameters
-    ----------
-    source : Path or Traversable
-    parse : callable
-        Raises ValueError, in one line, if it does not like the contents.
-    where : str, optional
-        What messages call the file; its path by default.
+    """Read a TOML file and make of its contents what `parse` makes of them; messages call it `where`, or by its path.
 
     Raises
     ------
     ValueError
-        In one line: the file, and what is wrong.
+        In one line: the file, and what is wrong, which `parse` says by a ValueError.
     OSError
         If the file cannot be read.
     """
@@ -36,3 +34,86 @@ def read_toml(source: Path | Traversable, parse: Callable[[dict[str, Any]], Made
         return parse(contents)
     except ValueError as error:
         raise ValueError(f"{where}: {error}") from None
+
+
+def checked(model: type[Table], contents: dict[str, Any]) -> Table:
+    """The contents of a file as a `model`.
+
+    Raises
+    ------
+    ValueError
+        In one line: the key, the value and what was expected.
+    """
+    try:
+        return model.model_validate(contents)
+    except ValidationError as error:
+        raise ValueError(_first_complaint(error, model)) from None
+
+
+def _first_complaint(error: ValidationError, model: type[BaseModel]) -> str:
+    """The plainest complaint about the contents of a `model` in one line, and how many more there are.
+
+    An unknown key comes first, for it may be the misspelt name of one that is missing.
+    """
+    complaints = sorted(error.errors(include_url=False), key=lambda each: each["type"] != "extra_forbidden")
+    first = complaints[0]
+    *above, last = first["loc"] or ("",)
+    where = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in (*above, last)).lstrip(".")
+    expected = first["msg"].removeprefix("Value error, ")
+    if first["type"] == "missing":
+        text = f"{where}: missing, expected a value"
+    elif first["type"] == "extra_forbidden":
+        keys = _keys(model, above)
+        meant = near(str(last), keys)
+        complaints = [each for each in complaints if not (each["type"] == "missing" and each["loc"] == (*above, meant))]
+        text = f"{where}: unknown key, expected one of {', '.join(keys)}{_advice(model, above, str(last), keys)}"
+    elif expected.startswith("got "):
+        text = f"{where}: {expected}" if where else expected
+    else:
+        text = f"{where}: got {reprlib.repr(first['input'])}, {_in_our_words(expected)}"
+    more = len(complaints) - 1
+    return text + (f" (and {more} more)" if more else "")
+
+
+def _advice(model: type[BaseModel], above: list[int | str], key: str, keys: list[str]) -> str:
+    """What an unknown key is likely to be: one of another table, or a misspelt one."""
+    if above and key in model.model_fields:
+        return f" ({key} belongs above the first [table], not under [{above[0]}])"
+    for name, field in model.model_fields.items():
+        table = field.annotation
+        if isinstance(table, type) and issubclass(table, BaseModel) and [name] != above and key in table.model_fields:
+            return f" ({key} belongs under [{name}])"
+    return hint(key, keys)
+
+
+def _keys(model: Any, path: list[int | str]) -> list[str]:
+    """Keys that the table at a path inside a model may have."""
+    for part in path:
+        if isinstance(part, str):
+            model = model.model_fields[part].annotation
+        while not hasattr(model, "model_fields"):
+            model = get_args(model)[0]
+    return list(model.model_fields)
+
+
+_OUR_WORDS = (
+    ("Input should be a valid number", "expected a number"),
+    ("Input should be a valid integer", "expected a whole number"),
+    ("Input should be a valid string", "expected a string"),
+    ("Input should be a valid boolean", "expected true or false"),
+    ("Input should be a valid list", "expected a list"),
+    ("Input should be a valid dictionary", "expected a table"),
+    ("Input should be a finite number", "expected a finite number"),
+    ("Input should be '", "expected '"),
+    ("Input should be", "expected a number"),
+    ("List should have", "expected"),
+    ("String should", "expected a string that should"),
+)
+
+
+def _in_our_words(message: str) -> str:
+    message = message.replace(" after validation", "").split(" or instance of")[0]
+    for theirs, ours in _OUR_WORDS:
+        if message.startswith(theirs):
+            return ours + message.removeprefix(theirs)
+    return message

@@ -1,43 +1,33 @@
 """The catalogue of solvers: one line each; modules and libraries are imported on use."""
 
-from functools import cache
 from typing import TYPE_CHECKING
 
-from polhode.models.registry import load
+from polhode.models.registry import Catalogue
 
 if TYPE_CHECKING:
     from polhode.solvers.contract import Solver
 
-SOLVERS: dict[str, str] = {
-    "taylor": "polhode.solvers.taylor:Taylor",
-    "dop853": "polhode.solvers.scipy_ivp:Dop853",
-    "rk45": "polhode.solvers.scipy_ivp:Rk45",
-    "radau": "polhode.solvers.scipy_ivp:Radau",
-    "bdf": "polhode.solvers.scipy_ivp:Bdf",
-    "lsoda": "polhode.solvers.scipy_ivp:Lsoda",
-    "cvode-adams": "polhode.solvers.sundials:CvodeAdams",
-    "cvode-bdf": "polhode.solvers.sundials:CvodeBdf",
-    "ida": "polhode.solvers.sundials:Ida",
-    "cyrk-vern8": "polhode.solvers.cyrk:Vern8",
-    "cyrk-vern7": "polhode.solvers.cyrk:Vern7",
-    "cyrk-dop853": "polhode.solvers.cyrk:Dop853",
-    "cyrk-tsit5": "polhode.solvers.cyrk:Tsit5",
-    "cyrk-lsoda": "polhode.solvers.cyrk:Lsoda",
-    "cyrk-bdf": "polhode.solvers.cyrk:Bdf",
-    "cyrk-radau": "polhode.solvers.cyrk:Radau",
-    "exact": "polhode.solvers.exact:Exact",
-}
-
-
-@cache
-def solver(name: str) -> "Solver":
-    """Solver of the given catalogue name, or of a ``"module:class"`` outside the catalogue.
-
-    Raises
-    ------
-    ValueError
-        If there is no solver of that name.
-    """
-    from polhode.solvers.contract import Solver
-
-    return load("solver", name, SOLVERS, Solver)
+SOLVERS: "Catalogue[Solver]" = Catalogue(
+    "solver",
+    "polhode.solvers.contract:Solver",
+    {
+        "taylor": "polhode.solvers.taylor:Taylor",
+        "dop853": "polhode.solvers.scipy_ivp:Dop853",
+        "rk45": "polhode.solvers.scipy_ivp:Rk45",
+        "radau": "polhode.solvers.scipy_ivp:Radau",
+        "bdf": "polhode.solvers.scipy_ivp:Bdf",
+        "lsoda": "polhode.solvers.scipy_ivp:Lsoda",
+        "cvode-adams": "polhode.solvers.sundials:CvodeAdams",
+        "cvode-bdf": "polhode.solvers.sundials:CvodeBdf",
+        "ida": "polhode.solvers.sundials:Ida",
+        "cyrk-vern8": "polhode.solvers.cyrk:Vern8",
+        "cyrk-vern7": "polhode.solvers.cyrk:Vern7",
+        "cyrk-dop853": "polhode.solvers.cyrk:Dop853",
+        "cyrk-tsit5": "polhode.solvers.cyrk:Tsit5",
+        "cyrk-lsoda": "polhode.solvers.cyrk:Lsoda",
+        "cyrk-bdf": "polhode.solvers.cyrk:Bdf",
+        "cyrk-radau": "polhode.solvers.cyrk:Radau",
+        "exact": "polhode.solvers.exact:Exact",
+    },
+)
+solver = SOLVERS.find

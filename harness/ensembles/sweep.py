@@ -9,7 +9,7 @@ from pathlib import Path
 from random import Random
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 from tqdm import tqdm
 
 from polhode.harness.common.machine import machine
@@ -19,9 +19,9 @@ from polhode.harness.ensembles.ensemble import Ensemble, Record, Task, digest, r
 from polhode.harness.ensembles.starts import Starts
 from polhode.harness.ensembles.statistics import Statistics, merged
 from polhode.harness.studies.study import Name, Stokes
-from polhode.models.scene_file import FourVector, Positive, Vector, first_complaint
+from polhode.models.scene_file import FourVector, Positive, Vector
 from polhode.models.shape import Ellipsoid
-from polhode.models.toml_file import read_toml
+from polhode.models.toml_file import checked, read_toml
 
 # Written into every record: side by side, tasks slow each other down.
 NO_TIMES = "no times: tasks may run side by side"
@@ -227,31 +227,14 @@ def _statistics(task: Task, store: Store) -> Statistics:
 
 
 def read_sweep(path: Path | None) -> Sweep:
-    """Read a sweep file, or the one that comes with the package.
-
-    Raises
-    ------
-    ValueError
-        In one line: the file, the key, the value and what was expected.
-    OSError
-        If the file cannot be read.
-    """
+    """Read a sweep file, or the one that comes with the package; raises as `read_toml` does."""
     source = path or Path(__file__).with_name("default_sweep.toml")
     return read_toml(source, parse_sweep)
 
 
 def parse_sweep(contents: dict[str, Any]) -> Sweep:
-    """Make a sweep of the contents of a sweep file.
-
-    Raises
-    ------
-    ValueError
-        In one line: the key, the value and what was expected.
-    """
-    try:
-        table = SweepTable.model_validate(contents)
-    except ValidationError as error:
-        raise ValueError(first_complaint(error, SweepTable)) from None
+    """Make a sweep of the contents of a sweep file; raises ValueError as `checked` does."""
+    table = checked(SweepTable, contents)
     ensembles = tuple(_ensemble(table, shape, stokes) for shape in table.shapes for stokes in table.stokes)
     if len({task.key for ensemble in ensembles for task in (Task(ensemble, 0),)}) < len(ensembles):
         raise ValueError("shapes, stokes: got the same twice, expected each once")

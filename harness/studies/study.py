@@ -6,16 +6,16 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Literal, Protocol
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from polhode.harness.studies.case import Case
 from polhode.models.catalogue import FORMS
 from polhode.models.catalogue import form as find_form
 from polhode.models.form import FormNotValidError
 from polhode.models.scene import Scene
-from polhode.models.scene_file import Positive, first_complaint, parse_scene, scene_table
+from polhode.models.scene_file import Positive, parse_scene, scene_table
 from polhode.models.scenes import named_scene
-from polhode.models.toml_file import read_toml
+from polhode.models.toml_file import checked, read_toml
 from polhode.solvers.catalogue import SOLVERS
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Backend, Jacobian, SolverNotValidError
@@ -199,15 +199,7 @@ class Study:
 
 
 def read_study(path: Path | None, default: str = "bench") -> Study:
-    """Read a study file, or the one of the given name that comes with the package.
-
-    Raises
-    ------
-    ValueError
-        In one line: the file, the key, the value and what was expected.
-    OSError
-        If the file cannot be read.
-    """
+    """Read a study file, or the one of the given name that comes with the package; raises as `read_toml` does."""
     own = files("polhode.harness.studies") / f"{default}.toml"
     return read_toml(path or own, parse_study, where=None if path else f"study {default!r}")
 
@@ -236,10 +228,7 @@ def parse_study(contents: dict[str, Any]) -> Study:
         In one line: the key, the value and what was expected; or that no form and solver fit any scene.
     """
     contents = _with_builtin_scenes(contents)
-    try:
-        table = StudyTable.model_validate(contents)
-    except ValidationError as error:
-        raise ValueError(first_complaint(error, StudyTable)) from None
+    table = checked(StudyTable, contents)
     study = Study(
         table.name,
         table.title,
