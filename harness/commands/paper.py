@@ -39,8 +39,8 @@ def paper(
     Each item states what the paper claims, what is computed, and the number that confirms, sharpens or corrects it.
     Data that today's code has made before are kept, so that an interrupted run goes on where it stopped.
     """
-    from polhode.harness.paper.catalogue import find_items
-    from polhode.harness.paper.engine import Settings, run, section_of
+    from polhode.harness.paper.catalogue import find_items, section_of
+    from polhode.harness.paper.engine import run
     from polhode.harness.paper.item import Grid
 
     with bad_input():
@@ -53,10 +53,10 @@ def paper(
         rows = [{"name": item.name, "section": section_of(item).name, "title": item.title} for item in items]
         click.echo(json.dumps(rows) if as_json else "\n".join(f"{row['name']:28}{row['title']}" for row in rows))
         return
-    tell = (lambda _: None) if quiet else partial(click.echo, err=True)
+    report = (lambda _: None) if quiet else partial(click.echo, err=True)
     with bad_input():
         out.mkdir(parents=True, exist_ok=True)
-    failed = run(items, out, Settings(Grid.REDUCED if quick else Grid.FULL, force, redraw), tell)
+    failed = run(items, out, report, grid=Grid.REDUCED if quick else Grid.FULL, force=force, redraw=redraw)
     if failed:
         raise RunFailed(f"failed: {', '.join(failed)}")
     click.echo(f"{out / 'README.md'}")

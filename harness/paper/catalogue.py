@@ -42,3 +42,8 @@ def find_items(names: tuple[str, ...]) -> tuple[Item, ...]:
             raise ValueError(f"item: got {name!r}, expected one of {', '.join(known)}")
     wanted = {item.name for name in names for item in known[name]}
     return tuple(item for item in items() if not names or item.name in wanted)
+
+
+def section_of(item: Item) -> Section:
+    """The section an item belongs to."""
+    return next(section for section in sections() if item in section.items)

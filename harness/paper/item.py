@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from math import inf
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 if TYPE_CHECKING:
     import numpy as np
@@ -55,27 +55,14 @@ _MEANINGS = {
 
 @dataclass(frozen=True)
 class Number:
-    """A measured number and the range in which the verdict holds.
-
-    Parameters
-    ----------
-    what : str
-        What is measured.
-    value : float
-    low, high : float
-        Range, both ends included.
-    unit : str
-        Empty for pure numbers.
-    interval : tuple of 2 float, optional
-        95 % interval of the measurement, where it has one.
-    """
+    """A measured number and the range, both ends included, in which the verdict holds."""
 
     what: str
     value: float
     low: float = -inf
     high: float = inf
-    unit: str = ""
-    interval: tuple[float, float] | None = None
+    unit: str = ""  # empty for pure numbers
+    interval: tuple[float, float] | None = None  # at 95 %, where the measurement has one
 
     @property
     def holds(self) -> bool:
@@ -90,20 +77,12 @@ class Number:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What the data say about a claim.
+    """What the data say about a claim, and the words below their figure."""
 
-    Parameters
-    ----------
-    earned : Word
-        What the claim earns if every number lies in its range.
-    sentence : str
-        What was found, made from the data.
-    numbers : tuple of Number
-    """
-
-    earned: Word
+    earned: Word  # if every number lies in its range
     sentence: str
     numbers: tuple[Number, ...]
+    caption: str
 
     @property
     def word(self) -> Word:
@@ -111,26 +90,17 @@ class Verdict:
         return self.earned if all(number.holds for number in self.numbers) else Word.NOT_CONFIRMED
 
 
+class Experiment(Protocol):
+    """What computes, draws and judges; several items of one kind differ in its fields."""
+
+    def compute(self, grid: Grid) -> Data: ...  # noqa: D102
+    def figure(self, data: Data) -> "Figure": ...  # noqa: D102
+    def verdict(self, data: Data) -> Verdict: ...  # noqa: D102
+
+
 @dataclass(frozen=True)
 class Item:
-    """A figure or table of the paper, or a question beyond it.
-
-    Parameters
-    ----------
-    name : str
-        As the command line calls it.
-    title : str
-    claim : str
-        What the paper says, in our words.
-    compute : callable
-        ``compute(grid) -> Data``.
-    figure : callable
-        ``figure(data) -> Figure``.
-    verdict : callable
-        ``verdict(data) -> Verdict``.
-    caption : callable
-        ``caption(data) -> str``.
-    """
+    """A figure or table of the paper, or a question beyond it; the claim is the paper's, in our words."""
 
     name: str
     title: str
@@ -138,20 +108,16 @@ class Item:
     compute: Callable[[Grid], Data]
     figure: "Callable[[Data], Figure]"
     verdict: Callable[[Data], Verdict]
-    caption: Callable[[Data], str]
+
+    @classmethod
+    def of(cls, experiment: Experiment, name: str, title: str, claim: str) -> "Item":
+        """The item that an experiment tests."""
+        return cls(name, title, claim, experiment.compute, experiment.figure, experiment.verdict)
 
 
 @dataclass(frozen=True)
 class Section:
-    """A section of the paper: one page.
-
-    Parameters
-    ----------
-    name : str
-        File name of the page and its folder.
-    title : str
-    items : tuple of Item
-    """
+    """A section of the paper: one page, and a folder for figures and data."""
 
     name: str
     title: str

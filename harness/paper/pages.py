@@ -1,6 +1,6 @@
 """The pages of the reproduction: one per section, and an index from claim to verdict."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from polhode.harness.common.files import PartialFile
@@ -8,34 +8,20 @@ from polhode.harness.common.text import markdown
 from polhode.harness.paper import store
 from polhode.harness.paper.item import Data, Grid, Item, Number, Section, Verdict, Word
 
+Judged = tuple[Data, Verdict, bool]
 NOTICE = "Made by `polhode paper`. Do not edit: the next run overwrites this page."
 
 
 def write_pages(folder: Path, sections: Sequence[Section], grid: Grid) -> None:
     """Write the index and the pages of all sections from the data in the folder, whenever they were made."""
-    found = {item.name: _usable(folder / section.name, item) for section in sections for item in section.items}
-    data = {name: content[0] for name, content in found.items() if content is not None}
-    stale = [name for name, content in found.items() if content is not None and not content[1]]
+    names = [(section, item) for section in sections for item in section.items]
+    found = {item.name: store.judged(folder / section.name, item) for section, item in names}
     for section in sections:
         lines = [f"# {section.title}", "", NOTICE, ""]
         for item in section.items:
-            lines += _item_lines(section, item, data.get(item.name))
+            lines += _item_lines(section, item, found[item.name])
         _write(folder / f"{section.name}.md", lines)
-    _write(folder / "README.md", _index(sections, data, stale, grid))
-
-
-def _usable(folder: Path, item: Item) -> tuple[Data, bool] | None:
-    """The item's data, and whether today's code made them; None where there are none that a verdict can be made of."""
-    found = store.read(folder, item)
-    if found is None:
-        return None
-    data, current, _ = found
-    try:
-        item.verdict(data)
-    except (ArithmeticError, LookupError, TypeError, ValueError):
-        # Older code kept other columns, or other rows.
-        return None
-    return data, current
+    _write(folder / "README.md", _index(sections, found, grid))
 
 
 def _write(path: Path, lines: Sequence[str]) -> None:
@@ -44,29 +30,28 @@ def _write(path: Path, lines: Sequence[str]) -> None:
         file.write("\n".join(lines).rstrip() + "\n")
 
 
-def _item_lines(section: Section, item: Item, data: Data | None) -> list[str]:
+def _item_lines(section: Section, item: Item, found: Judged | None) -> list[str]:
     lines = [f"## {item.title}", "", f"**Claim.** {item.claim}", ""]
-    if data is None:
+    if found is None:
         return [*lines, f"Not computed yet: `polhode paper {item.name}`.", ""]
-    verdict = item.verdict(data)
+    data, verdict, _ = found
     place = f"{section.name}/{item.name}"
-    tables = ", ".join(f"[{name or 'data'}]({place}{'-' if name else ''}{name}.csv)" for name in data)
+    tables = ", ".join(f"[{name or 'data'}]({section.name}/{store.file_name(item, name)})" for name in data)
     return [
         *lines,
         f"**Verdict: {verdict.word}.** {verdict.sentence}",
         "",
-        markdown(["measured", "value", "verdict holds for"], [_row(number) for number in verdict.numbers]),
+        markdown(
+            ["measured", "value", "verdict holds for"],
+            [_cells(number.what, measured(number), allowed(number)) for number in verdict.numbers],
+        ),
         f"![{item.title}]({place}.png)",
         "",
-        f"*{item.caption(data)}*",
+        f"*{verdict.caption}*",
         "",
         f"Reproduce: `polhode paper {item.name}`. Data: {tables}; also [SVG]({place}.svg).",
         "",
     ]
-
-
-def _row(number: Number) -> list[str]:
-    return _cells(number.what, measured(number), allowed(number))
 
 
 def _cells(*texts: str) -> list[str]:
@@ -91,7 +76,7 @@ def allowed(number: Number) -> str:
     return f"≥ {low:.4g}" if high == float("inf") else f"{low:.4g} … {high:.4g}"
 
 
-def _index(sections: Sequence[Section], data: dict[str, Data], stale: Sequence[str], grid: Grid) -> list[str]:
+def _index(sections: Sequence[Section], found: Mapping[str, Judged | None], grid: Grid) -> list[str]:
     lines = [
         "# The paper, reproduced",
         "",
@@ -106,24 +91,20 @@ def _index(sections: Sequence[Section], data: dict[str, Data], stale: Sequence[s
     ]
     if grid is not Grid.FULL:
         lines += ["**Made on the reduced grid: a look, not a result.**", ""]
+    stale = [name for name, content in found.items() if content is not None and not content[2]]
     if stale:
         lines += [f"Made by older code, to be computed again: {', '.join(stale)}.", ""]
     for section in sections:
-        rows = [_index_row(section, item, data.get(item.name)) for item in section.items]
+        rows = [_index_row(section, item, found[item.name]) for item in section.items]
         lines += [f"## [{section.title}]({section.name}.md)", ""]
         lines += [markdown(["item", "claim", "verdict", "number", "what was found"], rows)]
     return lines
 
 
-def _index_row(section: Section, item: Item, data: Data | None) -> list[str]:
-    name = f"[{item.name}]({section.name}.md#{_anchor(item.title)})"
-    if data is None:
+def _index_row(section: Section, item: Item, found: Judged | None) -> list[str]:
+    anchor = "".join(letter for letter in item.title.lower() if letter.isalnum() or letter in " -_").replace(" ", "-")
+    name = f"[{item.name}]({section.name}.md#{anchor})"
+    if found is None:
         return _cells(name, item.claim, "not computed", "", "")
-    verdict: Verdict = item.verdict(data)
-    first = verdict.numbers[0]
-    return _cells(name, item.claim, verdict.word, f"{first.what}: {measured(first)}", verdict.sentence)
-
-
-def _anchor(title: str) -> str:
-    kept = (letter for letter in title.lower() if letter.isalnum() or letter in " -_")
-    return "".join(kept).replace(" ", "-")
+    first = found[1].numbers[0]
+    return _cells(name, item.claim, found[1].word, f"{first.what}: {measured(first)}", found[1].sentence)

@@ -137,7 +137,16 @@ class Comparison:
         )
         if self.lingers:
             sentence += " " + self._leaving(data[""])
-        return Verdict(self.earned, sentence, numbers)
+        axes = ", ".join(f"{length:g}" for length in self.ellipsoid.semi_axes)
+        angles = ", ".join(f"{value:.4g}" for value in (*self.start.angles, *self.start.rates))
+        text = (
+            f"Slow variables of the ellipsoid with semi-axes ({axes}) from (θ, φ, ψ, θ̇, φ̇, ψ̇) = ({angles}), full at "
+            f"St = {', '.join(f'{stokes:g}' for stokes in self.shown)} and averaged; right, the largest difference "
+            "along the run."
+        )
+        crossing = data["averaged"]["crossing"][0]
+        caption = text + (f" L² = 2EI₂ at t₂ = {crossing:.3g}." if np.isfinite(crossing) else "")
+        return Verdict(self.earned, sentence, numbers, caption)
 
     def _leaving(self, table: Table) -> str:
         """When E is halfway from its plateau to the node's, averaged and full."""
@@ -155,15 +164,3 @@ class Comparison:
     def _shown(self, found: Table) -> list[tuple[float, float]]:
         pairs = zip(found["stokes"].tolist(), found["error"].tolist(), strict=True)
         return [pair for pair in pairs if pair[0] in self.shown]
-
-    def caption(self, data: Data) -> str:
-        """What the figure shows."""
-        axes = ", ".join(f"{length:g}" for length in self.ellipsoid.semi_axes)
-        angles = ", ".join(f"{value:.4g}" for value in (*self.start.angles, *self.start.rates))
-        text = (
-            f"Slow variables of the ellipsoid with semi-axes ({axes}) from (θ, φ, ψ, θ̇, φ̇, ψ̇) = ({angles}), full at "
-            f"St = {', '.join(f'{stokes:g}' for stokes in self.shown)} and averaged; right, the largest difference "
-            "along the run."
-        )
-        crossing = data["averaged"]["crossing"][0]
-        return text + (f" L² = 2EI₂ at t₂ = {crossing:.3g}." if np.isfinite(crossing) else "")

@@ -1,19 +1,19 @@
-"""Where the data of the items are kept: CSV files beside the figures, and a record that tells whether they hold."""
+"""Where the data of the items are kept: CSV files beside the figures, and a record that says whether they hold."""
 
-import csv
 import hashlib
 import json
 import sys
-from collections.abc import Iterator
 from functools import cache
 from importlib.metadata import version
+from io import BytesIO
 from pathlib import Path
 
-import numpy as np
+import pandas as pd
+from pandas.api.types import is_numeric_dtype
 
 from polhode import models, solvers
 from polhode.harness.common.files import PartialFile
-from polhode.harness.paper.item import Data, Grid, Item, Table
+from polhode.harness.paper.item import Data, Grid, Item, Table, Verdict
 
 SCHEMA = 1
 DIGITS = 8
@@ -57,62 +57,57 @@ def _hash(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
-def write(folder: Path, item: Item, grid: Grid, data: Data) -> None:
-    """Write the tables of an item and, last, its record; whatever an interrupted run leaves is not taken for data."""
+def write(folder: Path, item: Item, grid: Grid, data: Data) -> Data:
+    """Write the tables of an item and, last, its record; return them as they read back.
+
+    Whatever an interrupted run leaves is not taken for data.
+    """
     folder.mkdir(parents=True, exist_ok=True)
-    record = _record_path(folder, item)
+    record = folder / f"{item.name}.json"
     record.unlink(missing_ok=True)
-    sums = {}
+    contents = {}
     for name, table in data.items():
-        path = folder / _file_name(item, name)
+        path = folder / file_name(item, name)
         with PartialFile(path) as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(table)
-            writer.writerows(_rows(table))
-        sums[name] = _hash(path.read_bytes())
-    content = {"key": content_key(item, grid), "grid": grid, "tables": sums}
+            pd.DataFrame(table).to_csv(file, index=False, float_format=f"%.{DIGITS}g", na_rep="nan")
+        contents[name] = path.read_bytes()
+    sums = {name: _hash(content) for name, content in contents.items()}
     with PartialFile(record) as file:
-        file.write(json.dumps(content, indent=1) + "\n")
-
-
-def _rows(table: Table) -> Iterator[tuple[str, ...]]:
-    columns = [
-        column.tolist() if column.dtype.kind == "U" else [f"{value:.{DIGITS}g}" for value in column.tolist()]
-        for column in map(np.asarray, table.values())
-    ]
-    return zip(*columns, strict=True)
+        file.write(json.dumps({"key": content_key(item, grid), "grid": grid, "tables": sums}, indent=1) + "\n")
+    return {name: _table(content) for name, content in contents.items()}
 
 
 def read(folder: Path, item: Item) -> tuple[Data, bool, Grid] | None:
     """The item's data, whether today's code made them, and their grid; None if there are none, or damaged ones."""
     try:
-        record = json.loads(_record_path(folder, item).read_text(encoding="utf-8"))
-        contents = {name: (folder / _file_name(item, name)).read_bytes() for name in record["tables"]}
+        record = json.loads((folder / f"{item.name}.json").read_text(encoding="utf-8"))
+        contents = {name: (folder / file_name(item, name)).read_bytes() for name in record["tables"]}
         grid = Grid(record["grid"])
         if any(_hash(content) != record["tables"][name] for name, content in contents.items()):
             return None
     except (OSError, ValueError, KeyError):
         return None
-    data = {name: _table(content.decode()) for name, content in contents.items()}
+    data = {name: _table(content) for name, content in contents.items()}
     return data, record["key"] == content_key(item, grid), grid
 
 
-def _table(content: str) -> Table:
-    header, *rows = csv.reader(content.splitlines())
-    columns = zip(*rows, strict=True) if rows else [()] * len(header)
-    return {name: _column(values) for name, values in zip(header, columns, strict=True)}
-
-
-def _column(values: tuple[str, ...]) -> np.ndarray:
+def judged(folder: Path, item: Item) -> tuple[Data, Verdict, bool] | None:
+    """The item's data, its verdict, and whether today's code made them; None where there are none to judge."""
+    found = read(folder, item)
+    if found is None:
+        return None
     try:
-        return np.array(values, dtype=float)
-    except ValueError:
-        return np.array(values)
+        return found[0], item.verdict(found[0]), found[1]
+    except (ArithmeticError, LookupError, TypeError, ValueError):
+        # Older code kept other columns, or other rows.
+        return None
 
 
-def _file_name(item: Item, table: str) -> str:
+def _table(content: bytes) -> Table:
+    frame = pd.read_csv(BytesIO(content))
+    return {str(name): column.to_numpy(float if is_numeric_dtype(column) else str) for name, column in frame.items()}
+
+
+def file_name(item: Item, table: str) -> str:
+    """File of one of the item's tables."""
     return f"{item.name}-{table}.csv" if table else f"{item.name}.csv"
-
-
-def _record_path(folder: Path, item: Item) -> Path:
-    return folder / f"{item.name}.json"

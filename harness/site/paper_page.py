@@ -52,7 +52,7 @@ def _item(folder: Path, section: Section, item: Item, data: Data | None) -> str:
     rows = [[number.what, measured(number), allowed(number)] for number in verdict.numbers]
     picture = (
         f'<figure><img src="{FIGURES}/{item.name}.png" alt="{escape(item.title)}">'
-        f"<figcaption>{prose(item.caption(data))}</figcaption></figure>"
+        f"<figcaption>{prose(verdict.caption)}</figcaption></figure>"
         if picture_of(folder, section, item).is_file()
         else missing("Its figure is", f"polhode paper {item.name}")
     )

@@ -16,7 +16,7 @@ from polhode.harness.averaging.orders import Absent, Measured
 from polhode.harness.common.store import DamagedStoreError, Record, Store, read_export
 from polhode.harness.paper import store as paper_store
 from polhode.harness.paper.catalogue import sections
-from polhode.harness.paper.item import Data, Item
+from polhode.harness.paper.item import Data
 from polhode.models.scene import Scene
 from polhode.models.scene_file import parse_scene
 
@@ -97,20 +97,10 @@ class Sources:
         found = {}
         for section in sections():
             for item in section.items:
-                content = paper_store.read(self.folder / "paper" / section.name, item)
-                if content is not None and _understood(item, content[0]):
+                content = paper_store.judged(self.folder / "paper" / section.name, item)
+                if content is not None:
                     found[item.name] = content[0]
         return found
-
-
-def _understood(item: Item, data: Data) -> bool:
-    """Whether the item as it is now can tell anything of the data."""
-    try:
-        item.verdict(data)
-        item.caption(data)
-    except (LookupError, ValueError, TypeError):
-        return False
-    return True
 
 
 def measured(studies: Iterable[StudyRecords]) -> str:

@@ -79,7 +79,12 @@ def verdict_change(data: Data) -> Verdict:
         f"{', '.join(f'{kappa:g}' for kappa in validity)}, not at order unity, and the later the slenderer the "
         f"spheroid from κ = {_rising(validity):g} on."
     )
-    return Verdict(Word.CORRECTED, sentence, numbers)
+    count = len(np.unique(data[""]["stokes"]))
+    caption = (
+        f"Left: decrease of the tumbling period below Jeffery's, at {count} Stokes numbers from a collocated limit "
+        "cycle; dotted, the law of order St². Right: the ratio of the two against St/κ²."
+    )
+    return Verdict(Word.CORRECTED, sentence, numbers, caption)
 
 
 def _rising(values: dict[float, float]) -> float:
@@ -94,15 +99,6 @@ def _validity(part: dict[str, np.ndarray]) -> float:
     error = np.abs(part["change"] / part["printed"] - 1)
     last = int(np.argmax(error > 0.1))
     return float(np.exp(np.interp(0.1, error[: last + 1], np.log(part["stokes"][: last + 1]))))
-
-
-def caption_change(data: Data) -> str:
-    """What the figure shows."""
-    count = len(np.unique(data[""]["stokes"]))
-    return (
-        f"Left: decrease of the tumbling period below Jeffery's, at {count} Stokes numbers from a collocated limit "
-        "cycle; dotted, the law of order St². Right: the ratio of the two against St/κ²."
-    )
 
 
 def compute_period(grid: Grid) -> Data:
@@ -176,15 +172,11 @@ def verdict_period(data: Data) -> Verdict:
         f"Between the limits the period falls monotonically; at St = {table['stokes'].min():g} it is Jeffery's to "
         f"{small:.1g}, at St = {table['stokes'].max():g} it is 4π to {large:.1g} for every κ up to {KAPPAS[-1]:g}."
     )
-    return Verdict(Word.CONFIRMED, sentence, numbers)
-
-
-def caption_period(data: Data) -> str:
-    """What the figure shows."""
-    return (
+    caption = (
         f"Period of a tumbling prolate spheroid on its limit cycle, κ = {', '.join(f'{kappa:g}' for kappa in KAPPAS)}, "
         "with Jeffery's period (dotted) and 4π (dashed); crosses: turns of runs in time."
     )
+    return Verdict(Word.CONFIRMED, sentence, numbers, caption)
 
 
 SECTION = Section(
@@ -199,7 +191,6 @@ SECTION = Section(
             compute_change,
             figure_change,
             verdict_change,
-            caption_change,
         ),
         Item(
             "period",
@@ -208,7 +199,6 @@ SECTION = Section(
             compute_period,
             figure_period,
             verdict_period,
-            caption_period,
         ),
     ),
 )

@@ -11,11 +11,12 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from polhode.harness.commands.paper import paper
-from polhode.harness.paper import store
-from polhode.harness.paper.catalogue import find_items
+from polhode.harness.paper import catalogue as catalogue_module
+from polhode.harness.paper import engine, store
+from polhode.harness.paper.catalogue import find_items, section_of
 from polhode.harness.paper.drawing import FORMATS, groups, power, with_palette
-from polhode.harness.paper.engine import Settings, run, section_of
-from polhode.harness.paper.item import Grid, Item, Number, Verdict, Word
+from polhode.harness.paper.engine import run
+from polhode.harness.paper.item import Grid, Item, Number, Section, Verdict, Word
 from polhode.harness.paper.pages import allowed, measured
 from polhode.harness.paper.runs import mean_interval, power_law
 
@@ -37,9 +38,9 @@ def made_up(calls, slope=-1.0):
 
     def verdict(data):
         number = Number.near("slope", power_law(data[""]["x"], data[""]["y"]).exponent, -1.0, 1e-3)
-        return Verdict(Word.CONFIRMED, "It falls.", (number,))
+        return Verdict(Word.CONFIRMED, "It falls.", (number,), "A line.")
 
-    return Item("made-up", "Made up", "It falls.", compute, figure, verdict, lambda data: "A line.")
+    return Item("made-up", "Made up", "It falls.", compute, figure, verdict)
 
 
 @pytest.fixture
@@ -47,10 +48,9 @@ def catalogue(monkeypatch):
     """Let the engine believe that the catalogue holds one section with the given items."""
 
     def replace_by(*items):
-        from polhode.harness.paper import engine
-
-        section = replace(engine.sections()[0], name="made", title="Made", items=items)
-        monkeypatch.setattr(engine, "sections", lambda: (section,))
+        section = Section("made", "Made", items)
+        for module in (catalogue_module, engine):
+            monkeypatch.setattr(module, "sections", lambda: (section,))
 
     return replace_by
 
@@ -60,18 +60,20 @@ def test_what_is_there_is_kept(tmp_path, catalogue):
     item = made_up(calls)
     catalogue(item)
     for _ in range(2):
-        assert run([item], tmp_path, Settings(Grid.REDUCED), told.append) == []
+        assert run([item], tmp_path, told.append, grid=Grid.REDUCED) == []
     assert calls == [Grid.REDUCED]
     assert "kept" in told[-2]
 
 
-@pytest.mark.parametrize("settings", [Settings(Grid.FULL), Settings(Grid.REDUCED, force=True)], ids=["grid", "force"])
+@pytest.mark.parametrize(
+    "settings", [{"grid": Grid.FULL}, {"grid": Grid.REDUCED, "force": True}], ids=["grid", "force"]
+)
 def test_another_grid_and_force_compute_again(tmp_path, catalogue, settings):
     calls = []
     item = made_up(calls)
     catalogue(item)
-    run([item], tmp_path, Settings(Grid.REDUCED), lambda _: None)
-    run([item], tmp_path, settings, lambda _: None)
+    run([item], tmp_path, lambda _: None, grid=Grid.REDUCED)
+    run([item], tmp_path, lambda _: None, **settings)
     assert len(calls) == 2
 
 
@@ -79,11 +81,11 @@ def test_damaged_data_are_made_again(tmp_path, catalogue):
     calls = []
     item = made_up(calls)
     catalogue(item)
-    run([item], tmp_path, Settings(Grid.REDUCED), lambda _: None)
+    run([item], tmp_path, lambda _: None, grid=Grid.REDUCED)
     path = tmp_path / "made" / "made-up.csv"
     path.write_text(path.read_text().replace("1000", "1001"))
     assert store.read(tmp_path / "made", item) is None
-    run([item], tmp_path, Settings(Grid.REDUCED), lambda _: None)
+    run([item], tmp_path, lambda _: None, grid=Grid.REDUCED)
     assert len(calls) == 2
 
 
@@ -104,12 +106,12 @@ def test_redraw_takes_data_of_older_code(tmp_path, catalogue, monkeypatch):
     calls = []
     item = made_up(calls)
     catalogue(item)
-    run([item], tmp_path, Settings(Grid.REDUCED), lambda _: None)
+    run([item], tmp_path, lambda _: None, grid=Grid.REDUCED)
     monkeypatch.setattr(store, "SCHEMA", store.SCHEMA + 1)
-    run([item], tmp_path, Settings(Grid.REDUCED, redraw=True), lambda _: None)
+    run([item], tmp_path, lambda _: None, grid=Grid.REDUCED, redraw=True)
     assert len(calls) == 1
     assert "Made by older code, to be computed again: made-up" in (tmp_path / "README.md").read_text()
-    run([item], tmp_path, Settings(Grid.REDUCED), lambda _: None)
+    run([item], tmp_path, lambda _: None, grid=Grid.REDUCED)
     assert len(calls) == 2
 
 
@@ -122,7 +124,7 @@ def test_a_failure_does_not_stop_the_others(tmp_path, catalogue):
     broken = replace(made_up([]), name="broken", title="Broken", compute=fail)
     item = made_up(calls)
     catalogue(broken, item)
-    assert run([broken, item], tmp_path, Settings(Grid.REDUCED), told.append) == ["broken"]
+    assert run([broken, item], tmp_path, told.append, grid=Grid.REDUCED) == ["broken"]
     assert calls
     assert any("no such luck" in line for line in told)
     assert "Not computed yet: `polhode paper broken`" in (tmp_path / "made.md").read_text()
@@ -131,14 +133,14 @@ def test_a_failure_does_not_stop_the_others(tmp_path, catalogue):
 def test_older_rows_of_a_neighbour_do_not_stop_the_pages(tmp_path, catalogue):
     old = replace(made_up([]), name="old", title="Old")
     catalogue(old)
-    run([old], tmp_path, Settings(Grid.REDUCED), lambda _: None)
+    run([old], tmp_path, lambda _: None, grid=Grid.REDUCED)
 
     def refuse(data):
         raise ValueError("rows that today's code does not know")
 
     item, changed = made_up([]), replace(old, verdict=refuse)
     catalogue(item, changed)
-    assert run([item], tmp_path, Settings(Grid.REDUCED), lambda _: None) == []
+    assert run([item], tmp_path, lambda _: None, grid=Grid.REDUCED) == []
     page = (tmp_path / "made.md").read_text()
     assert "**Verdict: confirmed.**" in page
     assert "Not computed yet: `polhode paper old`" in page
@@ -147,7 +149,7 @@ def test_older_rows_of_a_neighbour_do_not_stop_the_pages(tmp_path, catalogue):
 def test_a_number_out_of_range_takes_the_verdict_away(tmp_path, catalogue):
     item = made_up([], slope=-1.1)
     catalogue(item)
-    run([item], tmp_path, Settings(Grid.REDUCED), lambda _: None)
+    run([item], tmp_path, lambda _: None, grid=Grid.REDUCED)
     found = store.read(tmp_path / "made", item)
     assert found is not None
     assert item.verdict(found[0]).word is Word.NOT_CONFIRMED

@@ -52,7 +52,7 @@ def test_figure_has_labelled_axes(item, data_of):
 @ITEMS
 def test_words_are_complete(item, data_of):
     data = data_of(item)
-    for text in (item.claim, item.verdict(data).sentence, item.caption(data)):
+    for text in (item.claim, item.verdict(data).sentence, item.verdict(data).caption):
         assert text.endswith((".", "?"))
         assert "nan" not in text.split()
 

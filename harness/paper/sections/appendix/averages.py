@@ -17,6 +17,9 @@ from polhode.models.scenes import PAPER_ELLIPSOID
 from polhode.models.shape import Ellipsoid
 
 ROUNDING = 1e-11
+CAPTION = (
+    "Entries of the table of averages, in its order: largest deviation from the brute-force average over random states."
+)
 # The general formula of the mixed third moments.
 MIXED = "⟨t_i3,LO t_j1 t_k2⟩"
 
@@ -123,9 +126,8 @@ def verdict_averages(data: Data) -> Verdict:
         Number.near(f"printed entries of {entries} that deviate", failed, int(mixed.sum()), 0),
     ]
     if not wrong.any():
-        return Verdict(
-            Word.CONFIRMED, f"All {entries} entries agree with the average to {largest:.0e}.", tuple(numbers)
-        )
+        sentence = f"All {entries} entries agree with the average to {largest:.0e}."
+        return Verdict(Word.CONFIRMED, sentence, tuple(numbers), CAPTION)
     numbers += [
         Number.near("the same among the mixed third moments", int(np.sum(wrong & mixed)), int(mixed.sum()), 0),
         Number("general formulas that deviate", int(np.sum(wrong & general)), 3, 3),
@@ -138,21 +140,13 @@ def verdict_averages(data: Data) -> Verdict:
         f"formulas those for {others} contradict the entries below them, which are right. Corrected, all agree to "
         f"{largest:.0e}."
     )
-    return Verdict(Word.CORRECTED, sentence, tuple(numbers))
+    return Verdict(Word.CORRECTED, sentence, tuple(numbers), CAPTION)
 
 
 def _mixed(name: str) -> bool:
     """Whether an entry multiplies components along L with components in space: ⟨z_i x'_j y'_k⟩."""
     strokes = ["'" in word for word in name.strip("⟨⟩").split()]
     return name.startswith("⟨z") and any(strokes) and not all(strokes)
-
-
-def caption_averages(data: Data) -> str:
-    """What the figure shows."""
-    return (
-        "Entries of the table of averages, in its order: largest deviation from the brute-force average over random "
-        "states."
-    )
 
 
 ITEMS = (
@@ -163,7 +157,6 @@ ITEMS = (
         compute_spheroid,
         figure_averages,
         verdict_averages,
-        caption_averages,
     ),
     Item(
         "averages-ellipsoid",
@@ -172,6 +165,5 @@ ITEMS = (
         compute_ellipsoid,
         figure_averages,
         verdict_averages,
-        caption_averages,
     ),
 )

@@ -83,15 +83,11 @@ def verdict_first_order(data: Data) -> Verdict:
         f"one falls like St^({leading.exponent:.2f})); as printed, with the mean frequency and the start unshifted, it "
         f"falls like St^({printed.exponent:.2f})."
     )
-    return Verdict(Word.CORRECTED, sentence, numbers)
-
-
-def caption_first_order(data: Data) -> str:
-    """What the figure shows."""
-    return (
+    caption = (
         f"κ = {KAPPA:g}, L along the vorticity, L_z0 = {MOMENTUM:g} I_e, θ₀ = {THETA:g}, φ₀ = {PHI:g}. Left: L_z at "
         f"St = {SHOWN:g}; right: largest errors up to t₂ = {SLOW_TIME:g}."
     )
+    return Verdict(Word.CORRECTED, sentence, numbers, caption)
 
 
 SECTION = Section(
@@ -107,7 +103,6 @@ SECTION = Section(
             compute_first_order,
             figure_first_order,
             verdict_first_order,
-            caption_first_order,
         ),
     ),
 )

@@ -147,16 +147,12 @@ def verdict_order(data: Data) -> Verdict:
         f"like 1/St to 0.05 in the exponent, but others, which meet low resonances, do not (the slowest like "
         f"St^({single:.2f}))."
     )
-    return Verdict(Word.MEASURED, sentence, numbers)
-
-
-def caption_order(data: Data) -> str:
-    """What the figure shows."""
     count = len(np.unique(data[""]["start"]))
-    return (
+    caption = (
         f"Largest slow error of the averaged form up to t₂ = {ORDER_TIME:g}, root mean square over starts of the same "
         f"L and E; {count} random starts with |ω| = 0.8 on either side."
     )
+    return Verdict(Word.MEASURED, sentence, numbers, caption)
 
 
 ORDER = Item(
@@ -166,5 +162,4 @@ ORDER = Item(
     compute_order,
     figure_order,
     verdict_order,
-    caption_order,
 )

@@ -141,17 +141,13 @@ def verdict_endings(data: Data) -> Verdict:
         "of its two mirror images they end, z' up or down, depends on the fast phase, which averaging does not know: "
         f"it differs for {100 * other[-1]:.0f} % of the pairs of starts with the same L and E at St = {stokes[-1]:g}."
     )
-    return Verdict(Word.MEASURED, sentence, numbers)
-
-
-def caption_endings(data: Data) -> str:
-    """What the figure shows."""
     count = len(np.unique(data[""]["start"]))
-    return (
+    caption = (
         f"{count} random starts at each of the distances {', '.join(f'{near:g}' for near in NEAR)} (tilts in rad, and "
         "angular velocities) from the rotation of (1, 0.8, 0.5) about its longest axis, each at two fast phases. Left: "
         f"slow time from which L and E stay within {ARRIVED:g} I_max of the node; right: shares."
     )
+    return Verdict(Word.MEASURED, sentence, numbers, caption)
 
 
 BASIN_STOKES, BASIN_TIME = 1e3, 0.6
@@ -236,17 +232,13 @@ def verdict_basins(data: Data) -> Verdict:
         f"ends of z' share the starts {100 * up / ends.size:.0f} : {100 - 100 * up / ends.size:.0f}, and "
         f"{100 * mixed:.0f} % of neighbours on the map end differently."
     )
-    return Verdict(Word.MEASURED, sentence, numbers)
-
-
-def caption_basins(data: Data) -> str:
-    """What the figure shows."""
     side = len(np.unique(data["ends"]["theta"]))
-    return (
+    caption = (
         f"(1, 0.8, 0.5). Left: slow time until the averaged run stays within {NEAR_NODE:g} I_max of the node, from "
         f"|L| = I_max/2, L_x = L_y. Right: where z' points at t₂ = {BASIN_TIME:g}, {side}×{side} starts with the "
         "paper's rates."
     )
+    return Verdict(Word.MEASURED, sentence, numbers, caption)
 
 
 SECTION = Section(
@@ -261,7 +253,6 @@ SECTION = Section(
             compute_endings,
             figure_endings,
             verdict_endings,
-            caption_endings,
         ),
         Item(
             "basins",
@@ -270,7 +261,6 @@ SECTION = Section(
             compute_basins,
             figure_basins,
             verdict_basins,
-            caption_basins,
         ),
     ),
 )

@@ -191,37 +191,27 @@ def verdict_singular(data: Data) -> Verdict:
         f"1/log(16/y), so slowly that dy/dt₂ is still {slowest.min():.2g} at y = {rates['y'].min():.0e}. `muassol` as "
         "printed keeps y log(16/y) alone; with y log(16/y) + y the local solution is good to powers of y."
     )
-    return Verdict(Word.CORRECTED, sentence, numbers)
-
-
-def caption_singular(data: Data) -> str:
-    """What the figure shows."""
-    return (
+    caption = (
         "The ellipsoid (1, 0.8, 0.5) near the rotation about its middle axis: above, the critical trajectory before "
         "and after the singular point; below, the rates along it. Dotted: local solution; lines: averaged equations."
     )
+    return Verdict(Word.CORRECTED, sentence, numbers, caption)
 
 
 ITEMS = (
-    Item(
+    Item.of(
+        FIRST,
         "ellipsoid-slow-1",
         "Slow variables of an ellipsoid, first start",
         "Full and slow solution agree well for the St chosen, and better with growing St; the oscillations are more "
         "irregular than a spheroid's; all end at L_z = -I₃/2, E = I₃/8; passing L² = 2EI₂ has little effect.",
-        FIRST.compute,
-        FIRST.figure,
-        FIRST.verdict,
-        FIRST.caption,
     ),
-    Item(
+    Item.of(
+        SECOND,
         "ellipsoid-slow-2",
         "Slow variables of an ellipsoid, start near the saddle",
         "The comparison is good for the St chosen, 100 to 5000, and better with growing St, with intermediate plateaus "
         "while the run lingers at the rotation about the longest axis.",
-        SECOND.compute,
-        SECOND.figure,
-        SECOND.verdict,
-        SECOND.caption,
     ),
     Item(
         "singular-point",
@@ -231,6 +221,5 @@ ITEMS = (
         compute_singular,
         figure_singular,
         verdict_singular,
-        caption_singular,
     ),
 )

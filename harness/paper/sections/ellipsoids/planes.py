@@ -158,13 +158,9 @@ def verdict_plane(data: Data) -> Verdict:
         f"one. The local critical trajectory agrees with the averaged equations to {max(misfits):.1g} I_max while L_z "
         f"is within {CLOSE:g} I_max of the point, and is off by {max(far):.1g} I_max at y = 0.5."
     )
-    return Verdict(Word.CORRECTED, sentence, numbers)
-
-
-def caption_plane(data: Data) -> str:
-    """What the figure shows."""
     count = len(np.unique(data[""]["path"]))
-    return f"L_z–E plane of the ellipsoid (1, 0.8, 0.5) with {count} slow trajectories of L_x = L_y = 0."
+    caption = f"L_z–E plane of the ellipsoid (1, 0.8, 0.5) with {count} slow trajectories of L_x = L_y = 0."
+    return Verdict(Word.CORRECTED, sentence, numbers, caption)
 
 
 BODIES = tuple(Ellipsoid((1.0, b, c)) for b in (0.55, 0.75, 0.95) for c in (0.5, 0.3))
@@ -205,17 +201,13 @@ def verdict_planes(data: Data) -> Verdict:
         + ", ".join(f"{value:.2g} {_title(body)}" for body, value in zip(BODIES, worst[:, 0], strict=True))
         + f" I_max; at St = {STOKES[1]:g} {ratio.min():.2g} to {ratio.max():.2g} times less."
     )
-    return Verdict(Word.SHARPENED, sentence, numbers)
-
-
-def caption_planes(data: Data) -> str:
-    """What the figure shows."""
     starts = ", ".join(f"({momentum:g}, {theta:g})" for momentum, theta in STARTS)
-    return (
+    caption = (
         f"Slow (black) and full trajectories of six ellipsoids from (L_z0/I_max, θ₀) = {starts}, ψ₀ = π/2, with L "
         f"along the vorticity. Differences of starts with L_z > 0 count as far as L_z = {ABOVE_PINCH:g} I_max; slow "
         "trajectories end at the pinch point."
     )
+    return Verdict(Word.SHARPENED, sentence, numbers, caption)
 
 
 SECTION = Section(
@@ -233,7 +225,6 @@ SECTION = Section(
             compute_plane,
             figure_plane,
             verdict_plane,
-            caption_plane,
         ),
         Item(
             "ellipsoid-planes",
@@ -242,7 +233,6 @@ SECTION = Section(
             compute_planes,
             figure_planes,
             verdict_planes,
-            caption_planes,
         ),
         SPACE,
     ),

@@ -61,15 +61,11 @@ def verdict_space(data: Data) -> Verdict:
         "A component L_x or L_y that is zero stays zero. The (L_x, L_z, E) space belongs to L_y = 0 and the other one "
         "to L_x = 0: the paper's text names them the other way round."
     )
-    return Verdict(Word.CORRECTED, sentence, numbers)
-
-
-def caption_space(data: Data) -> str:
-    """What the figure shows."""
-    return (
+    caption = (
         "Slow trajectories of (1, 0.8, 0.5) (blue) in the invariant subspaces L_y = 0 and L_x = 0, with projections "
         "(black) on the bounding surfaces, the paraboloid L² = 2EI₃ among them, and the fixed points."
     )
+    return Verdict(Word.CORRECTED, sentence, numbers, caption)
 
 
 ITEM = Item(
@@ -80,5 +76,4 @@ ITEM = Item(
     compute_space,
     figure_space,
     verdict_space,
-    caption_space,
 )

@@ -15,6 +15,11 @@ from polhode.models.shape import Ellipsoid
 from polhode.solvers.solve import solve
 
 START = EulerStart((1.05, 0.0, 0.0), (2.5, 15.0, 4.0))
+TIME = 12.0
+CAPTION = (
+    f"Path of z' on the unit sphere for {TIME:g} inverse shear rates from (θ, φ, ψ, θ̇, φ̇, ψ̇) = "
+    "(1.05, 0, 0, 2.5, 15, 4) at St = ∞, in closed form; the dot is the start."
+)
 GENERAL, SYMMETRIC = Ellipsoid((1.0, 2.0, 2.3)), Ellipsoid((1.0, 1.0, 2.3))
 
 
@@ -24,9 +29,8 @@ def _top(ellipsoid: Ellipsoid) -> TorqueFree:
 
 def _compute(ellipsoid: Ellipsoid, grid: Grid) -> Data:
     """Path of z', in the closed form, and the closed form against integration."""
-    time = 12.0
-    times = np.linspace(0.0, time, grid.of(2401, 601))
-    scene = Scene(ellipsoid, inf, START, time)
+    times = np.linspace(0.0, TIME, grid.of(2401, 601))
+    scene = Scene(ellipsoid, inf, START, TIME)
     form = find_form("euler-top")
     problem = form.problem(scene)
     exact, integrated = (
@@ -87,7 +91,7 @@ def verdict_general(data: Data) -> Verdict:
         f"precesses with T' = {numbers['precession_period'][0]:.5g}; T'/T = {ratio:.5f} is no simple fraction, so that "
         "the band fills."
     )
-    return Verdict(Word.CONFIRMED, sentence, found)
+    return Verdict(Word.CONFIRMED, sentence, found, CAPTION)
 
 
 def _commensurability(ratio: float) -> float:
@@ -109,7 +113,7 @@ def verdict_symmetric(data: Data) -> Verdict:
         Number("closed form against integration, largest |Δt_ij|", float(numbers["difference"][0]), high=1e-10),
     )
     sentence = f"The axis describes a circle {angle:.1f}° from L, once in {period:.5g} = 2πI_e/L."
-    return Verdict(Word.CONFIRMED, sentence, found)
+    return Verdict(Word.CONFIRMED, sentence, found, CAPTION)
 
 
 def _azimuth(data: Data) -> np.ndarray:
@@ -121,14 +125,6 @@ def _azimuth(data: Data) -> np.ndarray:
     across = axis - np.outer(axis @ normal, normal)
     first = across[0] / np.linalg.norm(across[0])
     return np.unwrap(np.arctan2(across @ np.cross(normal, first), across @ first))
-
-
-def caption_top(data: Data) -> str:
-    """What the figure shows."""
-    return (
-        f"Path of z' on the unit sphere for {data['']['t'][-1]:g} inverse shear rates from (θ, φ, ψ, θ̇, φ̇, ψ̇) = "
-        "(1.05, 0, 0, 2.5, 15, 4) at St = ∞, in closed form; the dot is the start."
-    )
 
 
 SECTION = Section(
@@ -143,7 +139,6 @@ SECTION = Section(
             compute_general,
             figure_top,
             verdict_general,
-            caption_top,
         ),
         Item(
             "symmetric-top",
@@ -152,7 +147,6 @@ SECTION = Section(
             compute_symmetric,
             figure_top,
             verdict_symmetric,
-            caption_top,
         ),
     ),
 )

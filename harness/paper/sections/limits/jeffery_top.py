@@ -143,7 +143,14 @@ class Sections:
             + f" (regular ones: {regular:.1g}); {int(np.sum(chaotic & beside))} of {int(np.sum(beside))} that "
             "start within 0.02 rad of the saddle are." + self._layer_sentence(data)
         )
-        return Verdict(self.earned, sentence, numbers)
+        axes = ", ".join(f"{length:.4g}" for length in self.semi_axes)
+        caption = (
+            f"Section φ = nπ of the inertialess ellipsoid with semi-axes ({axes}) along x', y', z', "
+            f"{int(np.sum(data['orbits']['kind'] != ABOUT))} orbits over {data['settings']['duration'][0]:.3g} inverse "
+            "shear rates; ψ modulo π; crosses: saddles, one of them magnified on the right"
+            + (", with more orbits about its separatrix." if self.width else ".")
+        )
+        return Verdict(self.earned, sentence, numbers, caption)
 
     def _layer_numbers(self, data: Data) -> tuple[Number, ...]:
         if self.width is None:
@@ -176,16 +183,6 @@ class Sections:
             "inverse of that."
         )
 
-    def caption(self, data: Data) -> str:
-        """What the figure shows."""
-        axes = ", ".join(f"{length:.4g}" for length in self.semi_axes)
-        return (
-            f"Section φ = nπ of the inertialess ellipsoid with semi-axes ({axes}) along x', y', z', "
-            f"{int(np.sum(data['orbits']['kind'] != ABOUT))} orbits over {data['settings']['duration'][0]:.3g} inverse "
-            "shear rates; ψ modulo π; crosses: saddles, one of them magnified on the right"
-            + (", with more orbits about its separatrix." if self.width else ".")
-        )
-
 
 def _beside_a_half(interval: tuple[float, float]) -> str:
     """Whether a share, known to within the interval, is most of all, about half, or the lesser part."""
@@ -216,33 +213,29 @@ THIN_OBLATE = Sections((1.0, 1 / 2, 1 / 20), 240, (0.1, 0.5), Word.CORRECTED, (0
 FAT_OBLATE = Sections((1.0, 2 / 2.1, 1 / 2.1), 400, (0.0, 0.05), Word.CORRECTED, (0.06, 0.03), (-ROUNDING, ROUNDING))
 
 
-def _item(name: str, title: str, claim: str, sections: Sections) -> Item:
-    return Item(name, title, claim, sections.compute, sections.figure, sections.verdict, sections.caption)
-
-
 ITEMS = (
-    _item(
+    Item.of(
+        SLENDER,
         "poincare-slender",
         "Poincaré section, slender prolate ellipsoid",
         "For b/a = 1/10, c/a = 1/20 chaotic trajectories are dominant.",
-        SLENDER,
     ),
-    _item(
+    Item.of(
+        FAT_PROLATE,
         "poincare-fat-prolate",
         "Poincaré section, fat prolate ellipsoid",
         "For b/a = 1.2/3, c/a = 1/3 chaos is confined to thin layers along the separatrices of the saddles.",
-        FAT_PROLATE,
     ),
-    _item(
+    Item.of(
+        THIN_OBLATE,
         "poincare-flat",
         "Poincaré section, thin oblate ellipsoid",
         "For b/a = 1/2, c/a = 1/20 chaotic trajectories are dominant.",
-        THIN_OBLATE,
     ),
-    _item(
+    Item.of(
+        FAT_OBLATE,
         "poincare-fat-oblate",
         "Poincaré section, fat oblate ellipsoid",
         "For b/a = 2/2.1, c/a = 1/2.1 chaos is confined to thin layers along the separatrices of the saddles.",
-        FAT_OBLATE,
     ),
 )

@@ -15,10 +15,6 @@ SPHEROID_SHORT = Short(spheroid(2.0), EulerStart((0.78539, 2.35619, 0.0)))
 ELLIPSOID_SHORT = Short(Ellipsoid((0.5, 0.55, 1.0)), EulerStart((0.78539, 2.35619, 0.0)))
 
 
-def _item(name: str, title: str, claim: str, source: Sphere | Transient | Short) -> Item:
-    return Item(name, title, claim, source.compute, source.figure, source.verdict, source.caption)
-
-
 SPIRAL = (
     "From rest at St = 1000 the axis first spirals along turns like Jeffery orbits towards the plane of the flow, then "
     "changes abruptly to an Euler spiral."
@@ -36,11 +32,11 @@ SECTION = Section(
     "rest",
     "Starts from rest",
     (
-        _item("rest-needle", "From rest on the unit sphere, spheroid", SPIRAL, NEEDLE),
-        _item("rest-blade", "From rest on the unit sphere, ellipsoid", SPIRAL, BLADE),
-        _item("rest-transient-spheroid", "The St^½ transient of a spheroid", SCALING, SPHEROID_TRANSIENT),
-        _item("rest-transient-ellipsoid", "The St^½ transient of an ellipsoid", SCALING, ELLIPSOID_TRANSIENT),
-        _item("rest-short-spheroid", "From rest until St^½, spheroid", LENGTH, SPHEROID_SHORT),
-        _item("rest-short-ellipsoid", "From rest until St^½, ellipsoid", LENGTH, ELLIPSOID_SHORT),
+        Item.of(NEEDLE, "rest-needle", "From rest on the unit sphere, spheroid", SPIRAL),
+        Item.of(BLADE, "rest-blade", "From rest on the unit sphere, ellipsoid", SPIRAL),
+        Item.of(SPHEROID_TRANSIENT, "rest-transient-spheroid", "The St^½ transient of a spheroid", SCALING),
+        Item.of(ELLIPSOID_TRANSIENT, "rest-transient-ellipsoid", "The St^½ transient of an ellipsoid", SCALING),
+        Item.of(SPHEROID_SHORT, "rest-short-spheroid", "From rest until St^½, spheroid", LENGTH),
+        Item.of(ELLIPSOID_SHORT, "rest-short-ellipsoid", "From rest until St^½, ellipsoid", LENGTH),
     ),
 )

@@ -164,15 +164,12 @@ class Sphere:
             f"duration of the Jeffery orbit's. Later turns take {last:.2f} times 4π, that of the final rotation, and "
             f"|z| falls to {tilt:.1g}: the spiral goes to the plane of the flow."
         )
-        return Verdict(Word.SHARPENED, sentence, numbers)
-
-    def caption(self, data: Data) -> str:
-        """What the figure shows."""
         axes = ", ".join(f"{length:g}" for length in self.ellipsoid.semi_axes)
-        return (
+        caption = (
             f"Axis z' of ({axes}) from rest at (θ, φ) = ({self.start.angles[0]:.4g}, {self.start.angles[1]:.4g}), St = "
             f"{self.stokes:g}, t up to {self.time:g}; green: the Jeffery orbit of the same orientation; dot: start."
         )
+        return Verdict(Word.SHARPENED, sentence, numbers, caption)
 
 
 @dataclass(frozen=True)
@@ -237,9 +234,6 @@ class Short:
             f"axis is {APART:g} rad off the orbit after {left:.2g} rad, {100 * left / turn:.0f} % of a turn, and "
             f"{apart:.2g} rad at most."
         )
-        return Verdict(Word.SHARPENED, sentence, numbers)
-
-    def caption(self, data: Data) -> str:
-        """What the figure shows."""
         axes = ", ".join(f"{length:g}" for length in self.ellipsoid.semi_axes)
-        return f"Axis z' of ({axes}) from rest until t = √St, for St from 1e2 to 1e8, and the length of its path."
+        caption = f"Axis z' of ({axes}) from rest until t = √St, for St from 1e2 to 1e8, and the length of its path."
+        return Verdict(Word.SHARPENED, sentence, numbers, caption)

@@ -112,17 +112,14 @@ class Transient:
             f"small St. At t = √St the angular velocity is still of order St^({speed:.2f}), not of order one as an "
             "earlier sentence of the paper has it."
         )
-        return Verdict(Word.SHARPENED, sentence, numbers)
-
-    def caption(self, data: Data) -> str:
-        """What the figure shows."""
         axes = ", ".join(f"{length:g}" for length in self.ellipsoid.semi_axes)
         angles = ", ".join(f"{value:g}" for value in self.start.angles)
-        return (
+        caption = (
             f"Slow variables of ({axes}) from rest at (θ, φ, ψ) = ({angles}) against t/√St; below, early and scaled by "
             "√St and St, from St = 5000 on; dotted, where the particle has turned by one radian at the largest St; "
             "dashed, where the torque along the vorticity is weakest for the first time; right, both against St."
         )
+        return Verdict(Word.SHARPENED, sentence, numbers, caption)
 
 
 def onset_of(run: Run, scaled: np.ndarray) -> tuple[float, float, float]:

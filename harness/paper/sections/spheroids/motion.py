@@ -101,7 +101,11 @@ def verdict_collapse(data: Data) -> Verdict:
         "I_max, and oblate ones do not oscillate at all. The late curves are not one: the two prolate ones, of equal "
         f"frequency, differ in phase and so by {apart:.2g}."
     )
-    return Verdict(Word.CORRECTED, sentence, numbers)
+    caption = (
+        f"Full runs of spheroids at St* = {STOKES_STAR:g} from L = (0, 0, {MOMENTUM:g}) I_max, E = {ENERGY:g} I_max; "
+        "I_max is I_e for prolate and I_a for oblate ones."
+    )
+    return Verdict(Word.CORRECTED, sentence, numbers, caption)
 
 
 def _frequency(run: Table) -> float:
@@ -112,33 +116,19 @@ def _frequency(run: Table) -> float:
     return float(2 * pi * (len(peaks) - 1) / (last - first) / STOKES_STAR)
 
 
-def caption_collapse(data: Data) -> str:
-    """What the figure shows."""
-    return (
-        f"Full runs of spheroids at St* = {STOKES_STAR:g} from L = (0, 0, {MOMENTUM:g}) I_max, E = {ENERGY:g} I_max; "
-        "I_max is I_e for prolate and I_a for oblate ones."
-    )
-
-
 ITEMS = (
-    Item(
+    Item.of(
+        FIRST,
         "spheroid-slow-1",
         "Slow variables of a spheroid, first start",
         "The slow solution predicts the full one accurately for St ≳ 100, and on average even at St = 50; the "
         "oscillation about it shrinks with growing St; all end at L_z = -I_e/2, E = I_e/8.",
-        FIRST.compute,
-        FIRST.figure,
-        FIRST.verdict,
-        FIRST.caption,
     ),
-    Item(
+    Item.of(
+        SECOND,
         "spheroid-slow-2",
         "Slow variables of a spheroid, start near the saddle's stable manifold",
         "The same accuracy for St ≳ 100, with an intermediate plateau while the run lingers near the spinning mode.",
-        SECOND.compute,
-        SECOND.figure,
-        SECOND.verdict,
-        SECOND.caption,
     ),
     Item(
         "spheroid-collapse",
@@ -148,6 +138,5 @@ ITEMS = (
         compute_collapse,
         figure_collapse,
         verdict_collapse,
-        caption_collapse,
     ),
 )

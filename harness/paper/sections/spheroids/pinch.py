@@ -175,7 +175,13 @@ def verdict_pinch(data: Data) -> Verdict:
         f"at a finite speed and ends there at t₂ = {end:.3g}. With a small L_y it passes, and agrees with the full "
         f"run to {agreement:.1g} I_max at St = {largest:g}."
     )
-    return Verdict(Word.CORRECTED, sentence, numbers)
+    phases = len(np.unique(data["crossing"]["phi"]))
+    caption = (
+        f"κ = {KAPPA:g} from L_z = {MOMENTUM:g} I_e, θ₀ = {THETA:g}. Above: L along the vorticity; below left: L "
+        f"turned by {TILT:.2g} rad; below right: smallest |L| of full runs with L along the vorticity (dots: {phases} "
+        "azimuths φ₀, lines: their root mean square, dotted: predicted exponents)."
+    )
+    return Verdict(Word.CORRECTED, sentence, numbers, caption)
 
 
 def _widest() -> float:
@@ -183,16 +189,6 @@ def _widest() -> float:
     from scipy.optimize import brentq
 
     return float(brentq(lambda kappa: growth_exponent(kappa) + 1, 1.1, 3.0))  # pyright: ignore[reportArgumentType]
-
-
-def caption_pinch(data: Data) -> str:
-    """What the figure shows."""
-    phases = len(np.unique(data["crossing"]["phi"]))
-    return (
-        f"κ = {KAPPA:g} from L_z = {MOMENTUM:g} I_e, θ₀ = {THETA:g}. Above: L along the vorticity; below left: L "
-        f"turned by {TILT:.2g} rad; below right: smallest |L| of full runs with L along the vorticity (dots: {phases} "
-        "azimuths φ₀, lines: their root mean square, dotted: predicted exponents)."
-    )
 
 
 ITEM = Item(
@@ -203,5 +199,4 @@ ITEM = Item(
     compute_pinch,
     figure_pinch,
     verdict_pinch,
-    caption_pinch,
 )

@@ -83,13 +83,9 @@ def verdict_plane(data: Data) -> Verdict:
         f"L_z > 0 meet the pinch point in a finite slow time, at most {share:.2g} of the bound L_z/(4π min X). The "
         "saddle lies at (I_a/I_e)(-1/2, 1/8); the caption prints the node's place for it."
     )
-    return Verdict(Word.CORRECTED, sentence, numbers)
-
-
-def caption_plane(data: Data) -> str:
-    """What the figure shows."""
     count = len(np.unique(data[""]["path"]))
-    return f"L_z–E plane of a prolate spheroid, κ = 2, with {count} slow trajectories of L_x = L_y = 0; I_max = I_e."
+    caption = f"L_z–E plane of a prolate spheroid, κ = 2, with {count} slow trajectories of L_x = L_y = 0; I_max = I_e."
+    return Verdict(Word.CORRECTED, sentence, numbers, caption)
 
 
 KAPPAS = (2.0, 3.33, 0.5, 0.3)
@@ -128,16 +124,12 @@ def verdict_planes(data: Data) -> Verdict:
         + ", ".join(f"{worst[kappa, low]:.2g} (κ = {kappa:g})" for kappa in KAPPAS)
         + f" I_max; at St = {high:g} it is {min(ratios):.2g} to {max(ratios):.2g} times less."
     )
-    return Verdict(Word.SHARPENED, sentence, numbers)
-
-
-def caption_planes(data: Data) -> str:
-    """What the figure shows."""
     starts = ", ".join(f"({momentum:g}, {theta:g})" for momentum, theta in STARTS)
-    return (
+    caption = (
         f"Slow (black) and full trajectories from (L_z0/I_max, θ₀) = {starts} with L along the vorticity. Differences "
         f"of starts with L_z > 0 count as far as L_z = {ABOVE_PINCH:g} I_max; slow trajectories end at the pinch point."
     )
+    return Verdict(Word.SHARPENED, sentence, numbers, caption)
 
 
 SECTION = Section(
@@ -154,7 +146,6 @@ SECTION = Section(
             compute_plane,
             figure_plane,
             verdict_plane,
-            caption_plane,
         ),
         PINCH,
         Item(
@@ -165,7 +156,6 @@ SECTION = Section(
             compute_planes,
             figure_planes,
             verdict_planes,
-            caption_planes,
         ),
         ITEMS[2],
         *PROJECTIONS,

@@ -86,15 +86,11 @@ def verdict_l_planes(data: Data) -> Verdict:
         "Whatever the ratio of L_xy to L_z, its sign, and which of L_x and L_y is zero, every slow trajectory ends at "
         "the node: those with L_z > 0 pass the neighbourhood of L = 0 and come back."
     )
-    return Verdict(Word.CONFIRMED, sentence, numbers)
-
-
-def caption_l_planes(data: Data) -> str:
-    """What the figure shows."""
-    return (
+    caption = (
         "L–E planes of κ = 2 from |L| = I_e with L_x = 0 (left) and L_y = 0 (right); colours tell L_xy/L_z, dashed "
         "lines start with L_z > 0."
     )
+    return Verdict(Word.CONFIRMED, sentence, numbers, caption)
 
 
 ENERGIES = (2 / 9, 0.305, 0.472)
@@ -166,13 +162,9 @@ def verdict_projections(data: Data) -> Verdict:
         "Every start ends at the node, whatever L_x0/L_y0 and the cone angle. In time, the trajectory of L_x0 = L_y0 "
         f"keeps its L_xy between those of L_x0 = 0 and L_y0 = 0 for {100 * within:.0f} % of the run."
     )
-    return Verdict(Word.SHARPENED, sentence, numbers)
-
-
-def caption_projections(data: Data) -> str:
-    """What the figure shows."""
     cosines = ", ".join(f"{value:g}" for value in np.unique(data["ends"]["cosine"]))
-    return f"Slow trajectories of κ = 2 from |L| = 2I_e/3, L_z/|L| = {cosines}, at three energies (I_aη₀/L₀ grows)."
+    caption = f"Slow trajectories of κ = 2 from |L| = 2I_e/3, L_z/|L| = {cosines}, at three energies (I_aη₀/L₀ grows)."
+    return Verdict(Word.SHARPENED, sentence, numbers, caption)
 
 
 ITEMS = (
@@ -184,7 +176,6 @@ ITEMS = (
         compute_projections,
         figure_projections,
         verdict_projections,
-        caption_projections,
     ),
     Item(
         "spheroid-l-planes",
@@ -193,6 +184,5 @@ ITEMS = (
         compute_l_planes,
         figure_l_planes,
         verdict_l_planes,
-        caption_l_planes,
     ),
 )
