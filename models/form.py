@@ -1,36 +1,39 @@
 """What every form of the equations of motion offers, whoever wrote it."""
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 
+import numpy as np
+
+from polhode.models.catalogue import averaged_form, full_form
+from polhode.models.observables import Observables
 from polhode.models.problem import Problem
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from polhode.models.observables import Observables
-    from polhode.models.scene import BodyStart, EulerStart, Scene
+from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart
 
 Orientation = Literal["full", "axis", "none"]
 
 
 class FormNotValidError(ValueError):
-    """A scene lies outside a form's validity; the message names the condition and the form to use instead.
+    """A scene lies outside a form's validity.
 
     Parameters
     ----------
-    message : str
-    condition : str, optional
-        What failed, without the form's name and the advice; the whole message by default.
+    condition : str
+        What failed.
+    form : str, optional
+        The form's name.
+    instead : str, optional
+        The name of the form to use instead.
     """
 
-    def __init__(self, message: str, condition: str | None = None) -> None:
-        super().__init__(message, condition)
-        self.condition = message if condition is None else condition
+    def __init__(self, condition: str, form: str = "", instead: str = "") -> None:
+        super().__init__(condition, form, instead)
+        self.condition, self.form, self.instead = condition, form, instead
 
     def __str__(self) -> str:
-        """The message."""
-        return self.args[0]
+        """The message: form, condition and advice."""
+        whose = f"form {self.form!r}: " if self.form else ""
+        return whose + self.condition + (f"; use {self.instead!r}" if self.instead else "")
 
 
 class Form(ABC):
@@ -53,7 +56,7 @@ class Form(ABC):
     averaged: ClassVar[bool] = False
 
     @abstractmethod
-    def check(self, scene: "Scene") -> None:
+    def check(self, scene: Scene) -> None:
         """Refuse a scene that this form does not describe.
 
         Raises
@@ -63,7 +66,7 @@ class Form(ABC):
         """
 
     @abstractmethod
-    def problem(self, scene: "Scene") -> Problem:
+    def problem(self, scene: Scene) -> Problem:
         """Initial value problem of a scene that `check` accepts.
 
         Raises
@@ -73,10 +76,10 @@ class Form(ABC):
         """
 
     @abstractmethod
-    def observe(self, scene: "Scene", states: "np.ndarray") -> "Observables":
+    def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         """Observables of the states, shape (n, d), of a solution of `problem`."""
 
-    def reach(self, scene: "Scene") -> float:
+    def reach(self, scene: Scene) -> float:
         """Slow time to which the form follows a scene: its end, unless the form is one that stops short.
 
         Raises
@@ -87,25 +90,35 @@ class Form(ABC):
         self.check(scene)
         return scene.slow_time
 
-    def demands(self, scene: "Scene") -> str:
+    def demands(self, scene: Scene) -> str:
         """What makes a scene so costly to prepare that nobody would run this form unasked; empty where nothing does."""
         return ""
 
-    def require_orientation(self, scene: "Scene") -> "EulerStart | BodyStart":
-        """The scene's start, if it has an orientation.
+    def orientation_of(self, scene: Scene) -> Orientation:
+        """What `observe` gives of a scene's orientation: the rotation matrix, the symmetry axis' row of it, or none."""
+        return self.orientation
 
-        Raises
-        ------
-        FormNotValidError
-            If it gives L and E alone.
-        """
-        from polhode.models.scene import SlowStart
+    def known_axes(self, scene: Scene) -> tuple[int, ...]:
+        """Body axes (0, 1, 2) whose directions, the rows of the rotation matrix, `observe` gives."""
+        symmetry = scene.ellipsoid.symmetry_axis
+        axis = 2 if symmetry is None else symmetry
+        return {"full": (0, 1, 2), "axis": (axis,), "none": ()}[self.orientation_of(scene)]
 
+    def require_orientation(self, scene: Scene) -> EulerStart | BodyStart:
+        """The scene's start; raises FormNotValidError if it gives L and E alone."""
         if isinstance(scene.start, SlowStart):
-            instead = "averaged" if scene.ellipsoid.kind == "triaxial" else "averaged-spheroid"
-            raise self.refuse("the start gives L and E but no orientation", instead)
+            raise self.refuse("the start gives L and E but no orientation", averaged_form(scene))
         return scene.start
+
+    def require_slow_motion(self, scene: Scene) -> None:
+        """Raise FormNotValidError at St = 0 and inf, and at L = 0, where there is nothing to average."""
+        if scene.stokes == 0:
+            raise self.refuse("St = 0 has no slow variables", "jeffery")
+        if scene.torque_factor == 0:
+            raise self.refuse("at St = inf the slow variables are constant", "euler-top")
+        if not np.any(scene.initial.angular_momentum):
+            raise self.refuse("the start has L = 0, where averaging does not apply", full_form(scene))
 
     def refuse(self, condition: str, instead: str) -> FormNotValidError:
         """Make the error that says which condition failed and which form to use instead."""
-        return FormNotValidError(f"form {self.name!r}: {condition}; use {instead!r}", condition)
+        return FormNotValidError(condition, self.name, instead)

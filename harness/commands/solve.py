@@ -98,7 +98,7 @@ def solve(
             target.open()
         if not quiet:
             click.echo(f"{choice.form} by {choice.solver} at tolerance {choice.tolerance:g}", err=True)
-            for note in [*_notes(choice, tolerance), *_empty(form, what, problem)]:
+            for note in [*_notes(choice, tolerance), *_empty(form, what)]:
                 click.echo(f"note: {note}", err=True)
         seconds = _write(what, form, problem, method, choice.tolerance, samples, target, progress)
     if not quiet and target.atomic:
@@ -112,15 +112,13 @@ def _notes(choice: "Choice", tolerance: float | None) -> list[str]:
     return [ruled] * (asked and tolerance is not None) + [choice.note] * bool(choice.note)
 
 
-def _empty(form: "Form", scene: "Scene", problem: "Problem") -> list[str]:
+def _empty(form: "Form", scene: "Scene") -> list[str]:
     """What of the rotation matrix the form does not know, and who does."""
-    import numpy as np
-
-    known = ~np.isnan(form.observe(scene, np.array([problem.start])).rotation[0]).any(axis=1)
-    if known.all():
+    known = form.known_axes(scene)
+    if len(known) == 3:
         return []
-    what = "the symmetry axis alone" if known.any() else "no orientation"
-    empty = ", ".join(f"R{i}1 to R{i}3" for i in np.flatnonzero(~known) + 1)
+    what = "the symmetry axis alone" if known else "no orientation"
+    empty = ", ".join(f"R{row}1 to R{row}3" for row in (1, 2, 3) if row - 1 not in known)
     return [f"{form.name} knows {what}: {empty} stay empty; --form quaternion gives all"]
 
 

@@ -59,7 +59,7 @@ def choose(
         if value is not None and not (isfinite(value) and value > 0):
             raise ValueError(f"{name}: got {value!r}, expected a finite positive number")
     if form and want == "orientation":
-        _require_orientation(form)
+        _require_orientation(form, scene)
     if form and solver and tolerance:
         return Choice(form, solver, tolerance)
     from polhode.harness.picking.ranking import LOOSEST, TIGHTEST, NotAttainableError, pick
@@ -95,8 +95,8 @@ def check_tolerance(tolerance: float) -> None:
         raise ValueError(f"tolerance: got {tolerance!r}, expected {expected}")
 
 
-def _require_orientation(form: str) -> None:
-    if find_form(form).orientation == "none":
+def _require_orientation(form: str, scene: Scene) -> None:
+    if find_form(form).orientation_of(scene) == "none":
         raise ValueError(
             f"want: got 'orientation' for form {form!r}, which gives none, expected 'slow' or another form"
         )

@@ -192,7 +192,7 @@ def _candidates(
 
 def _problem(form: Form, scene: Scene, found: Pilot, want: str) -> Problem:
     """The scene's problem in a form that takes it; the first of several reasons against it is the plainest one."""
-    if want == "orientation" and form.orientation == "none":
+    if want == "orientation" and form.orientation_of(scene) == "none":
         raise UnfitError("gives no orientation", Stage.FORM)
     if form.averaged and (unfit := unfit_to_average(found)):
         raise UnfitError(unfit, Stage.AVERAGING)

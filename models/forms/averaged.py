@@ -129,13 +129,8 @@ class Averaged(Form):
         """Refuse equal axes, St = 0 and inf, L = 0, and a start on the separatrix L² = 2EI₂."""
         if scene.ellipsoid.kind != "triaxial":
             raise self.refuse(f"two semi-axes of {list(scene.ellipsoid.semi_axes)} are equal", "averaged-spheroid")
-        if scene.stokes == 0:
-            raise self.refuse("St = 0 has no slow variables", "jeffery")
-        if scene.torque_factor == 0:
-            raise self.refuse("at St = inf the slow variables are constant", "euler-top")
+        self.require_slow_motion(scene)
         momentum2 = float(np.sum(scene.initial.angular_momentum**2))
-        if momentum2 == 0:
-            raise self.refuse("the start has L = 0, where averaging does not apply", "quaternion")
         energy2 = 2 * float(scene.initial.energy[0])
         _, i2, _ = sorted(scene.ellipsoid.inertia)
         if abs(momentum2 - energy2 * i2) <= SEPARATRIX_WIDTH * momentum2:

@@ -65,12 +65,7 @@ class AveragedSpheroid(Form):
     def check(self, scene: Scene) -> None:
         """Refuse triaxial ellipsoids, St = 0 and inf, and L = 0."""
         require_spheroid(self, scene, "averaged")
-        if scene.stokes == 0:
-            raise self.refuse("St = 0 has no slow variables", "jeffery")
-        if scene.torque_factor == 0:
-            raise self.refuse("at St = inf the slow variables are constant", "euler-top")
-        if not np.any(scene.initial.angular_momentum):
-            raise self.refuse("the start has L = 0, where averaging does not apply", "spheroid-axis")
+        self.require_slow_motion(scene)
 
     def problem(self, scene: Scene) -> Problem:
         """Initial value problem in slow time t₂ = t/St."""

@@ -5,6 +5,7 @@ from math import atan2, hypot
 
 import numpy as np
 
+from polhode.models.catalogue import full_form
 from polhode.models.form import Form
 from polhode.models.forms.motion import explicit_parameters, mass_form
 from polhode.models.observables import Observables
@@ -104,10 +105,10 @@ class Tumbling(Form):
         x, y, rate = (float(component) for component in rotation.T @ np.array(scene.angular_velocity))
         if hypot(x, y) > PLANAR * max(1.0, abs(rate)):
             condition = f"the angular velocity leaves the vorticity axis by {hypot(x, y):.1e}"
-            raise self.refuse(condition, _general_form(scene))
+            raise self.refuse(condition, full_form(scene))
         axes = _principal_axes(scene)
         if axes is None:
-            raise self.refuse("no principal axis lies along the vorticity", _general_form(scene))
+            raise self.refuse("no principal axis lies along the vorticity", full_form(scene))
         upright, first, second = axes
         a, b = ellipsoid.scaled_axes[first], ellipsoid.scaled_axes[second]
         return Plane(
@@ -132,7 +133,3 @@ def _principal_axes(scene: Scene) -> tuple[int, int, int] | None:
         if inplane[axis] <= PLANAR:
             return axis, (axis + 1) % 3, (axis + 2) % 3
     return None
-
-
-def _general_form(scene: Scene) -> str:
-    return "quaternion" if scene.ellipsoid.kind == "triaxial" else "spheroid-axis"

@@ -5,7 +5,8 @@ from math import inf
 
 import numpy as np
 
-from polhode.models.form import Form, FormNotValidError
+from polhode.models.catalogue import full_form
+from polhode.models.form import Form, FormNotValidError, Orientation
 from polhode.models.forms.spheroid import Spheroid, axis_rotation
 from polhode.models.observables import Observables
 from polhode.models.problem import Problem
@@ -40,26 +41,23 @@ class SecondOrder(Form):
 
     def check(self, scene: Scene) -> None:
         """Refuse spheres, St = 0 and inf, starts without orientation, St too small, and what `prepared` refuses."""
-        triaxial = scene.ellipsoid.kind == "triaxial"
-        full = "quaternion" if triaxial else "spheroid-axis"
         if scene.ellipsoid.kind == "sphere":
-            raise self.refuse("a sphere has no symmetry axis, and L obeys a linear equation", full)
-        if scene.stokes == 0:
-            raise self.refuse("St = 0 has no slow variables", "jeffery")
-        if scene.torque_factor == 0:
-            raise self.refuse("at St = inf the slow variables are constant", "euler-top")
+            raise self.refuse("a sphere has no symmetry axis, and L obeys a linear equation", full_form(scene))
+        self.require_slow_motion(scene)
         self.require_orientation(scene)
-        if not np.any(scene.initial.angular_momentum):
-            raise self.refuse("the start has L = 0, where averaging does not apply", full)
-        if triaxial:
+        if scene.ellipsoid.kind == "triaxial":
             try:
                 triaxial_run.prepared(scene)
             except triaxial_run.NotAveragedError as error:
-                raise self.refuse(str(error), full) from None
+                raise self.refuse(str(error), full_form(scene)) from None
         elif slow_start(scene) is None:
-            raise self.refuse(f"St = {scene.stokes:g} is too small for the start's |L|", full)
+            raise self.refuse(f"St = {scene.stokes:g} is too small for the start's |L|", full_form(scene))
         if not estimated(scene).slow < MEANINGLESS:
-            raise self.refuse(f"St = {scene.stokes:g} is too small for this run", full)
+            raise self.refuse(f"St = {scene.stokes:g} is too small for this run", full_form(scene))
+
+    def orientation_of(self, scene: Scene) -> Orientation:
+        """The complete orientation of a triaxial ellipsoid, the symmetry axis alone of a spheroid."""
+        return "full" if scene.ellipsoid.kind == "triaxial" else "axis"
 
     def problem(self, scene: Scene) -> Problem:
         """Initial value problem in slow time t₂ = t/St."""
@@ -136,10 +134,6 @@ class SecondOrder(Form):
         if scene.ellipsoid.kind != "triaxial" or not triaxial_run.resonates(scene):
             return ""
         return "the run comes near resonances of polhode and precession, whose treatment takes seconds to prepare"
-
-    def error_estimate(self, scene: Scene) -> float:
-        """Slow model error over I_max, as `estimate` gives it."""
-        return self.estimate(scene).slow
 
 
 @lru_cache(maxsize=256)
