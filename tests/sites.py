@@ -6,7 +6,7 @@ from pathlib import Path
 from commandline import STUDY
 
 from polhode.harness.analysis.frames import frame
-from polhode.harness.averaging.orders import Measured
+from polhode.harness.averaging.data import AveragingErrors
 from polhode.harness.common.store import Store, export
 from polhode.harness.pages.averaging import write_page
 from polhode.harness.pages.regimes import RUN_COLUMNS
@@ -45,7 +45,7 @@ def small_reports(folder: Path) -> Path:
     table[columns].to_csv(folder / "reports" / "regimes" / "runs.csv", index=False)
     (folder / "reports" / "pick" / "runs.csv").write_text(HELD_OUT, encoding="utf-8")
     rows = [
-        Measured(
+        AveragingErrors(
             "case",
             "spheroid",
             "averaged-spheroid",

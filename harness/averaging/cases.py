@@ -1,109 +1,119 @@
-"""Scenes, references and runs that the study of second-order averaging measures."""
+"""The bodies and starts that the studies of averaging follow: the paper's, and those of the second order."""
 
 from dataclasses import dataclass
 from math import pi
-from time import perf_counter
 
 import numpy as np
 
-from polhode.harness.references.errors import Errors, errors
-from polhode.models.catalogue import form as find_form
-from polhode.models.observables import Observables
-from polhode.models.scene import EulerStart, Scene, Start
+from polhode.models.rotation import Triple, matrix_from_quaternion, quaternion_from_euler
+from polhode.models.scene import BodyStart, EulerStart, Scene
+from polhode.models.scenes import NEAR_POLE_START, PAPER_ELLIPSOID, PAPER_START, PROLATE, SPHEROID_START
 from polhode.models.shape import Ellipsoid
-from polhode.solvers.contract import Record
-from polhode.solvers.solve import Solution, solve
-from polhode.solvers.taylor import propagate, taylor_integrator
 
-SAMPLES = 2001
-REFERENCE_TOLERANCES = (1e-18, 1e-16)
-TOLERANCE = 1e-14
+# St of the paper's cases; those up to QUICK make a first look. A run over T = 5e5 in long double takes half a minute:
+# only the paper's own figures are followed to the largest St.
+STOKES, LARGEST_STOKES, QUICK = (1e2, 10**2.5, 1e3, 10**3.5, 1e4, 1e5), 1e6, 1e3
 
-PAPER = EulerStart((pi / 3, pi / 6, 0.0), (1.0, 1.0, 1.0))
-BACKWARD = EulerStart((pi / 3, pi / 6, 0.0), (1.0, 1.0, -1.0))
 AGAINST = EulerStart((1.0, 0.3, 0.2), (-1.0, 0.5, -2.0))
 GENTLE = EulerStart((1.5, 2.0, 0.2), (0.6, 0.4, -0.3))
+# Starts of the second order's cases by name; the others are angular velocities at the orientation TILTED.
+NAMED = {"paper": SPHEROID_START, "paper, ψ̇ = -1": PAPER_START, "against": AGAINST, "gentle": GENTLE}
 TILTED = (0.8, 0.3, -0.4, 0.2)
 
 
 @dataclass(frozen=True)
-class Case:
-    """A shape and a start, followed to one slow time at a range of Stokes numbers."""
+class Subject:
+    """A body and a start, followed to one slow time at a range of Stokes numbers."""
 
-    axes: tuple[float, float, float]
-    start: Start
+    name: str
+    semi_axes: Triple
+    start: EulerStart | BodyStart
     slow_time: float
-    exponents: tuple[float, ...] = (4.0, 4.5, 5.0, 5.5, 6.0)
-
-    def scene(self, stokes: float) -> Scene:
-        """The scene at one Stokes number."""
-        return Scene(Ellipsoid(self.axes), stokes, self.start, self.slow_time * stokes)
+    stokes: tuple[float, ...]
 
     @property
-    def names(self) -> tuple[str, str]:
-        """Shape and start in words."""
-        names: dict[Start, str] = {PAPER: "paper", AGAINST: "against", GENTLE: "gentle", BACKWARD: "paper, ψ̇ = -1"}
-        spin = ", ".join(f"{rate:g}" for rate in getattr(self.start, "angular_velocity", ()))
-        return ":".join(f"{axis:g}" for axis in self.axes), names.get(self.start, f"ω = ({spin})")
+    def family(self) -> str:
+        """What the paper calls the shape: "spheroid" or "ellipsoid"."""
+        return "ellipsoid" if Ellipsoid(self.semi_axes).kind == "triaxial" else "spheroid"
+
+    @property
+    def axes(self) -> str:
+        """The semi-axes as a:b:c."""
+        return ":".join(f"{axis:g}" for axis in self.semi_axes)
+
+    def scene(self, stokes: float) -> Scene:
+        """The case at one St."""
+        return Scene(Ellipsoid(self.semi_axes), stokes, self.start, self.slow_time * stokes)
 
 
-def true_observables(scene: Scene) -> tuple[Observables, Errors]:
-    """Observables of the full form in long double, and what a hundredfold tolerance changes in them."""
-    form = find_form("quaternion" if scene.ellipsoid.kind == "triaxial" else "spheroid-axis")
-    problem = form.problem(scene)
-    times = np.linspace(0.0, problem.end, SAMPLES)
-    number = np.longdouble
-    start, parameters = np.array(problem.start, number), np.array(problem.parameters, number)
-    runs = []
-    for tolerance in REFERENCE_TOLERANCES:
-        integrator = taylor_integrator(problem.field, problem.dimension, len(parameters), tolerance, "long double")
-        integrator.time, integrator.state[:], integrator.pars[:] = number(0), start, parameters
-        rows = np.empty((len(times), len(start)), number)
-        rows[0] = start
-        status, message = propagate(integrator, Record(times, rows))
-        if not status.success:
-            raise RuntimeError(f"the full form ended with {status}: {message}")
-        runs.append(form.observe(scene, rows))
-    return runs[0], errors(scene.ellipsoid, runs[1], runs[0])
+def aligned_with_vorticity(semi_axes: Triple, theta: float, psi: float, momentum: float) -> BodyStart:
+    """Start with φ = 0 and L = momentum · I_max ẑ: the phase planes' starts (`fig:SI1005550`, spheroid figures)."""
+    inertia = Ellipsoid(semi_axes).inertia
+    quaternion = quaternion_from_euler((theta, 0.0, psi))
+    vertical = matrix_from_quaternion(np.array(quaternion))[:, 2].tolist()
+    w1, w2, w3 = (momentum * max(inertia) * z / i for z, i in zip(vertical, inertia, strict=True))
+    return BodyStart(quaternion, (w1, w2, w3))
 
 
-@dataclass(frozen=True)
-class Timed:
-    """What a run gave and how long it took: wall times in s, preparation and compilation left out.
-
-    Parameters
-    ----------
-    observables : Observables
-    integration : float
-        Of the integrator alone.
-    seconds : float
-        Of the integration and of the observables at all times asked for.
-    """
-
-    observables: Observables
-    integration: float
-    seconds: float
-
-
-def timed_run(scene: Scene, name: str, tolerance: float, samples: int, solver: str = "taylor") -> Timed:
-    """Run a form over equispaced times.
-
-    Raises
-    ------
-    RuntimeError
-        If the run does not reach its end.
-    """
-    form = find_form(name)
-    problem = form.problem(scene)
-    solution: Solution = solve(problem, solver, tolerance, np.linspace(0.0, problem.end, samples))
-    if not solution.success:
-        raise RuntimeError(f"form {name!r} ended with {solution.status}: {solution.message}")
-    began = perf_counter()
-    observables = form.observe(scene, solution.states)
-    return Timed(observables, solution.seconds, solution.seconds + perf_counter() - began)
+def paper_cases() -> list[Subject]:
+    """The paper's cases: its two starts of each shape, and one start of each phase plane."""
+    saddle = EulerStart((1.57, 0.0, pi / 2), (0.0, -0.61, 0.0003))
+    far = (*STOKES, LARGEST_STOKES)
+    cases = [
+        Subject("spheroid κ = 2", PROLATE, SPHEROID_START, 0.5, far),
+        Subject("spheroid κ = 2, near the saddle", PROLATE, NEAR_POLE_START, 0.5, STOKES),
+        Subject("ellipsoid (1, 0.8, 0.5)", PAPER_ELLIPSOID, PAPER_START, 0.5, far),
+        Subject("ellipsoid (1, 0.8, 0.5), near the saddle", PAPER_ELLIPSOID, saddle, 0.5, STOKES),
+    ]
+    planes: list[tuple[str, Triple, float]] = [
+        *((f"phase plane κ = {kappa:g}", (1.0, 1.0, kappa), 0.0) for kappa in (2.0, 3.33, 0.5, 0.3)),
+        *((f"phase plane (1, {b:g}, {c:g})", (1.0, b, c), pi / 2) for b in (0.55, 0.75, 0.95) for c in (0.5, 0.3)),
+    ]
+    for name, axes, psi in planes:
+        cases.append(Subject(name, axes, aligned_with_vorticity(axes, pi / 4, psi, -1.0), 0.5, STOKES))
+    return cases
 
 
-def fastest(repeats: int, scene: Scene, name: str, tolerance: float, samples: int, solver: str = "taylor") -> Timed:
-    """The fastest of several equal runs, each as `timed_run` makes it."""
-    runs = (timed_run(scene, name, tolerance, samples, solver) for _ in range(repeats))
-    return min(runs, key=lambda run: run.seconds)
+def _spheroid(kappa: float, name: str, slow_time: float, lowest: float = 4.0) -> Subject:
+    return Subject(name, (1.0, 1.0, kappa), NAMED[name], slow_time, _stokes(lowest, 5))
+
+
+def _spinning(axes: Triple, spin: Triple, slow_time: float, points: int) -> Subject:
+    name = f"ω = ({', '.join(f'{rate:g}' for rate in spin)})"
+    return Subject(name, axes, BodyStart(TILTED, spin), slow_time, _stokes(4.0, points))
+
+
+def _stokes(lowest: float, points: int) -> tuple[float, ...]:
+    """Over two decades, in three digits."""
+    return tuple(float(f"{10**exponent:.3g}") for exponent in np.linspace(lowest, lowest + 2, points).tolist())
+
+
+# Cases of the second order away from resonances,
+AWAY = (
+    *(_spheroid(kappa, name, 0.1) for kappa in (0.1, 0.25, 0.5, 2.0) for name in ("paper", "against")),
+    *(_spheroid(kappa, "gentle", 0.1) for kappa in (0.5, 2.0)),
+    *(_spheroid(4.0, name, 0.05) for name in ("paper", "against")),
+    *(_spheroid(10.0, name, 0.02, 4.5) for name in ("paper", "against")),
+    _spinning((1.0, 0.8, 0.5), (0.3, 0.2, 1.5), 0.03, 5),
+    _spinning((1.0, 0.8, 0.5), (0.6, 0.5, 1.0), 0.03, 5),
+    _spinning((1.0, 0.8, 0.5), (1.5, 0.2, 0.1), 0.03, 5),
+    _spinning((0.5, 1.0, 0.8), (-1.2, 0.5, 0.4), 0.03, 5),
+    _spinning((1.0, 0.6, 0.4), (0.1, 0.1, -0.8), 0.03, 5),
+    _spinning((1.0, 0.6, 0.4), (0.3, 0.2, 1.5), 0.03, 5),
+    _spinning((1.0, 0.9, 0.3), (0.5, -0.4, -1.2), 0.03, 5),
+    _spinning((1.0, 0.9, 0.3), (0.6, 0.5, 1.0), 0.03, 5),
+)
+# through resonances of polhode and precession,
+RESONANT = (
+    _spinning((1.0, 0.8, 0.5), (0.6, 0.5, 0.5), 0.1, 3),
+    _spinning((1.0, 0.6, 0.4), (0.5, -0.4, -1.2), 0.05, 3),
+    _spinning((1.0, 0.6, 0.4), (1.5, 0.6, 0.4), 0.03, 3),
+    _spinning((1.0, 0.9, 0.3), (1.0, 0.6, 0.6), 0.03, 3),
+    _spinning((1.0, 0.8, 0.5), (1.2, 0.5, 0.2), 0.1, 3),
+)
+# and up to L² = 2EI₂.
+CROSSING = (
+    Subject("paper, ψ̇ = -1", (1.0, 0.8, 0.5), PAPER_START, 0.1, _stokes(4.0, 3)),
+    _spinning((1.0, 0.8, 0.5), (0.8, 0.5, 0.3), 0.1, 3),
+    _spinning((1.0, 0.6, 0.4), (1.5, 0.6, 0.4), 0.1, 3),
+)

@@ -1,85 +1,164 @@
-"""The data beside the page of the averaged forms' accuracy: `errors.csv` and `absent.csv`, written and read back."""
+"""What the studies of averaging measure, and the files beside their pages."""
 
-import csv
+import json
 from collections.abc import Sequence
-from dataclasses import astuple
+from dataclasses import dataclass
 from pathlib import Path
 
-from polhode.harness.averaging.orders import VARIABLES, Absent, Measured
+from polhode.harness.common.store import Record
+from polhode.harness.common.tables import read_table, write_table
+from polhode.models.rotation import Triple
+
+VARIABLES = ("Lx", "Ly", "Lz", "E")
+Each = tuple[float, float, float, float]
 
 ERRORS, ABSENT = "errors.csv", "absent.csv"
-HEAD = ["case", "family", "form"]
-COLUMNS = [
-    *HEAD,
-    "a",
-    "b",
-    "c",
-    "St",
-    "slow_time",
+_HEAD = ("case", "family", "form")
+_ERROR_COLUMNS = (
+    *(*_HEAD, "a", "b", "c", "St", "slow_time"),
     *(f"{kind}_{name}" for kind in ("model", "solver") for name in VARIABLES),
-    "reference_uncertainty",
-    "pieces",
-]
-# Fields of `Absent` under the names that `errors.csv` uses.
-ABSENT_COLUMNS = [*HEAD, "St", "reason"]
+    *("reference_uncertainty", "pieces"),
+)
+_ABSENT_COLUMNS = (*_HEAD, "St", "reason")
+# When and where the times were measured, and of how many runs each is the fastest.
+TIMED = "timed.json"
 
 
-def write_data(rows: Sequence[Measured], absent: Sequence[Absent], folder: Path) -> None:
-    """Write both tables into a folder, in full precision."""
-    _write(folder / ERRORS, COLUMNS, [_cells(row) for row in rows])
-    _write(folder / ABSENT, ABSENT_COLUMNS, [astuple(row) for row in absent])
+@dataclass(frozen=True)
+class AveragingErrors:
+    """Errors of one averaged form at one St: maxima along the run, over I_max, in L_x, L_y, L_z and E."""
+
+    subject: str
+    family: str
+    form: str
+    semi_axes: Triple
+    stokes: float
+    until: float  # slow time to which the form follows the case
+    model: Each  # of the form's exact solution against the certified full one
+    solver: Each  # of the form solved as a user would against its exact solution
+    uncertainty: float  # of the full reference
+    pieces: int  # of the reference's certificate
+
+    @property
+    def model_error(self) -> float:
+        """The slow error: the largest of the four."""
+        return max(self.model)
+
+    @property
+    def solver_error(self) -> float:
+        """The largest of the four."""
+        return max(self.solver)
 
 
-def read_data(folder: Path) -> tuple[list[Measured], list[Absent]]:
-    """Read both tables back.
+@dataclass(frozen=True)
+class Absent:
+    """Why an averaged form has no errors for a case at one St."""
 
-    Raises
-    ------
-    ValueError
-        If a file is missing, or is none that `write_data` wrote.
-    """
-    rows = [_measured(row) for row in _read(folder / ERRORS, COLUMNS)]
-    absent = [
-        Absent(row["case"], row["family"], row["form"], float(row["St"]), row["reason"])
-        for row in _read(folder / ABSENT, ABSENT_COLUMNS)
-    ]
-    return rows, absent
+    subject: str
+    family: str
+    form: str
+    stokes: float
+    reason: str
 
 
-def _cells(row: Measured) -> list[object]:
-    names = row.subject, row.family, row.form, *row.semi_axes
-    return [*names, row.stokes, row.until, *row.model, *row.solver, row.uncertainty, row.pieces]
+@dataclass(frozen=True)
+class SecondOrderErrors:
+    """Errors of second order away from resonances: slow ones over I_max, orientation in rad."""
+
+    shape: str
+    start: str
+    slow_time: float
+    stokes: float
+    slow: float
+    orientation: float
+    first_order_slow: float
+    estimated_slow: float
+    estimated_orientation: float
+    slow_uncertainty: float
+    orientation_uncertainty: float
 
 
-def _measured(row: dict[str, str]) -> Measured:
-    def numbers(kind: str) -> tuple[float, ...]:
-        return tuple(float(row[f"{kind}_{name}"]) for name in VARIABLES)
+@dataclass(frozen=True)
+class Passage:
+    """A run through resonances or up to L² = 2EI₂: errors as in `SecondOrderErrors`, wall times in s."""
 
-    return Measured(
-        row["case"],
-        row["family"],
-        row["form"],
-        (float(row["a"]), float(row["b"]), float(row["c"])),
-        float(row["St"]),
-        float(row["slow_time"]),
-        numbers("model"),
-        numbers("solver"),
-        float(row["reference_uncertainty"]),
-        int(row["pieces"]),
-    )
-
-
-def _write(path: Path, columns: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
-    with path.open("w", newline="", encoding="utf-8") as file:
-        csv.writer(file).writerows([columns, *rows])
+    shape: str
+    start: str
+    slow_time: float
+    stokes: float
+    modes: str  # modes treated, as (k₁, k₂), the strongest first
+    kick: float  # over I_max: what the strongest mode met would give L, were it left out
+    slow: float
+    estimated_slow: float
+    first_order_slow: float
+    orientation: float
+    estimated_orientation: float
+    integration: float
+    seconds: float  # of the integration and of the observables at all samples
+    refused: str  # why the form does not follow the run; empty if it does
 
 
-def _read(path: Path, columns: Sequence[str]) -> list[dict[str, str]]:
-    try:
-        with path.open(newline="", encoding="utf-8") as file:
-            table = csv.DictReader(file)
-            if table.fieldnames != list(columns):
-                raise ValueError(f"{path}: got the columns {table.fieldnames}, expected those of `polhode accuracy`")
-            return list(table)
-    except OSError as error:
-        raise ValueError(f"{path}: {error.strerror}, expected the data that `polhode accuracy` writes") from None
+@dataclass(frozen=True)
+class Cost:
+    """Wall times of one run in s, `seconds` with the observables; the slow error where it was measured."""
+
+    form: str
+    solver: str
+    tolerance: float
+    stokes: float
+    samples: int
+    integration: float
+    seconds: float
+    slow: float
+
+
+@dataclass(frozen=True)
+class Slope:
+    """Fitted exponents of St, with the numbers of points that they rest on."""
+
+    shape: str
+    start: str
+    slow: float
+    slow_points: int
+    orientation: float
+    orientation_points: int
+
+
+@dataclass(frozen=True)
+class SecondOrderStudy:
+    """All that is measured of the second order; `timed` says when and where "passages" and "cost" were."""
+
+    orders: Sequence[SecondOrderErrors]
+    resonances: Sequence[Passage]
+    crossings: Sequence[Passage]
+    cost: Sequence[Cost]
+    timed: dict[str, Record]
+
+
+_TABLES = {"orders": SecondOrderErrors, "resonances": Passage, "crossings": Passage, "cost": Cost}
+
+
+def write_data(rows: Sequence[AveragingErrors], absent: Sequence[Absent], folder: Path) -> None:
+    """Write the errors of the paper's cases, and where there are none, into a folder."""
+    write_table(folder / ERRORS, AveragingErrors, rows, _ERROR_COLUMNS)
+    write_table(folder / ABSENT, Absent, absent, _ABSENT_COLUMNS)
+
+
+def read_data(folder: Path) -> tuple[list[AveragingErrors], list[Absent]]:
+    """Read what `write_data` wrote; raises ValueError where that is missing."""
+    rows = read_table(folder / ERRORS, AveragingErrors, _ERROR_COLUMNS)
+    return rows, read_table(folder / ABSENT, Absent, _ABSENT_COLUMNS)
+
+
+def write_second_order(study: SecondOrderStudy, slopes: Sequence[Slope], folder: Path) -> None:
+    """Write the study of the second order and the slopes fitted to it into a folder."""
+    for name, kind in _TABLES.items():
+        write_table(folder / f"{name}.csv", kind, getattr(study, name))
+    write_table(folder / "slopes.csv", Slope, slopes)
+    (folder / TIMED).write_text(json.dumps(study.timed, indent=2) + "\n", encoding="utf-8")
+
+
+def read_second_order(folder: Path) -> SecondOrderStudy:
+    """Read what `write_second_order` wrote; raises ValueError where that is missing."""
+    tables = {name: read_table(folder / f"{name}.csv", kind) for name, kind in _TABLES.items()}
+    return SecondOrderStudy(**tables, timed=json.loads((folder / TIMED).read_text(encoding="utf-8")))

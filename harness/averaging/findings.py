@@ -1,44 +1,116 @@
-"""What the study of second-order averaging found, in sentences made of its numbers."""
+"""What the studies of averaging found, in sentences made of their numbers; none where nothing was measured."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from math import isnan
 
-from polhode.harness.averaging.cases import SAMPLES
-from polhode.harness.averaging.cost import COMPARED, TARGET, Cost
-from polhode.harness.averaging.resonances import ResonantRow
-from polhode.harness.averaging.second_orders import Row, Slope
+from polhode.harness.averaging.data import (
+    VARIABLES,
+    AveragingErrors,
+    Cost,
+    Passage,
+    SecondOrderErrors,
+    SecondOrderStudy,
+    Slope,
+)
+from polhode.harness.averaging.orders import LEAST_POINTS, Law, first_order, laws, slopes
+from polhode.harness.averaging.second_order import COMPARED, SAMPLES, TARGET
 from polhode.harness.common.text import duration, in_two_digits, scientific, short
 from polhode.models.second_order.form import SecondOrder
 
-# Which shapes orders are told of, and whether those are triaxial.
-FAMILIES = (("Spheroids", False), ("Triaxial ellipsoids away from resonances and from L² = 2EI₂", True))
-# St at which gains over first order are told.
+# Where the paper says that the averaged equations are good.
+GOOD_FROM = {"spheroid": 1e2, "ellipsoid": 1e3}
+# St at which second order is compared with first order.
 GAIN_AT = 1e5
 
 
-def findings(
-    rows: Sequence[Row],
-    fitted: Sequence[Slope],
-    resonances: Sequence[ResonantRow],
-    crossings: Sequence[ResonantRow],
-    cost: Sequence[Cost],
-) -> list[str]:
-    """One sentence per question that the study asks; none where nothing was measured."""
-    found = [
-        *(_orders(family, [s for s in fitted if _triaxial(s.shape) == triaxial]) for family, triaxial in FAMILIES),
-        _estimates("away from resonances", rows),
-        _gains("Through resonances", resonances),
-        _gains("Up to L² = 2EI₂", crossings),
-        _estimates("there", [*resonances, *crossings]),
-        _share([*resonances, *crossings]),
-        _steady([each for each in cost if each.form == SecondOrder.name]),
-        _compared([each for each in cost if each.stokes == COMPARED]),
-    ]
+def statements(rows: Sequence[AveragingErrors]) -> list[str]:
+    """How good the paper's "good from St ≈ 100" is, and which orders hold."""
+    own = laws(rows)
+    first = [law for law in own if first_order(law.form)]
+    second = [law for law in own if not first_order(law.form)]
+    found = [_good(rows, first, family, stokes) for family, stokes in GOOD_FROM.items()]
+    found += [_promise("First order", first, 1), _slower(rows)]
+    for family, title in (("spheroid", "spheroids"), ("ellipsoid", "ellipsoids, no farther than L² = 2EI₂")):
+        found.append(_promise(f"Second order, {title}", [law for law in second if law.family == family], 2))
     return [sentence for sentence in found if sentence]
 
 
-def _triaxial(shape: str) -> bool:
-    return len(set(shape.split(":"))) == 3
+def _good(rows: Sequence[AveragingErrors], first: Sequence[Law], family: str, stokes: float) -> str:
+    there = [row for row in rows if row.family == family and row.stokes == stokes and first_order(row.form)]
+    if not there:
+        return ""
+    best, worst = (pick(there, key=lambda row: row.model_error) for pick in (min, max))
+    needed = [law.needed(1e-2)[0] for law in first if law.family == family]
+    needed = sorted(number for number in needed if not isnan(number))
+    if needed:
+        met = f"an error of 1 % is met from St ≈ {_span(needed)} on"
+    else:
+        met = "an error of 1 % is met at none of the St measured"
+    return (
+        f'The paper\'s "good from St ≈ {stokes:g} for the {family}" means, at that St, a slow error between '
+        f"{best.model_error:.2g} ({best.subject}) and {worst.model_error:.2g} ({worst.subject}); {met}, depending on "
+        "the case."
+    )
+
+
+def _promise(title: str, own: Sequence[Law], promised: int) -> str:
+    """How the fitted orders compare with the order that averaging promises."""
+    known = [law for law in own if not isnan(law.order)]
+    few = len(own) - len(known)
+    if not known:
+        return f"{title}: too few St for an order." if few else ""
+    orders = sorted(law.order for law in known)
+    intervals = {law.subject: _rounded(law) for law in known}
+    missed = [
+        f"{name} ({low:.2f} to {high:.2f})" for name, (low, high) in intervals.items() if not low <= promised <= high
+    ]
+    return (
+        f"{title}: the slow error falls like 1/St^p, p fitted between {orders[0]:.2f} and {orders[-1]:.2f}. Averaging "
+        f"promises p = {promised}, which lies in the 95 % interval of p in {len(known) - len(missed)} of {len(known)} "
+        "cases"
+        + (f", not in {' and '.join(missed)}" if missed else "")
+        + (f". In {few} more there are fewer than {LEAST_POINTS} St to fit." if few else ".")
+    )
+
+
+def _slower(rows: Sequence[AveragingErrors]) -> str:
+    slower = [
+        f"{name} of {law.subject} ({law.order:.2f})"
+        for name in VARIABLES
+        for law in laws(rows, name)
+        if first_order(law.form) and _rounded(law)[1] < 1
+    ]
+    if not slower:
+        return ""
+    return (
+        "In single variables first order falls more slowly than 1/St, the whole interval of p lying below 1: "
+        + ", ".join(slower)
+        + ". The paper allows for that where the motion passes transient resonances."
+    )
+
+
+def _rounded(law: Law) -> tuple[float, float]:
+    """The order's interval in the two decimals that are shown."""
+    low, high = law.order_interval
+    return round(low, 2), round(high, 2)
+
+
+def findings(study: SecondOrderStudy) -> list[str]:
+    """Orders, estimates, gains and cost of the second order."""
+    fitted = slopes(study.orders)
+    triaxial = [slope for slope in fitted if len(set(slope.shape.split(":"))) == 3]
+    found = [
+        _orders("Spheroids", [slope for slope in fitted if slope not in triaxial]),
+        _orders("Triaxial ellipsoids away from resonances and from L² = 2EI₂", triaxial),
+        _estimates("away from resonances", study.orders),
+        _gains("Through resonances", study.resonances),
+        _gains("Up to L² = 2EI₂", study.crossings),
+        _estimates("there", [*study.resonances, *study.crossings]),
+        _share([*study.resonances, *study.crossings]),
+        _steady([each for each in study.cost if each.form == SecondOrder.name]),
+        _compared([each for each in study.cost if each.stokes == COMPARED]),
+    ]
+    return [sentence for sentence in found if sentence]
 
 
 def _orders(family: str, own: Sequence[Slope]) -> str:
@@ -52,23 +124,19 @@ def _orders(family: str, own: Sequence[Slope]) -> str:
     )
 
 
-def _estimates(where: str, rows: Sequence[Row] | Sequence[ResonantRow]) -> str:
+def _estimates(where: str, rows: Sequence[SecondOrderErrors] | Sequence[Passage]) -> str:
     own = [row for row in rows if not isnan(row.slow)]
     if not own:
         return ""
-    slow = sorted(row.estimated_slow / row.slow for row in own)
-    turned = sorted(row.estimated_orientation / row.orientation for row in own)
+    slow = _span(row.estimated_slow / row.slow for row in own)
+    turned = _span(row.estimated_orientation / row.orientation for row in own)
     return (
-        f"What the form estimates beforehand, {where}: {_span(slow)} times the slow error measured, {_span(turned)} "
-        "times the orientation's."
+        f"What the form estimates beforehand, {where}: {slow} times the slow error measured, {turned} times the "
+        "orientation's."
     )
 
 
-def _span(ordered: Sequence[float]) -> str:
-    return " to ".join(in_two_digits(value) for value in (ordered[0], ordered[-1]))
-
-
-def _gains(where: str, rows: Sequence[ResonantRow]) -> str:
+def _gains(where: str, rows: Sequence[Passage]) -> str:
     gains = sorted(row.first_order_slow / row.slow for row in rows if row.stokes == GAIN_AT and not row.refused)
     if not gains:
         return ""
@@ -79,13 +147,13 @@ def _gains(where: str, rows: Sequence[ResonantRow]) -> str:
     )
 
 
-def _share(rows: Sequence[ResonantRow]) -> str:
-    shares = sorted(row.integration / row.seconds for row in rows if row.integration > 0)
+def _share(rows: Sequence[Passage]) -> str:
+    shares = [100 * row.integration / row.seconds for row in rows if row.integration > 0]
     if not shares:
         return ""
     return (
-        f"Of the time of these runs the integration takes {_span([100 * share for share in shares])} %; the rest "
-        f"goes into the observables at {SAMPLES} times."
+        f"The integration takes {_span(shares)} % of the time of these runs; the rest goes into the observables at "
+        f"{SAMPLES} times."
     )
 
 
@@ -112,3 +180,8 @@ def _compared(compared: Sequence[Cost]) -> str:
         f"{short(TARGET)} (`{best.solver}`, the fastest of {len(full)} solvers), {best.seconds / own[0].seconds:.0f} "
         f"times as long as second order, whose error is {scientific(own[0].slow)}."
     )
+
+
+def _span(numbers: Iterable[float]) -> str:
+    known = sorted(numbers)
+    return f"{in_two_digits(known[0])} to {in_two_digits(known[-1])}"

@@ -6,35 +6,84 @@ import click
 
 from polhode.harness.cli import RunFailed, bad_input
 
+FOLDERS = {"1": Path("reports/accuracy"), "2": Path("reports/second-order")}
+
 
 @click.command(epilog="Example: polhode accuracy --quick --out look")
-@click.option("--out", type=click.Path(path_type=Path), default=Path("reports/accuracy"), show_default=True)
+@click.option(
+    "--order",
+    type=click.Choice(list(FOLDERS)),
+    default="1",
+    show_default=True,
+    help="1: both orders in the paper's cases. 2: second order beyond them, through resonances, and its cost.",
+)
+@click.option("--out", type=click.Path(path_type=Path), help="Folder; by default reports/accuracy or second-order.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-@click.option("--quick", is_flag=True, help="St up to 1000 alone: a look, not a result.")
+@click.option("--quick", is_flag=True, help="St up to 1000 or a few cases alone: a look, not a result.")
+@click.option("--part", type=click.Choice(["resonances", "times"]), help="Of order 2, measure that alone anew.")
 @click.option("--page-only", is_flag=True, help="Measure nothing: write the page anew from the data in --out.")
 @click.option("--quiet", is_flag=True, help="No progress.")
-def accuracy(out: Path, as_json: bool, quick: bool, page_only: bool, quiet: bool) -> None:
-    """Measure the averaged forms' errors in L_x, L_y, L_z and E against certified full solutions.
+def accuracy(
+    order: str, out: Path | None, as_json: bool, quick: bool, part: str | None, page_only: bool, quiet: bool
+) -> None:
+    """Measure the averaged forms' errors in L_x, L_y, L_z and E against full solutions.
 
     For every case of the paper: model error and solver error, the fitted order in 1/St, and the St from which on an
-    averaged form meets a given error. Writes a page with figure and data into the folder --out.
+    averaged form meets a given error; or, with --order 2, how the second order does away from resonances, through
+    them, and up to L² = 2EI₂, and what it costs. Writes a page with its data into the folder --out.
     """
+    from polhode.harness.references.reference import ReferenceFailedError
+
+    out = out or FOLDERS[order]
+    with bad_input():
+        if quick + bool(part) + page_only > 1:
+            raise ValueError("--quick, --part, --page-only: got several of them, expected one")
+        if part and order == "1":
+            raise ValueError("--part: got --order 1, expected --order 2")
+    try:
+        if order == "1":
+            shown = _first_order(out, as_json, quick, page_only, quiet)
+        else:
+            shown = _second_order(out, as_json, quick, part, page_only, quiet)
+    except ReferenceFailedError as error:
+        raise RunFailed(str(error)) from None
+    click.echo(shown)
+    click.echo(str(out / "README.md"), err=True)
+
+
+def _first_order(out: Path, as_json: bool, quick: bool, page_only: bool, quiet: bool) -> str:
     import json
 
     from polhode.harness.averaging.data import read_data
     from polhode.harness.averaging.measure import measure_all
     from polhode.harness.pages import averaging as page
-    from polhode.harness.references.reference import ReferenceFailedError
 
     with bad_input():
-        if page_only and quick:
-            raise ValueError("--quick: got --page-only too, expected one of them")
         read = read_data(out) if page_only else None
         out.mkdir(parents=True, exist_ok=True)
-    try:
-        rows, absent = read or measure_all(quick=quick, quiet=quiet)
-    except ReferenceFailedError as error:
-        raise RunFailed(str(error)) from None
-    written = page.write_page(rows, out, " ".join(["polhode accuracy", *(["--quick"] if quick else [])]), absent)
-    click.echo(json.dumps(page.as_json(rows, absent)) if as_json else page.as_text(rows, absent))
-    click.echo(f"{written}", err=True)
+    rows, absent = read or measure_all(quick=quick, quiet=quiet)
+    page.write_page(rows, out, "polhode accuracy" + " --quick" * quick, absent)
+    return json.dumps(page.as_json(rows, absent)) if as_json else page.as_text(rows, absent)
+
+
+def _second_order(out: Path, as_json: bool, quick: bool, part: str | None, page_only: bool, quiet: bool) -> str:
+    from dataclasses import asdict
+
+    from polhode.harness.averaging import second_order as study
+    from polhode.harness.averaging.data import read_second_order
+    from polhode.harness.averaging.findings import findings
+    from polhode.harness.common.plain_json import dumps
+    from polhode.harness.pages.second_order import write_page
+
+    with bad_input():
+        old = read_second_order(out) if part or page_only else None
+        out.mkdir(parents=True, exist_ok=True)
+    if old is None:
+        found = study.measure_study(quick=quick, quiet=quiet)
+    elif part:
+        again = study.measure_passages_again if part == "resonances" else study.measure_times_again
+        found = again(old, quiet=quiet)
+    else:
+        found = old
+    write_page(found, out)
+    return dumps(asdict(found)) if as_json else "\n".join(findings(found))

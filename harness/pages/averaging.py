@@ -7,22 +7,23 @@ from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from polhode.harness.averaging.data import write_data
-from polhode.harness.averaging.measure import UNCERTIFIED, subjects
+from polhode.harness.averaging.cases import paper_cases
+from polhode.harness.averaging.data import VARIABLES, Absent, AveragingErrors, write_data
+from polhode.harness.averaging.findings import statements
+from polhode.harness.averaging.measure import SAMPLES, SOLVER, TOLERANCE, UNCERTIFIED
 from polhode.harness.averaging.orders import (
+    FITTED_FROM,
+    LEAST_POINTS,
+    SAME_HORIZON,
     TARGETS,
-    VARIABLES,
-    Absent,
     Law,
-    Measured,
     first_order,
     laws,
-    statements,
 )
 from polhode.harness.common.machine import versions
 from polhode.harness.common.text import aligned, in_two_digits, markdown, scientific, short
-from polhode.harness.pages.accuracy_words import definitions, fits
 from polhode.harness.pages.work_precision import save
+from polhode.models.shape import Ellipsoid
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -47,7 +48,7 @@ CASES_HEADER = ["case", "semi-axes", "θ, φ, ψ", "ω", "L"]
 COLORS = ("#000000", "#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7A7A7A")
 
 
-def as_text(rows: Sequence[Measured], absent: Sequence[Absent] = ()) -> str:
+def as_text(rows: Sequence[AveragingErrors], absent: Sequence[Absent] = ()) -> str:
     """All tables and the statements, for a terminal."""
     parts = [
         aligned(ERRORS_HEADER, [_error_row(row) for row in rows]),
@@ -58,7 +59,7 @@ def as_text(rows: Sequence[Measured], absent: Sequence[Absent] = ()) -> str:
     return "\n\n".join(parts)
 
 
-def as_json(rows: Sequence[Measured], absent: Sequence[Absent] = ()) -> dict[str, Any]:
+def as_json(rows: Sequence[AveragingErrors], absent: Sequence[Absent] = ()) -> dict[str, Any]:
     """Errors, laws, absences and statements as plain data."""
     return {
         "variables": list(VARIABLES),
@@ -78,7 +79,7 @@ def as_json(rows: Sequence[Measured], absent: Sequence[Absent] = ()) -> dict[str
     }
 
 
-def write_page(rows: Sequence[Measured], folder: Path, command: str, absent: Sequence[Absent] = ()) -> Path:
+def write_page(rows: Sequence[AveragingErrors], folder: Path, command: str, absent: Sequence[Absent] = ()) -> Path:
     """Write the page, its figure and its data into a folder and return the page's path."""
     folder.mkdir(parents=True, exist_ok=True)
     write_data(rows, absent, folder)
@@ -88,7 +89,7 @@ def write_page(rows: Sequence[Measured], folder: Path, command: str, absent: Seq
     return page
 
 
-def figure(rows: Sequence[Measured]) -> Any:
+def figure(rows: Sequence[AveragingErrors]) -> Any:
     """Model error against St, spheroids beside ellipsoids, over a line of slope -1."""
     import matplotlib.pyplot as plt
 
@@ -133,7 +134,7 @@ def _panel(axes: "Axes", own: Sequence[Law]) -> None:
     axes.legend(fontsize=8, frameon=False, loc="lower left")
 
 
-def law_rows(rows: Sequence[Measured]) -> list[list[str]]:
+def law_rows(rows: Sequence[AveragingErrors]) -> list[list[str]]:
     """One row per case and form: the orders per variable and of the slow error, and the St that errors need."""
     each = {name: {(law.subject, law.form): law for law in laws(rows, name)} for name in VARIABLES}
     table = []
@@ -171,7 +172,7 @@ def absent_rows(absent: Sequence[Absent]) -> list[list[str]]:
     ]
 
 
-def _lines(rows: Sequence[Measured], absent: Sequence[Absent], command: str) -> list[str]:
+def _lines(rows: Sequence[AveragingErrors], absent: Sequence[Absent], command: str) -> list[str]:
     return [
         "# How accurate the averaged equations are",
         "",
@@ -210,6 +211,39 @@ def _lines(rows: Sequence[Measured], absent: Sequence[Absent], command: str) -> 
     ]
 
 
+def definitions(rows: Sequence[AveragingErrors]) -> list[str]:
+    """What the columns of the errors mean, as items of a list."""
+    uncertainty = max(row.uncertainty for row in rows)
+    return [
+        f"- Errors are maxima over {SAMPLES} equispaced samples, from the start to the slow time t₂ = t/St in the "
+        "column *to t₂*, divided by the largest moment of inertia. The *slow error* is the largest of the four.",
+        "- First order is the paper's: `averaged` for triaxial ellipsoids, `averaged-spheroid` for spheroids. Second "
+        "order, `averaged-second-order`, follows a triaxial ellipsoid to just short of L² = 2EI₂ alone: its errors are "
+        "those of a shorter run, and not to be held against first order's over the whole one.",
+        "- *Model*: the averaged equations' exact solution against the full equations', *model* without a variable "
+        f"being the slow error. *Solver*: the averaged equations by `{SOLVER}` at tolerance {short(TOLERANCE)} against "
+        "their exact solution, slow error.",
+        f"- Every full solution is a certified reference: confirmed on at least {min(row.pieces for row in rows)} "
+        "pieces by another form and method. *Reference* is its uncertainty, over the largest moment of inertia, at "
+        f"most {scientific(uncertainty)}.",
+    ]
+
+
+def fits() -> list[str]:
+    """How orders and needed St come about."""
+    return [
+        "The model error is taken as c/St^order and fitted by least squares on logarithms, from St = "
+        f"{FITTED_FROM:g} on; *order* and its interval are the slow error's. *St fitted* counts the points; fewer "
+        f"than {LEAST_POINTS} give no order. Orders hold for the horizon *to t₂*: runs that end before "
+        f"{100 * SAME_HORIZON:g} % of it, as second order's do at small St, are left out of this table, because "
+        "shorter runs err less.",
+        "",
+        "*St for* 0.1, 0.01, …: the St from which on the slow error (model) stays below that, interpolated between "
+        "measured St. `<`: already at the smallest St of the row, below which the form refuses or nothing was "
+        "measured. `~`: beyond the largest St, by the fitted law.",
+    ]
+
+
 def _absences(absent: Sequence[Absent]) -> list[str]:
     if not absent:
         return []
@@ -225,13 +259,13 @@ def _absences(absent: Sequence[Absent]) -> list[str]:
     ]
 
 
-def _case_rows(rows: Sequence[Measured]) -> list[list[str]]:
+def _case_rows(rows: Sequence[AveragingErrors]) -> list[list[str]]:
     names = {row.subject for row in rows}
     table = []
-    for case in subjects():
+    for case in paper_cases():
         if case.name in names:
-            momentum = case.scene(1.0).initial.angular_momentum[0] / max(case.ellipsoid.inertia)
-            groups = case.ellipsoid.semi_axes, case.start.angles, case.start.angular_velocity, momentum
+            momentum = case.scene(1.0).initial.angular_momentum[0] / max(Ellipsoid(case.semi_axes).inertia)
+            groups = case.semi_axes, case.start.angles, case.start.angular_velocity, momentum
             table.append([case.name, *(", ".join(_coordinate(x) for x in group) for group in groups)])
     return table
 
@@ -241,7 +275,7 @@ def _coordinate(value: float) -> str:
     return f"{0.0 if abs(value) < 1e-9 else value:.3g}"
 
 
-def _error_row(row: Measured) -> list[str]:
+def _error_row(row: AveragingErrors) -> list[str]:
     numbers = (*row.model, row.model_error, row.solver_error, row.uncertainty)
     return [row.subject, row.form, _stokes(row.stokes), f"{row.until:.3g}", *(scientific(number) for number in numbers)]
 

@@ -2,41 +2,49 @@
 
 from collections.abc import Sequence
 from math import isnan
+from pathlib import Path
 
-from polhode.harness.averaging.cases import AGAINST, BACKWARD, GENTLE, PAPER, SAMPLES, TILTED, TOLERANCE
-from polhode.harness.averaging.cost import AXES, COMPARED, FEW, FULL_REPEATS, SLOW_TIME, TARGET, Cost
+from polhode.harness.averaging.cases import NAMED, TILTED
+from polhode.harness.averaging.data import Cost, Passage, SecondOrderErrors, SecondOrderStudy, Slope, write_second_order
 from polhode.harness.averaging.findings import findings
-from polhode.harness.averaging.resonances import SOLVER, ResonantRow
-from polhode.harness.averaging.second_orders import FLOORS, LARGEST_ERROR, Row, Slope
+from polhode.harness.averaging.orders import FLOORS, LARGEST_ERROR, slopes
+from polhode.harness.averaging.second_order import (
+    COMPARED,
+    FEW,
+    FULL_REPEATS,
+    PASSAGE_SOLVER,
+    SAMPLES,
+    SLOW_TIME,
+    TARGET,
+    TOLERANCE,
+)
 from polhode.harness.common.provenance import header
-from polhode.harness.common.store import Record
 from polhode.harness.common.text import duration, in_two_digits, markdown, scientific, short
 from polhode.models.scene import EulerStart
 from polhode.models.second_order.form import MEANINGLESS, SecondOrder
 from polhode.models.second_order.run import SMALL_KICK, STOPS
 
-COMMAND = "python -m polhode.harness.averaging.study"
+COMMAND = "polhode accuracy --order 2"
 DATA = ("orders", "slopes", "resonances", "crossings", "cost")
 
 
-def page(
-    rows: Sequence[Row],
-    fitted: Sequence[Slope],
-    resonances: Sequence[ResonantRow],
-    crossings: Sequence[ResonantRow],
-    cost: Sequence[Cost],
-    timed: dict[str, Record],
-) -> str:
-    """The report as Markdown; `timed` holds where and when "passages" and "cost" were timed, and how often."""
+def write_page(study: SecondOrderStudy, folder: Path) -> None:
+    """Write page and data into a folder."""
+    write_second_order(study, slopes(study.orders), folder)
+    (folder / "README.md").write_text(page(study), encoding="utf-8")
+
+
+def page(study: SecondOrderStudy) -> str:
+    """The report as Markdown."""
     lines = [
-        *header("Second-order averaging: orders and cost", COMMAND, list(timed.values())),
+        *header("Second-order averaging: orders and cost", COMMAND, list(study.timed.values())),
         "How the form works: [docs](../../docs/second-order.md). Data: "
         + ", ".join(f"[{name}]({name}.csv)" for name in DATA)
         + ".",
         "",
         "## What was found",
         "",
-        *(f"- {sentence}" for sentence in findings(rows, fitted, resonances, crossings, cost)),
+        *(f"- {sentence}" for sentence in findings(study)),
         "",
         "## How to read the tables",
         "",
@@ -48,12 +56,12 @@ def page(
         "reference's uncertainty, the orientation's over the top two decades of St. *Points*: how many St each "
         "slope rests on.",
         "",
-        _slopes(fitted),
+        _slopes(slopes(study.orders)),
         "## Errors and the form's own estimates",
         "",
-        _errors(rows),
-        *_passages(resonances, crossings, timed["passages"]["repeats"]),
-        *(_costs(cost, timed["cost"]["repeats"]) if cost else []),
+        _errors(study.orders),
+        *_passages(study.resonances, study.crossings, study.timed["passages"]["repeats"]),
+        *(_costs(study.cost, study.timed["cost"]["repeats"]) if study.cost else []),
     ]
     return "\n".join(lines)
 
@@ -65,10 +73,7 @@ def _definitions() -> list[str]:
         "*orientation*, in rad; from about 1 on the phase is lost. Each has beside it what the form estimates "
         "beforehand. *First order*: the slow error of `averaged` or `averaged-spheroid` in the same run.",
         "- *Axes*: a:b:c. *Start*: "
-        + "; ".join(
-            f"*{name}*, {_euler(start)}"
-            for name, start in (("paper", PAPER), ("paper, ψ̇ = -1", BACKWARD), ("against", AGAINST), ("gentle", GENTLE))
-        )
+        + "; ".join(f"*{name}*, {_euler(start)}" for name, start in NAMED.items())
         + "; ω = (…), that angular velocity in body axes, and the orientation of the quaternion "
         + f"({', '.join(f'{x:g}' for x in TILTED)}), normalised. Angles in rad, rates over the shear rate.",
     ]
@@ -87,7 +92,7 @@ def _slopes(fitted: Sequence[Slope]) -> str:
     return markdown(header, table, right=range(2, 6))
 
 
-def _errors(rows: Sequence[Row]) -> str:
+def _errors(rows: Sequence[SecondOrderErrors]) -> str:
     header = ("axes", "start", "t₂", "St", "slow", "slow estimated", "first order", "orientation",
               "orientation estimated")  # fmt: skip
     table = [
@@ -101,7 +106,7 @@ def _errors(rows: Sequence[Row]) -> str:
     return markdown(header, table, right=range(2, 9))
 
 
-def _passages(resonances: Sequence[ResonantRow], crossings: Sequence[ResonantRow], repeats: int) -> list[str]:
+def _passages(resonances: Sequence[Passage], crossings: Sequence[Passage], repeats: int) -> list[str]:
     return [
         "## Through resonances",
         "",
@@ -112,7 +117,7 @@ def _passages(resonances: Sequence[ResonantRow], crossings: Sequence[ResonantRow
         "- *Kick*: what the strongest of the modes treated would give L over I_max, were it left out, as first order "
         "leaves it out. A dash: no mode treated passes its resonance in the run, though one may come near it.",
         "- *Gain*: first order's slow error over the second's.",
-        f"- *Time*: integration by `{SOLVER}` to {short(TOLERANCE)} and the observables at {SAMPLES} times; "
+        f"- *Time*: integration by `{PASSAGE_SOLVER}` to {short(TOLERANCE)} and the observables at {SAMPLES} times; "
         f"*integration*: that part alone{_unknown([*resonances, *crossings])}. {_often(repeats)}; tables and "
         "compilation, seconds once per shape and mode, are left out. Fewer output times take less: see *Cost*.",
         "",
@@ -127,7 +132,7 @@ def _passages(resonances: Sequence[ResonantRow], crossings: Sequence[ResonantRow
     ]
 
 
-def _table(rows: Sequence[ResonantRow]) -> list[str]:
+def _table(rows: Sequence[Passage]) -> list[str]:
     header = ("axes", "start", "t₂", "St", "modes treated", "kick", "slow", "slow estimated", "first order", "gain",
               "orientation", "orientation estimated", "time", "integration")  # fmt: skip
     table = [
@@ -155,11 +160,10 @@ def _costs(cost: Sequence[Cost], repeats: int) -> list[str]:
     second = [each for each in cost if each.form == SecondOrder.name]
     compared = [each for each in cost if each.stokes == COMPARED]
     own = min(each.seconds for each in second if each.stokes == COMPARED)
-    shape = ":".join(f"{axis:g}" for axis in AXES)
     return [
         "## Cost",
         "",
-        f"Axes {shape}, start *paper*, t₂ = {SLOW_TIME:g}, {FEW} output times. *Time* is integration and observables; "
+        f"Axes 1:1:2, start *paper*, t₂ = {SLOW_TIME:g}, {FEW} output times. *Time* is integration and observables; "
         f"*integration* that part alone{_unknown(cost)}. {_often(repeats)}, {FULL_REPEATS} of the full form; "
         "compilation is left out.",
         "",
@@ -191,7 +195,7 @@ def _often(repeats: int) -> str:
     return f"The fastest of {repeats} runs" if repeats > 1 else "One run"
 
 
-def _unknown(rows: Sequence[ResonantRow] | Sequence[Cost]) -> str:
+def _unknown(rows: Sequence[Passage] | Sequence[Cost]) -> str:
     """What a dash in the column of the integration means, where there is one."""
     return " (a dash: not measured apart)" if any(isnan(row.integration) and row.seconds > 0 for row in rows) else ""
 

@@ -6,9 +6,13 @@ from dataclasses import dataclass
 from enum import IntEnum
 from math import ceil, floor, inf, log10
 
+import numpy as np
+
 from polhode.harness.common.text import in_full
 from polhode.harness.picking.laws import ErrorLaw, Sensitivity
-from polhode.models.form import FormNotValidError
+from polhode.models.form import Form, FormNotValidError
+from polhode.models.scene import Scene
+from polhode.models.second_order.run import shorter
 from polhode.solvers.contract import SolverNotValidError
 
 
@@ -117,3 +121,20 @@ def rounded_up(value: float) -> str:
     """A positive number in two digits that is no smaller."""
     unit = 10.0 ** (floor(log10(value)) - 1)
     return in_full(float(f"{ceil(value / unit * (1 - 1e-12)) * unit:.1e}"))
+
+
+def why_unreached(form: Form, scene: Scene, refusal: FormNotValidError) -> str:
+    """Why a form follows no part of a scene, from what its `reach` raised.
+
+    Of a run that meets L² = 2EI₂ that says no more than that it does: why the shortest part that `reach` tries will not
+    do either is added.
+    """
+    moves = 0 < scene.stokes < inf and bool(np.any(scene.initial.angular_momentum))
+    parts = list(shorter(scene)) if moves and scene.ellipsoid.kind == "triaxial" else []
+    if not parts:
+        return refusal.condition
+    try:
+        form.check(parts[-1])
+    except FormNotValidError as shortest:
+        return f"{refusal.condition}; even ended at t₂ = {parts[-1].slow_time:.3g}, {shortest.condition}"
+    return refusal.condition

@@ -4,10 +4,19 @@ from collections.abc import Sequence
 from html import escape
 from typing import Any
 
-from polhode.harness.averaging.orders import TARGETS, Law, Measured, first_order, laws, statements
+from polhode.harness.averaging.data import AveragingErrors
+from polhode.harness.averaging.findings import statements
+from polhode.harness.averaging.orders import TARGETS, Law, first_order, laws
 from polhode.harness.common.text import scientific
-from polhode.harness.pages.accuracy_words import definitions, fits
-from polhode.harness.pages.averaging import ABSENT_HEADER, COLORS, LAWS_HEADER, absent_rows, law_rows
+from polhode.harness.pages.averaging import (
+    ABSENT_HEADER,
+    COLORS,
+    LAWS_HEADER,
+    absent_rows,
+    definitions,
+    fits,
+    law_rows,
+)
 from polhode.harness.site.markup import Page, bullets, chart, missing, prose, table
 from polhode.harness.site.origins import told
 from polhode.harness.site.sources import Sources
@@ -46,7 +55,7 @@ def accuracy_page(sources: Sources) -> Page:
     return Page("accuracy", "How good is averaging?", LEAD, body, ("polhode accuracy",), (origin,), data, scripts)
 
 
-def _errors(row: Measured) -> list[str]:
+def _errors(row: AveragingErrors) -> list[str]:
     numbers = map(scientific, (row.model_error, row.solver_error, row.uncertainty))
     return [row.subject, row.form, f"{row.stokes:.3g}", f"{row.until:.3g}", *numbers]
 

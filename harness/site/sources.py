@@ -11,8 +11,7 @@ from typing import Any
 import pandas as pd
 
 from polhode.harness.analysis.frames import frame, where
-from polhode.harness.averaging.data import ERRORS, read_data
-from polhode.harness.averaging.orders import Absent, Measured
+from polhode.harness.averaging.data import ERRORS, Absent, AveragingErrors, read_data
 from polhode.harness.common.store import DamagedStoreError, Record, Store, read_export
 from polhode.harness.paper import store as paper_store
 from polhode.harness.paper.catalogue import sections
@@ -75,7 +74,7 @@ class Sources:
     folder : Path
     studies : dict
         By name.
-    accuracy : tuple of Measured
+    accuracy : tuple of AveragingErrors
     absent : tuple of Absent
         Where the averaged forms have no errors.
     predictions : tuple of dict
@@ -86,7 +85,7 @@ class Sources:
 
     folder: Path
     studies: dict[str, StudyRecords]
-    accuracy: tuple[Measured, ...]
+    accuracy: tuple[AveragingErrors, ...]
     absent: tuple[Absent, ...]
     predictions: tuple[Record, ...]
     unreadable: tuple[str, ...]
@@ -123,7 +122,7 @@ def read_sources(folder: Path) -> Sources:
             continue
         if records:
             studies[name] = StudyRecords(name, records)
-    errors: list[Measured] = []
+    errors: list[AveragingErrors] = []
     absent: list[Absent] = []
     predictions: list[Record] = []
     try:

@@ -2,7 +2,8 @@
 
 import pytest
 
-from polhode.harness.picking.unfit_reasons import why_unreached
+from polhode.harness.averaging.cases import paper_cases
+from polhode.harness.picking.refusals import why_unreached
 from polhode.models.catalogue import form as find_form
 from polhode.models.form import FormNotValidError
 from polhode.models.scene import BodyStart, Scene
@@ -24,3 +25,13 @@ def test_a_scene_without_rotation_has_its_own_reason(stokes: float, axes: tuple[
         form.reach(scene)
     assert why_unreached(form, scene, caught.value) == caught.value.condition
     assert not caught.value.condition.startswith("form")
+
+
+def test_a_run_that_meets_the_separatrix_has_the_shortest_part_s_reason_too():
+    form, scene = find_form("averaged-second-order"), paper_cases()[2].scene(100.0)
+    with pytest.raises(FormNotValidError) as caught:
+        form.reach(scene)
+    met = "the run meets L² = 2EI₂ near t₂ = 0.049"
+    assert why_unreached(form, scene, caught.value) == (
+        f"{met}; even ended at t₂ = 0.0245, St = 100 is too small for this start"
+    )

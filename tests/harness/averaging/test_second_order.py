@@ -4,17 +4,17 @@ import re
 from dataclasses import replace
 from math import isnan, nan
 
-import pytest
+from click.testing import CliRunner
 
-from polhode.harness.averaging import study
-from polhode.harness.averaging.cost import Cost, costs
+from polhode.harness.averaging.cases import RESONANT
+from polhode.harness.averaging.data import Cost, Passage, SecondOrderErrors, SecondOrderStudy, read_second_order
 from polhode.harness.averaging.findings import findings
-from polhode.harness.averaging.resonances import CASES, ResonantRow, measure, timed_anew
-from polhode.harness.averaging.second_orders import Row, slopes
-from polhode.harness.pages.second_order import page
+from polhode.harness.averaging.second_order import costs, measure_passage, time_again
+from polhode.harness.cli import polhode
+from polhode.harness.pages.second_order import page, write_page
 
 ROWS = [
-    Row(
+    SecondOrderErrors(
         "1:1:2",
         "paper",
         0.1,
@@ -29,10 +29,8 @@ ROWS = [
     )
     for stokes in (1e4, 1e5, 1e6)
 ]
-PASSED = ResonantRow("1:0.8:0.5", "ω", 0.1, 1e5, "(-3, 1)", 2e-4, 7e-6, 2e-5, 3.5e-4, 7e-3, 0.1, 0.03, 1.5, "")
-REFUSED = ResonantRow(
-    "1:0.6:0.4", "ω", 0.03, 1e4, "", nan, nan, nan, nan, nan, nan, nan, nan, "St = 10000 is too small"
-)
+PASSED = Passage("1:0.8:0.5", "ω", 0.1, 1e5, "(-3, 1)", 2e-4, 7e-6, 2e-5, 3.5e-4, 7e-3, 0.1, 0.03, 1.5, "")
+REFUSED = Passage("1:0.6:0.4", "ω", 0.03, 1e4, "", nan, nan, nan, nan, nan, nan, nan, nan, "St = 10000 is too small")
 COST = [
     Cost("averaged-second-order", "taylor", 1e-9, 1e3, 11, 4e-4, 5e-4, nan),
     Cost("averaged-second-order", "taylor", 1e-9, 1e6, 11, 5e-4, 6e-4, 8e-9),
@@ -49,17 +47,16 @@ HERE = {
 TIMED = {"passages": HERE, "cost": HERE}
 
 
-def results() -> study.Results:
-    return study.Results(ROWS, [PASSED], [REFUSED], COST, TIMED)
+STUDY = SecondOrderStudy(ROWS, [PASSED], [REFUSED], COST, TIMED)
 
 
 def test_data_come_back(tmp_path):
-    study.write(tmp_path, results())
-    assert repr(study.read(tmp_path)) == repr(results())
+    write_page(STUDY, tmp_path)
+    assert repr(read_second_order(tmp_path)) == repr(STUDY)
 
 
 def test_the_page_shows_every_kind_of_row(tmp_path):
-    study.write(tmp_path, results())
+    write_page(STUDY, tmp_path)
     text = (tmp_path / "README.md").read_text(encoding="utf-8")
     assert "Measured on 2026-05-04 on abacus, 1 cores" in text
     (row,) = re.findall(r"\| 1:0.8:0.5 .*", text)
@@ -67,14 +64,14 @@ def test_the_page_shows_every_kind_of_row(tmp_path):
     assert "- 1:0.6:0.4, ω, St = 10000, up to t₂ = 0.03: St = 10000 is too small." in text
     assert re.search(r"\| +-2\.00 \|", text)
     assert "The fastest of 3 runs" in text
-    once = page(ROWS, slopes(ROWS), [PASSED], [], [], {**TIMED, "passages": {**HERE, "repeats": 1}})
+    once = page(SecondOrderStudy(ROWS, [PASSED], [], [], {**TIMED, "passages": {**HERE, "repeats": 1}}))
     assert "alone. One run;" in once
     assert "## Cost" not in once
 
 
 def test_findings_are_those_of_the_numbers():
     orders, estimates, gains, crossings, there, share, steady, compared = findings(
-        ROWS, slopes(ROWS), [PASSED], [replace(PASSED, slow=3.5e-5), REFUSED], COST
+        replace(STUDY, crossings=[replace(PASSED, slow=3.5e-5), REFUSED])
     )
     assert orders.startswith("Spheroids, 1 starts: the slow error falls like St^-2.00 to St^-2.00")
     assert "away from resonances: 1.5 to 1.5 times the slow error measured, 8 to 8 times the orientation's" in estimates
@@ -82,23 +79,23 @@ def test_findings_are_those_of_the_numbers():
     assert "10 to 10 times smaller" in crossings
     assert "Refused at all St: 1 of 2 runs" in crossings
     assert "0.57 to 2.9 times the slow error" in there
-    assert "the integration takes 2 to 2 %" in share
+    assert "The integration takes 2 to 2 %" in share
     assert "500 µs to 600 µs at St from 1000 to 1e6: at the largest St 1.20 times" in steady
     assert "210 ms for a slow error of at most 1e-6 (`cyrk-vern8`, the fastest of 2 solvers), 350 times" in compared
-    assert findings([], [], [], [], []) == []
+    assert findings(SecondOrderStudy([], [], [], [], {})) == []
 
 
 def test_the_times_alone_are_measured_anew():
-    row = measure(CASES[1], 1e4)
+    row = measure_passage(RESONANT[1], 1e4)
     assert row.modes == "(-4, 2)"
     assert row.slow < row.estimated_slow < row.first_order_slow / 20
     assert row.orientation < row.estimated_orientation
     assert 0 < row.integration < row.seconds
     old = replace(row, integration=nan, seconds=1e9)
-    new, refused = timed_anew(CASES, [old, REFUSED])
+    new = time_again(RESONANT, old)
     assert 0 < new.integration < new.seconds < 1e9
     assert replace(new, integration=row.integration, seconds=row.seconds) == row
-    assert refused is REFUSED
+    assert time_again(RESONANT, REFUSED) is REFUSED
 
 
 def test_costs_have_one_row_for_each_form_solver_and_st():
@@ -115,16 +112,25 @@ def test_costs_have_one_row_for_each_form_solver_and_st():
     assert max(each.slow for each in found[3:]) <= 1e-6
 
 
-def test_options_that_make_no_sense_are_one_line(tmp_path, capsys):
-    for arguments in (["--page-only", "--out", str(tmp_path)], ["--page-only", "--times"], ["--slow"]):
-        with pytest.raises(SystemExit) as stopped:
-            study.main(arguments)
-        assert stopped.value.code == 2
-    told = capsys.readouterr().err
-    assert "timed.json: No such file or directory, expected the data that the study writes" in told
-    assert "not allowed with argument --page-only" in told
-    study.write(tmp_path, results())
+def test_options_that_make_no_sense_are_one_line(tmp_path):
+    def told(*options: str) -> str:
+        outcome = CliRunner().invoke(polhode, ["accuracy", "--out", str(tmp_path), *options])
+        assert outcome.exit_code == 2
+        return outcome.output
+
+    assert "orders.csv: No such file or directory, expected a table of shape" in told("--order", "2", "--page-only")
+    assert "--quick, --part, --page-only: got several" in told("--order", "2", "--page-only", "--part", "times")
+    assert "--part: got --order 1, expected --order 2" in told("--part", "times")
+    write_page(STUDY, tmp_path)
     (tmp_path / "cost.csv").write_text("form,solver\n")
-    with pytest.raises(SystemExit):
-        study.main(["--times", "--out", str(tmp_path)])
-    assert "cost.csv: got no column 'tolerance'" in capsys.readouterr().err
+    assert "cost.csv: got the columns form, solver, expected form, solver, tol" in told(
+        "--order", "2", "--part", "times"
+    )
+
+
+def test_the_page_alone_is_the_page_that_was_measured(tmp_path):
+    write_page(STUDY, tmp_path)
+    before = (tmp_path / "README.md").read_text(encoding="utf-8")
+    outcome = CliRunner().invoke(polhode, ["accuracy", "--order", "2", "--page-only", "--out", str(tmp_path)])
+    assert (outcome.exit_code, (tmp_path / "README.md").read_text(encoding="utf-8")) == (0, before)
+    assert outcome.stdout.splitlines() == findings(STUDY)

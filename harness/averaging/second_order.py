@@ -1,0 +1,240 @@
+"""Errors and cost of `averaged-second-order` against the full equations in long double, beyond the paper's cases."""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from math import nan
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from polhode.harness.averaging.cases import AWAY, CROSSING, RESONANT, Subject
+from polhode.harness.averaging.data import Cost, Passage, SecondOrderErrors, SecondOrderStudy
+from polhode.harness.common.machine import machine, now, versions
+from polhode.harness.common.store import Record
+from polhode.harness.picking.refusals import why_unreached
+from polhode.harness.references.errors import Errors, errors
+from polhode.harness.references.extended import extended_run
+from polhode.models.catalogue import averaged_form, full_form
+from polhode.models.catalogue import form as find_form
+from polhode.models.form import FormNotValidError
+from polhode.models.observables import Observables
+from polhode.models.scene import Scene
+from polhode.models.scenes import PROLATE, SPHEROID_START
+from polhode.models.second_order.form import SecondOrder
+from polhode.models.second_order.run import prepared
+from polhode.models.shape import Ellipsoid
+from polhode.solvers.solve import solve
+
+SAMPLES = 2001
+REFERENCE_TOLERANCES = (1e-18, 1e-16)
+TOLERANCE = 1e-14
+# Resonances want many small steps of these runs; each time is the fastest of so many.
+PASSAGE_SOLVER, PASSAGE_REPEATS = "cyrk-vern8", 3
+QUICK_CASES, QUICK_POINTS = 1, 2
+
+# The cost of a spheroid's run against St: duration, output times, and the powers of ten of St.
+SLOW_TIME, FEW, EXPONENTS = 0.5, 11, tuple(range(3, 9))
+# St at which first order and the full equations are run too, the full ones to this slow error.
+COMPARED, TARGET = 1e6, 1e-6
+COST_TOLERANCE, TRUE_TOLERANCE = 1e-9, 1e-16
+FULL_TOLERANCES = (1e-8, 1e-9, 1e-10, 1e-11, 1e-12)
+FULL_SOLVERS = ("taylor", "cyrk-vern8", "cyrk-dop853")
+# Runs at different St take turns, so that slow moments of the machine meet all.
+REPEATS, FULL_REPEATS = 50, 3
+
+
+@dataclass(frozen=True)
+class TimedRun:
+    """What a run gave, and its wall times in s: the integration, and with the observables."""
+
+    observables: Observables
+    integration: float
+    seconds: float
+
+
+def timed_run(scene: Scene, name: str, tolerance: float, samples: int, solver: str = "taylor") -> TimedRun:
+    """Run a form over equispaced times; raises RuntimeError if it does not reach its end."""
+    form = find_form(name)
+    problem = form.problem(scene)
+    solution = solve(problem, solver, tolerance, np.linspace(0.0, problem.end, samples))
+    if not solution.success:
+        raise RuntimeError(f"form {name!r} ended with {solution.status}: {solution.message}")
+    began = perf_counter()
+    observables = form.observe(scene, solution.states)
+    return TimedRun(observables, solution.seconds, solution.seconds + perf_counter() - began)
+
+
+def fastest(runs: Iterable[TimedRun]) -> TimedRun:
+    """The fastest of equal runs."""
+    return min(runs, key=lambda run: run.seconds)
+
+
+def true_observables(scene: Scene) -> tuple[Observables, Errors]:
+    """Observables of the full form in long double, and what a hundredfold tolerance changes in them."""
+    form = find_form(full_form(scene))
+    problem = form.problem(scene)
+    times = np.linspace(0.0, problem.end, SAMPLES)
+    tight, loose = (
+        form.observe(scene, extended_run(problem, times, "long double", tolerance))
+        for tolerance in REFERENCE_TOLERANCES
+    )
+    return tight, errors(scene.ellipsoid, loose, tight)
+
+
+def measure_away(case: Subject, stokes: float) -> SecondOrderErrors:
+    """Errors of first and second order, and the form's own estimate."""
+    scene, form = case.scene(stokes), SecondOrder()
+    true, uncertainty = true_observables(scene)
+    error, first = (
+        errors(scene.ellipsoid, timed_run(scene, name, TOLERANCE, SAMPLES).observables, true)
+        for name in (form.name, averaged_form(scene))
+    )
+    estimate = form.estimate(scene)
+    return SecondOrderErrors(
+        shape=case.axes,
+        start=case.name,
+        slow_time=case.slow_time,
+        stokes=stokes,
+        slow=error.slow,
+        orientation=_known(error.orientation),
+        first_order_slow=first.slow,
+        estimated_slow=estimate.slow,
+        estimated_orientation=estimate.orientation,
+        slow_uncertainty=uncertainty.slow,
+        orientation_uncertainty=_known(uncertainty.orientation),
+    )
+
+
+def measure_passage(case: Subject, stokes: float, whole: bool = True) -> Passage:
+    """A run through resonances; where it is not to be followed whole, as much of it as the form follows."""
+    scene, form = case.scene(stokes), SecondOrder()
+    try:
+        if not whole:
+            case = replace(case, slow_time=form.reach(scene))
+            scene = case.scene(stokes)
+        estimate, run = form.estimate(scene), prepared(scene)
+    except FormNotValidError as refusal:
+        reason = refusal.condition if whole else why_unreached(form, scene, refusal)
+        return Passage(case.axes, case.name, case.slow_time, stokes, "", nan, nan, nan, nan, nan, nan, nan, nan, reason)
+    true, _ = true_observables(scene)
+    found = _timed_passage(scene)
+    first = timed_run(scene, averaged_form(scene), TOLERANCE, SAMPLES).observables
+    error = errors(scene.ellipsoid, found.observables, true)
+    return Passage(
+        shape=case.axes,
+        start=case.name,
+        slow_time=case.slow_time,
+        stokes=stokes,
+        modes=" ".join(f"({each.mask.k1}, {each.mask.k2})" for each in run.treated),
+        kick=max((each.kick for each in run.treated if each.met), default=nan),
+        slow=error.slow,
+        estimated_slow=estimate.slow,
+        first_order_slow=errors(scene.ellipsoid, first, true).slow,
+        orientation=_known(error.orientation),
+        estimated_orientation=estimate.orientation,
+        integration=found.integration,
+        seconds=found.seconds,
+        refused="",
+    )
+
+
+def time_again(cases: Sequence[Subject], row: Passage) -> Passage:
+    """The same row with its times measured anew; its errors, or its refusal, stay as they are."""
+    if row.refused:
+        return row
+    case = next(case for case in cases if (case.axes, case.name) == (row.shape, row.start))
+    run = _timed_passage(replace(case, slow_time=row.slow_time).scene(row.stokes))
+    return replace(row, integration=run.integration, seconds=run.seconds)
+
+
+def costs(exponents: Sequence[int] = EXPONENTS, compared: float = COMPARED) -> Iterator[Cost]:
+    """Cost of the second-order form at each power of ten of St; of first order and the full form at one of them.
+
+    Of each full solver the loosest tolerance is taken that meets `TARGET`.
+    """
+    there, tolerance, name = _spheroid(compared), COST_TOLERANCE, SecondOrder.name
+    full, first = full_form(there), averaged_form(there)
+    true = timed_run(there, full, TRUE_TOLERANCE, FEW).observables
+
+    def cost(scene: Scene, name: str, solver: str, tolerance: float, run: TimedRun) -> Cost:
+        slow = errors(scene.ellipsoid, run.observables, true).slow if scene == there else nan
+        return Cost(name, solver, tolerance, scene.stokes, FEW, run.integration, run.seconds, slow)
+
+    scenes = [_spheroid(10.0**exponent) for exponent in exponents]
+    rounds = [[timed_run(scene, name, tolerance, FEW) for scene in scenes] for _ in range(REPEATS)]
+    for scene, *runs in zip(scenes, *rounds, strict=True):
+        yield cost(scene, name, "taylor", tolerance, fastest(runs))
+    runs = (timed_run(there, first, tolerance, FEW) for _ in range(REPEATS))
+    yield cost(there, first, "taylor", tolerance, fastest(runs))
+    for solver in FULL_SOLVERS:
+        for tolerance in FULL_TOLERANCES:
+            runs = [timed_run(there, full, tolerance, FEW, solver)]
+            if cost(there, full, solver, tolerance, runs[0]).slow <= TARGET:
+                runs += [timed_run(there, full, tolerance, FEW, solver) for _ in range(FULL_REPEATS - 1)]
+                yield cost(there, full, solver, tolerance, fastest(runs))
+                break
+
+
+def measure_study(*, quick: bool = False, quiet: bool = False) -> SecondOrderStudy:
+    """All that the study asks; quick: one case of each kind, and no cost."""
+    cases, points = (QUICK_CASES, QUICK_POINTS) if quick else (None, None)
+    resonances, crossings = _passages(cases, points, quiet)
+    return SecondOrderStudy(
+        orders=_rows("orders", AWAY[:cases], quiet, measure_away, points and points + 1),
+        resonances=resonances,
+        crossings=crossings,
+        cost=[] if quick else list(tqdm(costs(), "cost", leave=False, disable=quiet)),
+        timed={"passages": _here(PASSAGE_REPEATS)} | ({} if quick else {"cost": _here(REPEATS)}),
+    )
+
+
+def measure_passages_again(old: SecondOrderStudy, *, quiet: bool = False) -> SecondOrderStudy:
+    """Runs through resonances and up to L² = 2EI₂ measured anew."""
+    resonances, crossings = _passages(None, None, quiet)
+    timed = {**old.timed, "passages": _here(PASSAGE_REPEATS)}
+    return replace(old, resonances=resonances, crossings=crossings, timed=timed)
+
+
+def measure_times_again(old: SecondOrderStudy, *, quiet: bool = False) -> SecondOrderStudy:
+    """All times measured anew, no errors but those of the costs."""
+    return SecondOrderStudy(
+        orders=old.orders,
+        resonances=[time_again(RESONANT, row) for row in tqdm(old.resonances, leave=False, disable=quiet)],
+        crossings=[time_again(CROSSING, row) for row in tqdm(old.crossings, leave=False, disable=quiet)],
+        cost=list(tqdm(costs(), "cost", leave=False, disable=quiet)),
+        timed={"passages": _here(PASSAGE_REPEATS), "cost": _here(REPEATS)},
+    )
+
+
+def _passages(cases: int | None, points: int | None, quiet: bool) -> tuple[list[Passage], list[Passage]]:
+    def part(case: Subject, stokes: float) -> Passage:
+        return measure_passage(case, stokes, whole=False)
+
+    resonances = _rows("resonances", RESONANT[:cases], quiet, measure_passage, points)
+    return resonances, _rows("crossings", CROSSING[:cases], quiet, part, points)
+
+
+def _rows(
+    what: str, cases: Sequence[Subject], quiet: bool, take: Callable[[Subject, float], Any], points: int | None
+) -> list[Any]:
+    tasks = [(case, stokes) for case in cases for stokes in case.stokes[:points]]
+    return [take(*task) for task in tqdm(tasks, what, leave=False, disable=quiet)]
+
+
+def _timed_passage(scene: Scene) -> TimedRun:
+    name = SecondOrder.name
+    return fastest(timed_run(scene, name, TOLERANCE, SAMPLES, PASSAGE_SOLVER) for _ in range(PASSAGE_REPEATS))
+
+
+def _here(repeats: int) -> Record:
+    return {"date": now(), "machine": machine(), "versions": versions(), "repeats": repeats}
+
+
+def _known(value: float | None) -> float:
+    return nan if value is None else value
+
+
+def _spheroid(stokes: float) -> Scene:
+    return Scene(Ellipsoid(PROLATE), stokes, SPHEROID_START, SLOW_TIME * stokes)
