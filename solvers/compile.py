@@ -6,6 +6,7 @@ Every function here keeps what it compiled, under the field's factory, for the l
 import os
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,14 @@ Callback = Callable[[np.ndarray, Any, np.ndarray], None]
 
 # Environment variable that names the folder for caches.
 CACHE_VARIABLE = "POLHODE_CACHE"
+
+
+def cache_folder(library: str = "") -> Path:
+    """Folder of polhode's caches, or a library's: ``$POLHODE_CACHE``, else in ``$XDG_CACHE_HOME`` or ``~/.cache``."""
+    own = os.environ.get(CACHE_VARIABLE)
+    if own:
+        return Path(own, library).absolute()
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache", library or "polhode")
 
 
 @cache
@@ -137,16 +146,13 @@ def counting_c_callback(factory: FieldFactory, dimension: int, parameters: int) 
 def load_heyoka() -> Any:
     """Import heyoka: quiet, and with its cache where the user wants it.
 
-    heyoka keeps compiled code on disk, in ``$XDG_CACHE_HOME/heyoka`` or ``~/.cache/heyoka``, or in the folder
-    ``heyoka`` of the one that the environment variable ``POLHODE_CACHE`` names. It prints warnings about a cache that
-    it cannot write on standard output, where tables go; hence the logger level.
+    heyoka keeps compiled code on disk (`cache_folder`). It prints warnings about a cache that it cannot write on
+    standard output, where tables go; hence the logger level.
     """
     import heyoka
 
     heyoka.set_logger_level_critical()
-    place = os.environ.get(CACHE_VARIABLE)
-    if place:
-        heyoka.llvm_state.set_diskcache_path(os.path.join(os.path.abspath(place), "heyoka"))
+    heyoka.llvm_state.set_diskcache_path(str(cache_folder("heyoka")))
     return heyoka
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from polhode.harness.analysis.frames import frame
-from polhode.harness.common.provenance import header
+from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record, export
 from polhode.harness.common.text import duration, markdown, scientific
 from polhode.harness.studies.study import Study

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from polhode.harness.calibration.least_squares import Misfit, bootstrap
-from polhode.harness.common.pace import Pace
 from polhode.harness.common.store import Record
+from polhode.harness.common.timing import Pace
 from polhode.harness.picking.laws import (
     EPS,
     WANTS,

@@ -8,12 +8,12 @@ from statistics import median
 from time import perf_counter
 from typing import Any
 
-from polhode.harness.common.cache import cache_folder
 from polhode.harness.common.machine import machine, versions
 from polhode.harness.common.timing import sentinel
 from polhode.harness.picking.laws import OtherSchemaError, own_laws_path, parse_laws
 from polhode.solvers.catalogue import SOLVERS
 from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.compile import cache_folder
 
 # Seconds over which the sentinel is watched.
 WATCH = 1.0
@@ -113,7 +113,10 @@ def examine(watch: float = WATCH) -> Diagnosis:
         machine=machine(),
         versions=versions(),
         adapters=tuple(_adapter(name) for name in SOLVERS),
-        caches=(look("references", cache_folder() / "references"), look("compiled integrators", heyoka_folder())),
+        caches=(
+            look("references", cache_folder() / "references"),
+            look("compiled integrators", cache_folder("heyoka")),
+        ),
         laws=_laws(),
         steadiness=watch_sentinel(watch),
     )
@@ -152,13 +155,6 @@ def look(name: str, folder: Path) -> Cache:
     sizes = [path.stat().st_size for path in folder.rglob("*") if path.is_file()]
     above = next((path for path in (folder, *folder.parents) if path.exists()), Path("/"))
     return Cache(name, folder, len(sizes), sum(sizes), above.is_dir() and os.access(above, os.W_OK))
-
-
-def heyoka_folder() -> Path:
-    """Where heyoka keeps compiled code (`polhode.solvers.compile.load_heyoka`)."""
-    own = os.environ.get("POLHODE_CACHE")
-    base = own or os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
-    return Path(base) / "heyoka"
 
 
 def watch_sentinel(seconds: float) -> Steadiness:

@@ -1,32 +1,24 @@
-"""Where references are kept between runs: content-addressed files with a checksum, written atomically."""
+"""Where references are kept between runs: content-addressed files with a checksum."""
 
 import hashlib
 import io
-import os
 import sys
-import tempfile
 from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
+from polhode.harness.common.files import write_file
+from polhode.solvers.compile import cache_folder
+
 # Hexadecimal digits of the checksum at the head of a file.
 CHECKSUM = 64
-
-
-def cache_folder() -> Path:
-    """``$POLHODE_CACHE``, else ``$XDG_CACHE_HOME/polhode``, else ``~/.cache/polhode``."""
-    own = os.environ.get("POLHODE_CACHE")
-    if own:
-        return Path(own)
-    base = os.environ.get("XDG_CACHE_HOME")
-    return (Path(base) if base else Path.home() / ".cache") / "polhode"
 
 
 def load(key: str) -> dict[str, np.ndarray] | None:
     """Arrays kept under a key; None if there are none, or if the file is damaged.
 
-    A damaged file is told by its checksum, removed, and named on stderr.
+    The checksum shows a damaged file, which is removed and named on stderr.
     """
     path = path_of(key)
     try:
@@ -48,17 +40,8 @@ def keep(key: str, arrays: dict[str, np.ndarray]) -> None:
     buffer = io.BytesIO()
     np.savez(buffer, allow_pickle=False, **arrays)
     payload = buffer.getvalue()
-    path = path_of(key)
     with suppress(OSError):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=path.parent, prefix="partial-", delete=False) as file:
-            try:
-                file.write(_checksum(payload) + payload)
-                file.close()
-                os.replace(file.name, path)
-            except BaseException:
-                os.unlink(file.name)
-                raise
+        write_file(path_of(key), _checksum(payload) + payload)
 
 
 def path_of(key: str) -> Path:

@@ -1,26 +1,30 @@
-"""Files that appear under their name only when they are complete; until then, and else, they are FILE.partial."""
+"""The one way to write a file: it appears under its name when it is complete; what failed is left as FILE.partial."""
 
 import os
+import secrets
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 STANDARD_OUTPUT = Path("-"), Path("/dev/stdout")
 
 
 class PartialFile:
-    """A text file written as FILE.partial and renamed when the block succeeds.
+    """A file written in the same folder under a private name, and renamed when the block succeeds.
 
-    Devices and pipes, which cannot be renamed, are written to at once. A link stays, and what it points to is replaced.
+    If the block fails, what was written is left as FILE.partial. Devices and pipes, which cannot be renamed, are
+    written to at once. A link stays, and what it points to is replaced. Text is UTF-8, with line ends as written.
 
     Parameters
     ----------
     path : Path
         An earlier file of this name stays as it is until the new one is complete; ``-`` is standard output.
+    binary : bool
+        Whether bytes are written.
 
     Attributes
     ----------
     partial : Path
-        Where it is written.
+        Where a failure leaves what was written.
     atomic : bool
         Whether it appears under its name only when it is complete.
 
@@ -30,7 +34,7 @@ class PartialFile:
         At once, if the path is a folder or lies in none.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, binary: bool = False) -> None:
         if path.is_dir():
             raise IsADirectoryError(21, "is a folder, expected a file name", str(path))
         if not path.parent.is_dir():
@@ -39,20 +43,51 @@ class PartialFile:
         self.path = path.resolve() if path.is_symlink() and not device else path
         self.atomic = not device and (self.path.is_file() or not self.path.exists())
         self.partial = self.path.with_name(self.path.name + ".partial") if self.atomic else self.path
-        self._file: IO[str] | None = None
+        self._private = self.path.with_name(f".{self.path.name}.{secrets.token_hex(8)}.partial")
+        self._how: dict[str, Any] = {} if binary else {"encoding": "utf-8", "newline": ""}
+        self._binary = "b" * binary
+        self._file: IO[Any] | None = None
 
-    def open(self) -> IO[str]:
+    def open(self) -> IO[Any]:
         """Open the file, if it is not open yet; raises OSError if it cannot be written."""
         if self._file is None:
-            # By its number, standard output is what the caller redirected it to, and goes on from where that stands.
-            where, ours = (1, False) if self.path in STANDARD_OUTPUT else (self.partial, True)
-            self._file = open(where, "w", encoding="utf-8", newline="", closefd=ours)  # noqa: SIM115
+            if self.atomic:
+                self._file = open(self._private, "x" + self._binary, **self._how)  # noqa: SIM115
+            else:
+                # By its number, standard output is what the caller redirected it to, and goes on from there.
+                where, ours = (1, False) if self.path in STANDARD_OUTPUT else (self.path, True)
+                self._file = open(where, "w" + self._binary, closefd=ours, **self._how)  # noqa: SIM115
         return self._file
 
-    def __enter__(self) -> IO[str]:
+    def discard(self) -> None:
+        """Remove what a failure left."""
+        if self.atomic:
+            for left in (self._private, self.partial):
+                left.unlink(missing_ok=True)
+
+    def __enter__(self) -> IO[Any]:
         return self.open()
 
     def __exit__(self, failure: type[BaseException] | None, *details: object) -> None:
-        self.open().close()
-        if failure is None and self.atomic:
-            os.replace(self.partial, self.path)
+        file, kept = self.open(), self.partial
+        try:
+            file.flush()
+            if self.atomic and failure is None:
+                os.fsync(file.fileno())
+                kept = self.path
+        finally:
+            file.close()
+            if self.atomic:
+                os.replace(self._private, kept)
+
+
+def write_file(path: Path, content: str | bytes) -> None:
+    """Write a whole file at once, into a folder that is made if need be; a failure leaves nothing behind."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    target = PartialFile(path, binary=isinstance(content, bytes))
+    try:
+        with target as file:
+            file.write(content)
+    except BaseException:
+        target.discard()
+        raise

@@ -1,11 +1,13 @@
-"""Which machine and which versions a number came from."""
+"""Which machine, versions and day a number came from, and the head of a page that says so."""
 
 import os
 import platform
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
 PACKAGES = ("polhode", "numpy", "scipy", "numba", "heyoka", "scikit-sundae", "cyrk", "pandas", "matplotlib")
 ABSENT = "absent"
@@ -39,6 +41,35 @@ def versions() -> dict[str, str]:
 def now() -> str:
     """Date and time in UTC, ISO 8601 to the second."""
     return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+
+
+def header(title: str, command: str, records: Sequence[Mapping[str, Any]]) -> list[str]:
+    """First lines of a page: the command that made it, dates, machines and versions."""
+    machines = dict.fromkeys(_place(record) for record in records)
+    return [
+        f"# {title}",
+        "",
+        f"Made by `{command}`. Do not edit: the next run overwrites this page.",
+        "",
+        f"Measured {dates(records)} on {' and '.join(machines)}.",
+        "",
+    ]
+
+
+def dates(records: Sequence[Mapping[str, Any]]) -> str:
+    """The day, or the first and the last one, on which records were measured; some may have no date."""
+    days = sorted({record["date"][:10] for record in records if record.get("date")})
+    if not days:
+        return "on an unknown date"
+    span = f"on {days[0]}" if len(days) == 1 else f"from {days[0]} to {days[-1]}"
+    return span if all(record.get("date") for record in records) else f"{span}, and on unknown dates"
+
+
+def _place(record: Mapping[str, Any]) -> str:
+    machine = record["machine"]
+    packages = ", ".join(f"{name} {number}" for name, number in record["versions"].items())
+    place = f"{machine['processor']}, {machine['cores']} cores, {machine['system']}, Python {machine['python']}"
+    return f"{place} ({packages})"
 
 
 def _processor() -> str:

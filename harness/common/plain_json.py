@@ -1,9 +1,8 @@
-"""JSON that every reader takes: numbers that it has no sign for are the words "Infinity", "-Infinity" and "NaN".
+"""JSON that every reader takes: numbers that it has no sign for are the words "Infinity", "-Infinity" and "NaN"."""
 
-`loads` turns them into numbers again, as `float` does; bare ones, as Python writes them by itself, are read as well.
-"""
-
+import hashlib
 import json
+from collections.abc import Callable
 from math import inf, isfinite, nan
 from typing import Any
 
@@ -12,31 +11,29 @@ WORDS = {"Infinity": inf, "-Infinity": -inf, "NaN": nan}
 
 def dumps(value: Any) -> str:
     """One line of JSON, keys in order."""
-    return json.dumps(_plain(value), sort_keys=True, allow_nan=False)
+    return json.dumps(_with(_word, value), sort_keys=True, allow_nan=False)
 
 
 def loads(text: str) -> Any:
-    """The value that `dumps` wrote.
-
-    Raises
-    ------
-    ValueError
-        If the text is no JSON.
-    """
-    return _numbers(json.loads(text))
+    """The value that `dumps` wrote, words turned into numbers again; raises ValueError if the text is no JSON."""
+    return _with(_number, json.loads(text))
 
 
-def _plain(value: Any) -> Any:
-    if isinstance(value, float) and not isfinite(value):
-        return "NaN" if value != value else "Infinity" if value > 0 else "-Infinity"
+def digest(value: Any) -> str:
+    """SHA-256 of a value's JSON, keys in order: the same for the same content."""
+    return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
+
+
+def _with(change: Callable[[Any], Any], value: Any) -> Any:
+    """A value with all in it that is neither dictionary nor list changed."""
     if isinstance(value, dict):
-        return {name: _plain(each) for name, each in value.items()}
-    return [_plain(each) for each in value] if isinstance(value, list | tuple) else value
+        return {name: _with(change, each) for name, each in value.items()}
+    return [_with(change, each) for each in value] if isinstance(value, list | tuple) else change(value)
 
 
-def _numbers(value: Any) -> Any:
-    if isinstance(value, str):
-        return WORDS.get(value, value)
-    if isinstance(value, dict):
-        return {name: _numbers(each) for name, each in value.items()}
-    return [_numbers(each) for each in value] if isinstance(value, list) else value
+def _word(value: Any) -> Any:
+    return json.dumps(value) if isinstance(value, float) and not isfinite(value) else value
+
+
+def _number(value: Any) -> Any:
+    return WORDS.get(value, value) if isinstance(value, str) else value

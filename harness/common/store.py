@@ -29,17 +29,9 @@ class DamagedStoreError(RuntimeError):
 
 
 class Store:
-    """A store file; two runs may share one.
+    """A store file, made if it does not exist; two runs may share one.
 
-    Parameters
-    ----------
-    path : Path
-        Made if it does not exist.
-
-    Raises
-    ------
-    DamagedStoreError
-        If the file exists and is no readable SQLite database. It is never overwritten.
+    Raises DamagedStoreError if the file is no readable SQLite database, which is never overwritten.
     """
 
     def __init__(self, path: Path) -> None:
@@ -113,15 +105,9 @@ class Store:
 
 
 def export(records: list[Record], path: Path) -> None:
-    """Write records as CSV or JSON Lines, as the file's ending says, for sharing.
+    """Write records as CSV or JSON Lines, as the file's ending says, for sharing; ValueError if it has another one.
 
-    Numbers that are not finite are words, which `read_export` and `float` read: "Infinity", "-Infinity" and "NaN"
-    (`polhode.harness.common.plain_json`).
-
-    Raises
-    ------
-    ValueError
-        If the ending is neither ``.csv`` nor ``.jsonl``.
+    Numbers that are not finite are words, which `read_export` and `float` read (`polhode.harness.common.plain_json`).
     """
     if path.suffix not in (".csv", ".jsonl"):
         raise ValueError(f"{path}: expected a file name ending in .csv or .jsonl")
@@ -139,13 +125,5 @@ def export(records: list[Record], path: Path) -> None:
 
 
 def read_export(path: Path) -> list[Record]:
-    """Records of a JSON Lines file that `export` wrote, now or before.
-
-    Raises
-    ------
-    ValueError
-        If a line is no JSON.
-    OSError
-        If the file cannot be read.
-    """
+    """Records of a JSON Lines file that `export` wrote, now or before; ValueError if a line is no JSON."""
     return [loads(line) for line in path.read_text(encoding="utf-8").splitlines()]

@@ -1,21 +1,34 @@
-"""Numbers and tables as people read them."""
+"""Numbers and tables as people read them: one convention for tables, figures, terminal and site.
 
-import re
+Powers of ten are plain: 1e-4, neither 1e-04 nor 0.0001 nor 10⁻⁴; a number below 1e-3 or from 1e5 on has an exponent.
+
+- `scientific`: an error or another measured size, in two digits: 1.2e-4, 1.0e0.
+- `bracketed`: the same, in brackets where the reference is not good enough to know it.
+- `short`: a number that somebody chose, as an St or a tolerance: 1000, 0.5, 1e-8.
+- `in_full`: the same in all its digits.
+- `in_two_digits`: a number that was fitted or interpolated, as an St or a ratio: 5900, 0.31.
+- `duration`: a time: 1.2 ms, 63 s.
+"""
+
 import sys
 import textwrap
 from collections.abc import Sequence
+from decimal import Decimal
 from math import isnan
 from shutil import get_terminal_size
 from typing import Any
 
 # Least width of a column that is wrapped.
 NARROWEST = 30
+UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns"))
+# Numbers outside these bounds are written with an exponent.
+PLAIN_FROM, PLAIN_BELOW = Decimal("1e-3"), Decimal("1e5")
 
 
 def aligned(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     """A table for the terminal: columns aligned, two spaces between them."""
     cells = [[str(cell) for cell in row] for row in (header, *rows)]
-    widths = [max(len(row[i]) for row in cells) for i in range(len(header))]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     lines = ("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in cells)
     return "\n".join(lines)
 
@@ -57,28 +70,33 @@ def scientific(value: float | None) -> str:
 
 
 def bracketed(value: float | None, known: bool | None) -> str:
-    """A number as `scientific`, in brackets where the reference cannot tell it (`references.uncertainty`)."""
+    """A number as `scientific`, in brackets where the reference does not know it (`references.uncertainty`)."""
     text = scientific(value)
     return f"({text})" if known is False else text
 
 
 def short(value: float) -> str:
-    """A number in as few characters as tell it, in six digits at most: 1000, 0.5, 1e-8."""
-    return _brief_exponent(f"{value:g}")
+    """A number in as few characters as it takes, in six digits at most: 1000, 0.5, 1e-8."""
+    return _plain(f"{value:.6g}")
 
 
 def in_full(value: float) -> str:
     """A number in all digits that it has: 0.01, 1e-6."""
-    return _brief_exponent(repr(value)).removesuffix(".0")
-
-
-def _brief_exponent(number: str) -> str:
-    return re.sub(r"e([+-])0*", lambda sign: "e" + sign[1].strip("+"), number)
+    return _plain(repr(float(value)))
 
 
 def in_two_digits(value: float) -> str:
-    """A number that was interpolated or fitted, such as an St, in the digits that mean something: 5900, not 5.9e+03."""
-    return short(float(f"{value:.2g}"))
+    """A number that was interpolated or fitted, in the digits that mean something: 5900, not 5.9e+03."""
+    return _plain(f"{value:.2g}")
+
+
+def _plain(number: str) -> str:
+    """A number's digits, with an exponent below 1e-3 and from 1e5 on."""
+    exact = Decimal(number).normalize()
+    if not exact.is_finite():
+        return number
+    ordinary = exact.is_zero() or PLAIN_FROM <= abs(exact) < PLAIN_BELOW
+    return f"{exact:f}" if ordinary else f"{exact:e}".replace("e+", "e")
 
 
 def duration(seconds: float | None) -> str:
@@ -87,8 +105,6 @@ def duration(seconds: float | None) -> str:
         return "–"
     if seconds == 0:
         return "0 s"
-    for unit, factor in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6), ("ns", 1e-9)):
-        if seconds >= factor or unit == "ns":
-            value = seconds / factor
-            return f"{value:.0f} {unit}" if value >= 9.95 else f"{value:.1f} {unit}"
-    raise AssertionError(seconds)
+    factor, unit = next((each for each in UNITS if seconds >= each[0]), UNITS[-1])
+    value = seconds / factor
+    return f"{value:.0f} {unit}" if value >= 9.95 else f"{value:.1f} {unit}"

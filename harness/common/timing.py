@@ -1,11 +1,16 @@
-"""Timing: repeated runs with the collector off, their minimum and spread, and a sentinel for an unsteady machine."""
+"""Timing: repeated runs with the collector off, their minimum and spread, and a sentinel for an unsteady machine.
+
+Run times follow the sentinel, so that moments of a machine that halves its speed now and then can be compared.
+"""
 
 import gc
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from math import inf
+from statistics import median
 from time import perf_counter, sleep
+from typing import Any
 
 MOST_RUNS = 5
 BUDGET = 1.0
@@ -79,18 +84,10 @@ def sentinel() -> float:
 
 @dataclass
 class Patience:
-    """Waits while a machine is slow: some halve their speed for seconds on end, as others work on the same processor.
+    """Waits while a machine is slow: some halve their speed for seconds, as others work on the same processor."""
 
-    Parameters
-    ----------
-    look : callable
-        Returns the sentinel's time where the timed runs take place.
-    share : float
-        Part of the time that may be spent waiting.
-    """
-
-    look: Callable[[], float]
-    share: float = 0.1
+    look: Callable[[], float]  # the sentinel's time where the timed runs take place
+    share: float = 0.1  # of the time, that may be spent waiting
     _quickest: float = field(default=inf, init=False)
     _began: float = field(default_factory=perf_counter, init=False)
     _waited: float = field(default=0.0, init=False)
@@ -109,3 +106,32 @@ class Patience:
         found = self.look()
         self._quickest = min(self._quickest, found)
         return found
+
+
+@dataclass(frozen=True)
+class Pace:
+    """What the sentinel usually takes, in seconds, on a machine, a Python included: another one's does not compare."""
+
+    machine: Mapping[str, Any] | None
+    sentinel: float | None
+
+    @classmethod
+    def usual(cls, records: Iterable[Mapping[str, Any]]) -> "Pace":
+        """Pace of timed records: the machine of the last one, and the median of the sentinel there."""
+        timed = [record for record in records if "seconds" in record and _sentinel_of(record)]
+        if not timed:
+            return cls(None, None)
+        machine = timed[-1].get("machine")
+        return cls(machine, median(_sentinel_of(record) for record in timed if record.get("machine") == machine))
+
+    def seconds(self, record: Mapping[str, Any]) -> float:
+        """Wall time of a record at this pace; as timed on another machine, or without a sentinel."""
+        seconds, found = float(record["seconds"]), _sentinel_of(record)
+        comparable = self.sentinel and found and record.get("machine") == self.machine
+        return seconds * self.sentinel / found if comparable and self.sentinel else seconds
+
+
+def _sentinel_of(record: Mapping[str, Any]) -> float:
+    """The sentinel's time beside a record; 0 where it is not known."""
+    found = record.get("sentinel_seconds")
+    return found if found and found < inf else 0.0

@@ -6,14 +6,13 @@ interpreter's lock) is stopped here. What libraries print from C, on either stre
 
 import multiprocessing
 import os
+import pickle
 import signal
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
-from pickle import PicklingError
 from time import perf_counter
-from types import TracebackType
 from typing import Any, Self
 
 # Beyond twice the limit, in seconds: a run that stops by itself is not killed for a slow machine.
@@ -31,24 +30,12 @@ class Failure(StrEnum):
 
 @dataclass(frozen=True)
 class Reply:
-    """What became of a call.
-
-    Parameters
-    ----------
-    value : object
-        What the function returned; None if it did not.
-    failure : Failure, optional
-        None if it returned.
-    message : str
-        What happened instead: the limit, the signal, or the traceback.
-    seconds : float
-        Wall time of the call, sending and receiving included.
-    """
+    """What became of a call: its value, or how it failed and the limit, signal or traceback."""
 
     value: Any
     failure: Failure | None
     message: str
-    seconds: float
+    seconds: float  # sending and receiving included
 
 
 class Worker:
@@ -65,9 +52,7 @@ class Worker:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *exception: object) -> None:
         self.close()
 
     @property
@@ -76,35 +61,29 @@ class Worker:
         return None if self._process is None else self._process.pid
 
     def run(self, function: Callable[..., Any], *arguments: Any, limit: float) -> Reply:
-        """Call a function in the process.
+        """Call a function in the process, and reply whatever happens; Ctrl-C alone kills the process and is raised.
 
-        Parameters
-        ----------
-        function : callable
-        *arguments : object
-        limit : float
-            Seconds within which the function means to stop by itself; it is killed at twice that and a little grace.
-
-        Returns
-        -------
-        Reply
-            Whatever happens, but for Ctrl-C, which kills the process, too.
+        It should stop by itself within `limit` seconds; it is killed at twice that and a little grace.
         """
-        connection = self._connection or self._start()
+        if self._connection is None:
+            self._start()
         began = perf_counter()
+        value, failure = None, None
         try:
-            connection.send((function, arguments))
-            if not connection.poll(2 * limit + GRACE):
+            self._connection.send((function, arguments))
+            if self._connection.poll(2 * limit + GRACE):
+                value, message = self._connection.recv()
+                failure = Failure.RAISED if message else None
+            else:
                 self.close()
-                seconds = perf_counter() - began
-                return Reply(None, Failure.KILLED, f"killed after {seconds:.1f} s, limit {limit:g} s", seconds)
-            value, message = connection.recv()
+                failure = Failure.KILLED
+                message = f"killed after {perf_counter() - began:.1f} s, limit {limit:g} s"
         except (EOFError, ConnectionError):
-            return Reply(None, Failure.CRASHED, self._cause(), perf_counter() - began)
+            failure, message = Failure.CRASHED, self._cause()
         except BaseException:
             self.close()
             raise
-        return Reply(value, Failure.RAISED if message else None, message, perf_counter() - began)
+        return Reply(value, failure, message, perf_counter() - began)
 
     def close(self) -> None:
         """End the process."""
@@ -118,22 +97,19 @@ class Worker:
             self._process.close()
         self._process = self._connection = None
 
-    def _start(self) -> Any:
+    def _start(self) -> None:
         context = multiprocessing.get_context("spawn")
-        connection, remote = context.Pipe()
-        process = context.Process(target=_serve, args=(remote,), daemon=True)
-        self._connection, self._process = connection, process
+        self._connection, remote = context.Pipe()
+        self._process = context.Process(target=_serve, args=(remote,), daemon=True)
         try:
-            process.start()
-            remote.close()
-            if not connection.poll(STARTUP):
+            with remote:
+                self._process.start()
+            if not self._connection.poll(STARTUP):
                 raise TimeoutError(f"worker: no sign of life after {STARTUP:g} s")
-            connection.recv()
+            self._connection.recv()
         except BaseException:
-            remote.close()
             self.close()
             raise
-        return connection
 
     def _cause(self) -> str:
         """How the process ended by itself."""
@@ -153,17 +129,11 @@ def _serve(connection: Any) -> None:
     connection.send("ready")
     while True:
         try:
-            function, arguments = connection.recv()
+            call = connection.recv_bytes()
         except EOFError:
             return
-        except Exception:
-            connection.send((None, traceback.format_exc()))
-            continue
         try:
-            reply = (function(*arguments), "")
+            function, arguments = pickle.loads(call)
+            connection.send((function(*arguments), ""))
         except Exception:
-            reply = (None, traceback.format_exc())
-        try:
-            connection.send(reply)
-        except (TypeError, AttributeError, ValueError, PicklingError):
             connection.send((None, traceback.format_exc()))

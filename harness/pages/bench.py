@@ -8,7 +8,7 @@ import pandas as pd
 
 from polhode.harness.analysis.frames import frame, where
 from polhode.harness.analysis.winners import TARGETS, averaged_costs, by_scene, cheapest, sentences
-from polhode.harness.common.provenance import header
+from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record, export
 from polhode.harness.common.text import bracketed, duration, markdown, scientific
 from polhode.harness.pages.bench_scenes import scenes_section

@@ -10,7 +10,7 @@ import pandas as pd
 
 from polhode.harness.analysis.frames import frame, where
 from polhode.harness.analysis.pareto import crossing, fastest, times_at_error
-from polhode.harness.common.provenance import header
+from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record, export
 from polhode.harness.common.text import bracketed, duration, markdown, scientific
 from polhode.harness.common.timing import seconds_of

@@ -9,7 +9,7 @@ import pandas as pd
 from polhode.harness.analysis.frames import where
 from polhode.harness.analysis.regime_map import Cell, sentences, standings
 from polhode.harness.analysis.winners import TIE
-from polhode.harness.common.provenance import header
+from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record
 from polhode.harness.common.text import duration, markdown, short
 from polhode.harness.studies.study import Study

@@ -18,7 +18,7 @@ from polhode.harness.averaging.second_order import (
     TARGET,
     TOLERANCE,
 )
-from polhode.harness.common.provenance import header
+from polhode.harness.common.machine import header
 from polhode.harness.common.text import duration, in_two_digits, markdown, scientific, short
 from polhode.models.scene import EulerStart
 from polhode.models.second_order.form import MEANINGLESS, SecondOrder

@@ -28,8 +28,8 @@ from typing import Any
 
 import numpy as np
 
-from polhode.harness.common.cache import cache_folder
-from polhode.harness.common.pace import Pace
+from polhode.harness.common.timing import Pace
+from polhode.solvers.compile import cache_folder
 
 SCHEMA = 3
 EPS = float(np.finfo(float).eps)

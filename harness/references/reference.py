@@ -1,7 +1,5 @@
 """References: solutions in extended precision, certified, with a stated uncertainty, never a contestant's own."""
 
-import hashlib
-import json
 from dataclasses import astuple, dataclass, replace
 from importlib.metadata import version
 from math import isfinite, isnan
@@ -9,6 +7,7 @@ from math import isfinite, isnan
 import numpy as np
 
 from polhode.harness.common import cache
+from polhode.harness.common.plain_json import digest
 from polhode.harness.references import certificate as certify
 from polhode.harness.references.chaos import Growth, growth
 from polhode.harness.references.errors import errors, statistics_distance
@@ -240,4 +239,4 @@ def _key(problem: Problem, samples: int) -> str:
         "runs": (QUADRUPLE, LONG_DOUBLE, ROUNDING_RUN, ROUNDING_SEEDS, QUADRUPLE_UP_TO, TWO_MOVED_UP_TO),
         "heyoka": version("heyoka"),
     }
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+    return digest(content)

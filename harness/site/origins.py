@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from polhode.harness.common.provenance import dates
+from polhode.harness.common.machine import dates
 from polhode.harness.site.sources import StudyRecords
 
 # How the line of a folder's page begins that tells machine or versions.

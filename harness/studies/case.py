@@ -1,7 +1,5 @@
 """A case: one scene, one form, one solver, one tolerance; its measurement is a record."""
 
-import hashlib
-import json
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from importlib import import_module
@@ -11,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from polhode.harness.common.machine import package_version
+from polhode.harness.common.plain_json import digest
 from polhode.harness.common.timing import seconds_of
 from polhode.harness.references.errors import Errors, errors, statistics_distance
 from polhode.harness.references.extended import ReferenceFailedError
@@ -89,7 +88,7 @@ class Case:
     @property
     def key(self) -> str:
         """Hash of the canonical content."""
-        return hashlib.sha256(json.dumps(self.content, sort_keys=True).encode()).hexdigest()
+        return digest(self.content)
 
     @cached_property
     def problem(self) -> Problem:

@@ -123,7 +123,7 @@ def test_sentences_say_what_the_table_says():
     ("pattern", "words"),
     [
         ({1e2: False, 1e3: True, 1e4: True}, "from St = 1000 on"),
-        ({1e3: False, 1e5: True}, "at St = 100000, not at 1000 (no St between measured)"),
+        ({1e3: False, 1e5: True}, "at St = 1e5, not at 1000 (no St between measured)"),
         ({1e2: False, 1e4: True, 1e5: True}, "from St = 10000 on, not at 100 (no St between measured)"),
         ({1e3: True, 1e5: True}, "from St = 1000 on, the smallest measured"),
         ({1e3: True}, "at St = 1000, the only one measured"),

@@ -178,7 +178,7 @@ def test_absences_of_one_reason_share_a_row():
     open_ = [Absent("a", "ellipsoid", "x", stokes, f"{UNCERTIFIED}: by {stokes:g}") for stokes in (1e4, 1e5)]
     assert absent_rows([*small, *open_]) == [
         ["a", "x", "100, 1000", "refused: St is too small"],
-        ["a", "x", "10000, 100000", UNCERTIFIED],
+        ["a", "x", "10000, 1e5", UNCERTIFIED],
     ]
 
 

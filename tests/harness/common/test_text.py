@@ -2,7 +2,16 @@
 
 import pytest
 
-from polhode.harness.common.text import aligned, bracketed, duration, markdown, scientific
+from polhode.harness.common.text import (
+    aligned,
+    bracketed,
+    duration,
+    in_full,
+    in_two_digits,
+    markdown,
+    scientific,
+    short,
+)
 
 
 def test_aligned():
@@ -57,6 +66,24 @@ def test_scientific(value: float | None, text: str):
 )
 def test_duration(seconds: float | None, text: str):
     assert duration(seconds) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "six", "full", "two"),
+    [
+        (1e-4, "1e-4", "1e-4", "1e-4"),
+        (1e-3, "0.001", "0.001", "0.001"),
+        (0.1 + 0.2, "0.3", "0.30000000000000004", "0.3"),
+        (5932.0, "5932", "5932", "5900"),
+        (99999, "99999", "99999", "1e5"),
+        (1e5, "1e5", "1e5", "1e5"),
+        (-1.2345e-6, "-1.2345e-6", "-1.2345e-6", "-1.2e-6"),
+        (0.0, "0", "0", "0"),
+        (float("inf"), "inf", "inf", "inf"),
+    ],
+)
+def test_one_convention_for_numbers(value: float, six: str, full: str, two: str):
+    assert (short(value), in_full(value), in_two_digits(value)) == (six, full, two)
 
 
 def test_what_is_not_known_stands_in_brackets():

@@ -232,7 +232,7 @@ def test_killed_and_resumed_gives_the_same_records(
 # An export that takes ten seconds, whatever the machine.
 SLOW_EXPORT = """
 import time
-from polhode import cli
+from polhode.harness import cli
 from polhode.harness.common import store
 
 def records(self):
@@ -250,7 +250,7 @@ def test_a_terminated_export_leaves_the_rows_written_as_partial(tmp_path: Path):
         store.put("a", {}, {})
     words = [sys.executable, "-P", "-c", SLOW_EXPORT]
     with subprocess.Popen(words, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as process:
-        while process.poll() is None and not (tmp_path / "out.jsonl.partial").exists():
+        while process.poll() is None and not list(tmp_path.glob(".out.jsonl.*.partial")):
             time.sleep(0.005)
         time.sleep(0.3)
         process.send_signal(signal.SIGTERM)

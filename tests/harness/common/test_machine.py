@@ -1,6 +1,6 @@
 """Where and when: the head of every page of measured records."""
 
-from polhode.harness.common.provenance import dates, header
+from polhode.harness.common.machine import dates, header
 
 ONE = {"machine": {"processor": "One", "cores": 2, "system": "Linux", "python": "3.11"}, "versions": {"polhode": "1"}}
 TWO = {**ONE, "machine": {**ONE["machine"], "processor": "Two"}}
