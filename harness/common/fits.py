@@ -1,7 +1,7 @@
 """Fits and intervals of measured numbers: a power law, a share."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,9 +19,10 @@ def power_law(x: np.ndarray | Sequence[float], y: np.ndarray | Sequence[float]) 
     """Least squares of log y on log x, with Student's interval; without bounds where there are only two points."""
     from scipy import stats
 
-    slope, intercept, _, _, error = stats.linregress(np.log(x), np.log(y))
-    width = stats.t.ppf(0.975, len(x) - 2) * error if len(x) > 2 else np.inf
-    return PowerLaw(float(slope), float(slope - width), float(slope + width), float(np.exp(intercept)))
+    line: Any = stats.linregress(np.log(x), np.log(y))
+    width = stats.t.ppf(0.975, len(x) - 2) * line.stderr if len(x) > 2 else np.inf
+    numbers = line.slope, line.slope - width, line.slope + width, np.exp(line.intercept)
+    return PowerLaw(*(float(each) for each in numbers))
 
 
 def share_interval(count: int, total: int, confidence: float = 0.95) -> tuple[float, float]:

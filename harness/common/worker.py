@@ -65,14 +65,13 @@ class Worker:
 
         It should stop by itself within `limit` seconds; it is killed at twice that and a little grace.
         """
-        if self._connection is None:
-            self._start()
+        connection = self._connection or self._start()
         began = perf_counter()
         value, failure = None, None
         try:
-            self._connection.send((function, arguments))
-            if self._connection.poll(2 * limit + GRACE):
-                value, message = self._connection.recv()
+            connection.send((function, arguments))
+            if connection.poll(2 * limit + GRACE):
+                value, message = connection.recv()
                 failure = Failure.RAISED if message else None
             else:
                 self.close()
@@ -97,7 +96,7 @@ class Worker:
             self._process.close()
         self._process = self._connection = None
 
-    def _start(self) -> None:
+    def _start(self) -> Any:
         context = multiprocessing.get_context("spawn")
         self._connection, remote = context.Pipe()
         self._process = context.Process(target=_serve, args=(remote,), daemon=True)
@@ -110,6 +109,7 @@ class Worker:
         except BaseException:
             self.close()
             raise
+        return self._connection
 
     def _cause(self) -> str:
         """How the process ended by itself."""
