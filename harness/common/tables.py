@@ -6,6 +6,8 @@ from dataclasses import astuple, fields
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_type_hints
 
+from polhode.harness.common.files import PartialFile
+
 Entry = TypeVar("Entry")
 
 
@@ -14,7 +16,7 @@ def write_table(path: Path, kind: type, rows: Iterable[Any], columns: Sequence[s
 
     The columns are named as the fields are, unless other names are given.
     """
-    with path.open("w", newline="", encoding="utf-8") as file:
+    with PartialFile(path) as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns or [field.name for field in fields(kind)])
         for row in rows:
