@@ -1,6 +1,5 @@
 """Built-in scenes: those of the paper, and the hard cases on which forms and solvers are tried."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from math import cos, inf, pi, sqrt
 
@@ -35,126 +34,99 @@ def _vorticity_aligned(semi_axes: Triple, theta: float, precession: float) -> Eu
     return EulerStart((theta, 0.0, 0.0), (0.0, precession, spin))
 
 
-def _from_the_paper() -> Iterator[tuple[str, str, Scene]]:
-    yield (
-        "paper",
+SCENES: dict[str, NamedScene] = {
+    "paper": NamedScene(
         "ellipsoid started on the long-axis side: crosses L² = 2EI₂",
         _scene(PAPER_ELLIPSOID, PAPER_START, 1e3, slow_time=0.5),
-    )
-    yield (
-        "paper-saddle",
+    ),
+    "paper-saddle": NamedScene(
         "ellipsoid started close to the rotation about its longest axis, where it lingers",
         _scene(PAPER_ELLIPSOID, EulerStart((1.57, 0.0, pi / 2), (0.0, -0.61, 0.0003)), 1e3, slow_time=1.0),
-    )
-    yield "spheroid", "prolate spheroid, kappa = 2", _scene(PROLATE, SPHEROID_START, 1e3, slow_time=0.5)
-    yield (
-        "spheroid-near-pole",
+    ),
+    "spheroid": NamedScene("prolate spheroid, kappa = 2", _scene(PROLATE, SPHEROID_START, 1e3, slow_time=0.5)),
+    "spheroid-near-pole": NamedScene(
         "kappa = 2 started at theta = 3.14: next to the Euler angles' pole, and lingering at the saddle",
         _scene(PROLATE, NEAR_POLE_START, 1e3, slow_time=0.5),
-    )
-    yield (
-        "near-pole",
+    ),
+    "near-pole": NamedScene(
         "ellipsoid started at theta = 3.14, next to the Euler angles' pole",
         _scene(PAPER_ELLIPSOID, NEAR_POLE_START, 1e3, slow_time=0.5),
-    )
-    yield (
-        "pinch-point",
+    ),
+    "pinch-point": NamedScene(
         "L shrinks to 0 while L_z changes sign, where averaging breaks down",
         _scene(PROLATE, _vorticity_aligned(PROLATE, 1.0, 0.5), 1e3, slow_time=0.1),
-    )
-    yield (
-        "top",
+    ),
+    "top": NamedScene(
         "St = inf: the torque-free top",
         _scene((1.0, 2.0, 2.3), EulerStart((1.05, 0.0, 0.0), (2.5, 15.0, 4.0)), inf, time=100.0),
-    )
-
-
-def _from_rest() -> Iterator[tuple[str, str, Scene]]:
-    start = EulerStart((0.314, 0.52, 1.05))
-    for name, stokes in (("50", 50.0), ("500", 500.0), ("5e3", 5e3), ("5e4", 5e4), ("5e5", 5e5)):
-        summary = f"from rest at St = {name}: no separation of time scales before t = sqrt(St)"
-        yield f"rest-{name}", summary, _scene((3.0, 2.0, 1.0), start, stokes, time=20 * sqrt(stokes))
-    yield (
-        "rest-spheroid",
+    ),
+    **{
+        f"rest-{name}": NamedScene(
+            f"from rest at St = {name}: no separation of time scales before t = sqrt(St)",
+            _scene((3.0, 2.0, 1.0), EulerStart((0.314, 0.52, 1.05)), float(name), time=20 * sqrt(float(name))),
+        )
+        for name in ("50", "500", "5e3", "5e4", "5e5")
+    },
+    "rest-spheroid": NamedScene(
         "spheroid of kappa = 2 from rest at St = 5e5",
         _scene(PROLATE, EulerStart((0.314, 0.52, 0.0)), 5e5, time=20 * sqrt(5e5)),
-    )
-    yield (
-        "rest-1e8",
+    ),
+    "rest-1e8": NamedScene(
         "from rest at St = 1e8: angular velocities of 1e-4 over one transition time sqrt(St)",
         _scene((0.5, 0.55, 1.0), EulerStart((0.78539, 2.35619, 0.0)), 1e8, time=1e4),
-    )
-
-
-def _of_hard_shape() -> Iterator[tuple[str, str, Scene]]:
-    yield (
-        "needle",
+    ),
+    "needle": NamedScene(
         "kappa = 10 from rest: quick turns between long alignments with the flow",
         _scene((0.1, 0.1, 1.0), EulerStart((0.10472, 5.4978, 0.0)), 1e3, time=500.0),
-    )
-    yield (
-        "needle-triaxial",
+    ),
+    "needle-triaxial": NamedScene(
         "semi-axes 0.1, 0.15, 1 from rest",
         _scene((0.1, 0.15, 1.0), EulerStart((0.10472, 2.35619, 0.0)), 1e3, time=500.0),
-    )
-    for name, thickness in (("plate", 0.05), ("thin-plate", 0.01)):
-        summary = f"oblate, c/a = {thickness}: small inertia, hence strong damping at the same St"
-        yield name, summary, _scene((1.0, 1.0, thickness), SPHEROID_START, 1e3, slow_time=0.05)
-    for name, kappa in (("near-sphere-prolate", 1 + 1e-9), ("near-sphere-oblate", 1 - 1e-9)):
-        yield name, "a spheroid within 1e-9 of a sphere", _scene((1.0, 1.0, kappa), SPHEROID_START, 1e3, slow_time=0.2)
-    yield (
-        "near-spheroid",
+    ),
+    **{
+        name: NamedScene(
+            f"oblate, c/a = {thickness}: small inertia, hence strong damping at the same St",
+            _scene((1.0, 1.0, thickness), SPHEROID_START, 1e3, slow_time=0.05),
+        )
+        for name, thickness in (("plate", 0.05), ("thin-plate", 0.01))
+    },
+    **{
+        name: NamedScene(
+            "a spheroid within 1e-9 of a sphere", _scene((1.0, 1.0, kappa), SPHEROID_START, 1e3, slow_time=0.2)
+        )
+        for name, kappa in (("near-sphere-prolate", 1 + 1e-9), ("near-sphere-oblate", 1 - 1e-9))
+    },
+    "near-spheroid": NamedScene(
         "triaxial within 1e-9 of an oblate spheroid: L² = 2EI₂ lies at the edge",
         _scene((1.0, 1 - 1e-9, 0.5), PAPER_START, 1e3, slow_time=0.2),
-    )
-    yield (
-        "sphere",
-        "a sphere: no orientation to tell",
-        _scene((1.0, 1.0, 1.0), PAPER_START, 1e3, slow_time=0.2),
-    )
-
-
-def _of_hard_motion() -> Iterator[tuple[str, str, Scene]]:
-    yield (
-        "intermediate-axis",
+    ),
+    "sphere": NamedScene(
+        "a sphere, which has no orientation", _scene((1.0, 1.0, 1.0), PAPER_START, 1e3, slow_time=0.2)
+    ),
+    "intermediate-axis": NamedScene(
         "the intermediate axis along the vorticity, but for 1e-6: flips, next to L² = 2EI₂ and its singular point",
         _scene(PAPER_ELLIPSOID, BodyStart((0.5, 0.5, 0.5, 0.5), (1e-6, -0.5, 1e-6)), 1e4, time=1e3),
-    )
-    yield (
-        "fast-spin",
+    ),
+    "fast-spin": NamedScene(
         "angular velocity of 1e3 shear rates: 16000 rotations in 100 time units",
         _scene(PAPER_ELLIPSOID, BodyStart((0.5, 0.5, 0.5, 0.5), (600.0, 500.0, 624.0)), 1e4, time=100.0),
-    )
-    yield "long", "t = 1e6 at St = 1e6: phase errors add up", _scene(PAPER_ELLIPSOID, PAPER_START, 1e6, time=1e6)
-    yield "stiff", "St = 1e-4: truly stiff", _scene(PAPER_ELLIPSOID, PAPER_START, 1e-4, time=50.0)
-    yield "jeffery", "St = 0: a Jeffery orbit of kappa = 2", _scene(PROLATE, SPHEROID_START, 0.0, time=200.0)
-    yield (
-        "jeffery-chaotic",
+    ),
+    "long": NamedScene("t = 1e6 at St = 1e6: phase errors add up", _scene(PAPER_ELLIPSOID, PAPER_START, 1e6, time=1e6)),
+    "stiff": NamedScene("St = 1e-4: truly stiff", _scene(PAPER_ELLIPSOID, PAPER_START, 1e-4, time=50.0)),
+    "jeffery": NamedScene("St = 0: a Jeffery orbit of kappa = 2", _scene(PROLATE, SPHEROID_START, 0.0, time=200.0)),
+    "jeffery-chaotic": NamedScene(
         "St = 0, slender ellipsoid: chaotic, errors grow exponentially",
         _scene((1.0, 0.1, 0.05), EulerStart((1.4, 0.3, 1.2)), 0.0, time=1e3),
-    )
-    yield (
-        "tumbler",
+    ),
+    "tumbler": NamedScene(
         "kappa = 2 tumbling in the plane of the flow at St = 0.1",
         _scene(PROLATE, BodyStart((0.5, 0.5, 0.5, 0.5), (0.0, -0.5, 0.0)), 0.1, time=100.0),
-    )
-
-
-SCENES: dict[str, NamedScene] = {
-    name: NamedScene(summary, scene)
-    for group in (_from_the_paper, _from_rest, _of_hard_shape, _of_hard_motion)
-    for name, summary, scene in group()
+    ),
 }
 
 
 def named_scene(name: str) -> Scene:
-    """Built-in scene of the given name.
-
-    Raises
-    ------
-    ValueError
-        If there is none; the message lists the names.
-    """
+    """Built-in scene of the given name; raises ValueError, with the names there are, if there is none."""
     if name not in SCENES:
         raise ValueError(f"scene: got {name!r}, expected one of {', '.join(SCENES)}")
     return SCENES[name].scene

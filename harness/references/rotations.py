@@ -7,11 +7,10 @@ from math import isinf, pi, sqrt
 
 import numpy as np
 
-from polhode.models.flow import jeffery_angular_velocity, shares
+from polhode.models.flow import shares
 from polhode.models.forms import averaged, averaged_spheroid, quaternion
-from polhode.models.forms.kinematics import directions, quaternion_rates
+from polhode.models.forms.turning import jeffery_turning_field, turning_field
 from polhode.models.free_top.mean_speed import mean_speed
-from polhode.models.operations import Field, Operations
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene, SlowStart
 from polhode.solvers.solve import solve
@@ -100,31 +99,6 @@ def _averaged_angle(scene: Scene) -> float | None:
     if pinched and not isinstance(scene.start, SlowStart):
         return None
     return scene.stokes * float(np.sum(weight * speed * fastest * np.exp(s))) * span / 2
-
-
-def turning_field(ops: Operations) -> Field:
-    """The quaternion form with the angle ∫|ω| dt beside it; p as in `polhode.models.forms.motion`."""
-    full, sqrt = ops.use(quaternion.field), ops.sqrt
-
-    def rhs(y, p):  # noqa: ANN001, ANN202
-        r0, r1, r2, r3, a1, a2, a3 = full(y, p)
-        return r0, r1, r2, r3, a1, a2, a3, sqrt(y[4] * y[4] + y[5] * y[5] + y[6] * y[6])
-
-    return rhs
-
-
-def jeffery_turning_field(ops: Operations) -> Field:
-    """The same at St = 0; p as in `polhode.models.forms.jeffery`."""
-    directions_of, rates, jeffery = ops.use(directions), ops.use(quaternion_rates), ops.use(jeffery_angular_velocity)
-    sqrt = ops.sqrt
-
-    def rhs(y, p):  # noqa: ANN001, ANN202
-        flow, gradient = directions_of(y[0], y[1], y[2], y[3])
-        w1, w2, w3 = jeffery(flow, gradient, p)
-        r0, r1, r2, r3 = rates(y[0], y[1], y[2], y[3], w1, w2, w3)
-        return r0, r1, r2, r3, sqrt(w1 * w1 + w2 * w2 + w3 * w3)
-
-    return rhs
 
 
 def _angle(scene: Scene) -> float:

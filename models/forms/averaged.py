@@ -97,14 +97,9 @@ def coefficients(ellipsoid: Ellipsoid) -> tuple[float, ...]:
 
 
 def range_excess(states: np.ndarray, least: float) -> np.ndarray:
-    """How far L²/2E lies outside the moments of inertia of states, shape (n, 4), over the largest energy of them.
+    """How far L²/2E of states, shape (n, 4), lies outside the moments of inertia, over the largest energy of them.
 
-    Parameters
-    ----------
-    states : ndarray, shape (n, 4)
-        L and E in units of the largest moment of inertia.
-    least : float
-        The least moment of inertia in the same units.
+    L, E and the least moment of inertia are in units of the largest one.
     """
     lx, ly, lz, energy = states.T
     momentum2, energy2 = lx * lx + ly * ly + lz * lz, 2 * energy

@@ -63,18 +63,12 @@ def start_rates(scene: Scene, angles: Triple, omega: Triple) -> Triple:
 
 
 def require_distance_from_pole(form: Form, theta: float, instead: str) -> None:
-    """Refuse a start too close to θ = 0 or π.
-
-    Raises
-    ------
-    FormNotValidError
-        If |sin θ| < `POLE_LIMIT`.
-    """
-    if not abs(sin(theta)) >= POLE_LIMIT:
-        condition = (
-            f"the start has |sin θ| = {abs(sin(theta)):.1e} < {POLE_LIMIT}, where the angles are ill-conditioned"
+    """Raise FormNotValidError if a start is too close to θ = 0 or π: |sin θ| < `POLE_LIMIT`."""
+    sine = abs(sin(theta))
+    if not sine >= POLE_LIMIT:
+        raise form.refuse(
+            f"the start has |sin θ| = {sine:.1e} < {POLE_LIMIT}, where the angles are ill-conditioned", instead
         )
-        raise form.refuse(condition, instead)
 
 
 class EulerAngles(Form):

@@ -1,14 +1,12 @@
 """St = ∞: no torque, Euler's equations (`eulg`), solved in closed form."""
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
-from polhode.models.form import Form
-from polhode.models.forms.motion import body_parameters
-from polhode.models.forms.quaternion import field, norm_drift
+from polhode.models.forms.quaternion import Quaternion
 from polhode.models.free_top.torque_free import TorqueFree
-from polhode.models.observables import Observables, observe_quaternion
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 
@@ -18,17 +16,12 @@ def closed_form(top: TorqueFree, times: np.ndarray) -> np.ndarray:
     return np.concatenate(top.at(times), axis=1)
 
 
-class EulerTop(Form):
-    """State (q₀, q₁, q₂, q₃, ω₁, ω₂, ω₃), as the quaternion form's; the closed form costs the same at any time.
-
-    Numerical solvers get the quaternion form's field with beta = 0.
-    """
+class EulerTop(Quaternion):
+    """The quaternion form without torque, beta = 0; the closed form costs the same at any time."""
 
     name = "euler-top"
     summary = "St = inf: the torque-free top in closed form"
     valid_for = "St = inf, every ellipsoid; closed form (solver 'exact')"
-    state = ("q0", "q1", "q2", "q3", "w1", "w2", "w3")
-    orientation = "full"
 
     def check(self, scene: Scene) -> None:
         """Refuse finite St and starts without orientation."""
@@ -41,16 +34,4 @@ class EulerTop(Form):
         self.check(scene)
         quaternion = self.require_orientation(scene).quaternion
         top = TorqueFree(scene.ellipsoid.inertia, quaternion, scene.angular_velocity)
-        return Problem(
-            name=self.name,
-            field=field,
-            start=(*quaternion, *scene.angular_velocity),
-            end=scene.time,
-            parameters=(1.0, 0.0, *body_parameters(scene.ellipsoid)),
-            closed_form=partial(closed_form, top),
-            invariant=norm_drift,
-        )
-
-    def observe(self, scene: Scene, states: np.ndarray) -> Observables:
-        """Observables; quaternions are normalised first."""
-        return observe_quaternion(scene.ellipsoid, states[:, :4], states[:, 4:])
+        return replace(super().problem(scene), closed_form=partial(closed_form, top))

@@ -1,5 +1,6 @@
 """St = 0: the particle turns with Jeffery's angular velocity (`jw1`–`jw3`); spheroids in closed form."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from math import hypot, pi
@@ -8,7 +9,9 @@ import numpy as np
 
 from polhode.models.flow import jeffery_angular_velocity, shares
 from polhode.models.form import Form
-from polhode.models.forms.kinematics import directions, norm_drift, quaternion_rates
+from polhode.models.forms.motion import directions, norm_drift, quaternion_rates
+from polhode.models.forms.spheroid import Spheroid
+from polhode.models.free_top.elliptic import PI
 from polhode.models.observables import Observables, observe_body
 from polhode.models.operations import Field, Operations, numpy_operations
 from polhode.models.problem import Problem
@@ -16,14 +19,24 @@ from polhode.models.rotation import Quaternion, make_third, matrix_from_quaterni
 from polhode.models.scene import Scene
 
 
-def field(ops: Operations) -> Field:
-    """q̇ = ½ q∘(0, Ω_J); p = shares of Jeffery's angular velocity, as in `polhode.models.forms.motion`."""
+def turning(ops: Operations) -> Callable:
+    """q̇ = ½ q∘(0, Ω_J), and Ω_J; p = shares of Jeffery's angular velocity, as in `polhode.models.forms.motion`."""
     directions_of, rates, jeffery = ops.use(directions), ops.use(quaternion_rates), ops.use(jeffery_angular_velocity)
 
-    def rhs(y, p):
+    def of(y, p):
         flow, gradient = directions_of(y[0], y[1], y[2], y[3])
         w1, w2, w3 = jeffery(flow, gradient, p)
-        return rates(y[0], y[1], y[2], y[3], w1, w2, w3)
+        return rates(y[0], y[1], y[2], y[3], w1, w2, w3), (w1, w2, w3)
+
+    return of
+
+
+def field(ops: Operations) -> Field:
+    """q̇ of `turning`."""
+    rates = ops.use(turning)
+
+    def rhs(y, p):
+        return rates(y, p)[0]
 
     return rhs
 
@@ -35,21 +48,12 @@ class JefferyOrbit:
     The symmetry axis follows a spherical ellipse (`phitraj`, and `thetraj` with the exponent 1/2):
     p̂ ∝ (-s κ sin τ, -s cos τ, z) with τ = τ₀ + t/(κ + 1/κ); s/z is the orbit constant. The spin angle obeys
     ψ̇ = ½ Λ cos θ cos 2φ, an elliptic integral of the third kind in τ, here in Carlson's form (DLMF 19.25.5, 19.25.14).
-
-    Parameters
-    ----------
-    axial, equatorial : float
-        Semi-axes in any common unit.
-    axis : int
-        Body axis (0, 1, 2) of symmetry.
-    quaternion : tuple of 4 float
-        Orientation at t = 0, of unit norm.
     """
 
-    axial: float
+    axial: float  # semi-axes in any common unit
     equatorial: float
-    axis: int
-    quaternion: Quaternion
+    axis: int  # of symmetry: 0, 1, 2
+    quaternion: Quaternion  # at t = 0, of unit norm
 
     @property
     def aspect_ratio(self) -> float:
@@ -73,8 +77,8 @@ class JefferyOrbit:
         s, z, start = self._ellipse
         ratio = np.longdouble(self.axial) / np.longdouble(self.equatorial)
         tau = np.concatenate([[start], start + times.astype(np.longdouble) / (ratio + 1 / ratio)])
-        half_turns = np.rint(tau / np.longdouble(_PI))
-        rest = (tau - half_turns * _PI).astype(float)
+        half_turns = np.rint(tau / PI)
+        rest = (tau - half_turns * PI).astype(float)
         turns, kappa = half_turns.astype(float), self.aspect_ratio
         sine, cosine = np.sin(rest), np.cos(rest)
         phi = -(turns * pi + np.arctan2(kappa * sine, cosine))
@@ -95,9 +99,6 @@ class JefferyOrbit:
         quarter = _spin_integral(np.array(1.0), np.array(0.0), n, modulus)
         integral = 2 * turns * quarter + _spin_integral(sine, cosine, n, modulus)
         return -n * z / (2 * kappa * hypot(z, s)) * integral
-
-
-_PI = np.longdouble("3.14159265358979323846264338327950288")
 
 
 def _spin_integral(sine: np.ndarray, cosine: np.ndarray, n: float, modulus: float) -> np.ndarray:
@@ -161,7 +162,5 @@ class Jeffery(Form):
 
 
 def _orbit(scene: Scene, start: Quaternion) -> JefferyOrbit:
-    axes = scene.ellipsoid.scaled_axes
-    axis = scene.ellipsoid.symmetry_axis
-    axis = 2 if axis is None else axis
+    axes, axis = scene.ellipsoid.scaled_axes, Spheroid.of(scene.ellipsoid).axis
     return JefferyOrbit(axes[axis], axes[(axis + 1) % 3], axis, start)

@@ -3,8 +3,15 @@
 import numpy as np
 
 from polhode.models.form import Form
-from polhode.models.forms.kinematics import directions, norm_drift, quaternion_rates
-from polhode.models.forms.motion import angular_acceleration, body_parameters, explicit_parameters, mass_form
+from polhode.models.forms.motion import (
+    angular_acceleration,
+    body_parameters,
+    directions,
+    explicit_parameters,
+    mass_form,
+    norm_drift,
+    quaternion_rates,
+)
 from polhode.models.observables import Observables, observe_quaternion
 from polhode.models.operations import Field, Operations
 from polhode.models.problem import Problem
@@ -28,7 +35,7 @@ class Quaternion(Form):
     """State (q₀, q₁, q₂, q₃, ω₁, ω₂, ω₃): seven equations, four of them of unit norm.
 
     Solvers let the norm drift, by up to 1e-2 in |q|² over 10⁴ time units at tolerance 1e-6 (LSODA, RK45). The
-    field divides it out of the torque (`polhode.models.forms.kinematics`), and `observe` out of the result. A term
+    field divides it out of the torque (`polhode.models.forms.motion`), and `observe` out of the result. A term
     k(1 - |q|²)q beside that was tried at St = 1e2, 1e4 and 1e6: k = 0.1 takes the drift down to 1e-5 and leaves the
     errors of L, E and orientation where they were, up or down by a factor of two; k = 1 and 10 cost up to forty times
     the steps, as a tighter tolerance would. Hence there is none, and the norm is only watched, as an invariant.

@@ -11,29 +11,15 @@ from polhode.models.shape import Ellipsoid
 
 @dataclass(frozen=True)
 class Spheroid:
-    """A spheroid, or a sphere with z' as its symmetry axis, in the paper's names for its coefficients.
+    """A spheroid, or a sphere with z' as its symmetry axis, in the paper's names for its coefficients."""
 
-    Parameters
-    ----------
-    axis : int
-        Body axis (0, 1, 2) of symmetry, p̂.
-    axial_inertia, equatorial_inertia : float
-        I_a and I_e.
-    axial_damping, equatorial_damping : float
-        8πX_c/I_a and 8πY_c/I_e, in units of (shear rate)/St.
-    inertia_ratio : float
-        I_a/I_e = 2/(κ² + 1).
-    anisotropy : float
-        Λ = (κ² - 1)/(κ² + 1), free of cancellation near κ = 1.
-    """
-
-    axis: int
-    axial_inertia: float
-    equatorial_inertia: float
-    axial_damping: float
-    equatorial_damping: float
-    inertia_ratio: float
-    anisotropy: float
+    axis: int  # body axis (0, 1, 2) of symmetry, p̂
+    axial_inertia: float  # I_a
+    equatorial_inertia: float  # I_e
+    axial_damping: float  # 8πX_c/I_a, in units of (shear rate)/St
+    equatorial_damping: float  # 8πY_c/I_e
+    inertia_ratio: float  # I_a/I_e = 2/(κ² + 1)
+    anisotropy: float  # Λ = (κ² - 1)/(κ² + 1), free of cancellation near κ = 1
 
     @classmethod
     def of(cls, ellipsoid: Ellipsoid) -> "Spheroid":
@@ -53,17 +39,10 @@ class Spheroid:
         )
 
 
-def require_spheroid(form: Form, scene: Scene, instead: str) -> Spheroid:
-    """The scene's spheroid or sphere.
-
-    Raises
-    ------
-    FormNotValidError
-        If the ellipsoid is triaxial.
-    """
+def require_spheroid(form: Form, scene: Scene, instead: str) -> None:
+    """Raise FormNotValidError for a triaxial ellipsoid."""
     if scene.ellipsoid.kind == "triaxial":
         raise form.refuse(f"the semi-axes {list(scene.ellipsoid.semi_axes)} are all different", instead)
-    return Spheroid.of(scene.ellipsoid)
 
 
 def axis_rotation(axis: int, direction: np.ndarray) -> np.ndarray:

@@ -3,11 +3,7 @@
 import numpy as np
 
 from polhode.models.form import Form
-from polhode.models.forms.euler_angles import (
-    POLE_LIMIT,
-    guarded_sine,
-    require_distance_from_pole,
-)
+from polhode.models.forms.euler_angles import POLE_LIMIT, guarded_sine, require_distance_from_pole
 from polhode.models.forms.motion import explicit_parameters, mass_form
 from polhode.models.forms.spheroid import Spheroid, axis_rotation, require_spheroid
 from polhode.models.observables import Observables
@@ -67,12 +63,8 @@ class SpheroidAngles(Form):
         """Initial value problem in time t."""
         self.check(scene)
         spheroid = Spheroid.of(scene.ellipsoid)
-        shape = (
-            spheroid.inertia_ratio,
-            spheroid.axial_damping,
-            spheroid.equatorial_damping,
-            spheroid.anisotropy,
-        )
+        damping = spheroid.axial_damping, spheroid.equatorial_damping
+        shape = (spheroid.inertia_ratio, *damping, spheroid.anisotropy)
         return Problem(
             name=self.name,
             field=field,

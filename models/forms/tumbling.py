@@ -1,4 +1,4 @@
-"""Planar motion: a principal axis stays along the vorticity, one angle and its rate tell everything."""
+"""Planar motion: a principal axis stays along the vorticity, described by one angle and its rate."""
 
 from dataclasses import dataclass
 from math import atan2, hypot
@@ -33,23 +33,13 @@ def field(ops: Operations) -> Field:
 
 @dataclass(frozen=True)
 class Plane:
-    """A planar start.
+    """A planar start."""
 
-    Parameters
-    ----------
-    angle, rate : float
-        φ of an in-plane principal axis in rad, and φ̇.
-    inertia, damping : float
-        I_k and 8πX_k/I_k of the rotation about z.
-    anisotropy : float
-        δ of `field`.
-    """
-
-    angle: float
-    rate: float
-    inertia: float
+    angle: float  # φ of an in-plane principal axis, in rad
+    rate: float  # φ̇
+    inertia: float  # I_k and 8πX_k/I_k of the rotation about z
     damping: float
-    anisotropy: float
+    anisotropy: float  # δ of `field`
 
 
 class Tumbling(Form):

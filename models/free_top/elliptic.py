@@ -121,16 +121,9 @@ def theta4_phase(u: LongArray, m: Long, m1: Long, n: Long) -> LongArray:
 
     The imaginary part is given by the characteristic −n ≤ 0 of the integral of the third kind whose periodic part this
     is: η = π(K'−w)/2K with cs(w | m1) = √n. The factors of the product (DLMF §20.5(i)) each contribute one arctangent;
-    above m = 1/2 those of ϑ₂ in the complementary nome do (DLMF §20.7(viii)), so that a
-    few factors are enough at any m. At m1 = 0 this is arctan(√n tanh u).
-
-    Parameters
-    ----------
-    u : ndarray of long double, shape (n,)
-    m, m1 : long double
-        Parameter and complementary parameter, both to full relative accuracy.
-    n : long double
-        Non-negative; zero only where m is zero, and the phase with it.
+    above m = 1/2 those of ϑ₂ in the complementary nome do (DLMF §20.7(viii)), so that a few factors are enough at any
+    m. At m1 = 0 this is arctan(√n tanh u). Both m and m1 are given to full relative accuracy; n is zero only where m
+    is, and the phase with it.
     """
     if n == 0:
         return np.zeros_like(u)

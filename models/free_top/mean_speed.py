@@ -1,49 +1,17 @@
-"""The fast, torque-free motion at given slow variables: its two periods and its mean speed."""
+"""The fast, torque-free motion at given slow variables: its mean speed."""
 
 import numpy as np
 
-from polhode.models.free_top.polhode import periods
 from polhode.models.shape import Ellipsoid
 
 QUARTER_NODES = 32
 
 
-def torque_free_periods(ellipsoid: Ellipsoid, slow: np.ndarray) -> np.ndarray:
-    """Periods T and T' along a run of slow variables, for one to see where they resonate.
-
-    Parameters
-    ----------
-    ellipsoid : Ellipsoid
-    slow : ndarray, shape (n, 4)
-        (L_x, L_y, L_z, E).
-
-    Returns
-    -------
-    ndarray, shape (n, 2)
-        T of the body angular velocity and T' of the precession about L; see `polhode.models.free_top.polhode.periods`.
-    """
-    momenta = np.linalg.norm(slow[:, :3], axis=1)
-    return np.array(
-        [
-            periods(ellipsoid.inertia, float(momentum), float(energy))
-            for momentum, energy in zip(momenta, slow[:, 3], strict=True)
-        ]
-    )
-
-
 def mean_speed(ellipsoid: Ellipsoid, slow: np.ndarray) -> np.ndarray:
-    """Mean of |ω| over the torque-free motion, by quadrature over a quarter of the polhode (`eq:omg1`–`eq:omg3`).
+    """Mean of |ω| over the torque-free motion, shape (n,), at slow variables (L_x, L_y, L_z, E), shape (n, 4).
 
-    Parameters
-    ----------
-    ellipsoid : Ellipsoid
-    slow : ndarray, shape (n, 4)
-        (L_x, L_y, L_z, E).
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        In units of the shear rate, within about 1e-6 relative, less on the separatrix itself.
+    By quadrature over a quarter of the polhode (`eq:omg1`–`eq:omg3`), within about 1e-6 relative, less on the
+    separatrix itself.
     """
     from scipy.special import ellipj, ellipk
 

@@ -16,35 +16,20 @@ class Polhode:
     """Constants of one polhode, named for axes a, b, c: c the axis it encircles, b that of the middle inertia.
 
     On the side L² > 2EI_b axis c has the greatest inertia, on the other the least (the exchange 1 ↔ 3 of `eq:omg1`);
-    on the separatrix either would do and the greatest is taken.
-
-    Attributes
-    ----------
-    order : tuple of int
-        Indices of the axes a, b, c.
-    sense : int
-        1 if c is the axis of greatest inertia, −1 if it is that of least inertia.
-    momentum, rate, precession : long double
-        L, dτ/dt ≥ 0 and the mean precession rate φ_LO,2 / t (`eq:prec2`).
-    m, m1, n : long double
-        Parameter k², 1−k² and the characteristic −n of the integral of the third kind, which is I_c (I_b−I_a) /
-        (I_a (I_c−I_b)). Where axis c is undetermined (`of`), m = 0, m1 = 1, n = 0.
-    amplitudes : tuple of long double
-        Factors of cn, sn, dn in ω_a, ω_b, ω_c (`eq:omg1`–`eq:omg3`).
-    quarter : long double
-        K(m), infinite on the separatrix.
+    on the separatrix either would do and the greatest is taken. Where axis c is undetermined (`of`), m = 0, m1 = 1,
+    n = 0.
     """
 
-    order: tuple[int, int, int]
-    sense: int
+    order: tuple[int, int, int]  # indices of the axes a, b, c
+    sense: int  # 1 if c is the axis of greatest inertia, −1 if it is that of least inertia
     momentum: Long
-    rate: Long
-    precession: Long
-    m: Long
-    m1: Long
-    n: Long
-    amplitudes: tuple[Long, Long, Long]
-    quarter: Long
+    rate: Long  # dτ/dt ≥ 0
+    precession: Long  # mean rate φ_LO,2 / t (`eq:prec2`)
+    m: Long  # k²
+    m1: Long  # 1−k²
+    n: Long  # −n is the characteristic of the integral of the third kind: n = I_c (I_b−I_a) / (I_a (I_c−I_b))
+    amplitudes: tuple[Long, Long, Long]  # factors of cn, sn, dn in ω_a, ω_b, ω_c (`eq:omg1`–`eq:omg3`)
+    quarter: Long  # K(m), infinite on the separatrix
 
     @classmethod
     def of(cls, inertia: tuple[Fraction, ...], momentum_squared: Fraction, twice_energy: Fraction) -> Self:
@@ -85,7 +70,12 @@ class Polhode:
 
     @property
     def periods(self) -> tuple[float, float]:
-        """Periods T of the body angular velocity and T' of the precession, in t; see `periods`."""
+        """Periods T of the body angular velocity and T' = 2π / (φ_LO,2 / t) of the precession, in t.
+
+        T (below `eq:omg3`) is infinite on the separatrix and where axis c is undetermined; T' (`eq:prec2`, corrected)
+        is 2πI₂/L on the separatrix and infinite at rest. At a permanent rotation about the axis of greatest or least
+        inertia both are those of an infinitesimal wobble.
+        """
         period = 4 * self.quarter / self.rate if self.rate > 0 else Long(np.inf)
         precession = 2 * PI / self.precession if self.precession > 0 else Long(np.inf)
         return float(period), float(precession)
@@ -102,50 +92,8 @@ def _mean_inverse_inertia(a: Long, b: Long, n: Long, m1: Long) -> Long:
     return (complete_cel(kc, p, Long(1), Long(0)) / a + complete_cel(kc, p, Long(0), p) / b) / complete_k(m1)
 
 
-def periods(inertia: Triple, momentum: float, energy: float) -> tuple[float, float]:
-    """Periods T and T' of the torque-free rotation of given L and E (T as below `eq:omg3`; `eq:prec2`, corrected).
-
-    Near the separatrix T is as sensitive to L and E as it must be; from a start, `TorqueFree.period` is better.
-
-    Parameters
-    ----------
-    inertia : (I₁, I₂, I₃), in any order
-    momentum, energy : L and E, both without St
-
-    Returns
-    -------
-    period : float
-        T, of the body angular velocity, in t; infinite on the separatrix, at rest, for a sphere, and for rotation
-        about an axis of two equal inertias. At a permanent rotation about the axis of greatest or least inertia it is
-        that of an infinitesimal wobble.
-    precession_period : float
-        T', in which the axis encircled by the polhode precesses once about L on average: 2π / (φ_LO,2 / t), where
-        φ_LO,2 is linear in t. It is 2πI₂/L on the separatrix, infinite at rest, and at a permanent rotation that of an
-        infinitesimal wobble.
-
-    Raises
-    ------
-    ValueError
-        Unless 2E min(I) ≤ L² ≤ 2E max(I), up to rounding of L and E.
-    """
-    rational = positive_inertia(inertia)
-    if not (np.isfinite(momentum) and np.isfinite(energy) and momentum >= 0 and energy >= 0):
-        raise ValueError(f"momentum, energy: got {momentum}, {energy}, expected finite numbers that are not negative")
-    squared, twice = exact(float(momentum)) ** 2, 2 * exact(float(energy))
-    allowed = min(max(twice, squared / max(rational)), squared / min(rational))
-    if abs(allowed - twice) > twice * Fraction(1, 2**50):
-        raise ValueError(f"momentum, energy: got {momentum}, {energy}, expected 2E min(I) ≤ L² ≤ 2E max(I)")
-    return Polhode.of(rational, squared, allowed).periods
-
-
 def positive_inertia(inertia: Triple) -> tuple[Fraction, ...]:
-    """Exact moments of inertia.
-
-    Raises
-    ------
-    ValueError
-        Unless there are three, finite and positive.
-    """
+    """Exact moments of inertia; raises ValueError unless there are three, finite and positive."""
     if len(inertia) != 3 or not all(np.isfinite(moment) and moment > 0 for moment in inertia):
         raise ValueError(f"inertia: got {inertia}, expected three finite positive numbers")
     return tuple(exact(Long(moment)) for moment in inertia)

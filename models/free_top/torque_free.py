@@ -73,12 +73,12 @@ class TorqueFree:
 
     @property
     def period(self) -> float:
-        """Period T of the body angular velocity in t; see `periods` for permanent rotations and the separatrix."""
+        """Period T of the body angular velocity in t; see `Polhode.periods`."""
         return self._polhode.periods[0]
 
     @property
     def precession_period(self) -> float:
-        """Period T' of the mean precession about L in t; see `periods`."""
+        """Period T' of the mean precession about L in t; see `Polhode.periods`."""
         return self._polhode.periods[1]
 
     @property
