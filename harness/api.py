@@ -1,5 +1,6 @@
-"""What Python users call: scenes in, pandas frames and Matplotlib axes out."""
+"""What Python users call, and the command `solve` with them: a scene, a plan, a solution."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import nan
 from os import PathLike, fspath
@@ -8,15 +9,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from polhode.harness.common.observables_csv import COLUMNS
-from polhode.harness.picking.choice import choose
+from polhode.harness.picking.choice import check_tolerance, choose
 from polhode.harness.studies.scenes import find_scene
 from polhode.models.catalogue import form as find_form
 from polhode.models.form import Form
 from polhode.models.observables import Observables
+from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 from polhode.solvers.catalogue import solver as find_solver
-from polhode.solvers.contract import Solver, Status, Work
-from polhode.solvers.solve import described
+from polhode.solvers.contract import Record, Solver, Status, Work
+from polhode.solvers.solve import Solution, described
 from polhode.solvers.solve import solve as run
 
 if TYPE_CHECKING:
@@ -25,6 +27,8 @@ if TYPE_CHECKING:
     from polhode.harness.picking.ranking import Recommendation
 
 SceneLike = Scene | str | PathLike[str]
+# A table of more rows would hold gigabytes.
+MOST_SAMPLES = 10_000_000
 
 
 @dataclass(frozen=True)
@@ -102,6 +106,67 @@ class SceneSolution:
         )
 
 
+@dataclass(frozen=True)
+class Plan:
+    """A run with nothing left open and nothing against it: what `solve` does, here and on the command line."""
+
+    scene: Scene
+    form: Form
+    solver: Solver
+    tolerance: float
+    problem: Problem
+    samples: int
+    note: str  # Why the error asked for may not be met; empty where it will be.
+
+    def run(self, watch: Callable[[Record], None] | None = None) -> SceneSolution:
+        """Solve the problem; raises `polhode.solvers.solve.Interrupted` on Ctrl-C."""
+        times = np.linspace(0.0, self.problem.end, self.samples)
+        return self.observed(run(self.problem, self.solver, self.tolerance, times, watch=watch))
+
+    def observed(self, found: Solution) -> SceneSolution:
+        """The motion of the scene that a solution of the problem stands for."""
+        return SceneSolution(
+            scene=self.scene,
+            form=self.form.name,
+            solver=self.solver.name,
+            tolerance=self.tolerance,
+            status=found.status,
+            message=found.message,
+            times=found.times * self.problem.time_unit,
+            observables=self.form.observe(self.scene, found.states),
+            work=found.work,
+            seconds=found.seconds,
+        )
+
+
+def plan(
+    scene: SceneLike,
+    form: str | Form | None = None,
+    solver: str | Solver | None = None,
+    tolerance: float | None = None,
+    error: float = 1e-6,
+    want: str = "slow",
+    samples: int = 201,
+) -> Plan:
+    """What `solve` will run; arguments and refusals as there, in one place for Python and the command line."""
+    what = as_scene(scene)
+    _check_samples(samples)
+    if tolerance is not None:
+        check_tolerance(tolerance)
+    # What is plainly wrong is refused before anything is tried.
+    if form is not None:
+        _form(form).check(what)
+    if solver is not None:
+        _solver(solver)
+    choice = choose(what, _name(form), _name(solver), tolerance, error, want, samples)
+    equations, method = _form(form or choice.form), _solver(solver or choice.solver)
+    problem = equations.problem(what)
+    if not method.available:
+        raise ValueError(f"solver: {method.why_not}")
+    method.check(problem)
+    return Plan(what, equations, method, choice.tolerance, problem, samples, choice.note)
+
+
 def solve(
     scene: SceneLike,
     *,
@@ -138,35 +203,18 @@ def solve(
     Raises
     ------
     ValueError
-        In one line, the value and what was expected; also if form or solver do not accept the scene.
+        In one line, the value and what was expected; also if form or solver do not accept the scene, or the solver's
+        library is not installed.
     polhode.solvers.solve.Interrupted
         On Ctrl-C.
 
     Examples
     --------
-    >>> from polhode.harness import solve
+    >>> from polhode import solve
     >>> solve("paper", form="quaternion", solver="taylor", tolerance=1e-10).status
     <Status.REACHED_END: 'reached_end'>
     """
-    if samples < 2:
-        raise ValueError(f"samples: got {samples}, expected at least 2")
-    what = as_scene(scene)
-    choice = choose(what, _name(form), _name(solver), tolerance, error, want)
-    equations, method = find_form(choice.form), find_solver(choice.solver)
-    problem = equations.problem(what)
-    found = run(problem, method, choice.tolerance, np.linspace(0.0, problem.end, samples))
-    return SceneSolution(
-        scene=what,
-        form=equations.name,
-        solver=method.name,
-        tolerance=choice.tolerance,
-        status=found.status,
-        message=found.message,
-        times=found.times * problem.time_unit,
-        observables=equations.observe(what, found.states),
-        work=found.work,
-        seconds=found.seconds,
-    )
+    return plan(scene, form, solver, tolerance, error, want, samples).run()
 
 
 def pick(scene: SceneLike, error: float = 1e-6, want: str = "slow", samples: int = 201) -> "Recommendation":
@@ -189,11 +237,12 @@ def pick(scene: SceneLike, error: float = 1e-6, want: str = "slow", samples: int
 
     Examples
     --------
-    >>> from polhode.harness import pick
+    >>> from polhode import pick
     >>> best = pick("paper", error=1e-6).ranking[0]
     """
     from polhode.harness.picking.ranking import pick as recommend
 
+    _check_samples(samples)
     return recommend(as_scene(scene), error, want, samples)
 
 
@@ -206,6 +255,19 @@ def as_scene(scene: SceneLike) -> Scene:
         If there is neither, or the file is no scene.
     """
     return scene if isinstance(scene, Scene) else find_scene(fspath(scene))
+
+
+def _check_samples(samples: int) -> None:
+    if not 2 <= samples <= MOST_SAMPLES:
+        raise ValueError(f"samples: got {samples}, expected a number from 2 to {MOST_SAMPLES}")
+
+
+def _form(what: str | Form) -> Form:
+    return what if isinstance(what, Form) else find_form(what)
+
+
+def _solver(what: str | Solver) -> Solver:
+    return what if isinstance(what, Solver) else find_solver(what)
 
 
 def _name(thing: str | Form | Solver | None) -> str | None:

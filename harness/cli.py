@@ -11,27 +11,40 @@ from types import FrameType
 
 import click
 
-COMMANDS = {
-    "shape": "polhode.harness.commands.shape:shape",
-    "solve": "polhode.harness.commands.solve:solve",
-    "pick": "polhode.harness.commands.pick:pick",
-    "scenes": "polhode.harness.commands.scenes:scenes",
-    "forms": "polhode.harness.commands.catalogues:forms",
-    "solvers": "polhode.harness.commands.catalogues:solvers",
-    "bench": "polhode.harness.commands.bench:bench",
-    "footing": "polhode.harness.commands.footing:footing",
-    "compare": "polhode.harness.commands.compare:compare",
-    "export": "polhode.harness.commands.export:export",
-    "paper": "polhode.harness.commands.paper:paper",
-    "accuracy": "polhode.harness.commands.accuracy:accuracy",
-    "report": "polhode.harness.commands.report:report",
-    "doctor": "polhode.harness.commands.doctor:doctor",
-    "completion": "polhode.harness.commands.completion:completion",
-    "laws": "polhode.harness.commands.laws:laws",
-    "heldout": "polhode.harness.commands.laws:heldout",
-    "regimes": "polhode.harness.commands.regimes:regimes",
-    "sweep": "polhode.harness.commands.sweep:sweep",
+from polhode.models.registry import hint
+
+# Each command's place in `harness/commands` and its summary, in the groups of `polhode --help`.
+GROUPS = {
+    "Use": {
+        "solve": ("solve:solve", "solve one scene: its L, E and orientation"),
+        "pick": ("pick:pick", "what to run for a scene, and what it will cost"),
+        "shape": ("show:shape", "inertia, resistance and kind of an ellipsoid"),
+        "scenes": ("show:scenes", "the built-in scenes, and scene files to start from"),
+        "forms": ("show:forms", "the forms of the equations"),
+        "solvers": ("show:solvers", "the solvers, and what is missing"),
+    },
+    "Measure": {
+        "bench": ("bench:bench", "the main job: cost against accuracy"),
+        "regimes": ("bench:regimes", "the map of who wins, over St and error"),
+        "equal-error": ("bench:equal_error", "every solver at equal error, and what solve itself costs"),
+        "accuracy": ("accuracy:accuracy", "the averaged equations against the full ones"),
+        "paper": ("paper:paper", "the paper's figures and tables, each with a verdict"),
+        "sweep": ("sweep:sweep", "ensembles of many particles, on one machine or many"),
+        "throughput": ("sweep:throughput", "what ensembles cost on this machine"),
+    },
+    "Maintain": {
+        "calibrate": ("laws:laws", "calibrate pick's cost model on this machine"),
+        "validate": ("laws:heldout", "measure how good pick is, on scenes held out"),
+        "report": ("report:report", "everything measured so far as one offline web site"),
+        "export": ("records:export", "a store as CSV or JSON Lines"),
+        "compare": ("records:compare", "two saved runs, and what got worse"),
+        "doctor": ("setup:doctor", "versions, libraries, caches, and whether the machine is steady"),
+        "completion": ("setup:completion", "make the shell complete commands, scenes, forms and solvers"),
+    },
 }
+COMMANDS = {name: row for group in GROUPS.values() for name, row in group.items()}
+# Names of version 0.1, understood in 0.2 too.
+FORMER = {"laws": "calibrate", "heldout": "validate", "footing": "equal-error"}
 
 
 class BadInput(click.ClickException):
@@ -78,51 +91,32 @@ class _Commands(click.Group):
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        target = COMMANDS.get(cmd_name)
-        if target is None:
+        if cmd_name not in COMMANDS:
             return None
-        module, _, attribute = target.partition(":")
-        return getattr(import_module(module), attribute)
+        module, _, attribute = COMMANDS[cmd_name][0].partition(":")
+        return getattr(import_module(f"polhode.harness.commands.{module}"), attribute)
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        name = FORMER.get(args[0], args[0])
+        if name not in COMMANDS and not ctx.resilient_parsing:
+            raise BadInput(f"no such command {name!r}{hint(name, COMMANDS)}, expected one of {', '.join(COMMANDS)}")
+        return super().resolve_command(ctx, [name, *args[1:]])
 
     def invoke(self, ctx: click.Context) -> object:
         try:
             return super().invoke(ctx)
-        except click.UsageError as error:
-            name = ctx.invoked_subcommand
-            command = self.get_command(ctx, name) if name else None
-            # The parser's own complaints do not say which command they are about.
-            if error.ctx is None and command is not None:
-                error.ctx = click.Context(command, info_name=name, parent=ctx)
-            raise
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, ImportError, SystemError) as error:
+            # Libraries whose import Ctrl-C interrupts raise errors of their own.
+            if not isinstance(error.__cause__ or error.__context__ or error, KeyboardInterrupt):
+                raise
             raise RunFailed("interrupted") from None
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        with formatter.section("Commands"):
-            formatter.write_dl([(name, SUMMARIES[name]) for name in COMMANDS])
-
-
-SUMMARIES = {
-    "shape": "inertia, resistance and kind of an ellipsoid",
-    "solve": "solve one scene and write its observables",
-    "pick": "what to run for a scene, and what it will cost",
-    "scenes": "the built-in scenes, and scene files to start from",
-    "forms": "the forms of the equations",
-    "solvers": "the solvers, and what is missing",
-    "bench": "the main job: cost against accuracy",
-    "footing": "every solver at equal error, and what solve itself costs",
-    "compare": "two saved runs, and what got worse",
-    "export": "a store as CSV or JSON Lines",
-    "paper": "the paper's figures and tables, each with a verdict",
-    "accuracy": "the averaged equations against the full ones",
-    "report": "everything found so far as one offline web site",
-    "doctor": "versions, libraries, caches, and whether the machine is steady",
-    "completion": "make the shell complete commands, scenes, forms and solvers",
-    "laws": "measure and fit what pick goes by",
-    "heldout": "how good pick is, on scenes held out",
-    "regimes": "the map of who wins, over St and error",
-    "sweep": "ensembles of many particles, on one machine or many",
-}
+        for title, group in GROUPS.items():
+            with formatter.section(title):
+                formatter.write_dl([(name, summary) for name, (_, summary) in group.items()])
 
 
 @click.group(cls=_Commands, no_args_is_help=False)
@@ -132,6 +126,21 @@ def polhode() -> None:
 
     A SCENE is a scene file (TOML) or the name of a built-in scene. Every command has --help with an example.
     """
+
+
+def complaint(error: click.ClickException) -> str:
+    """One line about what the command line cannot take: the command, click's words, and what was expected."""
+    message = " ".join(error.format_message().split())
+    if not isinstance(error, click.UsageError) or error.ctx is None:
+        return f"polhode: {message}"
+    command, message = error.ctx.command, message.removesuffix(".")
+    if isinstance(error, click.NoSuchOption):
+        options = [name for parameter in command.get_params(error.ctx) for name in parameter.opts if name[:1] == "-"]
+        near = hint(error.option_name, options)
+        message = f"no such option {error.option_name!r}{near}, expected one of {', '.join(options)}"
+    elif not isinstance(error, click.BadParameter) or isinstance(error, click.MissingParameter):
+        message += ", expected: " + " ".join(command.get_usage(error.ctx).split()).removeprefix("Usage: ")
+    return f"{error.ctx.command_path}: {message}"
 
 
 def _terminated(number: int, frame: FrameType | None) -> None:
@@ -154,10 +163,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         result = polhode.main(args=arguments, prog_name="polhode", standalone_mode=False)
         code = result if isinstance(result, int) else 0
     except click.ClickException as error:
-        from polhode.harness.usage import complaint
-
-        command = error.ctx.command_path if isinstance(error, click.UsageError) and error.ctx else "polhode"
-        click.echo(f"{command}: {complaint(error)}", err=True)
+        click.echo(complaint(error), err=True)
         code = error.exit_code
     except (KeyboardInterrupt, click.Abort):
         click.echo("polhode: interrupted", err=True)

@@ -1,41 +1,54 @@
-"""`polhode bench`: the main job, cost against accuracy as St grows."""
+"""`polhode bench`, `regimes` and `equal-error`: studies of cost against accuracy."""
 
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from polhode.harness.cli import bad_input
-from polhode.harness.commands.study_filters import filter_options, filtered
-from polhode.harness.commands.study_filters import words as filter_words
-from polhode.harness.commands.study_store import open_store, running_into
+from polhode.harness.commands._study_options import (
+    command_line,
+    filtered,
+    open_store,
+    quick,
+    quiet,
+    resume,
+    running_into,
+    study_options,
+)
+
+if TYPE_CHECKING:
+    from polhode.harness.common.store import Store
+    from polhode.harness.studies.study import Study
 
 
 @click.command(epilog="Example: polhode bench --quick --out look")
-@click.argument("study_file", metavar="[STUDY.toml]", required=False, type=click.Path(path_type=Path))
-@click.option(
-    "--out", type=click.Path(path_type=Path), help="Folder; by default reports/NAME, with the filters' words."
-)
-@click.option("--quick", is_flag=True, help="Fewer tolerances and short time limits: a look, not a result.")
-@click.option("--resume", is_flag=True, help="Take up an interrupted run instead of starting afresh.")
-@filter_options
-@click.option("--quiet", is_flag=True, help="No progress.")
+@study_options
+@click.option("--refit/--no-refit", default=True, help="Whether the main job fits pick's times to this machine.")
 def bench(
-    study_file: Path | None, out: Path | None, quick: bool, resume: bool, quiet: bool, **filters: tuple[str, ...]
+    study_file: Path | None,
+    out: Path | None,
+    quick: bool,
+    resume: bool,
+    quiet: bool,
+    refit: bool,
+    **filters: tuple[str, ...],
 ) -> None:
     """Run a work-precision study and write its page, figures and records.
 
-    The page tells which run is the cheapest, or, of a study of several scenes that does not say otherwise, who gets
-    through.
+    The page shows which run is the cheapest, or, for a study of several scenes that does not say otherwise, which runs
+    succeed.
 
     Without a study file: the paper's triaxial ellipsoid at St = 1e2 to 1e5, by every solver, with the averaged form,
     and a spheroid with the first and the second order of averaging.
-    The main job also fits the costs that `polhode pick` predicts to this machine.
+    This main job also rescales the times that `polhode pick` predicts for this user to this machine, and says so.
 
     An interrupted run keeps its finished cases in FOLDER/store.sqlite and goes on with --resume; a run that starts
     afresh moves them to FOLDER/previous.sqlite.
     """
     from polhode.harness.analysis import outcomes
-    from polhode.harness.calibration.fit import refit
+    from polhode.harness.calibration.fit import refit as refitted
     from polhode.harness.pages import bench as bench_page
     from polhode.harness.picking.laws import load_laws, own_laws_path
     from polhode.harness.studies.runner import Runner
@@ -48,14 +61,78 @@ def bench(
     store = open_store(folder, resume)
     with running_into(store):
         records = Runner(store, quiet).run(study)
-    words = [
-        "polhode bench",
-        *([str(study_file)] if study_file else []),
-        *(["--quick"] if quick else []),
-        *filter_words(filters),
-    ]
     make = bench_page.write_page if study.page == "costs" else outcomes.write_page
-    page = make(study, records, folder, " ".join(words))
-    if study_file is None and not quick and not any(filters.values()):
-        refit(load_laws(), records).save(own_laws_path())
+    page = make(study, records, folder, command_line())
+    if refit and study_file is None and not quick and not any(filters.values()):
+        refitted(load_laws(), records).save(own_laws_path())
+        click.echo(f"{own_laws_path()}: the times of `polhode pick`, fitted to this machine", err=True)
     click.echo(f"{page}")
+
+
+@click.command(epilog="Example: polhode regimes --quick --out look")
+@study_options
+def regimes(
+    study_file: Path | None, out: Path | None, quick: bool, resume: bool, quiet: bool, **filters: tuple[str, ...]
+) -> None:
+    """Measure and draw who wins over St and error: one map for the full solution, one for the slow variables.
+
+    The whole study is some 3600 runs and takes about half an hour: references, then every run up to five times.
+    Finished cases are kept in FOLDER/store.sqlite; --resume measures those that it lacks, which is all of them in an
+    empty folder, and draws the map. --quick, which keeps to St from 0.1 to 1e4, --scene, --form and --solver make it
+    shorter.
+    """
+    from polhode.harness.analysis.regime_map import Parts
+    from polhode.harness.pages.regimes import write_page
+    from polhode.harness.studies.runner import Runner
+    from polhode.harness.studies.study import quick_study, read_study
+
+    with bad_input():
+        study = filtered(read_study(study_file, "regimes"), filters)
+        if quick:
+            some = tuple((name, scene) for name, scene in study.scenes if 0.1 <= scene.stokes <= 1e4)
+            study = replace(quick_study(study), scenes=some or study.scenes)
+        folder = out or Path("reports") / study.name
+    store = open_store(folder, resume)
+    with running_into(store):
+        if not quiet:
+            click.echo(ahead(study, store), err=True)
+        records = Runner(store, quiet).run(Parts(study))
+    click.echo(f"{write_page(study, records, folder, command_line())}")
+
+
+def ahead(study: "Study", store: "Store") -> str:
+    """How much of a study is left to be measured."""
+    from polhode.harness.analysis.regime_map import Parts
+
+    known = store.keys()
+    cases = [case.key in known for batch in Parts(study).batches() for case in batch]
+    return f"{store.path} holds {sum(cases)} of {len(cases)} cases, {len(cases) - sum(cases)} are measured now"
+
+
+@click.command(epilog="Example: polhode equal-error --out look --quick")
+@click.option("--out", type=click.Path(path_type=Path), default=Path("reports/solvers"), show_default=True)
+@quick
+@resume
+@quiet
+def equal_error(out: Path, quick: bool, resume: bool, quiet: bool) -> None:
+    """Compare all solvers at equal error, with every back end, and with the bare library calls.
+
+    About ten minutes; an interrupted run goes on with --resume.
+    """
+    from polhode.harness.pages.footing import Measured, rhs_costs, write_page
+    from polhode.harness.studies.first_runs import first_runs
+    from polhode.harness.studies.overhead import measure, paper_problem
+    from polhode.harness.studies.runner import Runner
+    from polhode.harness.studies.study import quick_study, read_study
+
+    store = open_store(out, resume)
+    problem = paper_problem()
+    overheads = measure(problem, seconds=0.2 if quick else 2.0)
+    firsts = first_runs(problem, [one.solver for one in overheads])
+    found = {}
+    with running_into(store):
+        for name in ("solvers", "spheroid", "backends"):
+            study = read_study(None, name)
+            found[name] = Runner(store, quiet).run(quick_study(study) if quick else study)
+    measured = Measured(**found, overheads=overheads, first_runs=firsts, rhs_costs=rhs_costs(problem))
+    click.echo(f"{write_page(measured, out, command_line())}")

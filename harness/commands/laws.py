@@ -1,4 +1,4 @@
-"""`polhode laws` and `polhode heldout`: what `pick` goes by, and how good it is."""
+"""`polhode calibrate` and `polhode validate`: what `pick` goes by, and how good it is."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ from polhode.harness.cli import RunFailed, bad_input
 FOLDER = Path("reports/pick")
 
 
-@click.command(epilog="Example: polhode laws --resume")
+@click.command(epilog="Example: polhode calibrate --resume")
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=FOLDER, show_default=True)
 @click.option(
     "--to", type=click.Path(path_type=Path, dir_okay=False), help="File for the laws; by default this user's."
@@ -33,7 +33,7 @@ def laws(out: Path, to: Path | None, scenes: int, resume: bool, quiet: bool) -> 
     click.echo(f"{path}: laws of {len(fitted.methods)} methods from {len(records)} runs")
 
 
-@click.command(epilog="Example: polhode heldout --out look")
+@click.command(epilog="Example: polhode validate --out look")
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=FOLDER, show_default=True)
 @click.option("--scenes", type=click.IntRange(min=1), default=40, show_default=True, help="Held-out scenes.")
 @click.option("--seed", type=click.IntRange(min=0), default=1765, show_default=True, help="What they are drawn from.")
@@ -52,7 +52,7 @@ def heldout(out: Path, scenes: int, seed: int, resume: bool, quiet: bool) -> Non
         known = load_laws()
         store = _store(out, "heldout", resume)
     evaluation = evaluate(store, known, scenes, quiet, seed)
-    page = write_pages(out, known, evaluation, f"polhode heldout --scenes {scenes} --seed {seed}")
+    page = write_pages(out, known, evaluation, f"polhode validate --scenes {scenes} --seed {seed}")
     for sentence in summary(evaluation):
         click.echo(sentence)
     click.echo(str(page))

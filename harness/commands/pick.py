@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from polhode.harness.cli import BadInput, bad_input
-from polhode.harness.commands import completers as completion
-from polhode.harness.commands.solve import MOST_SAMPLES
+from polhode.harness.commands import setup
 from polhode.harness.common.text import aligned, duration, on_terminal, scientific, short
 from polhode.solvers.catalogue import SOLVERS
 
@@ -21,7 +20,7 @@ FEW = 8
 
 
 @click.command(epilog="Example: polhode pick paper --error 1e-6 --want slow")
-@click.argument("scene", shell_complete=completion.scenes)
+@click.argument("scene", shell_complete=setup.scene_names)
 @click.option("--error", type=float, default=1e-6, show_default=True, help="Largest error allowed along the run.")
 @click.option(
     "--want",
@@ -42,17 +41,14 @@ def pick(scene: str, error: float, want: str, samples: int, everything: bool, as
     """
     if want == "statistics":
         raise BadInput("--want: got 'statistics', expected 'slow' or 'orientation': one run has no statistics")
-    if not 2 <= samples <= MOST_SAMPLES:
-        raise BadInput(f"--samples: got {samples}, expected a number from 2 to {MOST_SAMPLES}")
     from polhode.harness.common.progress import Progress
 
     with bad_input(), Progress() as progress:
         progress.begin("trial runs at loose tolerances")
+        from polhode.harness import api
         from polhode.harness.calibration.scenes import SAMPLES
-        from polhode.harness.picking.ranking import pick as recommend
-        from polhode.harness.studies.scenes import find_scene
 
-        found = recommend(find_scene(scene), error, want, samples)
+        found = api.pick(scene, error, want, samples)
     if samples > max(SAMPLES):
         measured = f"laws were fitted to runs of {min(SAMPLES)} to {max(SAMPLES)} samples"
         click.echo(f"note: the {measured}; times for {samples} are extrapolated", err=True)

@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from polhode.harness.cli import bad_input
-from polhode.harness.commands import completers as completion
+from polhode.harness.commands import setup
 
 REPORTS = Path("reports")
 
@@ -24,15 +24,15 @@ REPORTS = Path("reports")
     "scenes",
     multiple=True,
     metavar="SCENE",
-    shell_complete=completion.scenes,
+    shell_complete=setup.scene_names,
     help="Show the motion of this scene too; repeatable.",
 )
 @click.option("--quiet", is_flag=True, help="No progress.")
 def report(reports: Path, out: Path | None, scenes: tuple[str, ...], quiet: bool) -> None:
     """Write a web site of all that was found: verdict, costs, averaging, laws, hard cases, claims, motion.
 
-    It shows what `bench`, `regimes`, `accuracy`, `heldout`, `paper` and `bench harness/studies/hard_cases.toml` left in
-    the folder --reports. The pages need no server and no network. What is not there yet is named on them, with the
+    It shows what `bench`, `regimes`, `accuracy`, `validate`, `paper` and `bench harness/studies/hard_cases.toml` left
+    in the folder --reports. The pages need no server and no network. What is not there yet is named on them, with the
     command that makes it.
     """
     from tqdm import tqdm

@@ -1,39 +1,34 @@
-"""`polhode solve`: one scene, written as CSV."""
+"""`polhode solve`: one scene, as a table on the terminal or as CSV."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
 
-from polhode.harness.cli import BadInput, RunFailed, bad_input
-from polhode.harness.commands import completers as completion
+from polhode.harness.cli import RunFailed, bad_input
+from polhode.harness.commands import setup
 
 if TYPE_CHECKING:
+    from polhode.harness.api import Plan, SceneSolution
     from polhode.harness.common.files import PartialFile
     from polhode.harness.common.progress import Progress
-    from polhode.harness.picking.choice import Choice
-    from polhode.models.form import Form
-    from polhode.models.problem import Problem
-    from polhode.models.scene import Scene
-    from polhode.solvers.contract import Record, Solver
+    from polhode.solvers.contract import Record
 
-# A CSV file of more rows would hold gigabytes.
-MOST_SAMPLES = 10_000_000
+# Rows of the table on the terminal, and its columns: the orientation is for files.
+FEW, SHOWN = 11, ["t", "t2", "Lx", "Ly", "Lz", "E"]
 
 
 @click.command(epilog="Example: polhode solve paper --samples 501 --out paper.csv")
-@click.argument("scene", shell_complete=completion.scenes)
+@click.argument("scene", shell_complete=setup.scene_names)
 @click.option(
     "--form",
-    "form_name",
-    shell_complete=completion.forms,
+    shell_complete=setup.form_names,
     help="Form of the equations (`polhode forms`); by default what fits the scene.",
 )
 @click.option(
     "--solver",
-    "solver_name",
-    shell_complete=completion.solvers,
+    shell_complete=setup.solver_names,
     help="Solver (`polhode solvers`); by default what fits the scene.",
 )
 @click.option("--tolerance", type=float, help="The solver's tolerance, from 1e-16 to 1; by default what meets --error.")
@@ -47,20 +42,10 @@ MOST_SAMPLES = 10_000_000
 )
 @click.option("--samples", type=int, default=201, show_default=True, help="Equispaced times, start and end included.")
 @click.option(
-    "--out", type=click.Path(path_type=Path), required=True, help="CSV file to write; - or /dev/stdout to print."
+    "--out", type=click.Path(path_type=Path), help="CSV file to write, - for standard output; by default a short table."
 )
 @click.option("--quiet", is_flag=True, help="No progress and no notes.")
-def solve(
-    scene: str,
-    form_name: str | None,
-    solver_name: str | None,
-    tolerance: float | None,
-    error: float,
-    want: str,
-    samples: int,
-    out: Path,
-    quiet: bool,
-) -> None:
+def solve(scene: str, out: Path | None, quiet: bool, **given: Any) -> None:
     """Solve SCENE and write t, t2, L, E and the rotation matrix at equispaced times.
 
     Until it is complete the file is called FILE.partial; a run that fails or is interrupted leaves that behind. A form
@@ -69,100 +54,85 @@ def solve(
     from polhode.harness.common.files import PartialFile
     from polhode.harness.common.progress import Progress
     from polhode.harness.common.text import duration
-    from polhode.harness.picking.choice import check_tolerance, choose
-    from polhode.harness.studies.scenes import find_scene
-    from polhode.models.catalogue import form as find_form
-    from polhode.solvers.catalogue import solver as find_solver
 
-    if not 2 <= samples <= MOST_SAMPLES:
-        raise BadInput(f"--samples: got {samples}, expected a number from 2 to {MOST_SAMPLES}")
     with Progress(quiet) as progress:
         with bad_input():
-            target = PartialFile(out)
-            what = find_scene(scene)
-            # What is plainly wrong is refused before anything is tried.
-            if tolerance is not None and tolerance > 0:
-                check_tolerance(tolerance)
-            if form_name is not None:
-                find_form(form_name).check(what)
-            if solver_name is not None:
-                find_solver(solver_name)
+            target = PartialFile(out) if out else None
             progress.begin("choosing")
-            choice = choose(what, form_name, solver_name, tolerance, error, want, samples)
-            form = find_form(choice.form)
-            problem = form.problem(what)
-            method = find_solver(choice.solver)
-            if not method.available:
-                raise BadInput(f"--solver: {method.why_not}")
-            method.check(problem)
-            target.open()
+            from polhode.harness.api import plan
+
+            what = plan(scene, **given)
+            if target:
+                target.open()
         if not quiet:
-            click.echo(f"{choice.form} by {choice.solver} at tolerance {choice.tolerance:g}", err=True)
-            for note in [*_notes(choice, tolerance), *_empty(form, what)]:
+            click.echo(f"{what.form.name} by {what.solver.name} at tolerance {what.tolerance:g}", err=True)
+            for note in _notes(what, given["tolerance"]):
                 click.echo(f"note: {note}", err=True)
-        seconds = _write(what, form, problem, method, choice.tolerance, samples, target, progress)
-    if not quiet and target.atomic:
-        click.echo(f"{out}: {samples} rows, solved in {duration(seconds)}", err=True)
+        solution = _run(what, target, progress)
+    if not target:
+        click.echo(_table(solution))
+    elif not quiet and target.atomic:
+        click.echo(f"{out}: {what.samples} rows, solved in {duration(solution.seconds)}", err=True)
 
 
-def _notes(choice: "Choice", tolerance: float | None) -> list[str]:
-    """What the user should know of what is run: that the error will not be met, or has no say."""
+def _notes(what: "Plan", tolerance: float | None) -> list[str]:
+    """What the user should know: that the error will not be met, or has no say, and what stays empty."""
     asked = click.get_current_context().get_parameter_source("error") is not ParameterSource.DEFAULT
-    ruled = "the --tolerance given governs the run: --error is only for choosing one"
-    return [ruled] * (asked and tolerance is not None) + [choice.note] * bool(choice.note)
+    notes = ["the --tolerance given governs the run: --error is only for choosing one"] * (asked and bool(tolerance))
+    notes += [what.note] * bool(what.note)
+    known = what.form.known_axes(what.scene)
+    if len(known) < 3:
+        words = "the symmetry axis alone" if known else "no orientation"
+        empty = ", ".join(f"R{row}1 to R{row}3" for row in (1, 2, 3) if row - 1 not in known)
+        notes.append(f"{what.form.name} knows {words}: {empty} stay empty; --form quaternion gives all")
+    return notes
 
 
-def _empty(form: "Form", scene: "Scene") -> list[str]:
-    """What of the rotation matrix the form does not know, and who does."""
-    known = form.known_axes(scene)
-    if len(known) == 3:
-        return []
-    what = "the symmetry axis alone" if known else "no orientation"
-    empty = ", ".join(f"R{row}1 to R{row}3" for row in (1, 2, 3) if row - 1 not in known)
-    return [f"{form.name} knows {what}: {empty} stay empty; --form quaternion gives all"]
-
-
-def _write(
-    scene: "Scene",
-    form: "Form",
-    problem: "Problem",
-    method: "Solver",
-    tolerance: float,
-    samples: int,
-    target: "PartialFile",
-    progress: "Progress",
-) -> float:
-    """Solve and write; the seconds that the solver took.
+def _run(what: "Plan", target: "PartialFile | None", progress: "Progress") -> "SceneSolution":
+    """Solve, and write what is finished.
 
     Raises
     ------
     RunFailed
-        If the run fails or is interrupted, or the disk is full; finished rows are written.
+        If the run fails or is interrupted, or the disk is full.
     """
-    import numpy as np
+    from contextlib import nullcontext
 
-    from polhode.harness.common.observables_csv import write_header, write_rows
+    from polhode.harness.common.observables_csv import write_csv
     from polhode.solvers.solve import Interrupted
-    from polhode.solvers.solve import solve as run
 
     def watch(record: "Record") -> None:
-        progress.begin(f"solving by {method.name}", lambda: record.reached / problem.end)
+        progress.begin(f"solving by {what.solver.name}", lambda: record.reached / what.problem.end)
 
     progress.begin("compiling")
-    how, times = "", np.linspace(0.0, problem.end, samples)
+    how = ""
     try:
-        with target as file:
-            write_header(file)
+        with target or nullcontext() as file:
             try:
-                solution = run(problem, method, tolerance, times, watch=watch)
+                solution = what.run(watch)
             except Interrupted as interruption:
-                solution, how = interruption.solution, "interrupted"
-            reached = solution.times * problem.time_unit
+                solution, how = what.observed(interruption.solution), "interrupted"
             progress.begin("writing")
-            write_rows(file, scene, reached, form.observe(scene, solution.states), progress.advance)
+            if file:
+                write_csv(file, solution.frame(), progress.advance)
             if how or not solution.success:
-                rows = f"{len(reached)} of {samples} rows are in {target.partial}"
+                where = f"in {target.partial}" if target else "finished"
+                rows = f"{len(solution.times)} of {what.samples} rows are {where}"
                 raise RunFailed(f"{how or solution.status}: {rows}. {solution.message}".strip())
     except OSError as full:
-        raise RunFailed(f"{target.path}: {full.strerror or full}, expected room for {samples} rows") from None
-    return solution.seconds
+        place = target.path if target else "-"
+        raise RunFailed(f"{place}: {full.strerror or full}, expected room for {what.samples} rows") from None
+    return solution
+
+
+def _table(solution: "SceneSolution") -> str:
+    """Some of the rows for the terminal, the first and the last among them, and where the others are."""
+    import numpy as np
+
+    from polhode.harness.common.text import aligned
+
+    frame = solution.frame()
+    some = frame[SHOWN].iloc[np.linspace(0, len(frame) - 1, min(FEW, len(frame))).round().astype(int)]
+    rows = [["–" if value != value else f"{value:.6g}" for value in row] for row in some.to_numpy().tolist()]
+    note = f"{len(rows)} of {len(frame)} rows; --out FILE.csv writes all, in full and with the rotation matrix"
+    return f"{aligned(SHOWN, rows)}\n\n{note}"

@@ -1,4 +1,4 @@
-"""`polhode sweep`: ensembles over a grid of shapes and Stokes numbers, on one machine or many."""
+"""`polhode sweep` and `throughput`: ensembles over a grid of shapes and Stokes numbers, and what they cost."""
 
 import json
 import os
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from polhode.harness.cli import BadInput, RunFailed, bad_input
+from polhode.harness.commands._study_options import running_into
 
 if TYPE_CHECKING:
     from polhode.harness.ensembles.engines import Engine
@@ -58,26 +59,32 @@ def sweep(
             raise BadInput(f"{error}, expected one of an earlier run or none") from None
         except StoreFailedError as error:
             raise RunFailed(f"{error}; --resume goes on") from None
-    with store:
+    with running_into(store, "tasks"):
         try:
             tally = run_sweep(what, store, engine, quiet=quiet, spread=resume)
-        except KeyboardInterrupt:
-            raise RunFailed(f"interrupted: finished tasks are in {path}, --resume goes on") from None
-        except DamagedStoreError as error:
+            if tally.failed:
+                raise RunFailed(f"{tally.failed} of {what.size} tasks failed, --resume tries again: {tally.message}")
+            page, ensembles = write_results(what, store, folder)
+        except ValueError as error:
             raise RunFailed(str(error)) from None
         except (StoreFailedError, OSError) as error:
             raise RunFailed(f"{error}; finished tasks are in {path}, --resume goes on") from None
-        if tally.failed:
-            raise RunFailed(f"{tally.failed} of {what.size} tasks failed, --resume tries again: {tally.message}")
-        try:
-            page, ensembles = write_results(what, store, folder)
-        except (DamagedStoreError, ValueError) as error:
-            raise RunFailed(str(error)) from None
-        except OSError as error:
-            raise RunFailed(f"{error}; all tasks are finished, --resume writes the tables") from None
-        except KeyboardInterrupt:
-            raise RunFailed("interrupted: all tasks are finished, --resume writes the tables") from None
-        click.echo(json.dumps(ensembles) if as_json else f"{page}")
+    click.echo(json.dumps(ensembles) if as_json else f"{page}")
+
+
+@click.command(epilog="Example: polhode throughput --out look")
+@click.option("--out", type=click.Path(path_type=Path), default=Path("reports/sweep"), show_default=True)
+def throughput(out: Path) -> None:
+    """Measure what ensembles cost on this machine: particles per second, engines, memory.
+
+    Some ten minutes on a quiet machine; writes a page and throughput.json into the folder --out.
+    """
+    from polhode.harness.ensembles.throughput import measure
+    from polhode.harness.pages.ensembles import write_page
+
+    with bad_input():
+        out.mkdir(parents=True, exist_ok=True)
+    click.echo(f"{write_page(measure(), out)}")
 
 
 def _engine(workers: int | None, address: str | None) -> "Engine":

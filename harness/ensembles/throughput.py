@@ -1,4 +1,4 @@
-"""What ensembles cost, measured on a quiet machine: ``python -m polhode.harness.ensembles.throughput [FOLDER]``.
+"""What ensembles cost, measured on a quiet machine (`polhode throughput`).
 
 Throughput per core is measured in one process at a time; two processes are compared with one as wall time, at the end.
 """
@@ -8,20 +8,17 @@ import resource
 import sys
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from time import perf_counter, process_time
 from typing import Any
 
 import numpy as np
 
-from polhode.harness.common.files import PartialFile
 from polhode.harness.common.machine import machine, versions
 from polhode.harness.common.timing import Patience, collector_off, sentinel
 from polhode.harness.common.worker import Worker
 from polhode.harness.ensembles.engines import Outcome, Processes, Serial
 from polhode.harness.ensembles.ensemble import Ensemble, Task, run_task
 from polhode.harness.ensembles.starts import Starts
-from polhode.harness.pages.ensembles import page
 from polhode.models.catalogue import form as find_form
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
@@ -40,11 +37,10 @@ LIMIT = 3600.0
 Row = dict[str, Any]
 
 
-def main(folder: Path) -> None:
-    """Measure everything and write ``throughput.json`` and ``README.md`` into a folder."""
-    folder.mkdir(parents=True, exist_ok=True)
+def measure() -> Row:
+    """Everything that `polhode.harness.pages.ensembles` shows."""
     steady = sentinel()
-    found = {
+    return {
         "settings": {
             "stokes": STOKES,
             "slow_time": SLOW_TIME,
@@ -63,9 +59,6 @@ def main(folder: Path) -> None:
         "versions": versions(),
         "sentinel_seconds": [steady, sentinel()],
     }
-    for name, text in (("throughput.json", json.dumps(found, indent=1) + "\n"), ("README.md", page(found))):
-        with PartialFile(folder / name) as file:
-            file.write(text)
 
 
 def full_throughput(name: str, shape: Ellipsoid, particles: int = 2048) -> Row:
@@ -247,7 +240,3 @@ def _alternate(*functions: Callable[[], Any]) -> list[tuple[float, Any]]:
                 function()
                 best[k] = min(best[k], process_time() - began)
     return list(zip(best, results, strict=True))
-
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path("reports/sweep"))

@@ -1,7 +1,10 @@
-"""The page of `polhode.harness.ensembles.throughput`: what ensembles cost, and what large sweeps would."""
+"""The page of `polhode throughput`: what ensembles cost, and what large sweeps would."""
 
+import json
+from pathlib import Path
 from typing import Any
 
+from polhode.harness.common.files import PartialFile
 from polhode.harness.common.text import markdown, scientific
 
 # Sweeps whose cost is laid out: equations, particles, St; the first two are 10⁹ particle·St.
@@ -16,6 +19,14 @@ BLOCK = 100_000
 Found = dict[str, Any]
 
 
+def write_page(found: Found, folder: Path) -> Path:
+    """Write ``throughput.json`` and ``README.md`` into a folder; returns the page's path."""
+    for name, text in (("throughput.json", json.dumps(found, indent=1) + "\n"), ("README.md", page(found))):
+        with PartialFile(folder / name) as file:
+            file.write(text)
+    return folder / "README.md"
+
+
 def page(found: Found) -> str:
     """The measured figures as a page."""
     settings = found["settings"]
@@ -23,7 +34,7 @@ def page(found: Found) -> str:
         [
             "# What ensembles cost\n",
             f"St = {settings['stokes']:g}, t₂ = {settings['slow_time']:g}, isotropic starts of |L| = 0.7 I_max, on "
-            f"{found['machine']['processor']}. Made by `python -m polhode.harness.ensembles.throughput`; "
+            f"{found['machine']['processor']}. Made by `polhode throughput`; "
             "the numbers are in [throughput.json](throughput.json). Processor time, the least of "
             f"{settings['rounds']} runs in turns, one process at a time.\n",
             f"## Full equations, Taylor at tolerance {settings['tolerance']:g}, particles per second and core\n",

@@ -83,7 +83,7 @@ def why_nothing(refusals: Sequence[Refusal], largest: float = inf) -> str:
     else:
         why = Counter(refusal.reason for refusal in last).most_common(1)[0][0]
     if furthest is Stage.LAW:
-        why = f"what takes the scene has {why}; `polhode laws` measures"
+        why = f"what takes the scene has {why}; `polhode calibrate` measures"
     absent = dict.fromkeys(refusal.reason for refusal in refusals if refusal.stage is Stage.LIBRARY)
     return why if furthest is Stage.LIBRARY else "; ".join((why, *absent))
 

@@ -24,7 +24,7 @@ from polhode.solvers.catalogue import solver as find_solver
 
 TITLE = "Cost laws"
 LEAD = "What `pick` believes a run will cost, against what runs cost that were not used to fit its laws."
-HELD_OUT = "polhode heldout"
+HELD_OUT = "polhode validate"
 PACED = "seconds_at_usual_pace"
 # What is compared with "…_predicted", its measured column, and its name.
 KINDS = {"seconds": (PACED, "time, s"), "slow_error": ("slow_error", "error of L and E, over I_max")}
@@ -74,7 +74,7 @@ def laws_page(sources: Sources, tell: Callable[[str], None]) -> Page:
     try:
         laws = load_laws()
     except (OSError, ValueError, KeyError) as error:
-        body.append(missing(f"The laws ({error!r}) are", "polhode laws"))
+        body.append(missing(f"The laws ({error!r}) are", "polhode calibrate"))
         return Page("laws", TITLE, LEAD, "".join(body), tuple(commands), (), data, SCRIPTS)
     found = [each for study in sources.studies.values() for each in compare(study, laws, tell)]
     if found:

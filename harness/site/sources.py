@@ -182,5 +182,5 @@ def _predictions(path: Path) -> list[Record]:
     for row in rows:
         for name in PREDICTED:
             if name not in row:
-                raise ValueError(f"a row without {name!r}, expected those of `polhode heldout`")
+                raise ValueError(f"a row without {name!r}, expected those of `polhode validate`")
     return rows

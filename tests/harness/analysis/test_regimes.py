@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from polhode.harness.analysis.regime_map import Method, cells, cost, front, parts, sentences, standings
-from polhode.harness.commands.regimes import ahead, regimes
+from polhode.harness.commands.bench import ahead, regimes
 from polhode.harness.common.store import Store
 from polhode.harness.pages.regime_text import horizon, scatter
 from polhode.harness.pages.regimes import COLORS, draw, picture, write_page

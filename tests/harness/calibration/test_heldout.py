@@ -87,7 +87,7 @@ def test_held_out_shares_and_pages(tmp_path):
     assert found.bounded == pytest.approx(2 / 3)
     assert not found.reached
     assert outcomes[1].factor == inf
-    page = write_pages(tmp_path, load_laws(), found, "polhode heldout").read_text(encoding="utf-8")
+    page = write_pages(tmp_path, load_laws(), found, "polhode validate").read_text(encoding="utf-8")
     assert all(sentence in page for sentence in summary(found))
     assert (tmp_path / "predicted.png").stat().st_size > 10_000
     assert len((tmp_path / "scenes.csv").read_text().splitlines()) == 3

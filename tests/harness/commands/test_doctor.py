@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from commandline import Run
 
-from polhode.harness.commands import diagnosis as doctor
-from polhode.harness.commands.diagnosis import Cache, Steadiness, examine, look
+from polhode.harness.commands import setup
+from polhode.harness.commands.setup import examine, look, steady
 from polhode.harness.picking.laws import parse_laws
 from polhode.solvers.catalogue import SOLVERS
 
@@ -35,49 +35,50 @@ def test_page_is_plain_where_it_is_no_terminal(polhode: Run):
 def test_what_is_missing_is_named_with_its_remedy(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("polhode.solvers.contract.installed", lambda library: library != "CyRK")
     found = examine(watch=0.0)
-    missing = [row["name"] for row in found.adapters if not row["available"]]
+    missing = [row["name"] for row in found["adapters"] if not row["available"]]
     assert missing == [name for name in SOLVERS if name.startswith("cyrk-")]
-    assert "cyrk-vern8: cyrk is not installed: pip install cyrk" in found.advice
+    assert "cyrk-vern8: cyrk is not installed: pip install cyrk" in found["advice"]
 
 
 def test_laws_are_named_for_what_they_are(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
-    """As `bench` and `laws` leave them: those that were merely rescaled count the runs, not the fit."""
+    """As `bench` and `calibrate` leave them: those that were merely rescaled count the runs, not the fit."""
     own = tmp_path / "laws.json"
-    monkeypatch.setattr(doctor, "own_laws_path", lambda: own)
-    assert examine(watch=0.0).laws == "those of the package"
+    monkeypatch.setattr("polhode.harness.picking.laws.own_laws_path", lambda: own)
+    assert examine(watch=0.0)["laws"] == "those of the package"
     laws = parse_laws((files("polhode.harness.picking") / "laws.json").read_text(encoding="utf-8"))
     fitted = {name: value for name, value in laws.source.items() if name != "refitted"}
     replace(laws, source=fitted).save(own)
-    assert examine(watch=0.0).laws == f"fitted on this machine: {own}"
+    assert examine(watch=0.0)["laws"] == f"fitted on this machine: {own}"
     replace(laws, source={**fitted, "refitted": 412}).save(own)
-    assert examine(watch=0.0).laws == f"times rescaled by 412 runs of this machine: {own}"
+    assert examine(watch=0.0)["laws"] == f"times rescaled by 412 runs of this machine: {own}"
     own.write_text('{"schema": "of another version"}', encoding="utf-8")
-    assert examine(watch=0.0).laws == f"those of the package; passed over, since of another version: {own}"
+    assert examine(watch=0.0)["laws"] == f"those of the package; passed over, since of another version: {own}"
     own.write_text("{", encoding="utf-8")
-    assert examine(watch=0.0).laws.startswith("cannot be read")
+    assert examine(watch=0.0)["laws"].startswith("cannot be read")
 
 
 def test_a_cache_is_counted(tmp_path: Path):
     (tmp_path / "deep").mkdir()
     (tmp_path / "deep" / "one").write_bytes(b"12345")
     (tmp_path / "two").write_bytes(b"123")
-    assert look("files", tmp_path) == Cache("files", tmp_path, files=2, size=8, writable=True)
-    absent = look("files", tmp_path / "not" / "yet")
-    assert (absent.files, absent.size, absent.writable) == (0, 0, True)
+    found = {"name": "files", "folder": tmp_path, "files": 2, "size": 8, "writable": True}
+    assert look("files", tmp_path) == found
+    absent = tmp_path / "not" / "yet"
+    assert look("files", absent) == {**found, "folder": absent, "files": 0, "size": 0}
 
 
 def test_a_place_that_is_no_folder_is_no_cache(tmp_path: Path):
     (tmp_path / "file").write_text("")
-    assert not look("files", tmp_path / "file" / "cache").writable
+    assert not look("files", tmp_path / "file" / "cache")["writable"]
 
 
 @pytest.mark.parametrize(
-    ("ratio", "load", "steady"), [(1.0, 0.0, True), (1.02, None, True), (1.2, 0.0, False), (1.0, 2.0, False)]
+    ("ratio", "load", "expected"), [(1.0, 0.0, True), (1.02, None, True), (1.2, 0.0, False), (1.0, 2.0, False)]
 )
-def test_steadiness(ratio: float, load: float | None, steady: bool):
-    assert Steadiness(1e-3, ratio, load).steady is steady
+def test_steadiness(ratio: float, load: float | None, expected: bool):
+    assert steady({"seconds": 1e-3, "ratio": ratio, "load": load}) is expected
 
 
 def test_advice_on_an_unsteady_machine(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(doctor, "watch_sentinel", lambda _: Steadiness(1e-3, 1.5, None))
-    assert any("noisy" in line for line in examine(watch=0.0).advice)
+    monkeypatch.setattr(setup, "watch_sentinel", lambda _: {"seconds": 1e-3, "ratio": 1.5, "load": None})
+    assert any("noisy" in line for line in examine(watch=0.0)["advice"])

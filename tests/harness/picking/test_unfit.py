@@ -55,7 +55,7 @@ def test_an_error_that_is_refused_comes_with_one_that_is_not(scene: Scene, error
 def test_without_laws_rounding_is_not_blamed():
     text = refusal(named_scene("paper"), 1e-6, laws=replace(load_laws(), methods={}))
     assert "no law" in text
-    assert "`polhode laws` measures" in text
+    assert "`polhode calibrate` measures" in text
     assert "rounding" not in text
 
 

@@ -41,7 +41,7 @@ COMMANDS = {
     "index": "polhode bench",
     "cost": "polhode bench",
     "accuracy": "polhode accuracy",
-    "laws": "polhode heldout",
+    "laws": "polhode validate",
     "hard": "polhode bench harness/studies/hard_cases.toml",
     "paper": "polhode paper",
 }

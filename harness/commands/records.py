@@ -1,4 +1,4 @@
-"""`polhode compare`: two saved runs, and what got worse."""
+"""`polhode export` and `compare`: what to do with saved records."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,6 +13,28 @@ if TYPE_CHECKING:
 ABOVE_ONE = click.FloatRange(min=1.0, min_open=True)
 
 
+@click.command(epilog="Example: polhode export reports/bench/store.sqlite bench.csv")
+@click.argument("store", type=click.Path(path_type=Path))
+@click.argument("out", type=click.Path(path_type=Path))
+def export(store: Path, out: Path) -> None:
+    """Write the records of STORE to OUT, as CSV or JSON Lines by its ending.
+
+    Numbers that JSON has no sign for are the words "Infinity", "-Infinity" and "NaN"; nested results are JSON in CSV's
+    cells. The file is called OUT.partial until it is complete.
+    """
+    from polhode.harness.common.store import DamagedStoreError, Store
+    from polhode.harness.common.store import export as write
+
+    if not store.is_file() or store.stat().st_size == 0:
+        raise BadInput(f"{store}: no such store, expected a file of `polhode bench`")
+    with bad_input():
+        try:
+            with Store(store) as opened:
+                write(opened.records(), out)
+        except DamagedStoreError as error:
+            raise BadInput(str(error)) from None
+
+
 @click.command(epilog="Example: polhode compare before.json after.json --slower 1.3")
 @click.argument("before", type=click.Path(path_type=Path))
 @click.argument("after", type=click.Path(path_type=Path))
@@ -24,7 +46,7 @@ def compare(before: Path, after: Path, slower: float, less_accurate: float, as_j
 
     Each is a JSON file of the benchmark suite, a folder of such files from repeated runs, of which the shortest time
     counts, a store (.sqlite) of `polhode bench`, or its export (.jsonl). Cases are matched by scene, form, solver and
-    tolerance; times are corrected for the machine's drift, which a fixed piece of arithmetic tells, and count as longer
+    tolerance. Times are corrected for the machine's drift, measured by a fixed piece of arithmetic, and count as longer
     only beyond the scatter of the repeated runs.
     """
     from polhode.harness.analysis.comparison import compare as compare_runs
@@ -45,24 +67,18 @@ def compare(before: Path, after: Path, slower: float, less_accurate: float, as_j
         numbers = {"shared": found.shared, "only_before": found.only_before, "only_after": found.only_after}
         click.echo(dumps({**numbers, "drift": found.drift, "same_machine": found.same_machine, "regressions": worse}))
     else:
-        click.echo(_words(found))
-        _print(worse)
+        click.echo(_in_words(found, worse))
     if worse:
         raise RunFailed(f"regressions: {len(worse)} in {found.shared} cases")
 
 
-def _words(found: "Comparison") -> str:
+def _in_words(found: "Comparison", worse: list[dict]) -> str:
+    from polhode.harness.common.text import aligned
+
     pace = f"the machine takes {found.drift:.2f} times as long"
     if not found.same_machine:
         pace = "another machine or Python: times as they are"
-    return f"{found.shared} cases compared, {found.only_before} gone, {found.only_after} new; {pace}"
-
-
-def _print(worse: list[dict]) -> None:
-    from polhode.harness.common.text import aligned
-
-    if not worse:
-        return
+    counts = f"{found.shared} cases compared, {found.only_before} gone, {found.only_after} new; {pace}"
     header = ["scene_name", "stokes", "form", "solver", "tolerance", "what", "before", "after"]
     rows = [[f"{row[name]:.3g}" if isinstance(row[name], float) else row[name] for name in header] for row in worse]
-    click.echo(aligned(["scene", "St", *header[2:]], rows))
+    return "\n".join([counts, *([aligned(["scene", "St", *header[2:]], rows)] if rows else [])])

@@ -1,0 +1,106 @@
+"""What the commands that measure share: their options, the store they run into, and the line that was typed."""
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from click.core import ParameterSource
+
+from polhode.harness.cli import BadInput, RunFailed, bad_input
+
+if TYPE_CHECKING:
+    from polhode.harness.common.store import Store
+    from polhode.harness.studies.study import Study
+
+KINDS = {
+    "scenes": ("--scene", "Only this scene of the study; may be given several times."),
+    "tags": ("--tag", "Only scenes with this tag; may be given several times."),
+    "forms": ("--form", "Only this form; may be given several times."),
+    "solvers": ("--solver", "Only this solver; may be given several times."),
+}
+# Options that change nothing in what is measured.
+ASIDE = ("out", "resume", "quiet", "refit", "as_json", "page_only")
+quick = click.option("--quick", is_flag=True, help="Fewer tolerances and short time limits: a look, not a result.")
+resume = click.option("--resume", is_flag=True, help="Take up an interrupted run instead of starting afresh.")
+quiet = click.option("--quiet", is_flag=True, help="No progress.")
+
+
+def study_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add [STUDY.toml], --out, --quick, --resume, --quiet, and --scene, --tag, --form, --solver as `filters`."""
+    for name, (option, text) in reversed(KINDS.items()):
+        command = click.option(option, name, multiple=True, help=text)(command)
+    out = click.option(
+        "--out", type=click.Path(path_type=Path), help="Folder; by default reports/NAME, with the filters' words."
+    )
+    file = click.argument("study_file", metavar="[STUDY.toml]", required=False, type=click.Path(path_type=Path))
+    return file(out(quick(resume(quiet(command)))))
+
+
+def filtered(study: "Study", filters: Mapping[str, tuple[str, ...]]) -> "Study":
+    """The part of a study that is wanted, under a name of its own; all of it where nothing is said.
+
+    Raises
+    ------
+    ValueError
+        If nothing is left.
+    """
+    from dataclasses import replace
+
+    from polhode.harness.studies.filters import chosen
+
+    values = [value for kind in KINDS for value in filters[kind]]
+    return replace(chosen(study, **filters), name="-".join([study.name, *values])) if values else study
+
+
+def command_line() -> str:
+    """The command as it was given, without the options that change nothing in what is measured."""
+    context = click.get_current_context()
+    words = [context.command_path]
+    for parameter in context.command.params:
+        name = parameter.name or ""
+        if name in ASIDE or context.get_parameter_source(name) is ParameterSource.DEFAULT:
+            continue
+        value = context.params[name]
+        option = parameter.opts[:1] if isinstance(parameter, click.Option) else []
+        for each in value if isinstance(value, tuple) else [value]:
+            words += option if each is True else [*option, str(each)]
+    return " ".join(words)
+
+
+def open_store(folder: Path, resume: bool) -> "Store":
+    """Open FOLDER/store.sqlite, made with its folder; a run that starts afresh moves the last one's aside.
+
+    Raises
+    ------
+    BadInput
+        If the folder cannot be made, or the file is no store.
+    """
+    from polhode.harness.common.store import DamagedStoreError, Store
+
+    with bad_input():
+        folder.mkdir(parents=True, exist_ok=True)
+        # With what SQLite has put beside it.
+        for ending in () if resume else ("", "-wal", "-shm"):
+            (folder / f"previous.sqlite{ending}").unlink(missing_ok=True)
+            if (folder / f"store.sqlite{ending}").exists():
+                (folder / f"store.sqlite{ending}").rename(folder / f"previous.sqlite{ending}")
+        try:
+            return Store(folder / "store.sqlite")
+        except DamagedStoreError as error:
+            raise BadInput(f"{error}, expected one of an earlier run or none") from None
+
+
+@contextmanager
+def running_into(store: "Store", what: str = "cases") -> Iterator[None]:
+    """Close the store in any case; say how to go on after Ctrl-C, and what is wrong with a damaged store."""
+    from polhode.harness.common.store import DamagedStoreError
+
+    with store:
+        try:
+            yield
+        except KeyboardInterrupt:
+            raise RunFailed(f"interrupted: finished {what} are in {store.path}, --resume goes on") from None
+        except DamagedStoreError as error:
+            raise RunFailed(str(error)) from None

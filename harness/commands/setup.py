@@ -1,0 +1,176 @@
+"""`polhode doctor` and `completion`: whether polhode can work here, and what Tab offers."""
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import click
+from click.shell_completion import CompletionItem, get_completion_class
+
+from polhode.harness.common.text import aligned, duration
+
+# Seconds over which the sentinel is watched.
+WATCH = 1.0
+# On a machine fit for timing its median exceeds its minimum by less than this factor, and fewer processes than this
+# wait for each core.
+STEADY, BUSY = 1.05, 0.5
+
+
+def scene_names(context: click.Context, parameter: click.Parameter, typed: str) -> list[CompletionItem]:
+    """Built-in scenes with what is hard about them; scene files where none begins so."""
+    from polhode.models.scenes import SCENES
+
+    found = [CompletionItem(name, help=each.summary) for name, each in SCENES.items() if name.startswith(typed)]
+    return found or [CompletionItem(typed, type="file")]
+
+
+def form_names(context: click.Context, parameter: click.Parameter, typed: str) -> list[CompletionItem]:
+    """Forms of the catalogue."""
+    from polhode.models.catalogue import FORMS, form
+
+    return [CompletionItem(name, help=form(name).summary) for name in FORMS if name.startswith(typed)]
+
+
+def solver_names(context: click.Context, parameter: click.Parameter, typed: str) -> list[CompletionItem]:
+    """Solvers of the catalogue."""
+    from polhode.solvers.catalogue import SOLVERS, solver
+
+    return [CompletionItem(name, help=solver(name).summary) for name in SOLVERS if name.startswith(typed)]
+
+
+@click.command(epilog='Example: polhode completion bash; eval "$(polhode completion bash)"')
+@click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]), metavar="SHELL")
+def completion(shell: str) -> None:
+    """Print the script that makes SHELL complete commands, options, scenes, forms and solvers by Tab.
+
+    Put eval "$(polhode completion bash)" into ~/.bashrc, the same with zsh into ~/.zshrc, or for fish: polhode
+    completion fish > ~/.config/fish/completions/polhode.fish
+    """
+    from polhode.harness.cli import polhode
+
+    found = get_completion_class(shell)
+    assert found is not None
+    click.echo(found(polhode, {}, "polhode", "_POLHODE_COMPLETE").source())
+
+
+@click.command(epilog="Example: polhode doctor --json")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def doctor(as_json: bool) -> None:
+    """Show versions, solvers that can be run, caches, and whether times measured now would mean anything."""
+    found = examine()
+    click.echo(json.dumps(found, default=str) if as_json else _page(found))
+
+
+def examine(watch: float = WATCH) -> dict[str, Any]:
+    """All that `polhode doctor` shows; takes a little longer than `watch` seconds."""
+    from importlib.metadata import version
+
+    from polhode.harness.common.machine import machine, versions
+    from polhode.solvers.catalogue import SOLVERS, solver
+    from polhode.solvers.compile import cache_folder
+
+    adapters = [
+        {
+            "name": name,
+            "package": method.package,
+            "version": version(method.package) if method.available else None,
+            "available": method.available,
+            "why_not": method.why_not,
+        }
+        for name, method in ((name, solver(name)) for name in SOLVERS)
+    ]
+    caches = [look("references", cache_folder() / "references"), look("compiled integrators", cache_folder("heyoka"))]
+    steadiness = watch_sentinel(watch)
+    advice = [f"{row['name']}: {row['why_not']}" for row in adapters if not row["available"]]
+    advice += [
+        f"{cache['folder']}: cannot be written, so that {cache['name']} are made anew every time: "
+        "set POLHODE_CACHE to a folder of yours"
+        for cache in caches
+        if not cache["writable"]
+    ]
+    if not steady(steadiness):
+        advice.append("times measured now are noisy: stop other work, then look again (errors and counts are fine)")
+    return {
+        "machine": machine(),
+        "versions": versions(),
+        "adapters": adapters,
+        "caches": caches,
+        "laws": _laws(),
+        "steadiness": steadiness,
+        "advice": advice,
+    }
+
+
+def _laws() -> str:
+    """Whose cost laws `pick` uses: laws of another version are passed over, unreadable ones are named."""
+    from polhode.harness.picking.laws import OtherSchemaError, own_laws_path, parse_laws
+
+    own = own_laws_path()
+    if not own.is_file():
+        return "those of the package"
+    try:
+        source = parse_laws(own.read_text(encoding="utf-8")).source
+    except OtherSchemaError:
+        return f"those of the package; passed over, since of another version: {own}"
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        return f"cannot be read ({error}), remove them to use those of the package: {own}"
+    if "refitted" in source:
+        return f"times rescaled by {source['refitted']} runs of this machine: {own}"
+    return f"fitted on this machine: {own}"
+
+
+def look(name: str, folder: Path) -> dict[str, Any]:
+    """What a cache holds; a folder that does not exist yet counts as writable if it could be made."""
+    sizes = [path.stat().st_size for path in folder.rglob("*") if path.is_file()]
+    above = next((path for path in (folder, *folder.parents) if path.exists()), Path("/"))
+    writable = above.is_dir() and os.access(above, os.W_OK)
+    return {"name": name, "folder": folder, "files": len(sizes), "size": sum(sizes), "writable": writable}
+
+
+def watch_sentinel(seconds: float) -> dict[str, float | None]:
+    """A fixed piece of arithmetic, repeated for some seconds: its minimum, median over minimum, load per core."""
+    from statistics import median
+    from time import perf_counter
+
+    from polhode.harness.common.timing import sentinel
+
+    times, until = [sentinel()], perf_counter() + seconds
+    while perf_counter() < until:
+        times.append(sentinel())
+    try:
+        load = os.getloadavg()[0] / (os.cpu_count() or 1)
+    except OSError:
+        load = None
+    return {"seconds": min(times), "ratio": median(times) / min(times), "load": load}
+
+
+def steady(steadiness: dict[str, float | None]) -> bool:
+    """Whether times measured now mean something."""
+    return (steadiness["ratio"] or 1.0) <= STEADY and (steadiness["load"] or 0.0) <= BUSY
+
+
+def _page(found: dict[str, Any]) -> str:
+    states = {True: click.style("ready", fg="green"), False: click.style("missing", fg="red", bold=True)}
+    adapters = [
+        [row["name"], f"{row['package']} {row['version'] or ''}".strip(), states[row["available"]]]
+        for row in found["adapters"]
+    ]
+    caches = [
+        [cache["name"], str(cache["folder"]), f"{cache['files']} files, {cache['size'] / 1e6:.1f} MB"]
+        for cache in found["caches"]
+    ]
+    steadiness, load = found["steadiness"], found["steadiness"]["load"]
+    waiting = "unknown" if load is None else f"{load:.2f} waiting per core"
+    good = steady(steadiness)
+    verdict = click.style("steady" if good else "unsteady", fg="green" if good else "red", bold=not good)
+    seconds = duration(steadiness["seconds"])
+    parts = [
+        aligned(["machine", ""], [*found["machine"].items()]),
+        aligned(["package", "version"], [*found["versions"].items()]),
+        aligned(["solver", "library", ""], adapters),
+        aligned(["cache", "folder", ""], [*caches, ["cost laws", found["laws"], ""]]),
+        f"times: {verdict}; sentinel {seconds}, median {steadiness['ratio']:.2f} × that; load {waiting}",
+        *(["\n".join(["What to do:", *(f"- {line}" for line in found["advice"])])] if found["advice"] else []),
+    ]
+    return "\n\n".join(parts)

@@ -1,0 +1,126 @@
+"""`polhode shape`, `scenes`, `forms` and `solvers`: what there is, on the terminal or as JSON."""
+
+import json
+from typing import Any
+
+import click
+
+from polhode.harness.cli import BadInput, bad_input
+from polhode.harness.commands import setup
+from polhode.harness.common.text import aligned, on_terminal
+
+as_json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+
+
+@click.command(
+    epilog="Example: polhode shape 1 0.8 0.5",
+    # Negative numbers are values here, to be refused as such.
+    context_settings={"ignore_unknown_options": True},
+)
+@click.argument("semi_axes", nargs=-1, type=float, metavar="A B C")
+@as_json_option
+def shape(semi_axes: tuple[float, ...], as_json: bool) -> None:
+    """Print inertia, resistance and kind of the ellipsoid with semi-axes A, B, C, in any unit and order."""
+    from polhode.models.shape import Ellipsoid
+
+    if len(semi_axes) != 3:
+        raise BadInput(f"A B C: got {len(semi_axes)} numbers, expected 3")
+    a, b, c = semi_axes
+    with bad_input():
+        ellipsoid = Ellipsoid((a, b, c))
+    names = ("semi_axes", "inertia", "resistance", "kind", "stokes_star_per_stokes")
+    content = {name: getattr(ellipsoid, name) for name in names}
+    if as_json:
+        click.echo(json.dumps(content))
+        return
+    for name, value in content.items():
+        click.echo(f"{name:24}{_text(value)}")
+    click.echo(f"\n{_UNITS}")
+
+
+_UNITS = (
+    "Inertia in units of ρ l⁵, resistance of 8π μ l³, with density ρ of the particle, viscosity μ of the fluid and\n"
+    "the longest semi-axis l. St* = St I/(8π X) about the symmetry axis of a spheroid."
+)
+
+
+def _text(value: object) -> str:
+    if isinstance(value, tuple):
+        return "  ".join(map(_text, value))
+    return "–" if value is None else f"{value:.15g}" if isinstance(value, float) else str(value)
+
+
+@click.command(epilog="Example: polhode scenes paper > mine.toml")
+@click.argument("scene", required=False, shell_complete=setup.scene_names)
+@as_json_option
+def scenes(scene: str | None, as_json: bool) -> None:
+    """List the built-in scenes; with SCENE, print it as a scene file, to start one of your own from."""
+    from polhode.harness.studies.scenes import find_scene
+    from polhode.models.scene_file import scene_table
+    from polhode.models.scenes import SCENES
+
+    if scene is not None:
+        with bad_input():
+            table = scene_table(find_scene(scene))
+        click.echo(json.dumps(table) if as_json else scene_text(table), nl=as_json)
+    elif as_json:
+        click.echo(json.dumps([{"name": name, "summary": each.summary} for name, each in SCENES.items()]))
+    else:
+        click.echo(aligned(["name", "summary"], [[name, each.summary] for name, each in SCENES.items()]))
+
+
+def scene_text(table: dict[str, Any]) -> str:
+    """A scene file with the contents of `polhode.models.scene_file.scene_table`, and what its keys mean."""
+    lines = [
+        f"stokes = {table['stokes']!r}  # St, from 0 to inf",
+        f"time = {table['time']!r}  # in inverse shear rates; or: slow_time = t/St",
+        "[shape]",
+        f"semi_axes = {table['shape']['semi_axes']}  # along x', y', z', any unit",
+        "[start]",
+        *(f"{name} = {value}  # {_MEANINGS[name]}" for name, value in table["start"].items()),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+_MEANINGS = {
+    "euler_angles": "θ, φ, ψ in rad",
+    "euler_rates": "in shear rates; or: at_rest = true",
+    "quaternion": "turns the body from the space axes to its place; real part first",
+    "angular_velocity": "along the body axes, in shear rates; or: at_rest = true",
+    "angular_momentum": "L_x, L_y, L_z without St; averaged forms alone",
+    "energy": "E without St",
+}
+
+
+@click.command(epilog="Example: polhode forms --json")
+@as_json_option
+def forms(as_json: bool) -> None:
+    """List the forms of the equations, and the scenes for which each is valid."""
+    from polhode.models.catalogue import FORMS, form
+
+    known = {name: form(name) for name in FORMS}
+    if as_json:
+        available = {"available": True, "why_not": None}
+        rows = [
+            {"name": name, "summary": one.summary, **available, "valid_for": one.valid_for}
+            for name, one in known.items()
+        ]
+        click.echo(json.dumps(rows))
+        return
+    lines = [line for name, one in known.items() for line in ([name, one.summary], ["", f"for {one.valid_for}"])]
+    click.echo(on_terminal(["name", "what, and for which scenes"], lines))
+
+
+@click.command(epilog="Example: polhode solvers --json")
+@as_json_option
+def solvers(as_json: bool) -> None:
+    """List the solvers, the forms each accepts, and what is missing."""
+    from polhode.solvers.catalogue import SOLVERS, solver
+
+    names = ("name", "summary", "available", "why_not", "accepts")
+    rows = [{name: getattr(solver(each), name) for name in names} for each in SOLVERS]
+    if as_json:
+        click.echo(json.dumps(rows))
+        return
+    lines = [[row["name"], row["summary"], row["why_not"] or "available"] for row in rows]
+    click.echo(on_terminal(["name", "summary", "state"], lines))
