@@ -10,7 +10,7 @@ Field = Callable[[Any, Any], tuple[Any, ...]]
 
 @dataclass(frozen=True)
 class Operations:
-    """Elementary functions of one kind of number: floats, arrays, numba's, heyoka's or mpmath's.
+    """Elementary functions of one kind of number: floats, arrays, LLVM's, heyoka's or mpmath's.
 
     A vector field is written once, as a factory ``field(ops)`` that returns ``rhs(y, p) -> tuple``
     and uses nothing but indexing, arithmetic and the names it unpacked from `ops`.
@@ -21,19 +21,16 @@ class Operations:
         Of one number.
     where_positive : callable
         ``where_positive(x, a, b)`` is a where x > 0 and b elsewhere; both are evaluated.
-    compiled : callable
-        What is done to an inner function before another one may call it; nothing, unless numba compiles.
     """
 
     sin: Callable[[Any], Any]
     cos: Callable[[Any], Any]
     sqrt: Callable[[Any], Any]
     where_positive: Callable[[Any, Any, Any], Any]
-    compiled: Callable[[Callable[..., Any]], Callable[..., Any]] = lambda function: function
 
     def use(self, factory: Callable[["Operations"], Callable[..., Any]]) -> Callable[..., Any]:
         """Bind the inner function that `factory` makes, ready to be called from a vector field."""
-        return self.compiled(factory(self))
+        return factory(self)
 
 
 FLOAT = Operations(math.sin, math.cos, math.sqrt, lambda x, a, b: a if x > 0 else b)

@@ -13,9 +13,10 @@ import numpy as np
 
 from polhode.models.operations import FLOAT, Field, Operations
 from polhode.models.problem import Problem
+from polhode.solvers.array_function import array_function
 from polhode.solvers.contract import Backend
+from polhode.solvers.llvm import CALLBACK, FieldFactory, MachineCode, compile_lines, counting, trace
 
-FieldFactory = Callable[[Operations], Field]
 Callback = Callable[[np.ndarray, Any, np.ndarray], None]
 
 # Environment variable that names the folder for caches.
@@ -37,44 +38,32 @@ def plain_field(factory: FieldFactory) -> Field:
 
 
 @cache
-def numba_callback(factory: FieldFactory, dimension: int) -> Callback:
-    """The field as ``callback(y, p, out)``, compiled by numba; read-only arrays serve for y and p."""
-    import numba
-
-    inner = _numba_field(factory)
-    vector = numba.types.Array(numba.float64, 1, "C", readonly=True)
-    signature = numba.void(vector, vector, numba.float64[::1])
-
-    @numba.njit(signature, **_FAST)
-    def callback(y: Any, p: Any, out: Any) -> None:
-        rates = inner(y, p)
-        for i in range(dimension):
-            out[i] = rates[i]
-
-    return callback
+def compiled_callback(factory: FieldFactory, dimension: int, parameters: int) -> Callback:
+    """The field as ``callback(y, p, out)`` in machine code, of contiguous arrays of float64."""
+    return array_function(trace(factory, dimension, parameters), {"y": dimension, "p": parameters, "out": dimension})
 
 
 @cache
-def numba_residual(factory: FieldFactory, dimension: int) -> Callable[..., None]:
-    """The mass form as ``residual(y, rates, mass, p, out)``: out = mass * rates - field(y, p)."""
-    import numba
+def compiled_residual(factory: FieldFactory, dimension: int, parameters: int) -> Callable[..., None]:
+    """The mass form as ``residual(y, slope, mass, p, out)`` in machine code: out = mass * slope - field(y, p)."""
+    sizes = {"y": dimension, "slope": dimension, "mass": dimension, "p": parameters, "out": dimension}
+    return array_function(trace(factory, dimension, parameters, mass=True), sizes)
 
-    inner = _numba_field(factory)
-    vector = numba.types.Array(numba.float64, 1, "C", readonly=True)
 
-    @numba.njit(numba.void(vector, vector, vector, vector, numba.float64[::1]), **_FAST)
-    def residual(y: Any, rates: Any, mass: Any, p: Any, out: Any) -> None:
-        driven = inner(y, p)
-        for i in range(dimension):
-            out[i] = mass[i] * rates[i] - driven[i]
+@cache
+def c_callback(factory: FieldFactory, dimension: int, parameters: int, *, count: bool = False) -> MachineCode:
+    """The field as a C function ``void(double *dy, double t, double *y, double *p)``.
 
-    return residual
+    If it is to count its calls, the address of an integer stands behind the parameters, as eight bytes.
+    """
+    signature = counting(CALLBACK, parameters) if count else CALLBACK
+    return compile_lines(signature, trace(factory, dimension, parameters))
 
 
 def array_callback(problem: Problem, backend: Backend, values: np.ndarray) -> tuple[Callback, Any]:
     """The field as ``callback(y, p, out)`` of a back end, and the parameters as it wants them."""
     if backend == "numba":
-        return numba_callback(problem.field, problem.dimension), values
+        return compiled_callback(problem.field, problem.dimension, len(values)), values
     field = plain_field(problem.field)
 
     def callback(y: np.ndarray, p: Any, out: np.ndarray) -> None:
@@ -84,62 +73,16 @@ def array_callback(problem: Problem, backend: Backend, values: np.ndarray) -> tu
 
 
 def array_residual(problem: Problem, backend: Backend, values: np.ndarray) -> tuple[Callable[..., None], Callback, Any]:
-    """The mass form as ``residual(y, rates, mass, p, out)``, the field as ``callback(y, p, out)``, and p."""
+    """The mass form as ``residual(y, slope, mass, p, out)``, the field as ``callback(y, p, out)``, and p."""
     callback, parameters = array_callback(problem, backend, values)
     if backend == "numba":
-        return numba_residual(problem.field, problem.dimension), callback, parameters
+        return compiled_residual(problem.field, problem.dimension, len(values)), callback, parameters
 
-    def residual(y: np.ndarray, rates: np.ndarray, mass: np.ndarray, p: Any, out: np.ndarray) -> None:
+    def residual(y: np.ndarray, slope: np.ndarray, mass: np.ndarray, p: Any, out: np.ndarray) -> None:
         callback(y, p, out)
-        np.subtract(mass * rates, out, out=out)
+        np.subtract(mass * slope, out, out=out)
 
     return residual, callback, parameters
-
-
-@cache
-def c_callback(factory: FieldFactory, dimension: int, parameters: int) -> Any:
-    """The field as a numba ``cfunc`` of signature ``void(double *dy, double t, double *y, double *p)``."""
-    import numba
-    from numba.np.numpy_support import carray
-
-    inner = _numba_field(factory)
-    pointer = numba.types.CPointer(numba.float64)
-
-    @numba.cfunc(numba.void(pointer, numba.float64, pointer, pointer), **_FAST)
-    def callback(dy: Any, t: float, y: Any, p: Any) -> None:
-        rates = inner(carray(y, dimension), carray(p, parameters))
-        for i in range(dimension):
-            dy[i] = rates[i]
-
-    return callback
-
-
-@cache
-def counting_c_callback(factory: FieldFactory, dimension: int, parameters: int) -> Any:
-    """`c_callback` that counts its calls: behind the parameters stands the address of an integer, as eight bytes."""
-    import numba
-    from numba.extending import intrinsic
-    from numba.np.numpy_support import carray
-
-    inner = _numba_field(factory)
-    pointer, counter = numba.types.CPointer(numba.float64), numba.types.CPointer(numba.int64)
-
-    @intrinsic
-    def pointer_to(context: Any, address: Any) -> Any:
-        def generate(target: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            return builder.inttoptr(arguments[0], target.get_value_type(signature.return_type))
-
-        return counter(numba.int64), generate
-
-    @numba.cfunc(numba.void(pointer, numba.float64, pointer, pointer), **_FAST)
-    def callback(dy: Any, t: float, y: Any, p: Any) -> None:
-        calls = pointer_to(carray(p, parameters + 1).view(np.int64)[parameters])  # pyright: ignore[reportCallIssue]
-        calls[0] += 1
-        rates = inner(carray(y, dimension), carray(p, parameters))
-        for i in range(dimension):
-            dy[i] = rates[i]
-
-    return callback
 
 
 @cache
@@ -160,6 +103,8 @@ def load_heyoka() -> Any:
 def traced_system(factory: FieldFactory, dimension: int, parameters: int) -> list[tuple[Any, Any]]:
     """The field as heyoka expressions ``[(variable, rate), …]`` with p in ``heyoka.par``."""
     heyoka = load_heyoka()
+    # Refuses what no field may do, and says where.
+    trace(factory, dimension, parameters)
     names = heyoka.make_vars(*(f"y{i:02d}" for i in range(dimension)))
     variables = list(names) if dimension > 1 else [names]
     rates = factory(_heyoka_operations())(variables, [heyoka.par[i] for i in range(parameters)])
@@ -188,21 +133,6 @@ def exact_jacobian(factory: FieldFactory, dimension: int, parameters: int) -> Ca
 def parameter_array(problem: Problem) -> np.ndarray:
     """Parameters of the explicit form as an array."""
     return np.array(problem.parameters, dtype=float)
-
-
-# Only contraction of a*b + c is allowed: it changes the last bit, never the meaning.
-_FAST: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}}
-
-
-@cache
-def _numba_field(factory: FieldFactory) -> Field:
-    import math
-
-    import numba
-
-    where_positive = numba.njit(lambda x, a, b: a if x > 0 else b)
-    compiled = numba.njit(**_FAST)
-    return compiled(factory(Operations(math.sin, math.cos, math.sqrt, where_positive, compiled)))
 
 
 @cache

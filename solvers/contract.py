@@ -21,7 +21,7 @@ Jacobian = Literal["exact", "difference"]
 UNLIMITED = 10**9
 
 # What a choice needs besides the solver's own library; module and package are of one name.
-_NEEDS = {"numba": "numba", "exact": "heyoka"}
+_NEEDS = {"numba": "llvmlite", "exact": "heyoka"}
 
 
 def installed(library: str) -> bool:
@@ -96,8 +96,8 @@ class Settings:
 
     # Relative and absolute tolerance alike, as the solver's docstring says.
     tolerance: float
-    # Who evaluates the right-hand side: machine code without Python in the loop, machine code called from Python,
-    # or plain Python.
+    # Who evaluates the right-hand side: machine code without Python in the loop, machine code called from Python
+    # (named after numba, which made it once), or plain Python.
     backend: Backend
     # Of implicit solvers: by automatic differentiation of the vector field, or by the library's finite differences.
     jacobian: Jacobian = "exact"

@@ -1,4 +1,4 @@
-"""CyRK's C++ solvers, fed with a numba ``cfunc``: no Python in the loop.
+"""CyRK's C++ solvers, fed with a field in machine code: no Python in the loop.
 
 Tolerance: `rtol` = `atol` = tolerance, for the error of a step in the root-mean-square norm. Rows come from each
 method's own dense output. Implicit methods use finite differences: the library's C entry takes no Jacobian. It reports
@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from polhode.models.problem import Problem
-from polhode.solvers.compile import c_callback, counting_c_callback, parameter_array
+from polhode.solvers.compile import c_callback, parameter_array
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status
 
 # Deadline and Ctrl-C are looked at once per this many steps: a tenth of a second at most.
@@ -40,12 +40,11 @@ class CyrkSolver(Solver):
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         """Compile the callback, once per field."""
         parameters, method = parameter_array(problem), method_number(self.method)
+        address = c_callback(problem.field, problem.dimension, len(parameters), count=settings.count).address
         if not settings.count:
-            address = c_callback(problem.field, problem.dimension, len(parameters)).address
             call = Call(address, method, parameters, settings.tolerance)
             return lambda record: _run(call, record)
         calls = np.zeros(1, dtype=np.int64)
-        address = counting_c_callback(problem.field, problem.dimension, len(parameters)).address
         counted = np.append(parameters, np.array([calls.ctypes.data]).view(float))
         call = Call(address, method, counted, settings.tolerance)
 
@@ -85,7 +84,7 @@ class Call:
     tolerance : float
     """
 
-    def __init__(self, address: int | None, method: int, parameters: np.ndarray, tolerance: float) -> None:
+    def __init__(self, address: int, method: int, parameters: np.ndarray, tolerance: float) -> None:
         from CyRK.nb import numba_solver
 
         self.library = numba_solver

@@ -35,7 +35,7 @@ class ScipySolver(Solver):
     interpolation: ClassVar[int] = 0
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
-        """Bind the callbacks; numba compiles them once per field."""
+        """Bind the callbacks, compiled once per field."""
         import scipy.integrate
 
         method = getattr(scipy.integrate, self.method)

@@ -52,7 +52,7 @@ class SundialsSolver(Solver):
     jacobians = ("exact", "difference")
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
-        """Bind the callbacks; numba compiles them once per field."""
+        """Bind the callbacks, compiled once per field."""
         # The library prints its warnings on standard output, where tables go.
         os.environ.setdefault("SUNLOGGER_WARNING_FILENAME", os.devnull)
         guard = Guard()

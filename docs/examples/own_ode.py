@@ -7,7 +7,7 @@ from polhode.models.problem import Problem
 
 
 def brusselator(ops):
-    """Vector field y' = f(y, p), written once for all kinds of number."""
+    """Vector field y' = f(y, p), written once for all kinds of number; time would be one more component, of rate 1."""
 
     def rhs(y, p):
         reaction = y[0] * y[0] * y[1]

@@ -5,7 +5,7 @@ import numpy as np
 from polhode.models.catalogue import form
 from polhode.models.problem import Problem
 from polhode.models.scenes import named_scene
-from polhode.solvers.compile import numba_callback, parameter_array
+from polhode.solvers.compile import compiled_callback, parameter_array
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status
 from polhode.solvers.solve import solve
 
@@ -22,13 +22,14 @@ class ClassicalRungeKutta(Solver):
     name = "classical-rk4"
     summary = "the classical Runge-Kutta method of fixed step"
     accepts = "every form with an explicit vector field"
-    library = package = "numba"
+    library = package = "llvmlite"
     backends = ("numba",)
     error_constant = 0.07
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         """Bind the right-hand side."""
-        callback, p = numba_callback(problem.field, problem.dimension), parameter_array(problem)
+        p = parameter_array(problem)
+        callback = compiled_callback(problem.field, problem.dimension, len(p))
         k1, k2, k3, k4 = np.empty((4, problem.dimension))
         wanted = settings.tolerance**0.25
 

@@ -1,5 +1,6 @@
 """What one right-hand side costs, and what the first run costs that later ones do not."""
 
+import ctypes
 import os
 import time
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ from polhode.models.problem import Problem
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.compile import CACHE_VARIABLE, array_callback, c_callback, parameter_array
 from polhode.solvers.contract import Backend
+from polhode.solvers.llvm import Signature, compile_lines
 from polhode.solvers.solve import solve
 
 # A measurement repeats until it takes this long, in seconds, and is the best of `ROUNDS`.
@@ -38,10 +40,10 @@ def rhs_seconds(problem: Problem, backend: Backend) -> float:
     out = np.empty_like(y)
     if backend == "compiled":
         callback = c_callback(problem.field, problem.dimension, len(parameters))
-        repeat = _compiled_loop()
+        loop, pointers = _compiled_loop(), [array.ctypes.data for array in (out, y, parameters)]
 
         def run(calls: int) -> None:
-            repeat(callback, calls, out, y, parameters)
+            loop(callback.address, calls, *pointers)
     else:
         evaluate, values = array_callback(problem, backend, parameters)
 
@@ -64,19 +66,23 @@ def _seconds(run: Any, calls: int) -> float:
 
 @cache
 def _compiled_loop() -> Any:
-    """A loop over any C callback, compiled once for all fields."""
-    import numba
-
-    pointer = numba.types.CPointer(numba.float64)
-    function = numba.types.FunctionType(numba.void(pointer, numba.float64, pointer, pointer))
-    vector = numba.float64[::1]
-
-    @numba.njit(numba.void(function, numba.int64, vector, vector, vector))
-    def repeat(callback: Any, calls: int, out: Any, y: Any, p: Any) -> None:
-        for _ in range(calls):
-            callback(out.ctypes, 0.0, y.ctypes, p.ctypes)
-
-    return repeat
+    """A loop over any C callback."""
+    head = "void @function(ptr %callback, i64 %calls, ptr %out, ptr %y, ptr %p)"
+    lines = """
+br label %again
+again:
+%done = phi i64 [0, %entry], [%next, %again]
+call void %callback(ptr %out, double 0.0, ptr %y, ptr %p)
+%next = add i64 %done, 1
+%more = icmp slt i64 %next, %calls
+br i1 %more, label %again, label %end
+end:
+"""
+    code = compile_lines(Signature(head, "entry:"), lines)
+    pointer = ctypes.c_void_p
+    function = ctypes.CFUNCTYPE(None, pointer, ctypes.c_int64, pointer, pointer, pointer)(code.address)
+    function.code = code  # pyright: ignore[reportAttributeAccessIssue]
+    return function
 
 
 @dataclass(frozen=True)
@@ -102,7 +108,7 @@ def first_run(problem: Problem, solver: str, tolerance: float, cache_folder: str
     """Measure a first run: only in a process that has compiled nothing before does this mean anything.
 
     Cold if the folder is empty: nothing was ever compiled; warm if a process before this one used it. heyoka alone
-    keeps compiled code on disk, numba's closures are compiled anew in every process.
+    keeps compiled code on disk; other fields are compiled anew in every process.
 
     Parameters
     ----------

@@ -139,8 +139,8 @@ def test_without_heyoka_jacobians_are_differences(name: str, monkeypatch):
 
 
 @pytest.mark.parametrize("name", ["dop853", "cvode-bdf", "ida"])
-def test_without_numba_the_field_is_plain_python(name: str, monkeypatch):
-    monkeypatch.setattr(contract, "installed", lambda library: library != "numba")
+def test_without_a_compiler_the_field_is_plain_python(name: str, monkeypatch):
+    monkeypatch.setattr(contract, "installed", lambda library: library != "llvmlite")
     assert solve(RUN.problem, name, 1e-6).settings.backend == "python"
 
 
@@ -148,7 +148,7 @@ def test_the_other_solvers_work_without_the_optional_libraries():
     """In a fresh process in which nothing but NumPy and SciPy can be imported."""
     program = """
 import sys
-for absent in ("heyoka", "numba", "CyRK", "sksundae"):
+for absent in ("heyoka", "llvmlite", "numba", "CyRK", "sksundae"):
     sys.modules[absent] = None
 from polhode.models.problem import Problem
 from polhode.solvers.catalogue import SOLVERS

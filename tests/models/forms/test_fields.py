@@ -1,4 +1,4 @@
-"""One vector field, many kinds of numbers: floats, arrays, mpmath's, numba's and heyoka's give the same rates."""
+"""One vector field, many kinds of numbers: floats, arrays, mpmath's, LLVM's and heyoka's give the same rates."""
 
 import mpmath
 import numpy as np
@@ -9,7 +9,7 @@ from polhode.models.operations import FLOAT, Operations, numpy_operations
 from polhode.models.scene import BodyStart, EulerStart, Scene
 from polhode.models.shape import Ellipsoid
 from polhode.models.theory.spheroid_correction import CorrectedSpheroid
-from polhode.solvers.compile import numba_callback, traced_system
+from polhode.solvers.compile import compiled_callback, traced_system
 
 MPMATH = Operations(mpmath.sin, mpmath.cos, mpmath.sqrt, lambda x, a, b: a if x > 0 else b)
 
@@ -51,7 +51,8 @@ def test_every_kind_of_number_gives_the_same_rates(problem):
     arrays = problem.field(numpy_operations())(states.T, parameters)
     assert np.all(np.abs(np.array([np.broadcast_to(row, 8) for row in arrays]).T - plain) < 1e-14 * scale)
 
-    compiled, out = numba_callback(problem.field, problem.dimension), np.empty(problem.dimension)
+    compiled = compiled_callback(problem.field, problem.dimension, len(parameters))
+    out = np.empty(problem.dimension)
     for state, rates in zip(states, plain, strict=True):
         compiled(state, parameters, out)
         assert np.all(np.abs(out - rates) < 1e-13 * scale)

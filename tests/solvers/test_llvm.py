@@ -1,0 +1,294 @@
+"""Fields in machine code: the same numbers as in plain Python, in any C signature; and what no field may do."""
+
+import ctypes
+import math
+import pickle
+from functools import cache
+from math import inf
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from oracle.runs import Run, runs
+from polhode.models.problem import Problem
+from polhode.solvers.array_function import array_function
+from polhode.solvers.catalogue import SOLVERS, solver
+from polhode.solvers.compile import c_callback, compiled_callback, compiled_residual, plain_field
+from polhode.solvers.cyrk import Call, method_number
+from polhode.solvers.llvm import CALLBACK, FieldError, Signature, compile_lines, counting, trace
+from polhode.solvers.solve import solve
+
+FORMS = {run.form: run for run in runs()}
+FINITE = st.floats(-1e6, 1e6, allow_subnormal=False)
+
+
+@cache
+def strict(factory, dimension: int, parameters: int):
+    """The field as ``callback(y, p, out)`` without contraction: every operation rounds as Python's does."""
+    lines = trace(factory, dimension, parameters).replace(" contract", "")
+    return array_function(lines, {"y": dimension, "p": parameters, "out": dimension})
+
+
+def in_python(factory, y, p) -> np.ndarray:
+    """The rates over floats; what Python answers by an exception is no example."""
+    try:
+        return np.array(plain_field(factory)(list(y), list(p)), dtype=float)
+    except (ArithmeticError, ValueError):
+        assume(False)
+        raise
+
+
+def evaluated(function, y, p, size: int) -> np.ndarray:
+    out = np.empty(size)
+    function(np.array(y, dtype=float), np.array(p, dtype=float), out)
+    return out
+
+
+@pytest.mark.parametrize("name", FORMS)
+@given(data=st.data())
+def test_every_operation_of_a_form_is_that_of_python(name: str, data):
+    """Bit for bit, at states and parameters of any size."""
+    problem = FORMS[name].problem
+    d, n = problem.dimension, len(problem.parameters)
+    # Series with coefficients by the hundred keep theirs.
+    p = data.draw(st.lists(FINITE, min_size=n, max_size=n)) if n < 50 else problem.parameters
+    y = data.draw(st.lists(FINITE, min_size=d, max_size=d))
+    expected = in_python(problem.field, y, p)
+    assert np.array_equal(evaluated(strict(problem.field, d, n), y, p, d), expected, equal_nan=True)
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_contraction_changes_the_last_bits_alone(name: str):
+    problem = FORMS[name].problem
+    d, n = problem.dimension, len(problem.parameters)
+    rng = np.random.default_rng(3)
+    for y in np.array(problem.start) * (1 + 0.02 * rng.standard_normal((20, d))):
+        expected = in_python(problem.field, y.tolist(), problem.parameters)
+        got = evaluated(compiled_callback(problem.field, d, n), y, problem.parameters, d)
+        assert got == pytest.approx(expected, rel=1e-13, abs=1e-14 * np.abs(expected).max())
+
+
+def every_operation(ops):
+    sin, cos, sqrt, where_positive = ops.sin, ops.cos, ops.sqrt, ops.where_positive
+
+    def rhs(y, p):
+        a, b, c = y
+        return (
+            -a + b * 2 - 3 / c + (+b) - (1 - a) / 7,
+            where_positive(a, sin(b), cos(c)) + where_positive(1.0, a, b) + where_positive(-a * b, 0.25, sqrt(c * c)),
+            a**2 + 2 * b**0 + np.float64(0.1) * c + sqrt(2.0) + sin(True * a) - p[0],
+        )
+
+    return rhs
+
+
+@given(y=st.tuples(FINITE, FINITE, FINITE), p=FINITE)
+def test_every_operation_is_that_of_python(y, p):
+    expected = in_python(every_operation, y, (p,))
+    assert np.array_equal(evaluated(strict(every_operation, 3, 1), y, (p,), 3), expected)
+
+
+EXPONENTS = (-16, -3, -1, 0, 1, 2, 3.0, 7, 16, 0.5, 1.5, 17, -2.25)
+
+
+def powers(ops):
+    def rhs(y, p):
+        return (*(y[0] ** exponent for exponent in EXPONENTS), y[0] ** y[1], 1.7 ** y[1])
+
+    return rhs
+
+
+@given(base=st.floats(1e-6, 1e6), exponent=st.floats(-20, 20))
+def test_powers_are_those_of_python(base: float, exponent: float):
+    d = len(EXPONENTS) + 2
+    y = [base, exponent] + [0.0] * (d - 2)
+    assert evaluated(compiled_callback(powers, d, 0), y, (), d) == pytest.approx(in_python(powers, y, ()), rel=1e-14)
+
+
+def constant(ops):
+    return lambda y, p: (1.5, 0.0 * y[1], -inf)
+
+
+def test_constants_and_special_values():
+    assert evaluated(compiled_callback(constant, 3, 0), (1, inf, 2), (), 3) == pytest.approx(
+        (1.5, math.nan, -inf), nan_ok=True
+    )
+
+
+def repeating(ops):
+    sin = ops.sin
+    return lambda y, p: (sin(y[0] * p[0]) + sin(y[0] * p[0]) * sin(y[0] * p[0]),)
+
+
+def test_equal_lines_are_written_once():
+    assert trace(repeating, 1, 1).count("@llvm.sin") == 1
+
+
+def comparing(ops):
+    def rhs(y, p):
+        return (y[0] if y[0] > 0 else -y[0],)
+
+    return rhs
+
+
+def branching(ops):
+    def rhs(y, p):
+        return (y[0] if y[0] else 1.0,)
+
+    return rhs
+
+
+def with_math(ops):
+    def rhs(y, p):
+        return (math.sin(y[0]),)
+
+    return rhs
+
+
+def with_numpy(ops):
+    def rhs(y, p):
+        return (np.sin(y[0]),)
+
+    return rhs
+
+
+def with_remainder(ops):
+    def rhs(y, p):
+        return (y[0] % 2.0,)
+
+    return rhs
+
+
+def with_inner(ops):
+    def inner(x):
+        return abs(x)
+
+    return lambda y, p: (inner(y[0]),)
+
+
+def beyond(ops):
+    def rhs(y, p):
+        return (p[3] * y[0],)
+
+    return rhs
+
+
+def unknown_power(ops):
+    def rhs(y, p):
+        return (y[0] ** "2",)
+
+    return rhs
+
+
+@pytest.mark.parametrize(
+    ("factory", "line", "message"),
+    [
+        (comparing, 2, r"return \(y\[0\] if y\[0\] > 0 else -y\[0\],\): a field cannot compare .*ops.where_positive"),
+        (branching, 2, "a field cannot compare or branch; use ops.where_positive"),
+        (with_math, 2, r"return \(math.sin\(y\[0\]\),\): a field cannot use .*use ops.sin"),
+        (with_numpy, 2, "'Number' does not support ufuncs"),
+        (with_remainder, 2, "unsupported operand"),
+        (with_inner, 2, "bad operand type for abs"),
+        (beyond, 2, "index out of range"),
+        (unknown_power, 2, "pow: got '2', expected a number"),
+        (lambda ops: lambda y, p: (1.0, 2.0), 0, "got 2 rates, expected a tuple of 1"),
+        (lambda ops: lambda y, p: 2 * y[0], 0, "got 'Number', expected a tuple of 1"),
+        (lambda ops: lambda y, p: None, 0, "got 'NoneType', expected a tuple of 1"),
+        (lambda ops: lambda y, p: ("1",), 0, "got the rate '1', expected a number"),
+        (lambda ops: lambda t, y, p: (1.0,), 0, r"got rhs\(t, y, p\), expected rhs\(y, p\)"),
+        (lambda ops: lambda t, y: (1.0,), 0, r"got rhs\(t, y\), expected rhs\(y, p\)"),
+        (lambda ops: lambda y: (1.0,), 0, r"got rhs\(y\), expected rhs\(y, p\)"),
+    ],
+)
+def test_what_no_field_may_do_is_refused_with_its_line(factory, line: int, message: str):
+    where = rf"test_llvm.py:{factory.__code__.co_firstlineno + line}: .*{message}"
+    with pytest.raises(FieldError, match=where) as refusal:
+        trace(factory, 1, 2)
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("name", [name for name in SOLVERS if name != "exact"])
+def test_every_solver_refuses_it(name: str):
+    with pytest.raises(ValueError, match=r"test_llvm.py:\d+: .*where_positive"):
+        solve(Problem("comparing", comparing, (1.0,), 1.0), name, 1e-6)
+
+
+def test_an_array_function_refuses_other_arrays():
+    problem = Run("triaxial", "quaternion").problem
+    y, p, out = np.array(problem.start), np.array(problem.parameters), np.empty(7)
+    function = compiled_callback(problem.field, 7, len(p))
+    function(pickle.loads(pickle.dumps(y)), p, out)
+    read_only = out.copy()
+    read_only.flags.writeable = False
+    function(read_only, p, out)
+    others = (
+        1.0,
+        None,
+        y.tolist(),
+        y[None],
+        y[:-1],
+        np.repeat(y, 2)[::2],
+        y.astype("f4"),
+        y.astype(">f8"),
+        np.array(1.0),
+    )
+    for arguments in ((), (y, p), (y, p, out, out), (y, p, read_only), *((other, p, out) for other in others)):
+        with pytest.raises(TypeError, match="contiguous arrays of float64"):
+            function(*arguments)
+
+
+def test_the_mass_form_is_the_field_times_its_masses():
+    problem = Run("triaxial", "quaternion").problem
+    y, p, n = np.array(problem.start), np.array(problem.parameters), len(problem.parameters)
+    slope, mass, out = np.arange(7.0), np.arange(1.0, 8.0), np.empty(7)
+    compiled_residual(problem.field, 7, n)(y, slope, mass, p, out)
+    rates = in_python(problem.field, y.tolist(), p.tolist())
+    assert out == pytest.approx(mass * slope - rates, rel=1e-14)
+
+
+def test_any_c_signature_counting_or_not():
+    """As SUNDIALS calls its right-hand sides: int f(double t, N_Vector y, N_Vector slope, void *p)."""
+    head = "i32 @function(double %t, ptr %vector, ptr %slope, ptr %p)"
+    prologue = "%y = load ptr, ptr %vector\n%out = load ptr, ptr %slope"
+    calls = np.zeros(1, dtype=np.int64)
+    y, out, p = np.array([0.3]), np.empty(1), np.append(2.0, np.array([calls.ctypes.data]).view(float))
+    # A vector begins with the address of its data.
+    vector, slope = (np.array([array.ctypes.data]) for array in (y, out))
+    signature = Signature(head, prologue, "i32 0")
+    pointer = ctypes.c_void_p
+    for each, expected in ((signature, 0), (counting(signature, 1), 3)):
+        code = compile_lines(each, trace(repeating, 1, 1))
+        function = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double, pointer, pointer, pointer)(code.address)
+        for _ in range(3):
+            assert function(0.0, vector.ctypes.data, slope.ctypes.data, p.ctypes.data) == 0
+        assert calls[0] == expected
+        assert out[0] == pytest.approx(math.sin(0.6) + math.sin(0.6) ** 2, rel=1e-15)
+
+
+@pytest.mark.parametrize("name", ["cyrk-vern8", "cyrk-radau"])
+def test_a_run_is_that_of_the_field_in_python(name: str):
+    """Bit for bit where nothing is contracted, to the tolerance where it is: steps follow the last bits."""
+    problem, times = Run("triaxial", "quaternion").problem, np.linspace(0.0, 40.0, 9)
+    d, p = problem.dimension, np.array(problem.parameters)
+    field = plain_field(problem.field)
+
+    @ctypes.CFUNCTYPE(
+        None, ctypes.POINTER(ctypes.c_double), ctypes.c_double, ctypes.POINTER(ctypes.c_double), ctypes.c_void_p
+    )
+    def in_python(out, t, y, parameters) -> None:
+        for i, rate in enumerate(field(y[:d], problem.parameters)):
+            out[i] = rate
+
+    def run(address: int) -> np.ndarray:
+        call = Call(address, method_number(solver(name).method), p, 1e-8)
+        result = call(0.0, times[-1], np.array(problem.start), times[1:], 10**6)
+        rows = call.library.c_get_y_ptr(result)[: d * (len(times) - 1)]
+        call.library.c_free(result)
+        return np.array(rows)
+
+    uncontracted = compile_lines(CALLBACK, trace(problem.field, d, len(p)).replace(" contract", ""))
+    expected = run(ctypes.cast(in_python, ctypes.c_void_p).value or 0)
+    assert np.array_equal(run(uncontracted.address), expected)
+    assert run(c_callback(problem.field, d, len(p)).address) == pytest.approx(expected, abs=1e-8)
