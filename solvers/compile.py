@@ -113,6 +113,17 @@ def traced_system(factory: FieldFactory, dimension: int, parameters: int) -> lis
 
 
 @cache
+def tangent_system(factory: FieldFactory, dimension: int, parameters: int) -> list[tuple[Any, Any]]:
+    """The field as `traced_system`, and a tangent vector v beside it, v' = Jv with the exact Jacobian J."""
+    heyoka = load_heyoka()
+    system = traced_system(factory, dimension, parameters)
+    tensors = heyoka.diff_tensors([rate for _, rate in system], diff_args=[y for y, _ in system], diff_order=1)
+    tangent = list(heyoka.make_vars(*(f"v{i:02d}" for i in range(dimension))))
+    rates = (heyoka.sum([entry * v for entry, v in zip(row, tangent, strict=True)]) for row in tensors.jacobian)
+    return [*system, *zip(tangent, rates, strict=True)]
+
+
+@cache
 def exact_jacobian(factory: FieldFactory, dimension: int, parameters: int) -> Callable[..., np.ndarray]:
     """The Jacobian ``jacobian(y, p) -> (d, d)`` by automatic differentiation of the traced field."""
     heyoka = load_heyoka()

@@ -38,28 +38,14 @@ class UncertifiedError(RuntimeError):
 
 @dataclass(frozen=True)
 class Certificate:
-    """What confirmed a reference.
-
-    Parameters
-    ----------
-    form, solver : str
-        Who solved the pieces again.
-    pieces : int
-        Pieces that agreed forwards, of `PIECES` tried; the others ran into the other form's singularity.
-    back : int
-        Pieces that agreed when the reference's own method went back over them.
-    ratio : float
-        Largest difference over the method's own error; at most 1.
-    slow, orientation : float
-        Largest differences met, over I_max and in rad.
-    """
+    """What confirmed a reference: the form and solver that solved its pieces again."""
 
     form: str
     solver: str
-    pieces: int
-    back: int
-    ratio: float
-    slow: float
+    pieces: int  # that agreed forwards, of `PIECES` tried; the others ran into the other form's singularity
+    back: int  # that agreed when the reference's own method went back over them
+    ratio: float  # largest difference over the method's own error; at most 1
+    slow: float  # largest differences met, over I_max and in rad
     orientation: float
 
 
@@ -82,17 +68,7 @@ def pieces(scene: Scene, form: Form, end: float) -> list[Piece]:
 
 
 def certify(scene: Scene, form: Form, states: dict[float, np.ndarray], flow: Flow) -> Certificate:
-    """Try a reference's states on pieces of its run.
-
-    Parameters
-    ----------
-    scene : Scene
-    form : Form
-        The reference's.
-    states : dict
-        The reference's states, shape (d,), at the times of `pieces`.
-    flow : callable
-        The reference's own method, for going back.
+    """Try a reference's states, shape (d,), at the times of `pieces` of its run; `flow` is its own method, to go back.
 
     Raises
     ------

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from polhode.models.problem import Problem
-from polhode.solvers.compile import FieldFactory, load_heyoka, traced_system
+from polhode.solvers.compile import FieldFactory, load_heyoka, tangent_system
 
 TOLERANCE = 1e-12
 # The tangent is brought back to unit length after each of so many intervals, and its growth written down.
@@ -23,14 +23,9 @@ HALF_ULP = 1e-16
 
 @dataclass(frozen=True)
 class Growth:
-    """Growth of a small difference along a solution.
+    """Growth of a small difference along a solution: ln |v(t)|/|v(0)| at times from 0 on, in the problem's own time.
 
-    Parameters
-    ----------
-    times : ndarray, shape (n,)
-        From 0 on, in the problem's own time.
-    logarithm : ndarray, shape (n,)
-        ln |v(t)|/|v(0)| of a tangent vector v that turned, as any does, into the fastest growing direction.
+    The tangent vector v has turned, as any does, into the fastest growing direction.
     """
 
     times: np.ndarray
@@ -47,18 +42,10 @@ class Growth:
         """Whether the growth over the second half of the run is more than algebraic."""
         return self.exponent * (self.times[-1] - self.times[len(self.times) // 2]) > EXPONENTIAL
 
-    @property
-    def lyapunov_time(self) -> float:
-        """Time in which errors grow by a factor e; inf if the motion is not chaotic."""
-        return 1 / self.exponent if self.chaotic else inf
-
     def meaningful_until(self, error: float = HALF_ULP) -> float:
-        """Time at which an error of the given size, made at the worst moment, has grown to `MEANINGLESS`; inf if never.
+        """Time at which an error, made at the worst moment, has grown to `MEANINGLESS`; inf if never.
 
-        Parameters
-        ----------
-        error : float
-            By default half an ulp of a number of order one: no run in double precision does better.
+        By default it is half an ulp of a number of order one: no run in double precision does better.
         """
         amplified = self.logarithm - np.minimum.accumulate(self.logarithm)
         beyond = np.flatnonzero(amplified > log(MEANINGLESS / error))
@@ -78,34 +65,25 @@ def growth(problem: Problem, intervals: int = INTERVALS) -> Growth:
     """
     if problem.parameters is None:
         raise ValueError(f"form {problem.name!r}: expected an explicit form, which St = 0 has not; use 'jeffery'")
-    dimension = problem.dimension
-    integrator = _tangent_integrator(problem.field, dimension, len(problem.parameters))
-    direction = np.cos(np.arange(1.0, dimension + 1))
+    times = np.linspace(0.0, problem.end, intervals + 1)
+    direction = np.cos(np.arange(1.0, problem.dimension + 1))
+    integrator = _tangent_integrator(problem.field, problem.dimension, len(problem.parameters))
     integrator.time = 0.0
     integrator.state[:] = [*problem.start, *(direction / np.linalg.norm(direction))]
     integrator.pars[:] = problem.parameters
-    times = np.linspace(0.0, problem.end, intervals + 1)
     logarithm = np.zeros(intervals + 1)
     for i, time in enumerate(times[1:], 1):
         outcome = integrator.propagate_until(time)[0]
         if outcome != load_heyoka().taylor_outcome.time_limit:
             raise ValueError(f"form {problem.name!r}: the variational equations ended with {outcome} at t = {time:g}")
-        tangent = integrator.state[dimension:]
+        tangent = integrator.state[problem.dimension :]
         length = float(np.linalg.norm(tangent))
-        integrator.state[dimension:] = tangent / length
+        tangent /= length
         logarithm[i] = logarithm[i - 1] + log(length)
     return Growth(times, logarithm)
 
 
 @cache
 def _tangent_integrator(factory: FieldFactory, dimension: int, parameters: int) -> Any:
-    heyoka = load_heyoka()
-    system = traced_system(factory, dimension, parameters)
-    variables = [variable for variable, _ in system]
-    tensors = heyoka.diff_tensors([rate for _, rate in system], diff_args=variables, diff_order=1)
-    tangents = list(heyoka.make_vars(*(f"v{i:02d}" for i in range(dimension))))
-    carried = [
-        (tangent, heyoka.sum([entry * v for entry, v in zip(row, tangents, strict=True)]))
-        for tangent, row in zip(tangents, tensors.jacobian, strict=True)
-    ]
-    return heyoka.taylor_adaptive([*system, *carried], [0.0] * (2 * dimension), tol=TOLERANCE, compact_mode=True)
+    system = tangent_system(factory, dimension, parameters)
+    return load_heyoka().taylor_adaptive(system, [0.0] * len(system), tol=TOLERANCE, compact_mode=True)

@@ -4,6 +4,7 @@ import numpy as np
 
 from polhode.models.observables import Observables
 from polhode.models.scene import Scene
+from polhode.models.shape import Ellipsoid
 from polhode.models.theory.dissipation import dissipation
 
 # Samples resolve the power if a body turns by less than this, in rad, between two of them, and if half of them give the
@@ -20,18 +21,8 @@ def balance_residual(scene: Scene, found: Observables, true: Observables) -> flo
     The true solution has the residual 0, and its quadrature over the same samples hardly another error than the
     quadrature of the solution found: the difference of the two residuals is what is measured.
 
-    Parameters
-    ----------
-    scene : Scene
-        Its duration is that of the samples, which are equispaced.
-    found, true : Observables
-        At the same n times.
-
-    Returns
-    -------
-    float or None
-        None where it cannot be known: without orientation, at St = 0, where E has no balance of its own, or where the
-        samples do not resolve the power.
+    Both are at the same equispaced times over the scene's duration. None where it cannot be known: without orientation,
+    at St = 0, where E has no balance of its own, or where the samples do not resolve the power.
     """
     intervals = len(found.energy) - 1
     if scene.stokes == 0 or intervals < LEAST_INTERVALS:
@@ -39,10 +30,10 @@ def balance_residual(scene: Scene, found: Observables, true: Observables) -> flo
     rotations = [rotation for rotation in (complete(scene, found), complete(scene, true)) if rotation is not None]
     if len(rotations) < 2 or not np.isfinite(rotations).all():
         return None
-    omega = [_angular_velocity(scene, *pair) for pair in zip((found, true), rotations, strict=True)]
+    ellipsoid, unit = scene.ellipsoid, max(scene.ellipsoid.inertia)
+    omega = [body_angular_velocity(ellipsoid, *pair) for pair in zip((found, true), rotations, strict=True)]
     if float(np.max(np.linalg.norm(omega[1], axis=1))) * scene.time / intervals > LARGEST_TURN:
         return None
-    ellipsoid, unit = scene.ellipsoid, max(scene.ellipsoid.inertia)
     power = dissipation(ellipsoid, rotations[0], omega[0]) - dissipation(ellipsoid, rotations[1], omega[1])
     power, energy = power * scene.torque_factor / unit, (found.energy - true.energy).astype(float) / unit
     times = np.linspace(0.0, scene.time, intervals + 1)
@@ -74,9 +65,10 @@ def complete(scene: Scene, observables: Observables) -> np.ndarray | None:
     return rows
 
 
-def _angular_velocity(scene: Scene, observables: Observables, rotation: np.ndarray) -> np.ndarray:
+def body_angular_velocity(ellipsoid: Ellipsoid, observables: Observables, rotation: np.ndarray) -> np.ndarray:
+    """Angular velocity in body axes, shape (n, 3), from L and the complete rotation."""
     momentum = np.einsum("nij,nj->ni", rotation, observables.angular_momentum.astype(float))
-    return momentum / np.array(scene.ellipsoid.inertia)
+    return momentum / np.array(ellipsoid.inertia)
 
 
 def _residual(times: np.ndarray, energy: np.ndarray, rate: np.ndarray) -> np.ndarray:

@@ -1,11 +1,11 @@
 """Errors of one solution against another: each has the name of what it measures."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 
 import numpy as np
 
-from polhode.harness.references.energy_balance import balance_residual
+from polhode.harness.references.energy_balance import balance_residual, body_angular_velocity
 from polhode.models.observables import Observables
 from polhode.models.scene import Scene
 from polhode.models.shape import Ellipsoid
@@ -16,102 +16,44 @@ SPLIT_LIMIT = 0.3
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors along a run: largest, root mean square over the samples, last, and where.
+    """Errors along a run: each is the largest over the samples, and None where it cannot be known.
 
-    Parameters
-    ----------
-    slow : float
-        Maximum over the samples of |ΔL_x|, |ΔL_y|, |ΔL_z|, |ΔE|, over I_max.
-    slow_rms : float
-        Root mean square over samples and slow variables, over I_max.
-    slow_final : float
-        At the last sample: all runs end at the same node, so that it looks small whatever happened before.
-    worst_sample : int
-        Index of the sample of the largest slow error.
-    slow_each : tuple of 4 float
-        Maximum of |ΔL_x|, |ΔL_y|, |ΔL_z| and |ΔE| each, over I_max.
-    energy, energy_rms : float
-        Maximum and root mean square of |ΔE| over I_max.
-    orientation, orientation_rms, orientation_final : float or None
-        In rad: the geodesic angle on SO(3) for a triaxial ellipsoid, the angle between symmetry axes for a spheroid,
-        None for a sphere or where a form gives none.
-    orientation_worst_sample : int or None
-        Index of the sample of the largest orientation error.
-    phase, phase_rms : float or None
-        The part of the orientation error along the motion, in rad: too early or too late on the same orbit.
-    shape, shape_rms : float or None
-        The part across the motion, in rad: another orbit. The split holds to first order, and is None where the
-        orientation error exceeds `SPLIT_LIMIT`.
-    balance : float or None
-        Largest residual of the energy balance over I_max (`energy_balance`); None where the samples do not
-        resolve it, or the form gives no orientation.
+    Slow errors are over I_max, angles in rad. The orientation error is the geodesic angle on SO(3) for a triaxial
+    ellipsoid, the angle between symmetry axes for a spheroid, None for a sphere or where a form gives none. It splits,
+    to first order, into a phase along the motion and a shape across it; not beyond `SPLIT_LIMIT`.
     """
 
     slow: float
-    slow_rms: float
-    slow_final: float
-    worst_sample: int
-    slow_each: tuple[float, ...]
-    energy: float
-    energy_rms: float
+    worst_sample: int  # that of the largest slow error
+    slow_each: tuple[float, ...]  # |ΔL_x|, |ΔL_y|, |ΔL_z| and |ΔE|
     orientation: float | None = None
-    orientation_rms: float | None = None
-    orientation_final: float | None = None
-    orientation_worst_sample: int | None = None
-    phase: float | None = None
-    phase_rms: float | None = None
-    shape: float | None = None
-    shape_rms: float | None = None
-    balance: float | None = None
+    phase: float | None = None  # too early or too late on the same orbit
+    shape: float | None = None  # another orbit
+    balance: float | None = None  # residual of the energy balance (`energy_balance`)
 
 
 def errors(ellipsoid: Ellipsoid, found: Observables, true: Observables, scene: Scene | None = None) -> Errors:
-    """Errors of observables at the same n times.
+    """Errors of observables at the same n times; ValueError if the numbers of samples differ.
 
-    Parameters
-    ----------
-    ellipsoid : Ellipsoid
-    found, true : Observables
-    scene : Scene, optional
-        What was solved, if the samples are equispaced over its duration: needed for `Errors.balance` alone.
-
-    Raises
-    ------
-    ValueError
-        If the numbers of samples differ.
+    The scene that was solved is needed for `Errors.balance` alone, if the samples are equispaced over its duration.
     """
     if len(found.energy) != len(true.energy):
         raise ValueError(f"samples: got {len(found.energy)}, expected {len(true.energy)}")
     with np.errstate(over="ignore", invalid="ignore"):
         difference = np.abs(found.slow - true.slow) / max(ellipsoid.inertia)
     difference = np.where(np.isnan(difference), inf, difference)
-    worst = np.max(difference, axis=1)
-    slow = Errors(
-        slow=float(np.max(worst)),
-        slow_rms=rms(difference),
-        slow_final=float(worst[-1]),
-        worst_sample=int(np.argmax(worst)),
-        slow_each=tuple(np.max(difference, axis=0).tolist()),
-        energy=float(np.max(difference[:, 3])),
-        energy_rms=rms(difference[:, 3]),
-    )
+    each, worst = np.max(difference, axis=0), int(np.argmax(np.max(difference, axis=1)))
+    slow = Errors(float(np.max(each)), worst, tuple(each.tolist()))
     angle = orientation_difference(ellipsoid, found.rotation, true.rotation)
     if angle is None:
         return slow
-    parts = phase_and_shape(ellipsoid, found, true) if np.max(angle) <= SPLIT_LIMIT else None
-    return Errors(
-        **vars(slow)
-        | {
-            "orientation": float(np.max(angle)),
-            "orientation_rms": rms(angle),
-            "orientation_final": float(angle[-1]),
-            "orientation_worst_sample": int(np.argmax(angle)),
-            "phase": None if parts is None else float(np.max(np.abs(parts[0]))),
-            "phase_rms": None if parts is None else rms(parts[0]),
-            "shape": None if parts is None else float(np.max(parts[1])),
-            "shape_rms": None if parts is None else rms(parts[1]),
-            "balance": None if scene is None else balance_residual(scene, found, true),
-        }
+    phase, shape = phase_and_shape(ellipsoid, found, true) if np.max(angle) <= SPLIT_LIMIT else (None, None)
+    return replace(
+        slow,
+        orientation=float(np.max(angle)),
+        phase=None if phase is None else float(np.max(np.abs(phase))),
+        shape=None if shape is None else float(np.max(shape)),
+        balance=None if scene is None else balance_residual(scene, found, true),
     )
 
 
@@ -146,7 +88,8 @@ def phase_and_shape(ellipsoid: Ellipsoid, found: Observables, true: Observables)
         product = np.einsum("nij,nik->njk", true.rotation, found.rotation - true.rotation).astype(float)
         skew = 0.5 * (np.swapaxes(product, 1, 2) - product)
         offset = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=1)
-        velocity = angular_velocity(ellipsoid, true)
+        rotation = true.rotation.astype(float)
+        velocity = np.einsum("nij,ni->nj", rotation, body_angular_velocity(ellipsoid, true, rotation))
     else:
         direction = true.rotation[:, ellipsoid.symmetry_axis].astype(float)
         offset = found.rotation[:, ellipsoid.symmetry_axis].astype(float) - direction
@@ -155,13 +98,6 @@ def phase_and_shape(ellipsoid: Ellipsoid, found: Observables, true: Observables)
     along = np.divide(velocity, speed, out=np.zeros_like(velocity), where=speed > 0)
     phase = np.sum(offset * along, axis=1)
     return phase, np.linalg.norm(offset - phase[:, None] * along, axis=1)
-
-
-def angular_velocity(ellipsoid: Ellipsoid, observables: Observables) -> np.ndarray:
-    """Angular velocity in space axes, shape (n, 3), from L and the complete rotation."""
-    rotation, momentum = observables.rotation.astype(float), observables.angular_momentum.astype(float)
-    body = np.einsum("nij,nj->ni", rotation, momentum) / np.array(ellipsoid.inertia)
-    return np.einsum("nij,ni->nj", rotation, body)
 
 
 def attainable(ellipsoid: Ellipsoid, observables: Observables) -> float:
@@ -190,8 +126,3 @@ def statistics_distance(ellipsoid: Ellipsoid, found: Observables, true: Observab
     moved = np.mean(np.abs(np.quantile(a, levels, axis=0) - np.quantile(b, levels, axis=0)), axis=0)
     distance = np.divide(moved, scale, out=np.zeros_like(moved), where=scale > 0)
     return float(np.nanmax(distance))
-
-
-def rms(values: np.ndarray) -> float:
-    """Root mean square; inf where a value is not finite."""
-    return float(np.sqrt(np.mean(values**2))) if np.all(np.isfinite(values)) else inf

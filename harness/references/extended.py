@@ -10,7 +10,7 @@ from polhode.solvers.taylor import Precision, propagate, taylor_integrator
 
 
 class ReferenceFailedError(RuntimeError):
-    """There is no reference; the message says why."""
+    """There is no reference."""
 
 
 def extended_run(problem: Problem, times: np.ndarray, precision: Precision, tolerance: float) -> np.ndarray:

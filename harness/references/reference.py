@@ -8,7 +8,14 @@ import numpy as np
 
 from polhode.harness.common import cache
 from polhode.harness.common.plain_json import digest
-from polhode.harness.references import certificate as certify
+from polhode.harness.references.certificate import (
+    Certificate,
+    Flow,
+    UncertifiedError,
+    certify,
+    expected_times,
+    observe,
+)
 from polhode.harness.references.chaos import Growth, growth
 from polhode.harness.references.errors import errors, statistics_distance
 from polhode.harness.references.extended import ReferenceFailedError, extended_integrator, extended_run
@@ -47,38 +54,20 @@ SCHEMA = 10
 class Reference:
     """Observables of a form's exact solution, how well they are known, and what confirmed them.
 
-    Parameters
-    ----------
-    form : str
-    times : ndarray, shape (n,)
-        In the form's own time.
-    observables : Observables
-    slow_uncertainty : float
-        Over I_max; not less than the spread from half an ulp in start and parameters.
-    orientation_uncertainty : float or None
-        In rad.
-    certificate : Certificate
-    precision : str
-        Of the tight run.
-    growth : Growth or None
-        Of small differences, where they grow so much that chaos had to be looked into.
-    meaningful : int
-        Number of samples over which errors of trajectories mean anything; n unless the motion is chaotic. The
-        uncertainties are those over these samples.
-    statistics_uncertainty : float
-        Distance of the distributions (`statistics_distance`) between runs that double precision cannot tell apart.
+    Uncertainties are those over the meaningful samples, and not less than the spread from half an ulp in start and
+    parameters.
     """
 
     form: str
-    times: np.ndarray
+    times: np.ndarray  # in the form's own time
     observables: Observables
-    slow_uncertainty: float
-    orientation_uncertainty: float | None
-    certificate: certify.Certificate
-    precision: str
-    growth: Growth | None
-    meaningful: int
-    statistics_uncertainty: float
+    slow_uncertainty: float  # over I_max
+    orientation_uncertainty: float | None  # in rad
+    certificate: Certificate
+    precision: str  # of the tight run
+    growth: Growth | None  # of small differences, where they grow so much that chaos had to be looked into
+    meaningful: int  # samples over which errors of trajectories mean anything: all unless the motion is chaotic
+    statistics_uncertainty: float  # `statistics_distance` of runs that double precision cannot tell apart
 
     @property
     def meaningful_until(self) -> float | None:
@@ -91,13 +80,8 @@ def reference(scene: Scene, form: str | Form, samples: int) -> Reference:
 
     Taylor runs in extended precision, from the very parameters in double precision that the contestants receive.
 
-    Parameters
-    ----------
-    scene : Scene
-    form : str or Form
-        A full form gives the reference of all full forms; an averaged one its own exact solution.
-    samples : int
-        Equispaced times from 0 to the end, both included.
+    A full form gives the reference of all full forms; an averaged one its own exact solution. The times are equispaced
+    from 0 to the end, both included.
 
     Raises
     ------
@@ -106,7 +90,7 @@ def reference(scene: Scene, form: str | Form, samples: int) -> Reference:
     """
     shape = find_form(form) if isinstance(form, str) else form
     if not shape.averaged:
-        shape = find_form(full_form(scene))
+        shape = find_form(reference_form(scene))
         if scene.stokes > FREE_UP_TO and scene.time > HORIZON and isfinite(scene.stokes):
             raise ReferenceFailedError(f"time: got {scene.time:g}, expected at most {HORIZON:g} above St = 1e6")
     problem = shape.problem(scene)
@@ -118,28 +102,27 @@ def reference(scene: Scene, form: str | Form, samples: int) -> Reference:
     return _unpacked(shape, arrays)
 
 
-def full_form(scene: Scene) -> str:
+def reference_form(scene: Scene) -> str:
     """The form whose reference all full forms of a scene are compared with."""
     return "jeffery" if scene.stokes == 0 else "quaternion"
 
 
 def _compute(scene: Scene, form: Form, problem: Problem, samples: int) -> dict[str, np.ndarray]:
     times = np.linspace(0.0, problem.end, samples)
-    extra = list(certify.expected_times(scene, form, problem.end))
+    extra = list(expected_times(scene, form, problem.end))
     every = np.union1d(times, extra)
     wanted = np.searchsorted(every, times)
     (precision, tight_tolerance), loose_run, seeds = _runs(scene, form)
     states = extended_run(problem, every, precision, tight_tolerance)
-    tight = certify.observe(form, scene, states[wanted])
-    loose = certify.observe(form, scene, extended_run(problem, every, *loose_run)[wanted])
+    tight = observe(form, scene, states[wanted])
+    loose = observe(form, scene, extended_run(problem, every, *loose_run)[wanted])
     moved = [
-        certify.observe(form, scene, extended_run(_rounded_otherwise(problem, seed), times, *ROUNDING_RUN))
-        for seed in seeds
+        observe(form, scene, extended_run(_rounded_otherwise(problem, seed), times, *ROUNDING_RUN)) for seed in seeds
     ]
     at = dict(zip(extra, states[np.searchsorted(every, extra)], strict=True))
     try:
-        certificate = certify.certify(scene, form, at, _flow(problem))
-    except certify.UncertifiedError as error:
+        certificate = certify(scene, form, at, _flow(problem))
+    except UncertifiedError as error:
         raise ReferenceFailedError(str(error)) from None
     spread = [errors(scene.ellipsoid, other, tight) for other in moved]
     size = max(1.0, float(np.max(np.abs(tight.slow))) / max(scene.ellipsoid.inertia))
@@ -181,7 +164,7 @@ def _unpacked(form: Form, arrays: dict[str, np.ndarray]) -> Reference:
         Observables(arrays["angular_momentum"], arrays["energy"], arrays["rotation"]),
         float(arrays["slow_uncertainty"]),
         None if isnan(orientation) else orientation,
-        certify.Certificate(by_form, by_solver, int(count), int(back), *differences),
+        Certificate(by_form, by_solver, int(count), int(back), *differences),
         str(arrays["precision"]),
         Growth(arrays["growth_times"], arrays["growth"]) if len(arrays["growth"]) else None,
         int(arrays["meaningful"]),
@@ -199,7 +182,7 @@ def _runs(scene: Scene, form: Form) -> tuple[Run, Run, tuple[int, ...]]:
     return *runs, ROUNDING_SEEDS if cost <= TWO_MOVED_UP_TO else ROUNDING_SEEDS[:1]
 
 
-def _flow(problem: Problem) -> certify.Flow:
+def _flow(problem: Problem) -> Flow:
     """The reference's own method, in long double, over a piece, backwards too."""
     integrator = extended_integrator(problem, *ROUNDING_RUN)
 

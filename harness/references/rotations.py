@@ -55,11 +55,6 @@ def rotations(scene: Scene) -> float:
     return _angle(scene) / (2 * pi)
 
 
-def stiffness(scene: Scene) -> float:
-    """T max(8πX/I)/St: how many times the fastest damping acts over the run; inf at St = 0, 0 at St = inf."""
-    return scene.slow_time * max(scene.ellipsoid.damping)
-
-
 def _averages_well(scene: Scene) -> bool:
     speed = float(np.linalg.norm(scene.angular_velocity))
     return scene.time * max(speed, 0.5) / (2 * pi) > MANY and speed * _separation(scene) > SEPARATED

@@ -13,7 +13,7 @@ from polhode.harness.common.plain_json import digest
 from polhode.harness.common.timing import seconds_of
 from polhode.harness.references.errors import Errors, errors, statistics_distance
 from polhode.harness.references.extended import ReferenceFailedError
-from polhode.harness.references.reference import Reference, full_form, reference
+from polhode.harness.references.reference import Reference, reference, reference_form
 from polhode.harness.references.rotations import rotations
 from polhode.harness.studies.cost import rhs_seconds
 from polhode.models.catalogue import form as find_form
@@ -154,7 +154,7 @@ def judge(case: Case, tried: Attempt) -> Record:
     """
     form, ellipsoid, record = find_form(case.form), case.scene.ellipsoid, tried.record
     try:
-        full = reference(case.scene, full_form(case.scene), case.samples)
+        full = reference(case.scene, reference_form(case.scene), case.samples)
     except ReferenceFailedError as error:
         return {**record, "reference_failed": str(error)}
     exact = full

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from polhode.harness.common import cache
-from polhode.harness.references import certificate as certify
 from polhode.harness.references import reference as module
+from polhode.harness.references.certificate import UncertifiedError, certify, expected_times, pieces
 from polhode.harness.references.errors import errors
 from polhode.harness.references.reference import ReferenceFailedError, reference
 from polhode.models.catalogue import form as find_form
@@ -102,16 +102,16 @@ def test_a_certificate_notices_wrong_equations():
     scene = replace(PAPER, time=10.0)
     form = find_form("quaternion")
     wrong = form.problem(replace(scene, stokes=scene.stokes * (1 + 1e-7)))
-    times = np.unique(list(certify.expected_times(scene, form, wrong.end)))
+    times = np.unique(list(expected_times(scene, form, wrong.end)))
     states = module.extended_run(wrong, times, "long double", 1e-19)
-    with pytest.raises(certify.UncertifiedError, match="times the method's error"):
-        certify.certify(scene, form, dict(zip(times.tolist(), states, strict=True)), module._flow(wrong))
+    with pytest.raises(UncertifiedError, match="times the method's error"):
+        certify(scene, form, dict(zip(times.tolist(), states, strict=True)), module._flow(wrong))
 
 
 @pytest.mark.parametrize("name", ["paper", "plate", "stiff", "rest-1e8", "long"])
 def test_pieces_that_go_back_do_not_amplify(name: str):
     scene = named_scene(name)
-    for piece in certify.pieces(scene, find_form("quaternion"), scene.time):
+    for piece in pieces(scene, find_form("quaternion"), scene.time):
         assert 0 <= piece.start < piece.back <= piece.end <= scene.time * (1 + 1e-15)
         assert max(scene.ellipsoid.damping) * (piece.back - piece.start) / scene.stokes < 5
 
