@@ -1,13 +1,17 @@
 """Fitting the laws: robust least squares in logarithms, with bootstrap over scenes."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from math import inf, log
+from functools import cache
+from math import exp, inf, log
 from typing import Any
 
 import numpy as np
+import pandas as pd
+from scipy.optimize import least_squares
+from scipy.special import ndtri, stdtrit
 
-from polhode.harness.calibration.least_squares import Misfit, bootstrap
 from polhode.harness.common.store import Record
 from polhode.harness.common.timing import Pace
 from polhode.harness.picking.laws import (
@@ -28,9 +32,11 @@ from polhode.harness.studies.first_runs import first_seconds
 from polhode.models.catalogue import form as find_form
 from polhode.models.scene import Scene
 from polhode.models.scene_file import parse_scene
+from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Status
 
 Array = np.ndarray
+Prior = dict[str, tuple[float, float]]
 
 # Fewer scenes than this make no law.
 LEAST_SCENES = 3
@@ -44,89 +50,74 @@ SANE = 0.1
 LUCKY = 1e-3
 
 
+# Resampled fits, and the quantiles that they give.
+REPLICATES, SEED = 40, 1
+LOW, MIDDLE, HIGH = 0.025, 0.5, 0.975
+
+
 @dataclass(frozen=True)
 class Sample:
-    """One measured run, in the laws' terms."""
+    """One measured run, in the laws' terms; sensitivity and error of each want that is known."""
 
     scene: str
     tolerance: float
     load: Load
     seconds: float
-    slow: tuple[Sensitivity, float] | None
-    orientation: tuple[Sensitivity, float] | None
-
-    def of(self, want: str) -> tuple[Sensitivity, float] | None:
-        """Sensitivity and error of what is wanted."""
-        return self.slow if want == "slow" else self.orientation
+    errors: dict[str, tuple[Sensitivity, float]]
 
 
-class Pilots:
-    """Pilots of the scenes of records, each run once."""
-
-    def __init__(self) -> None:
-        self._found: dict[str, Pilot | None] = {}
-
-    def of(self, record: Record) -> Pilot | None:
-        """Pilot of a record's scene; None where it fails."""
-        name = record["scene_name"] + repr(record["scene"])
-        if name not in self._found:
-            try:
-                self._found[name] = pilot(parse_scene(record["scene"]))
-            except PilotFailedError:
-                self._found[name] = None
-        return self._found[name]
+def pilot_of(record: Record) -> Pilot | None:
+    """Pilot of a record's scene, run once; None where it fails."""
+    return _pilot(parse_scene(record["scene"]))
 
 
-def sample_of(record: Record, pilot: Pilot, pace: Pace) -> Sample | None:
+@cache
+def _pilot(scene: Scene) -> Pilot | None:
+    try:
+        return pilot(scene)
+    except PilotFailedError:
+        return None
+
+
+def sample_of(record: Record, pace: Pace) -> Sample | None:
     """A record in the laws' terms, at one pace; None for a run that failed, or whose pilot did."""
     if record["status"] != Status.REACHED_END or "seconds" not in record:
         return None
-    form = find_form(record["form"])
+    form, solver, pilot = find_form(record["form"]), record["solver"], pilot_of(record)
+    if pilot is None:
+        return None
+    known: dict[str, tuple[Sensitivity, float]] = {}
     try:
-        load = load_of(form, record["solver"], pilot, record["samples"])
+        load = load_of(form, solver, pilot, record["samples"])
     except PilotFailedError:
         return None
-    try:
-        found = (None, None) if held_back(form, record["solver"], pilot) else form_sensitivity(form, pilot)
-    except PilotFailedError:
-        found = None, None
-    pairs = []
-    for want, sensitivity in zip(WANTS, found, strict=True):
-        error, uncertainty = record.get(f"solver_{want}_error"), _uncertainty(record, want)
-        if sensitivity is None or error is None or not error < SANE * sensitivity.largest or sensitivity.error == inf:
-            pairs.append(None)
-            continue
-        # Below the reference's uncertainty, below rounding, and far below the tolerance all errors are alike.
-        least = max(uncertainty, EPS * sensitivity.largest / 10, LUCKY * record["tolerance"])
-        pairs.append((sensitivity, max(error, least)))
-    return Sample(
-        record["scene_name"],
-        record["tolerance"],
-        load,
-        pace.seconds(record),
-        pairs[0],
-        pairs[1],
-    )
+    with suppress(PilotFailedError):
+        if not held_back(form, solver, pilot):
+            pairs = zip(WANTS, form_sensitivity(form, pilot), strict=True)
+            known = {want: (at, error) for want, at in pairs if at and (error := _error(record, want, at)) is not None}
+    return Sample(record["scene_name"], record["tolerance"], load, pace.seconds(record), known)
 
 
-def _uncertainty(record: Record, want: str) -> float:
-    value = record.get(f"solver_{want}_uncertainty", record.get(f"{want}_uncertainty"))
-    return 0.0 if value is None else float(value)
+def _error(record: Record, want: str, at: Sensitivity) -> float | None:
+    """A run's error, as far as it bears a law."""
+    error = record.get(f"solver_{want}_error")
+    if error is None or not error < SANE * at.largest or at.error == inf:
+        return None
+    uncertainty = record.get(f"solver_{want}_uncertainty", record.get(f"{want}_uncertainty"))
+    # Below the reference's uncertainty, below rounding, and far below the tolerance all errors are alike.
+    return max(error, uncertainty or 0.0, EPS * at.largest / 10, LUCKY * record["tolerance"])
 
 
 def fit_laws(records: Iterable[Record], source: dict[str, Any]) -> Laws:
     """Fit the laws of every method of which there are enough records, and time its first run on this machine."""
-    pilots, records = Pilots(), list(records)
+    records = list(records)
     pace = Pace.usual(records)
     samples: dict[tuple[str, str], list[Sample]] = {}
     examples: dict[str, Scene] = {}
     for record in records:
-        method = record["form"], record["solver"]
-        found = pilots.of(record)
-        sample = sample_of(record, found, pace) if found else None
-        if found and sample:
-            samples.setdefault(method, []).append(sample)
-            examples.setdefault(record["form"], found.scene)
+        if sample := sample_of(record, pace):
+            samples.setdefault((record["form"], record["solver"]), []).append(sample)
+            examples.setdefault(record["form"], parse_scene(record["scene"]))
     samples = {method: runs for method, runs in samples.items() if len({run.scene for run in runs}) >= LEAST_SCENES}
     firsts = first_seconds(examples, samples)
     methods = {}
@@ -135,7 +126,7 @@ def fit_laws(records: Iterable[Record], source: dict[str, Any]) -> Laws:
             form=form,
             solver=solver,
             cost=fit_cost(runs),
-            errors=fit_errors(runs, solver == "exact"),
+            errors=fit_errors(runs, find_solver(solver).closed_form),
             compile_seconds=firsts[form, solver],
             tightest=min(run.tolerance for run in runs),
         )
@@ -150,13 +141,12 @@ def refit(laws: Laws, records: Iterable[Record]) -> Laws:
     A method's own factor is the median of measured over predicted; methods without `LEAST_RUNS` records get the median
     of all.
     """
-    pilots, records = Pilots(), list(records)
+    records = list(records)
     pace = Pace.usual(records)
     ratios: dict[tuple[str, str], list[float]] = {}
     for record in records:
-        law, found = laws.methods.get((record["form"], record["solver"])), pilots.of(record)
-        sample = sample_of(record, found, pace) if law and found else None
-        if law and sample:
+        law = laws.methods.get((record["form"], record["solver"]))
+        if law and (sample := sample_of(record, pace)):
             ratio = sample.seconds / law.cost.predict(sample.load, sample.tolerance).predicted
             ratios.setdefault((law.form, law.solver), []).append(ratio)
     if not ratios:
@@ -197,6 +187,68 @@ FLOOR_GROWTH = {"slow": (0.7, 0.3), "orientation": (1.7, 0.3)}
 NO_TRUNCATION = {"offset": (-300.0, 1e-6), "order": (1.0, 1e-6)}
 
 
+def robust_fit(
+    predicted: Callable[[Array], Array], measured: Array, prior: Prior, soft: float, weights: Array, start: Array
+) -> Array:
+    """Parameters of least squares: residuals beyond `soft` pull less (soft L1), the prior counts as measurements do."""
+    mean, spread = np.array(list(prior.values())).T
+    count = len(measured)
+
+    def residuals(x: Array) -> Array:
+        return np.concatenate([predicted(x) - measured, soft * (x - mean) / spread])
+
+    def loss(z: Array) -> Array:
+        root = np.sqrt(1 + z[:count])
+        rho = np.stack([z, np.ones_like(z), np.zeros_like(z)])
+        rho[:, :count] = weights * np.stack([2 * (root - 1), 1 / root, -0.5 / root**3])
+        return rho
+
+    return least_squares(residuals, start, x_scale=spread, loss=loss, f_scale=soft, ftol=1e-6).x
+
+
+@dataclass(frozen=True)
+class Bootstrap:
+    """Parameters by name, their 95 % intervals, and how far measurements strayed from fits that had left them out."""
+
+    values: dict[str, float]
+    intervals: dict[str, list[float]]
+    stray: Stray
+
+
+def bootstrap(
+    scenes: Sequence[str],
+    predicted: Callable[[Array], Array],
+    measured: Array,
+    prior: Prior,
+    soft: float,
+    readable: dict[str, Callable[[float], float]],
+) -> Bootstrap:
+    """Fit a law, and fit it again to scenes drawn with replacement.
+
+    What one scene says of another is what a prediction is worth: strays are those of the scenes left out, wider where
+    there are few, by Student's t over the normal distribution. `readable` turns parameters into those of the law.
+    Source: Efron and Tibshirani, An Introduction to the Bootstrap, sections 6.2 and 17.7.
+    """
+    group, names = pd.factorize(np.array(scenes))
+    count, random = len(names), np.random.default_rng(SEED)
+    start = np.array([mean for mean, _ in prior.values()])
+    x = robust_fit(predicted, measured, prior, soft, np.ones(len(group)), start)
+    replicates, strays = [], []
+    for _ in range(REPLICATES):
+        weights = np.bincount(random.integers(count, size=count), minlength=count)[group].astype(float)
+        replicates.append(robust_fit(predicted, measured, prior, soft, weights, x))
+        strays.append((measured - predicted(replicates[-1]))[weights == 0])
+    values, intervals = {}, {}
+    for name, value, low, high in zip(prior, x, *np.quantile(replicates, (LOW, HIGH), axis=0), strict=True):
+        plain = readable.get(name, float)
+        values[name], intervals[name] = plain(value), [plain(low), plain(high)]
+    low, middle, high = np.quantile(np.concatenate(strays), (LOW, MIDDLE, HIGH)).tolist()
+    wider = float(stdtrit(count - 1, HIGH) * np.sqrt(1 + 1 / count) / ndtri(HIGH))
+    return Bootstrap(
+        values, intervals, Stray(middle + wider * (low - middle), middle, middle + wider * (high - middle))
+    )
+
+
 def fit_cost(runs: Sequence[Sample]) -> CostLaw:
     """Fit the cost law of a method."""
     load = np.array([[r.load.rotations, r.load.following, r.load.damping_times, r.load.samples] for r in runs])
@@ -209,9 +261,9 @@ def fit_cost(runs: Sequence[Sample]) -> CostLaw:
         work = np.exp(x[6] * logarithm) * (c[2] + c[3] * turns + c[4] * following)
         return np.log(c[0] + c[1] * samples + work + c[5] * stiff * np.exp(x[7] * logarithm))
 
-    fit = bootstrap([run.scene for run in runs], Misfit(measured, predicted, COST_PRIOR, SOFT_COST))
-    values, intervals = fit.in_words(6)
-    return CostLaw(**values, stray=Stray(*fit.strays), records=len(runs), intervals=intervals)
+    scenes, readable = [run.scene for run in runs], dict.fromkeys(list(COST_PRIOR)[:6], exp)
+    fit = bootstrap(scenes, predicted, measured, COST_PRIOR, SOFT_COST, readable)
+    return CostLaw(**fit.values, stray=fit.stray, records=len(runs), intervals=fit.intervals)
 
 
 def fit_errors(runs: Sequence[Sample], closed_form: bool = False) -> dict[str, ErrorLaw]:
@@ -219,7 +271,7 @@ def fit_errors(runs: Sequence[Sample], closed_form: bool = False) -> dict[str, E
     laws = {}
     for want in WANTS:
         for stiff in (False, True):
-            known = [run for run in runs if (found := run.of(want)) is not None and found[0].stiff == stiff]
+            known = [run for run in runs if want in run.errors and run.errors[want][0].stiff == stiff]
             if len({run.scene for run in known}) >= LEAST_SCENES:
                 laws[regime(want, stiff)] = fit_error(known, want, closed_form)
     return laws
@@ -227,22 +279,18 @@ def fit_errors(runs: Sequence[Sample], closed_form: bool = False) -> dict[str, E
 
 def fit_error(runs: Sequence[Sample], want: str, closed_form: bool = False) -> ErrorLaw:
     """Fit the law of the slow or the orientation error to runs that all have one."""
-    known = [(run, found) for run in runs if (found := run.of(want)) is not None]
-    at = [found[0] for _, found in known]
+    at = [run.errors[want][0] for run in runs]
     looseness = np.log([run.tolerance / s.tolerance for run, s in zip(runs, at, strict=True)])
     pilots, turns = np.log([s.error for s in at]), np.log1p([s.rotations for s in at])
     stiff = np.log1p([s.stiffness for s in at])
     least = np.log([EPS * s.largest for s in at])
-    measured = np.log([found[1] for _, found in known])
+    measured = np.log([run.errors[want][1] for run in runs])
 
     def predicted(x: Array) -> Array:
         truncation = x[0] + x[1] * looseness + x[2] * pilots + x[3] * turns + x[4] * stiff
         return np.logaddexp(truncation, x[5] + least + x[6] * turns)
 
     prior = ERROR_PRIOR | {"floor_growth": FLOOR_GROWTH[want]} | (NO_TRUNCATION if closed_form else {})
-    fit = bootstrap([run.scene for run in runs], Misfit(measured, predicted, prior, SOFT_ERROR))
-    values, intervals = fit.in_words(0)
-    for table in (values, intervals):
-        table["offset"] = np.divide(table["offset"], log(10)).tolist()
-        table["floor"] = np.exp(table["floor"]).tolist()
-    return ErrorLaw(**values, stray=Stray(*fit.strays), records=len(runs), intervals=intervals)
+    readable: dict[str, Callable[[float], float]] = {"offset": lambda x: float(x / log(10)), "floor": exp}
+    fit = bootstrap([run.scene for run in runs], predicted, measured, prior, SOFT_ERROR, readable)
+    return ErrorLaw(**fit.values, stray=fit.stray, records=len(runs), intervals=fit.intervals)

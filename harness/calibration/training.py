@@ -1,8 +1,8 @@
 """What is measured to fit the laws: random scenes, by every form that accepts them and every solver, as studies."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
+from typing import Self
 
 import numpy as np
 
@@ -109,25 +109,28 @@ def study(
 
 
 @dataclass(frozen=True)
-class Collection:
-    """Several studies run in one go."""
+class CaseGroups:
+    """Cases in batches, those of a batch measured in turns."""
 
     name: str
-    parts: tuple[Study, ...]
+    groups: tuple[list[Case], ...]
+
+    @classmethod
+    def of(cls, name: str, studies: Iterable[Study]) -> Self:
+        """The batches of several studies."""
+        return cls(name, tuple(batch for study in studies for batch in study.batches()))
 
     def batches(self) -> Iterator[list[Case]]:
-        """Cases of all parts, in their order."""
-        for part in self.parts:
-            yield from part.batches()
+        """The groups."""
+        return iter(self.groups)
 
 
-def training(count: int = TRAINING_SCENES) -> Collection:
+def training(count: int = TRAINING_SCENES) -> CaseGroups:
     """All that is measured of the training scenes."""
     scenes = enumerate(questions(TRAINING_SEED, count))
-    return Collection("training", tuple(part for index, question in scenes for part in studies(question, index)))
+    return CaseGroups.of("training", (part for index, question in scenes for part in studies(question, index)))
 
 
-def train(path: Path, count: int = TRAINING_SCENES, quiet: bool = False) -> list[Record]:
-    """Records of the training scenes, measured into the store at a path where it does not hold them."""
-    with Store(path) as store:
-        return Runner(store, quiet).run(training(count))
+def train(store: Store, count: int = TRAINING_SCENES, quiet: bool = False) -> list[Record]:
+    """Records of the training scenes, measured into a store where it does not hold them."""
+    return Runner(store, quiet).run(training(count))

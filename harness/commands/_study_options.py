@@ -69,8 +69,8 @@ def command_line() -> str:
     return " ".join(words)
 
 
-def open_store(folder: Path, resume: bool) -> "Store":
-    """Open FOLDER/store.sqlite, made with its folder; a run that starts afresh moves the last one's aside.
+def open_store(folder: Path, resume: bool, name: str = "store") -> "Store":
+    """Open FOLDER/NAME.sqlite, made with its folder; a run that starts afresh moves the last one's aside.
 
     Raises
     ------
@@ -79,27 +79,28 @@ def open_store(folder: Path, resume: bool) -> "Store":
     """
     from polhode.harness.common.store import DamagedStoreError, Store
 
+    previous = "previous" if name == "store" else f"previous-{name}"
     with bad_input():
         folder.mkdir(parents=True, exist_ok=True)
         # With what SQLite has put beside it.
-        for ending in () if resume else ("", "-wal", "-shm"):
-            (folder / f"previous.sqlite{ending}").unlink(missing_ok=True)
-            if (folder / f"store.sqlite{ending}").exists():
-                (folder / f"store.sqlite{ending}").rename(folder / f"previous.sqlite{ending}")
+        for ending in () if resume else (".sqlite", ".sqlite-wal", ".sqlite-shm"):
+            (folder / (previous + ending)).unlink(missing_ok=True)
+            if (folder / (name + ending)).exists():
+                (folder / (name + ending)).rename(folder / (previous + ending))
         try:
-            return Store(folder / "store.sqlite")
+            return Store(folder / f"{name}.sqlite")
         except DamagedStoreError as error:
             raise BadInput(f"{error}, expected one of an earlier run or none") from None
 
 
 @contextmanager
-def running_into(store: "Store", what: str = "cases") -> Iterator[None]:
+def running_into(store: "Store", what: str = "cases") -> Iterator["Store"]:
     """Close the store in any case; say how to go on after Ctrl-C, and what is wrong with a damaged store."""
     from polhode.harness.common.store import DamagedStoreError
 
     with store:
         try:
-            yield
+            yield store
         except KeyboardInterrupt:
             raise RunFailed(f"interrupted: finished {what} are in {store.path}, --resume goes on") from None
         except DamagedStoreError as error:

@@ -1,10 +1,11 @@
-"""`polhode calibrate` and `polhode validate`: what `pick` goes by, and how good it is."""
+"""`polhode calibrate` and `polhode validate`: the laws behind `pick`, and how good it is."""
 
 from pathlib import Path
 
 import click
 
 from polhode.harness.cli import RunFailed, bad_input
+from polhode.harness.commands._study_options import open_store, running_into
 
 FOLDER = Path("reports/pick")
 
@@ -15,18 +16,17 @@ FOLDER = Path("reports/pick")
     "--to", type=click.Path(path_type=Path, dir_okay=False), help="File for the laws; by default this user's."
 )
 @click.option("--scenes", type=click.IntRange(min=3), default=160, show_default=True, help="Training scenes.")
-@click.option("--resume", is_flag=True, help="Take up an interrupted run instead of starting afresh.")
+@click.option("--resume", is_flag=True, help="Go on with an interrupted run instead of starting afresh.")
 @click.option("--quiet", is_flag=True, help="No progress.")
 def laws(out: Path, to: Path | None, scenes: int, resume: bool, quiet: bool) -> None:
-    """Measure the training scenes on this machine, over an hour, and fit the laws that `polhode pick` goes by."""
+    """Measure the training scenes on this machine, over an hour, and fit the laws behind `polhode pick`."""
     from polhode.harness.calibration.fit import fit_laws
     from polhode.harness.calibration.training import train
     from polhode.harness.common.machine import machine, versions
     from polhode.harness.picking.laws import own_laws_path
 
-    with bad_input():
-        store = _store(out, "training", resume)
-    records = train(store, scenes, quiet)
+    with running_into(open_store(out, resume, "training")) as store:
+        records = train(store, scenes, quiet)
     path = to or own_laws_path()
     fitted = fit_laws(records, {"machine": machine(), "versions": versions()})
     fitted.save(path)
@@ -37,7 +37,7 @@ def laws(out: Path, to: Path | None, scenes: int, resume: bool, quiet: bool) -> 
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=FOLDER, show_default=True)
 @click.option("--scenes", type=click.IntRange(min=1), default=40, show_default=True, help="Held-out scenes.")
 @click.option("--seed", type=click.IntRange(min=0), default=1765, show_default=True, help="What they are drawn from.")
-@click.option("--resume", is_flag=True, help="Take up an interrupted run instead of starting afresh.")
+@click.option("--resume", is_flag=True, help="Go on with an interrupted run instead of starting afresh.")
 @click.option("--quiet", is_flag=True, help="No progress.")
 def heldout(out: Path, scenes: int, seed: int, resume: bool, quiet: bool) -> None:
     """Ask `pick` about scenes that no law was fitted on, measure them, print how good it was, and write the page.
@@ -50,20 +50,11 @@ def heldout(out: Path, scenes: int, seed: int, resume: bool, quiet: bool) -> Non
 
     with bad_input():
         known = load_laws()
-        store = _store(out, "heldout", resume)
-    evaluation = evaluate(store, known, scenes, quiet, seed)
+    with running_into(open_store(out, resume, "heldout")) as store:
+        evaluation = evaluate(store, known, scenes, quiet, seed)
     page = write_pages(out, known, evaluation, f"polhode validate --scenes {scenes} --seed {seed}")
     for sentence in summary(evaluation):
         click.echo(sentence)
     click.echo(str(page))
     if not evaluation.reached:
         raise RunFailed("pick did not reach what it promises")
-
-
-def _store(folder: Path, name: str, resume: bool) -> Path:
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"{name}.sqlite"
-    if not resume:
-        for leftover in folder.glob(f"{name}.sqlite*"):
-            leftover.unlink()
-    return path

@@ -1,53 +1,63 @@
-"""The pages of `pick`: its laws, and how they did on scenes held out; tables, figures and data from the records."""
+"""The page of `pick`: its laws, and how they did on scenes held out; tables, figures and data from the records."""
 
-import csv
 from collections.abc import Iterable, Sequence
-from math import inf
+from math import inf, log10
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from polhode.harness.calibration.heldout import (
+from polhode.harness.calibration.evaluation import (
     CHEAP,
     FACTOR,
     MEETS,
     PREDICTED,
     Evaluation,
-    Outcome,
+    HeldOutScene,
     Prediction,
 )
 from polhode.harness.common.text import duration, markdown, scientific
-from polhode.harness.pages.laws_figures import write_figures
-from polhode.harness.picking.laws import Laws
+from polhode.harness.pages.work_precision import IMPLICIT, save
+from polhode.harness.picking.laws import Interval, Laws, MethodLaws
+from polhode.solvers.catalogue import solver as find_solver
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+SCENES_HEADER = ["St", "shape", "N", "wanted", "error asked", "first choice", "error", "time", "over the best"]
+SCENES_HEADER += ["best choice"]
+LAWS_HEADER = ["form", "solver", "runs", "fixed, µs", "exponent", "per rotation, µs", "per damping time, ns"]
+LAWS_HEADER += ["strays 95 %"]
 
 
 def write_pages(folder: Path, laws: Laws, evaluation: Evaluation, command: str) -> Path:
     """Write the page, its figures and its tables into a folder and return the page's path."""
+    import pandas as pd
+
     folder.mkdir(parents=True, exist_ok=True)
-    _write_rows(folder / "laws.csv", _law_rows(laws))
-    _write_rows(folder / "scenes.csv", [_scene_row(outcome) for outcome in evaluation.outcomes])
-    _write_rows(folder / "runs.csv", [_run_row(prediction) for prediction in evaluation.predictions])
-    write_figures(folder, evaluation)
+    pd.DataFrame(_law_rows(laws)).to_csv(folder / "laws.csv", index=False)
+    pd.DataFrame(map(_scene_row, evaluation.scenes), dtype=object).to_csv(folder / "scenes.csv", index=False)
+    pd.DataFrame(map(_run_row, evaluation.predictions)).to_csv(folder / "runs.csv", index=False)
+    _write_figures(folder, evaluation)
     page = folder / "README.md"
     page.write_text("\n".join(_lines(laws, evaluation, command)), encoding="utf-8")
     return page
 
 
 def summary(evaluation: Evaluation) -> list[str]:
-    """The evaluation in sentences, each with what was to be reached."""
-    count = len(evaluation.outcomes)
-    refused = sum(outcome.answer.recommendation is None for outcome in evaluation.outcomes)
+    """The evaluation in sentences, each with its target."""
+    count = len(evaluation.scenes)
+    refused = sum(scene.answer.recommendation is None for scene in evaluation.scenes)
     lines = [
-        f"The first choice met the error on {evaluation.met:.1%} of {count} held-out scenes (to reach: {MEETS:.0%}).",
-        f"It cost at most {FACTOR:g} times the best measured choice on {evaluation.cheap:.1%} (to reach: {CHEAP:.0%}).",
+        f"The first choice met the error on {evaluation.met:.1%} of {count} held-out scenes (target: {MEETS:.0%}).",
+        f"It cost at most {FACTOR:g} times the best measured choice on {evaluation.cheap:.1%} (target: {CHEAP:.0%}).",
         f"The cost laws predicted {evaluation.predicted:.1%} of {len(evaluation.predictions)} held-out times "
-        f"within a factor {FACTOR:g} (to reach: {PREDICTED:.0%}), the machine's pace reckoned with; "
+        f"within a factor {FACTOR:g} (target: {PREDICTED:.0%}) after correcting for the machine's speed; "
         f"{evaluation.predicted_as_timed:.1%} as timed.",
         f"The slow error stayed below the upper end of its interval in {evaluation.bounded:.1%} of the runs "
-        "(meant: 97.5%).",
+        "(target: 97.5%).",
     ]
     if refused:
         lines.append(
-            f"{refused} requests were refused as not attainable; they count as met where no run measured met them."
+            f"{refused} requests were refused as not attainable; they count as met if no measured run met them."
         )
     return lines
 
@@ -66,14 +76,14 @@ def _lines(laws: Laws, evaluation: Evaluation, command: str) -> list[str]:
         *(f"- {sentence}" for sentence in summary(evaluation)),
         "",
         "The best measured choice is the cheapest of all runs that met the error: compiled solvers on every form that "
-        "accepts the scene, save those that cannot win it (explicit ones over very many damping times, low orders at "
-        "tight tolerances, averaged forms without rotations to average over), at tolerances by tens, and the first "
-        "choice itself. The five cheapest of them and the first choice were then timed once more, in turns; "
+        "accepts the scene, at tolerances by tens, and the first choice itself, except combinations that cannot win "
+        "(explicit solvers over very many damping times, low orders at tight tolerances, averaged forms without "
+        "rotations to average over). The five cheapest and the first choice were then timed once more, in turns; "
         "these times are compared.",
         "",
-        "Predicted times hold for the pace at which the machine ran when the laws were fitted: a sentinel, a fixed "
-        "piece of arithmetic timed before every batch of runs, tells by how much it is slower or faster now, and "
-        "measured times are divided by that. Times of the first choice and the best one are as timed.",
+        "Predicted times hold for the machine's speed when the laws were fitted. A fixed piece of arithmetic, timed "
+        "before every batch of runs, measures the speed, and measured times are corrected by it. Times of the first "
+        "choice and the best one are as timed.",
         "",
         "![Predicted against measured times and errors of the held-out runs](predicted.png)",
         "",
@@ -81,31 +91,16 @@ def _lines(laws: Laws, evaluation: Evaluation, command: str) -> list[str]:
         "",
         "## The scenes",
         "",
-        "N rotations. – stands for what is not known: the error, where the first choice failed, falsely claimed "
-        "success or has no reference to be compared with; the time, where it failed; N, error and time, where the "
-        "request was refused. It is inf times over the best where it failed and another run met the error.",
+        "N: rotations. – stands for what is not known: the error, if the first choice failed, falsely claimed success "
+        "or has no reference; the time, if it failed; N, error and time, if the request was refused. *Over the best* "
+        "is inf if the first choice failed and another run met the error.",
         "",
-        markdown(
-            [
-                "St",
-                "shape",
-                "N",
-                "wanted",
-                "error asked",
-                "first choice",
-                "error",
-                "time",
-                "over the best",
-                "best choice",
-            ],
-            [_scene_cells(outcome) for outcome in evaluation.outcomes],
-            right=(0, 2, 4, 6, 7, 8),
-        ),
+        markdown(SCENES_HEADER, list(map(_scene_cells, evaluation.scenes)), right=(0, 2, 4, 6, 7, 8)),
         "## Times by method",
         "",
         markdown(
             ["form", "solver", "runs", f"within {FACTOR:g}", "median ratio"],
-            [list(row) for row in _by_method(evaluation.predictions)],
+            list(_by_method(evaluation.predictions)),
             right=(2, 3, 4),
         ),
         "## The laws",
@@ -115,45 +110,28 @@ def _lines(laws: Laws, evaluation: Evaluation, command: str) -> list[str]:
         "Brackets hold 95 % of the fits to resampled scenes, strays 95 % of measured over predicted. All numbers, "
         "those of the error laws too, are in [laws.csv](laws.csv); `harness/picking/laws.py` says what each means.",
         "",
-        markdown(
-            [
-                "form",
-                "solver",
-                "runs",
-                "fixed, µs",
-                "exponent",
-                "per rotation, µs",
-                "per damping time, ns",
-                "strays 95 %",
-            ],
-            [_law_cells(law) for law in laws.methods.values()],
-            right=range(2, 8),
-        ),
+        markdown(LAWS_HEADER, list(map(_law_cells, laws.methods.values())), right=range(2, 8)),
     ]
 
 
-def _scene_cells(outcome: Outcome) -> list[str]:
-    question, found = outcome.answer.question, outcome.answer.recommendation
-    best = outcome.best
-    chosen = "not attainable"
-    if found is not None:
-        row = found.ranking[0]
-        chosen = f"{row.form}, {row.solver}, {row.tolerance:g}"
+def _scene_cells(scene: HeldOutScene) -> list[str]:
+    question, found, best = scene.answer.question, scene.answer.recommendation, scene.best
+    row = found.ranking[0] if found else None
     return [
         f"{question.scene.stokes:.2g}",
         question.scene.ellipsoid.kind,
-        "–" if found is None else f"{found.rotations:.3g}",
+        f"{found.rotations:.3g}" if found else "–",
         question.want,
         scientific(question.error),
-        chosen,
-        scientific(outcome.error if outcome.error < inf else None),
-        duration(None if outcome.first is None else outcome.first.get("seconds")),
-        f"{outcome.factor:.2f}",
-        "none" if best is None else f"{best['form']}, {best['solver']}, {best['tolerance']:g}",
+        f"{row.form}, {row.solver}, {row.tolerance:g}" if row else "not attainable",
+        scientific(scene.error if scene.error < inf else None),
+        duration((scene.first or {}).get("seconds")),
+        f"{scene.factor:.2f}",
+        f"{best['form']}, {best['solver']}, {best['tolerance']:g}" if best else "none",
     ]
 
 
-def _law_cells(law: Any) -> list[str]:
+def _law_cells(law: MethodLaws) -> list[str]:
     cost, intervals = law.cost, law.cost.intervals
 
     def cell(name: str, unit: float) -> str:
@@ -173,14 +151,14 @@ def _law_cells(law: Any) -> list[str]:
     ]
 
 
-def _by_method(predictions: Sequence[Prediction]) -> Iterable[tuple[str, ...]]:
+def _by_method(predictions: Sequence[Prediction]) -> Iterable[list[str]]:
     groups: dict[tuple[str, str], list[Prediction]] = {}
     for prediction in predictions:
         groups.setdefault((prediction.record["form"], prediction.record["solver"]), []).append(prediction)
     for (form, solver), mine in sorted(groups.items()):
         ratios = sorted(each.measured / each.seconds.predicted for each in mine)
         share = sum(each.close for each in mine) / len(mine)
-        yield form, solver, str(len(mine)), f"{share:.0%}", f"{ratios[len(ratios) // 2]:.2f}"
+        yield [form, solver, str(len(mine)), f"{share:.0%}", f"{ratios[len(ratios) // 2]:.2f}"]
 
 
 def _law_rows(laws: Laws) -> list[dict[str, Any]]:
@@ -193,8 +171,8 @@ def _law_rows(laws: Laws) -> list[dict[str, Any]]:
     return rows
 
 
-def _scene_row(outcome: Outcome) -> dict[str, Any]:
-    question, found, best = outcome.answer.question, outcome.answer.recommendation, outcome.best or {}
+def _scene_row(scene: HeldOutScene) -> dict[str, Any]:
+    question, found, best = scene.answer.question, scene.answer.recommendation, scene.best or {}
     row = found.ranking[0] if found else None
     return {
         "scene": question.name,
@@ -212,16 +190,16 @@ def _scene_row(outcome: Outcome) -> dict[str, Any]:
         "tolerance": row.tolerance if row else None,
         "error_predicted": row.error.predicted if row else None,
         "error_high": row.error.high if row else None,
-        "error": outcome.error if outcome.error < inf else None,
+        "error": scene.error if scene.error < inf else None,
         "seconds_predicted": row.seconds.predicted if row else None,
-        "seconds": outcome.first.get("seconds") if outcome.first else None,
-        "met": outcome.met,
-        "factor": outcome.factor,
+        "seconds": scene.first.get("seconds") if scene.first else None,
+        "met": scene.met,
+        "factor": scene.factor,
         "best_form": best.get("form"),
         "best_solver": best.get("solver"),
         "best_tolerance": best.get("tolerance"),
         "best_seconds": best.get("seconds"),
-        "refusal": outcome.answer.refusal,
+        "refusal": scene.answer.refusal,
     }
 
 
@@ -245,8 +223,55 @@ def _short(value: float | None) -> str:
     return "" if value is None else f"{value:.4g}"
 
 
-def _write_rows(path: Path, rows: Sequence[dict[str, Any]]) -> None:
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(rows[0]) if rows else ["none"])
-        writer.writeheader()
-        writer.writerows(rows)
+def _write_figures(folder: Path, evaluation: Evaluation) -> None:
+    """Write `predicted.png` and `choices.png` into a folder."""
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(1, 2, figsize=(11.0, 5.0))
+    times = [(p.seconds, p.measured, p.record["solver"]) for p in evaluation.predictions]
+    _against(axes[0], times, "measured time of a warm run, s", "predicted, s", FACTOR)
+    errors = [
+        (p.error, p.measured_error, p.record["solver"])
+        for p in evaluation.predictions
+        if p.error is not None and p.measured_error
+    ]
+    _against(
+        axes[1], errors, "measured slow error of the solver, over I_max", "predicted, middle of the interval", 10.0
+    )
+    axes[0].legend(frameon=False, fontsize=8, loc="upper left", markerscale=2)
+    figure.tight_layout()
+    save(figure, folder, "predicted")
+
+    figure, axes = plt.subplots(1, 2, figsize=(11.0, 4.6))
+    _choices(axes[0], axes[1], evaluation.scenes)
+    figure.tight_layout()
+    save(figure, folder, "choices")
+
+
+def _against(axes: "Axes", points: Sequence[tuple[Interval, float, str]], x: str, y: str, band: float) -> None:
+    groups: dict[str, list[tuple[float, float]]] = {}
+    for predicted, measured, solver in points:
+        groups.setdefault(find_solver(solver).family, []).append((measured, predicted.predicted))
+    for library, pairs in groups.items():
+        axes.loglog(*zip(*pairs, strict=True), ".", markersize=2.5, alpha=0.5, color=IMPLICIT[library], label=library)
+    values = [value for pairs in groups.values() for pair in pairs for value in pair if value > 0]
+    ends = 10 ** (log10(min(values)) - 0.2), 10 ** (log10(max(values)) + 0.2)
+    axes.plot(ends, ends, color="0.3", linewidth=0.9)
+    for factor in (band, 1 / band):
+        axes.plot(ends, [end * factor for end in ends], color="0.3", linewidth=0.7, linestyle=":")
+    axes.set(xlim=ends, ylim=ends, xlabel=f"{x} (dotted: factor {band:g})", ylabel=y)
+    axes.grid(True, which="major", linewidth=0.4, alpha=0.5)
+
+
+def _choices(left: "Axes", right: "Axes", scenes: Sequence[HeldOutScene]) -> None:
+    """Draw error over the error asked for, and time over the best one, of the first choices, sorted."""
+    margins = sorted(scene.error / scene.answer.question.error for scene in scenes if scene.error < inf)
+    left.semilogy(range(1, len(margins) + 1), margins, "o", markersize=4, color="#0072B2")
+    left.axhline(1.0, color="#D55E00", linewidth=1.0)
+    left.set(xlabel="held-out scene, sorted", ylabel="error of the first choice over the error asked for")
+    factors = sorted(scene.factor for scene in scenes if scene.factor < inf)
+    right.plot(range(1, len(factors) + 1), factors, "o", markersize=4, color="#0072B2")
+    right.axhline(FACTOR, color="#D55E00", linewidth=1.0)
+    right.set(xlabel="held-out scene, sorted", ylabel="time of the first choice over the best one measured")
+    for axes in (left, right):
+        axes.grid(True, which="major", linewidth=0.4, alpha=0.5)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from math import log10
 from statistics import median
 
-from polhode.harness.calibration.heldout import FACTOR
+from polhode.harness.calibration.evaluation import FACTOR
 from polhode.harness.common.store import Record
 from polhode.harness.common.text import duration, scientific, short
 from polhode.harness.pages.work_precision import MARKERS

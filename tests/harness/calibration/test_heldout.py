@@ -5,17 +5,8 @@ from math import inf
 
 import pytest
 
-from polhode.harness.calibration.heldout import (
-    FINAL,
-    FINALISTS,
-    Answer,
-    Evaluation,
-    Outcome,
-    Prediction,
-    answer,
-    finalists,
-    judge,
-)
+from polhode.harness.calibration.evaluation import Answer, Evaluation, HeldOutScene, Prediction, evaluation
+from polhode.harness.calibration.heldout import FINAL, FINALISTS, ask, finalists
 from polhode.harness.calibration.heldout import studies as held_out_studies
 from polhode.harness.calibration.scenes import HELD_OUT_SCENES, HELD_OUT_SEED, TRAINING_SCENES, questions
 from polhode.harness.commands.laws import heldout, laws
@@ -54,8 +45,7 @@ def test_held_out_judgement(own_error, own_seconds, met, factor):
         a_record(question, "cyrk-vern8", 1e-6, 0.1, 90 * question.error),
     ]
     lawless = replace(load_laws(), methods={})
-    last = [{**record, "scene": None, "scene_name": question.name + FINAL} for record in records]
-    (outcome,) = judge([told], [], last, lawless).outcomes
+    (outcome,) = evaluation([told], [records], [], lawless).scenes
     assert outcome.met is met
     assert outcome.factor == pytest.approx(factor)
 
@@ -64,7 +54,7 @@ def test_held_out_judgement(own_error, own_seconds, met, factor):
 def test_refusal_counts_as_met_only_if_nothing_meets_the_error(error, met):
     question = questions(HELD_OUT_SEED, 1)[0]
     best = a_record(question, "taylor", 1e-9, 1.0, error * question.error)
-    outcome = Outcome(Answer(question, None, "not attainable"), None, None if error > 1 else best)
+    outcome = HeldOutScene(Answer(question, None, "not attainable"), None, None if error > 1 else best)
     assert outcome.met is met
 
 
@@ -75,7 +65,7 @@ def test_held_out_shares_and_pages(tmp_path):
     interval = Interval(1.0, 0.5, 2.0)
     row = Row("quaternion", "taylor", 1e-9, interval, interval, 1.0, False, "")
     told = Answer(question, Recommendation(question.want, question.error, 1.0, 1.0, (row,), ()), "")
-    outcomes = Outcome(told, good, good), Outcome(told, None, good)
+    outcomes = HeldOutScene(told, good, good), HeldOutScene(told, None, good)
     predictions = tuple(
         Prediction({**good, "seconds": 2 * seconds}, seconds, interval, Interval(1e-7, 1e-8, 1e-6), error)
         for seconds, error in ((1.4, 1e-7), (0.7, 1e-5), (1.6, 1e-9))
@@ -102,8 +92,8 @@ def test_what_is_not_known_is_a_dash_that_the_page_explains(tmp_path):
     row = Row("quaternion", "taylor", 1e-9, interval, interval, 1.0, False, "")
     told = Answer(question, Recommendation(question.want, question.error, 7.0, 1.0, (row,), ()), "")
     refused = Answer(question, None, "not attainable")
-    outcomes = Outcome(told, None, good), Outcome(told, unjudged, good), Outcome(refused, None, good)
-    outcomes += (Outcome(told, good, good),)
+    outcomes = HeldOutScene(told, None, good), HeldOutScene(told, unjudged, good), HeldOutScene(refused, None, good)
+    outcomes += (HeldOutScene(told, good, good),)
     predictions = (Prediction(good, 1.0, interval, interval, 1e-7),)
     page = write_pages(tmp_path, load_laws(), Evaluation(outcomes, predictions), "x").read_text(encoding="utf-8")
     explained, _, table = page.partition("## The scenes")[2].partition("|")
@@ -119,7 +109,7 @@ def test_what_is_not_known_is_a_dash_that_the_page_explains(tmp_path):
 
 
 def test_held_out_scene_is_measured_by_the_first_choice_and_by_tens():
-    told = answer(questions(HELD_OUT_SEED, 1)[0], load_laws())
+    told = ask(questions(HELD_OUT_SEED, 1)[0], load_laws())
     assert told.recommendation is not None
     first, *others = held_out_studies(told)
     row = told.recommendation.ranking[0]
@@ -130,7 +120,7 @@ def test_held_out_scene_is_measured_by_the_first_choice_and_by_tens():
 
 
 def test_the_first_choice_and_the_cheapest_that_meet_the_error_go_into_the_finals():
-    told = answer(questions(HELD_OUT_SEED, 1)[0], load_laws())
+    told = ask(questions(HELD_OUT_SEED, 1)[0], load_laws())
     question = told.question
     assert told.recommendation is not None
     row = told.recommendation.ranking[0]
