@@ -30,10 +30,14 @@ class FormNotValidError(ValueError):
         super().__init__(condition, form, instead)
         self.condition, self.form, self.instead = condition, form, instead
 
+    @property
+    def reason(self) -> str:
+        """Condition and advice, for a reader who knows which form it is."""
+        return self.condition + (f"; use {self.instead!r}" if self.instead else "")
+
     def __str__(self) -> str:
         """The message: form, condition and advice."""
-        whose = f"form {self.form!r}: " if self.form else ""
-        return whose + self.condition + (f"; use {self.instead!r}" if self.instead else "")
+        return (f"form {self.form!r}: " if self.form else "") + self.reason
 
 
 class Form(ABC):

@@ -68,7 +68,15 @@ _MEANINGS = {
 
 
 class SolverNotValidError(ValueError):
-    """A problem or a setting lies outside what a solver accepts; the message names it and what was expected."""
+    """A problem or a setting lies outside what a solver accepts; the reason names it and what was expected."""
+
+    def __init__(self, reason: str, solver: str = "") -> None:
+        super().__init__(reason, solver)
+        self.reason, self.solver = reason, solver
+
+    def __str__(self) -> str:
+        """The message: solver and reason."""
+        return (f"solver {self.solver!r}: " if self.solver else "") + self.reason
 
 
 @dataclass
@@ -234,8 +242,7 @@ class Solver(ABC):
         """
         if problem.parameters is None:
             raise SolverNotValidError(
-                f"solver {self.name!r}: {problem.name!r} has no explicit form at St = 0; "
-                "use solver 'ida' or form 'jeffery'"
+                f"{problem.name!r} has no explicit form at St = 0; use solver 'ida' or form 'jeffery'", self.name
             )
 
     @abstractmethod

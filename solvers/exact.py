@@ -23,7 +23,7 @@ class Exact(Solver):
     def check(self, problem: Problem) -> None:
         """Refuse a problem without a closed form."""
         if problem.closed_form is None:
-            raise SolverNotValidError(f"solver 'exact': {problem.name!r} has no closed form here; use solver 'taylor'")
+            raise SolverNotValidError(f"{problem.name!r} has no closed form here; use solver 'taylor'", self.name)
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         """Bind the closed form."""

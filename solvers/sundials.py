@@ -205,7 +205,7 @@ class Ida(SundialsSolver):
     def check(self, problem: Problem) -> None:
         """Refuse a problem without any vector field."""
         if problem.parameters is None and problem.mass_form is None:
-            raise SolverNotValidError(f"solver 'ida': {problem.name!r} has no vector field; use solver 'exact'")
+            raise SolverNotValidError(f"{problem.name!r} has no vector field; use solver 'exact'", self.name)
 
     def bind(self, problem: Problem, settings: Settings, guard: Guard | None) -> tuple[Any, Callable[[Record], tuple]]:
         """IDA with its callbacks bound, and what it starts from."""

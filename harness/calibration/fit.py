@@ -203,7 +203,8 @@ def robust_fit(
         rho[:, :count] = weights * np.stack([2 * (root - 1), 1 / root, -0.5 / root**3])
         return rho
 
-    return least_squares(residuals, start, x_scale=spread, loss=loss, f_scale=soft, ftol=1e-6).x
+    options: dict[str, Any] = {"loss": loss, "f_scale": soft, "x_scale": spread, "ftol": 1e-6}
+    return least_squares(residuals, start, **options).x
 
 
 @dataclass(frozen=True)
@@ -211,7 +212,7 @@ class Bootstrap:
     """Parameters by name, their 95 % intervals, and how far measurements strayed from fits that had left them out."""
 
     values: dict[str, float]
-    intervals: dict[str, list[float]]
+    intervals: dict[str, tuple[float, float]]
     stray: Stray
 
 
@@ -241,7 +242,7 @@ def bootstrap(
     values, intervals = {}, {}
     for name, value, low, high in zip(prior, x, *np.quantile(replicates, (LOW, HIGH), axis=0), strict=True):
         plain = readable.get(name, float)
-        values[name], intervals[name] = plain(value), [plain(low), plain(high)]
+        values[name], intervals[name] = plain(value), (plain(low), plain(high))
     low, middle, high = np.quantile(np.concatenate(strays), (LOW, MIDDLE, HIGH)).tolist()
     wider = float(stdtrit(count - 1, HIGH) * np.sqrt(1 + 1 / count) / ndtri(HIGH))
     return Bootstrap(
@@ -261,7 +262,8 @@ def fit_cost(runs: Sequence[Sample]) -> CostLaw:
         work = np.exp(x[6] * logarithm) * (c[2] + c[3] * turns + c[4] * following)
         return np.log(c[0] + c[1] * samples + work + c[5] * stiff * np.exp(x[7] * logarithm))
 
-    scenes, readable = [run.scene for run in runs], dict.fromkeys(list(COST_PRIOR)[:6], exp)
+    scenes = [run.scene for run in runs]
+    readable: dict[str, Callable[[float], float]] = dict.fromkeys(list(COST_PRIOR)[:6], exp)
     fit = bootstrap(scenes, predicted, measured, COST_PRIOR, SOFT_COST, readable)
     return CostLaw(**fit.values, stray=fit.stray, records=len(runs), intervals=fit.intervals)
 

@@ -1,11 +1,14 @@
 """What to run for a scene where the user leaves something open: what `pick` puts first among what is left."""
 
-from math import isfinite
+from contextlib import suppress
+from math import isfinite, isinf
 from typing import TYPE_CHECKING, NamedTuple
 
 from polhode.harness.common.text import short
-from polhode.harness.picking.simplest import simplest
+from polhode.harness.picking.laws import WANTS
 from polhode.models.catalogue import form as find_form
+from polhode.models.catalogue import full_form
+from polhode.models.form import FormNotValidError
 from polhode.models.scene import Scene
 from polhode.solvers.catalogue import SOLVERS
 from polhode.solvers.catalogue import solver as find_solver
@@ -22,9 +25,9 @@ LEAST_TOLERANCE, LARGEST_TOLERANCE = 1e-16, 1.0
 
 
 class Choice(NamedTuple):
-    """A form, a solver and a tolerance, as `polhode solve` accepts them; and what to tell the user of it, if anything.
+    """A form, a solver and a tolerance, as `polhode solve` accepts them.
 
-    The note says that the error asked for will not be met, or that nothing tells whether it will, and why.
+    The note says, if anything, that the error asked for will not be met, or that it is unknown whether it will.
     """
 
     form: str
@@ -70,7 +73,7 @@ def choose(
     except NotAttainableError as not_attainable:
         if not (form or solver or tolerance):
             raise
-        refusal = f"the error {short(error)} is {str(not_attainable).removeprefix(f'error: got {error!r}, ')}"
+        refusal = not_attainable.reason
     for row in found.ranking if found else ():
         if form in (None, row.form) and solver in (None, row.solver):
             return Choice(row.form, row.solver, tolerance or row.tolerance)
@@ -78,8 +81,45 @@ def choose(
     solver = solver or _first_solver(find_form(form).problem(scene))
     if tolerance:
         return Choice(form, solver, tolerance)
-    note = _note(found, form, solver, error) if found else f"{form} by {solver} runs all the same, but {refusal}"
+    if found:
+        note = _note(found, form, solver, error)
+    else:
+        note = f"{form} by {solver} runs all the same, but the error {short(error)} is {refusal}"
     return Choice(form, solver, min(LOOSEST, max(TIGHTEST, error / SAFETY)), note)
+
+
+def simplest(scene: Scene, want: str) -> tuple[str, str]:
+    """The full form of the fewest equations that answers a question about a scene, and why, in words.
+
+    Averaged forms are approximations: whether one is good enough depends on the error asked for.
+
+    Raises
+    ------
+    ValueError
+        If `want` is neither "slow" nor "orientation", or if the start has no orientation.
+    """
+    if want not in WANTS:
+        raise ValueError(f"want: got {want!r}, expected 'slow' or 'orientation'")
+    name, reason = _simplest(scene)
+    find_form(name).check(scene)
+    return name, reason
+
+
+def _simplest(scene: Scene) -> tuple[str, str]:
+    if scene.stokes == 0:
+        return "jeffery", "St = 0: the angular velocity follows from the orientation"
+    if isinf(scene.stokes):
+        return "euler-top", "St = inf: no torque, solved in closed form at any time"
+    with suppress(FormNotValidError):
+        find_form("tumbling").check(scene)
+        return "tumbling", "planar start: a principal axis stays along the vorticity, one angle describes the motion"
+    return full_form(scene), {
+        "triaxial": "triaxial: all of the orientation matters, and no angle of the quaternion form is singular",
+        "sphere": "sphere: L obeys a linear equation of its own, whatever the axis beside it does",
+    }.get(
+        scene.ellipsoid.kind,
+        "spheroid: the spin angle does not matter, and L and the symmetry axis have no singularity",
+    )
 
 
 def check_tolerance(tolerance: float) -> None:

@@ -7,7 +7,7 @@ Cost of a warm run, in seconds, at tolerance tol and with m samples::
 with N = ∫|ω|dt/2π the rotations, S = T max(8πX/I)/St the damping times, and F = TS/(T + S) the time spent following
 the flow: the duration T, in inverse shear rates, where damping is faster than shear, and next to none of it where
 the particle spins freely. N, F and S count by the steps that they cost the form in the scene at hand, which pilot
-runs tell (`polhode.harness.picking.load`). Explicit methods on stiff scenes are held back by stability, whatever the
+runs count (`polhode.harness.picking.load`). Explicit methods on stiff scenes are held back by stability, whatever the
 tolerance; hence the damping times have an exponent of their own.
 
 Error, in the pilot's terms (`polhode.harness.picking.pilot`), e₀ being the pilot's error at its tolerance tol₀::
@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from polhode.harness.common.timing import Pace
 from polhode.solvers.compile import cache_folder
@@ -50,21 +51,14 @@ class Interval:
         """Whether there is no significant difference."""
         return self.low <= other.high and other.low <= self.high
 
-    def times(self, factor: float) -> "Interval":
-        """All three numbers times a factor."""
-        return Interval(self.predicted * factor, self.low * factor, self.high * factor)
+    def plus(self, other: "Interval") -> "Interval":
+        """The sum, the worst coming with the worst."""
+        return Interval(self.predicted + other.predicted, self.low + other.low, self.high + other.high)
 
 
 @dataclass(frozen=True)
 class Load:
-    """What the cost of a run depends on, besides its tolerance.
-
-    Parameters
-    ----------
-    rotations, following, damping_times : float
-        N, F and S, weighed by the form's own steps.
-    samples : int
-    """
+    """What the cost of a run depends on, besides its tolerance: N, F and S, counted by the form's own steps."""
 
     rotations: float
     following: float
@@ -115,26 +109,14 @@ class CostLaw:
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """What the error of a run depends on, besides its tolerance.
+    """What the error of a run depends on, besides its tolerance."""
 
-    Parameters
-    ----------
-    tolerance, error : float
-        tol₀ and e₀ of the pilot.
-    rotations, stiffness : float
-        N and S/T.
-    largest : float
-        Size of what is measured: the largest |L|, E over I_max, or 1 rad.
-    stiff : bool
-        Whether there are more than `STIFF` damping times.
-    """
-
-    tolerance: float
-    error: float
+    tolerance: float  # tol₀ of the pilot
+    error: float  # and e₀
     rotations: float
-    stiffness: float
-    largest: float
-    stiff: bool = False
+    stiffness: float  # S/T
+    largest: float  # size of what is measured: the largest |L|, E over I_max, or 1 rad
+    stiff: bool = False  # whether there are more than `STIFF` damping times
 
 
 @dataclass(frozen=True)
@@ -180,27 +162,14 @@ class ErrorLaw:
 
 @dataclass(frozen=True)
 class MethodLaws:
-    """All that is known of a method.
-
-    Parameters
-    ----------
-    form, solver : str
-    cost : CostLaw
-    errors : dict
-        Error laws of "slow" and "orientation", and of "stiff slow" and "stiff orientation" beyond `STIFF` damping
-        times, where errors die out and the pilot is an implicit one; without what was not measured often enough.
-    compile_seconds : float
-        What the first of all runs takes more: importing the library and compiling the form.
-    tightest : float
-        Tightest tolerance at which runs still ended well.
-    """
+    """All that is known of a method: its cost, and its error of each `regime`, if that was measured often enough."""
 
     form: str
     solver: str
     cost: CostLaw
     errors: dict[str, ErrorLaw]
-    compile_seconds: float
-    tightest: float
+    compile_seconds: float  # what the first of all runs takes more: importing the library and compiling the form
+    tightest: float  # tolerance at which runs still ended well
 
     def error_law(self, want: str, at: Sensitivity) -> ErrorLaw | None:
         """The law of what is wanted, in the scene's regime."""
@@ -208,21 +177,13 @@ class MethodLaws:
 
 
 def regime(want: str, stiff: bool) -> str:
-    """Name of the law of what is wanted, in one regime or the other."""
+    """Name of the law of what is wanted: beyond `STIFF` damping times errors die out and the pilot is implicit."""
     return f"stiff {want}" if stiff else want
 
 
 @dataclass(frozen=True)
 class Laws:
-    """Laws of all methods measured, and where they come from.
-
-    Parameters
-    ----------
-    methods : dict
-        By (form, solver).
-    source : dict
-        Machine, versions, numbers of scenes and records.
-    """
+    """Laws of all methods measured, by (form, solver); the source names machine, versions, and numbers of runs."""
 
     methods: dict[tuple[str, str], MethodLaws]
     source: dict[str, Any]
@@ -257,7 +218,7 @@ def parse_laws(text: str) -> Laws:
     content = json.loads(text)
     if content.get("schema") != SCHEMA:
         raise OtherSchemaError(f"laws: got schema {content.get('schema')!r}, expected {SCHEMA}")
-    methods = [_method(each) for each in content["methods"]]
+    methods = TypeAdapter(list[MethodLaws]).validate_python(content["methods"])
     return Laws({(law.form, law.solver): law for law in methods}, content["source"])
 
 
@@ -278,15 +239,6 @@ def load_laws() -> Laws:
         except (ValueError, KeyError, TypeError) as error:
             raise ValueError(f"{own}: {error}, expected laws; remove it to use those of the package") from None
     return parse_laws((files("polhode.harness.picking") / "laws.json").read_text(encoding="utf-8"))
-
-
-def _method(content: dict[str, Any]) -> MethodLaws:
-    errors = {name: _law(ErrorLaw, law) for name, law in content["errors"].items()}
-    return MethodLaws(**content | {"cost": _law(CostLaw, content["cost"]), "errors": errors})
-
-
-def _law(kind: Any, content: dict[str, Any]) -> Any:
-    return kind(**content | {"stray": Stray(**content["stray"])})
 
 
 def _rounded(content: Any) -> Any:

@@ -1,7 +1,7 @@
-"""What a run weighs: rotations, flow and damping times, by the steps that they cost solvers of its kind.
+"""Size of a run, in solver steps: rotations, flow and damping times, by the steps that they cost.
 
 Near a pole angles take many steps, a body that has settled takes few, and a solver that switches to an implicit method
-takes fewer than one that cannot: pilot runs of the form itself tell, by a solver of each kind.
+takes fewer than one that cannot. Pilot runs of the form itself count them, by a solver of each kind.
 """
 
 from dataclasses import dataclass
@@ -14,7 +14,6 @@ from polhode.models.form import Form
 from polhode.models.scene import Scene
 from polhode.solvers.catalogue import solver as find_solver
 
-# Solvers that switch between explicit and implicit methods by themselves.
 # Most steps that stability costs, over the usual ones.
 MOST_STABILITY = 2.0
 # Where stability asks for more of an explicit method's steps than this, errors do not follow the tolerance; those of
@@ -24,16 +23,9 @@ HELD = 0.4
 
 @dataclass(frozen=True)
 class Gauge:
-    """How the steps of solvers of a kind are counted.
+    """How the steps of a kind of solvers are counted: by which one, at which tolerance.
 
-    Parameters
-    ----------
-    solver : str
-        Whose steps they are.
-    tolerance : float
-        At which they are counted.
-    per_rotation, per_time, per_damping_time, any_run : float
-        What they usually come to in the quaternion form, within a third: from random scenes.
+    The numbers are what they usually come to in the quaternion form, within a third: from random scenes.
     """
 
     solver: str
@@ -58,9 +50,8 @@ LOOSER, TIGHTER, ORDER = 1e4, 1e-2, 8
 
 def gauge_of(solver: str) -> Gauge:
     """The gauge of a solver's kind."""
-    if find_solver(solver).switching:
-        return BOTH
-    return IMPLICIT if find_solver(solver).implicit else EXPLICIT
+    method = find_solver(solver)
+    return BOTH if method.switching else IMPLICIT if method.implicit else EXPLICIT
 
 
 def load_of(form: Form, solver: str, pilot: Pilot, samples: int) -> Load:
@@ -102,7 +93,7 @@ def held_back(form: Form, solver: str, pilot: Pilot) -> bool:
         return False
     if pilot.damping_times > STIFF:
         return True
-    if solver == "taylor" or form.averaged or form.problem(pilot.followed).parameters is None:
+    if find_solver(solver).family == "heyoka" or form.averaged or form.problem(pilot.followed).parameters is None:
         return False
     accuracy, stability = steps(form, pilot.followed, EXPLICIT)
     return stability > HELD * (accuracy + stability)

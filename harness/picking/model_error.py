@@ -1,4 +1,4 @@
-"""Model error of averaged forms, told from pilots: at the scene's own St, or at smaller ones and carried on."""
+"""Model error of averaged forms, from pilots: at the scene's own St, or at smaller ones and extrapolated."""
 
 from dataclasses import replace
 from functools import cache
@@ -12,7 +12,7 @@ from polhode.harness.picking.pilot import (
     PilotFailedError,
     follow,
     form_ladder,
-    full_form,
+    pilot_form,
 )
 from polhode.harness.picking.refusals import apart
 from polhode.harness.references.errors import Errors, errors
@@ -50,7 +50,7 @@ def model_errors(form: Form, pilot: Pilot) -> dict[str, Interval | None]:
     if unfit := unfit_to_average(pilot):
         raise NotApplicableError(unfit)
     if pilot.slow.error == np.inf:
-        raise NotApplicableError("trial runs lost the motion, so that nothing tells the model error")
+        raise NotApplicableError("trial runs lost the motion, so that the model error is unknown")
     if pilot.direct:
         return _measured(form, pilot)
     if not pilot.twin:
@@ -125,7 +125,7 @@ def _interval(want: str, near: Errors, far: Errors, gap: float) -> Interval | No
 
 @cache
 def _tight(scene: Scene) -> Observables:
-    form = full_form(scene)
+    form = pilot_form(scene)
     solution = follow(form, scene, 1e-8)
     if not solution.success:
         raise PilotFailedError(f"pilot: St = {scene.stokes:g} ended with {solution.status}")

@@ -46,15 +46,7 @@ class PilotFailedError(ValueError):
 
 @dataclass(frozen=True)
 class Gain:
-    """The pilot's own error, from which those of others are told.
-
-    Parameters
-    ----------
-    tolerance : float
-        At which it was found.
-    error : float
-        Slow error over I_max or orientation error in rad; inf if it was lost at every tolerance.
-    """
+    """The pilot's own error, slow over I_max or orientation in rad, at a tolerance; inf if lost at every one."""
 
     tolerance: float
     error: float
@@ -62,27 +54,14 @@ class Gain:
 
 @dataclass(frozen=True)
 class Pilot:
-    """What a pilot says about a scene.
-
-    Parameters
-    ----------
-    scene : Scene
-    followed : Scene
-        The scene itself, its twin at a smaller St, or its beginning.
-    rotations : float
-        N = ∫|ω|dt/2π of the scene.
-    observables : Observables
-        Of what was followed, at the tightest tolerance.
-    slow, orientation : Gain or None
-        Magnification of errors; None for the orientation of a sphere or of a form without it.
-    """
+    """What a pilot says about a scene."""
 
     scene: Scene
-    followed: Scene
-    rotations: float
-    observables: Observables
+    followed: Scene  # the scene itself, its twin at a smaller St, or its beginning
+    rotations: float  # N = ∫|ω|dt/2π of the scene
+    observables: Observables  # of what was followed, at the tightest tolerance
     slow: Gain
-    orientation: Gain | None
+    orientation: Gain | None  # None for a sphere
 
     @property
     def direct(self) -> bool:
@@ -107,8 +86,8 @@ def damping_times(scene: Scene) -> float:
     return scene.time * max(scene.ellipsoid.damping) / scene.stokes
 
 
-def full_form(scene: Scene) -> Form:
-    """The form whose pilot stands for all full forms."""
+def pilot_form(scene: Scene) -> Form:
+    """The form whose pilot stands for all full forms: with an orientation, whatever the shape."""
     return find_form("jeffery" if scene.stokes == 0 else "quaternion")
 
 
@@ -119,7 +98,7 @@ def oriented(scene: Scene) -> Scene:
     ellipsoid, momentum = scene.ellipsoid, np.array(scene.start.angular_momentum)
     size = float(np.linalg.norm(momentum))
     if size == 0:
-        raise PilotFailedError("the start has L = 0 and no orientation, expected one to tell the motion from")
+        raise PilotFailedError("the start has L = 0 and no orientation, expected one that determines the motion")
     first, middle, last = ellipsoid.order
     low, high = ellipsoid.inertia[first], ellipsoid.inertia[last]
     share = 1.0 if low == high else (2 * scene.start.energy / size**2 - 1 / high) / (1 / low - 1 / high)
@@ -157,7 +136,7 @@ def pilot(scene: Scene) -> Pilot:
     except ValueError as error:
         raise PilotFailedError(f"pilot: {error}") from None
     followed = _within_reach(whole, count)
-    found = _ladder(full_form(followed), followed)
+    found = _ladder(pilot_form(followed), followed)
     slow, orientation = _grown(*gains(followed.ellipsoid, found), whole.time / followed.time)
     return Pilot(whole, followed, count, found[-1][1], slow, orientation)
 
@@ -241,7 +220,7 @@ def form_sensitivity(form: Form, pilot: Pilot) -> tuple[Sensitivity, Sensitivity
     """Slow and orientation sensitivity of a form's solver error, from pilot runs of its own where that is cheap."""
     slow, orientation, observables = pilot.slow, pilot.orientation, pilot.observables
     scene = pilot.scene if form.averaged else pilot.followed
-    if form.name not in (*ANGLES, full_form(scene).name) and form.problem(scene).parameters is not None:
+    if form.name not in (*ANGLES, pilot_form(scene).name) and form.problem(scene).parameters is not None:
         found = form_ladder(form, scene)
         slow, orientation = _grown(*gains(scene.ellipsoid, found), pilot.scene.time / scene.time)
         observables = found[-1][1]

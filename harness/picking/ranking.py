@@ -1,14 +1,24 @@
 """`pick`: which form, which solver, at what tolerance, and what it will cost, before anything is run in earnest."""
 
 from dataclasses import dataclass, replace
-from math import floor, inf, isfinite, log10, pi
+from math import inf, isfinite, pi
 
 from polhode.harness.common.text import scientific, short
 from polhode.harness.picking.laws import EPS, STIFF, WANTS, Interval, Laws, Load, MethodLaws, Sensitivity, load_laws
 from polhode.harness.picking.load import held_back, load_of
 from polhode.harness.picking.model_error import NotApplicableError, causes, model_errors, unfit_to_average
 from polhode.harness.picking.pilot import Pilot, PilotFailedError, form_sensitivity, pilot
-from polhode.harness.picking.refusals import Refusal, Stage, UnfitError, rounded_up, too_far_off, too_tight, why_nothing
+from polhode.harness.picking.refusals import (
+    Refusal,
+    Stage,
+    UnfitError,
+    one_digit,
+    one_digit_up,
+    rounded_up,
+    too_far_off,
+    too_tight,
+    why_nothing,
+)
 from polhode.harness.references.errors import attainable
 from polhode.models.catalogue import FORMS
 from polhode.models.catalogue import form as find_form
@@ -29,18 +39,26 @@ DEFAULT_SAMPLES = 201
 
 
 class NotAttainableError(ValueError):
-    """No run in double precision holds the error asked for."""
+    """No run in double precision holds the error asked for; the reason says why, and what to expect instead."""
+
+    def __init__(self, error: float, reason: str) -> None:
+        super().__init__(error, reason)
+        self.error, self.reason = error, reason
+
+    def __str__(self) -> str:
+        """The message: what was asked for and the reason."""
+        return f"error: got {self.error!r}, {self.reason}"
 
 
 @dataclass(frozen=True)
-class Row:
-    """One way to run a scene.
+class Way:
+    """One way to run a scene, as `polhode solve` takes it.
 
     Parameters
     ----------
     form, solver : str
     tolerance : float
-        Positive: as `polhode solve` takes it.
+        Positive.
     error : Interval
         Predicted error of the kind wanted, model error included.
     seconds : Interval
@@ -74,15 +92,18 @@ class Excluded:
 
 @dataclass(frozen=True)
 class Recommendation:
-    """What `pick` answers: rows from the cheapest to the dearest, and what was excluded.
+    """What `pick` answers.
 
     Parameters
     ----------
     want : str
     error : float
-    rotations, damping_times : float
-        N = ∫|ω|dt/2π and T max(8πX/I)/St of the scene.
-    ranking : tuple of Row
+    rotations : float
+        N = ∫|ω|dt/2π of the scene.
+    damping_times : float
+        T max(8πX/I)/St of the scene.
+    ranking : tuple of Way
+        From the cheapest to the dearest.
     excluded : tuple of Excluded
     """
 
@@ -90,7 +111,7 @@ class Recommendation:
     error: float
     rotations: float
     damping_times: float
-    ranking: tuple[Row, ...]
+    ranking: tuple[Way, ...]
     excluded: tuple[Excluded, ...]
 
 
@@ -126,25 +147,27 @@ def pick(
     try:
         return _recommended(scene, error, want, samples, laws or load_laws())
     except PilotFailedError as failure:
-        raise NotAttainableError(f"error: got {error!r}, not attainable: {failure}") from None
+        raise NotAttainableError(error, f"not attainable: {failure}") from None
     except OverflowError:
         long = f"the run of {short(scene.time)} inverse shear rates is too long"
-        raise NotAttainableError(f"error: got {error!r}, not attainable: {long}") from None
+        raise NotAttainableError(error, f"not attainable: {long}") from None
 
 
 def _recommended(scene: Scene, error: float, want: str, samples: int, laws: Laws) -> Recommendation:
     found = pilot(scene)
     representable = attainable(scene.ellipsoid, found.observables)
     _check_representable(error, representable if want == "slow" else EPS)
-    rows, refusals = _candidates(scene, found, error, want, samples, laws)
-    if not rows:
+    ways, refusals = _candidates(scene, found, error, want, samples, laws)
+    if not ways:
         largest = representable / EPS if want == "slow" else pi
-        raise NotAttainableError(f"error: got {error!r}, not attainable: {why_nothing(refusals, largest)}")
+        raise NotAttainableError(error, f"not attainable: {why_nothing(refusals, largest)}")
     excluded = tuple(Excluded(each.form, each.solver, each.reason) for each in refusals)
-    rows.sort(key=lambda row: row.seconds.predicted)
-    tied = [row for row in rows if row.seconds.overlaps(rows[0].seconds)]
-    ranking = tuple(_tied(row) if len(tied) > 1 and row in tied else row for row in rows)
-    return Recommendation(want, error, found.rotations, found.damping_times, ranking, excluded)
+    ways.sort(key=lambda way: way.seconds.predicted)
+    tied = [way for way in ways if way.seconds.overlaps(ways[0].seconds)]
+    if len(tied) > 1:
+        same = "no significant difference in time"
+        ways = [replace(way, tied=True, reason=f"{same}; {way.reason}") if way in tied else way for way in ways]
+    return Recommendation(want, error, found.rotations, found.damping_times, tuple(ways), excluded)
 
 
 def _check(scene: Scene, error: float, want: str) -> None:
@@ -152,24 +175,24 @@ def _check(scene: Scene, error: float, want: str) -> None:
         raise ValueError(f"error: got {error!r}, expected a finite positive number")
     if want not in WANTS:
         raise ValueError(f"want: got {want!r}, expected 'slow' or 'orientation'")
-    if want == "orientation" and isinstance(scene.start, SlowStart):
-        raise ValueError("want: got 'orientation' for a start by L and E alone, expected 'slow'")
-    if want == "orientation" and scene.ellipsoid.kind == "sphere":
-        raise ValueError("want: got 'orientation' for a sphere, which has none, expected 'slow'")
     if want == "slow":
         _check_representable(error, attainable(scene.ellipsoid, scene.initial))
+    elif isinstance(scene.start, SlowStart):
+        raise ValueError("want: got 'orientation' for a start by L and E alone, expected 'slow'")
+    elif scene.ellipsoid.kind == "sphere":
+        raise ValueError("want: got 'orientation' for a sphere, which has none, expected 'slow'")
 
 
 def _check_representable(error: float, least: float) -> None:
     if error < least:
         expected = f"expected at least {rounded_up(least)}"
-        raise NotAttainableError(f"error: got {error!r}, not attainable in double precision, {expected}")
+        raise NotAttainableError(error, f"not attainable in double precision, {expected}")
 
 
 def _candidates(
     scene: Scene, found: Pilot, error: float, want: str, samples: int, laws: Laws
-) -> tuple[list[Row], list[Refusal]]:
-    rows, refusals = [], []
+) -> tuple[list[Way], list[Refusal]]:
+    ways, refusals = [], []
     for form_name in FORMS:
         form = find_form(form_name)
         try:
@@ -184,10 +207,10 @@ def _candidates(
                 find_solver(solver).check(problem)
                 law = _law(laws, form, solver, found)
                 load = load_of(form, solver, found, samples)
-                rows.append(_row(law, load, found, (error, budget, model), want, sensitivity))
+                ways.append(_way(law, load, found, (error, budget, model), want, sensitivity))
             except (SolverNotValidError, PilotFailedError, UnfitError) as refusal:
                 refusals.append(Refusal.of(form_name, solver, refusal))
-    return rows, refusals
+    return ways, refusals
 
 
 def _problem(form: Form, scene: Scene, found: Pilot, want: str) -> Problem:
@@ -232,58 +255,36 @@ def _law(laws: Laws, form: Form, solver: str, found: Pilot) -> MethodLaws:
     return law
 
 
-def _row(
+def _way(
     law: MethodLaws,
     load: Load,
     found: Pilot,
     target: tuple[float, float, Interval | None],
     want: str,
     sensitivity: Sensitivity | None,
-) -> Row:
+) -> Way:
     error, budget, model = target
-    errors = None if sensitivity is None else law.error_law(want, sensitivity)
+    errors = law.error_law(want, sensitivity) if sensitivity else None
     if errors is None or sensitivity is None:
         raise UnfitError("no law of the error wanted: not measured often enough", Stage.LAW)
     if sensitivity.error == inf:
-        raise UnfitError(
-            "the motion magnifies errors beyond all tolerances tried in trial runs: chaotic, or too long", Stage.MOTION
-        )
+        chaotic = "the motion magnifies errors beyond all tolerances tried in trial runs: chaotic, or too long"
+        raise UnfitError(chaotic, Stage.MOTION)
     tolerance = one_digit(min(LOOSEST, errors.tolerance(sensitivity, budget)))
     tightest = max(TIGHTEST, law.tightest / BEYOND)
     if tolerance < tightest:
         raise too_tight(errors, sensitivity, one_digit_up(tightest), error, budget)
-    own = errors.predict(sensitivity, tolerance)
-    whole = own if model is None else Interval(*(a + b for a, b in zip(_ends(own), _ends(model), strict=True)))
-    seconds = law.cost.predict(load, tolerance)
-    return Row(
+    own, seconds = errors.predict(sensitivity, tolerance), law.cost.predict(load, tolerance)
+    return Way(
         form=law.form,
         solver=law.solver,
         tolerance=tolerance,
-        error=whole,
+        error=own.plus(model) if model else own,
         seconds=seconds,
         first_run_seconds=law.compile_seconds + seconds.predicted,
         tied=False,
         reason=_reason(law, found, model, own),
     )
-
-
-def _ends(interval: Interval) -> tuple[float, float, float]:
-    return interval.predicted, interval.low, interval.high
-
-
-def one_digit(tolerance: float) -> float:
-    """The tolerance at one digit, never looser: those who compile for a tolerance then do so for few."""
-    if not 0 < tolerance < inf:
-        return tolerance
-    power = 10.0 ** floor(log10(tolerance))
-    digit = floor(tolerance / power * (1 + 1e-9))
-    return float(f"{digit}e{floor(log10(tolerance))}")
-
-
-def one_digit_up(tolerance: float) -> float:
-    """The tolerance at one digit, never tighter."""
-    below = one_digit(tolerance)
-    return below if tolerance <= below * (1 + 1e-9) else below + 10.0 ** floor(log10(tolerance))
 
 
 def _reason(law: MethodLaws, found: Pilot, model: Interval | None, own: Interval) -> str:
@@ -294,7 +295,3 @@ def _reason(law: MethodLaws, found: Pilot, model: Interval | None, own: Interval
     if found.damping_times > STIFF:
         return f"implicit: {found.damping_times:.2g} damping times would hold an explicit method back"
     return f"full equations over {found.rotations:.3g} rotations; 97.5 % of like runs stay below {scientific(own.high)}"
-
-
-def _tied(row: Row) -> Row:
-    return replace(row, tied=True, reason=f"no significant difference in time; {row.reason}")

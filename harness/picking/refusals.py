@@ -17,7 +17,7 @@ from polhode.solvers.contract import SolverNotValidError
 
 
 class Stage(IntEnum):
-    """What a method was refused for, in the order in which it is asked: of many refusals, the last ones tell most."""
+    """What a method was refused for, in the order in which it is asked: of many refusals, the last ones say most."""
 
     FORM = 0
     AVERAGING = 1
@@ -30,19 +30,11 @@ class Stage(IntEnum):
 
 
 class UnfitError(Exception):
-    """A method will not do; the message says why.
-
-    Parameters
-    ----------
-    reason : str
-    stage : Stage
-    least : float
-        Smallest error that it would do for, if it was refused for the error asked for.
-    """
+    """A method will not do; `least` is the smallest error that it would do for, if the error is what it fails."""
 
     def __init__(self, reason: str, stage: Stage, least: float = inf) -> None:
         super().__init__(reason)
-        self.stage, self.least = stage, least
+        self.reason, self.stage, self.least = reason, stage, least
 
 
 @dataclass(frozen=True)
@@ -57,15 +49,16 @@ class Refusal:
 
     @classmethod
     def of(cls, form: str, solver: str, refusal: Exception) -> "Refusal":
-        """What an exception says, without the words that name form or solver, which stand beside it."""
-        if isinstance(refusal, UnfitError):
-            return cls(form, solver, str(refusal), refusal.stage, refusal.least)
-        text = str(refusal)
-        reason = text.split(": ", 1)[1] if text.startswith(("form '", "solver '")) else text
-        return cls(form, solver, reason, _STAGES.get(type(refusal), Stage.MOTION))
-
-
-_STAGES: dict[type[Exception], Stage] = {FormNotValidError: Stage.FORM, SolverNotValidError: Stage.SOLVER}
+        """What an exception says."""
+        match refusal:
+            case UnfitError():
+                return cls(form, solver, refusal.reason, refusal.stage, refusal.least)
+            case FormNotValidError():
+                return cls(form, solver, refusal.reason, Stage.FORM)
+            case SolverNotValidError():
+                return cls(form, solver, refusal.reason, Stage.SOLVER)
+            case _:
+                return cls(form, solver, str(refusal), Stage.MOTION)
 
 
 def why_nothing(refusals: Sequence[Refusal], largest: float = inf) -> str:
@@ -106,7 +99,7 @@ def too_tight(law: ErrorLaw, sensitivity: Sensitivity, tightest: float, error: f
 
 
 def apart(one: float, other: float) -> tuple[str, str]:
-    """Two different numbers in as many digits as tell them apart, two at least."""
+    """Two different numbers in as many digits as distinguish them, two at least."""
     digits = 2
     while digits < 17 and _rounded(one, digits) == _rounded(other, digits):
         digits += 1
@@ -121,6 +114,21 @@ def rounded_up(value: float) -> str:
     """A positive number in two digits that is no smaller."""
     unit = 10.0 ** (floor(log10(value)) - 1)
     return in_full(float(f"{ceil(value / unit * (1 - 1e-12)) * unit:.1e}"))
+
+
+def one_digit(tolerance: float) -> float:
+    """The tolerance at one digit, never looser: those who compile for a tolerance then do so for few."""
+    if not 0 < tolerance < inf:
+        return tolerance
+    power = 10.0 ** floor(log10(tolerance))
+    digit = floor(tolerance / power * (1 + 1e-9))
+    return float(f"{digit}e{floor(log10(tolerance))}")
+
+
+def one_digit_up(tolerance: float) -> float:
+    """The tolerance at one digit, never tighter."""
+    below = one_digit(tolerance)
+    return below if tolerance <= below * (1 + 1e-9) else below + 10.0 ** floor(log10(tolerance))
 
 
 def why_unreached(form: Form, scene: Scene, refusal: FormNotValidError) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from polhode.harness.api import SceneSolution, solve
-from polhode.harness.picking.simplest import simplest
+from polhode.harness.picking.choice import simplest
 from polhode.harness.references.rotations import rotations
 from polhode.harness.site.markup import Page, missing, prose
 from polhode.models.catalogue import form

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from oracle.first_principles import body_rates, jeffery, rotation_from_euler
-from polhode.harness.picking.simplest import simplest
+from polhode.harness.picking.choice import simplest
 from polhode.models.catalogue import FORMS, form
 from polhode.models.form import FormNotValidError
 from polhode.models.rotation import (

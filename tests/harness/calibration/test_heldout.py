@@ -13,7 +13,7 @@ from polhode.harness.commands.laws import heldout, laws
 from polhode.harness.common.text import scientific
 from polhode.harness.pages.pick import summary, write_pages
 from polhode.harness.picking.laws import Interval, load_laws
-from polhode.harness.picking.ranking import Recommendation, Row
+from polhode.harness.picking.ranking import Recommendation, Way
 
 
 def a_record(question, solver, tolerance, seconds, error):
@@ -37,7 +37,7 @@ def test_held_out_judgement(own_error, own_seconds, met, factor):
     """Of three runs the cheapest that meets the error counts as the best; the first choice may be it."""
     question = questions(HELD_OUT_SEED, 1)[0]
     interval = Interval(1.0, 0.5, 2.0)
-    row = Row("quaternion", "taylor", 1e-9, interval, interval, 1.0, False, "")
+    row = Way("quaternion", "taylor", 1e-9, interval, interval, 1.0, False, "")
     told = Answer(question, Recommendation(question.want, question.error, 1.0, 1.0, (row,), ()), "")
     records = [
         a_record(question, "taylor", 1e-9, own_seconds, own_error * question.error),
@@ -63,7 +63,7 @@ def test_held_out_shares_and_pages(tmp_path):
     question = questions(HELD_OUT_SEED, 1)[0]
     good = a_record(question, "taylor", 1e-9, 1.0, 0.5 * question.error)
     interval = Interval(1.0, 0.5, 2.0)
-    row = Row("quaternion", "taylor", 1e-9, interval, interval, 1.0, False, "")
+    row = Way("quaternion", "taylor", 1e-9, interval, interval, 1.0, False, "")
     told = Answer(question, Recommendation(question.want, question.error, 1.0, 1.0, (row,), ()), "")
     outcomes = HeldOutScene(told, good, good), HeldOutScene(told, None, good)
     predictions = tuple(
@@ -89,7 +89,7 @@ def test_what_is_not_known_is_a_dash_that_the_page_explains(tmp_path):
     good = a_record(question, "taylor", 1e-9, 1.0, 0.5 * question.error)
     unjudged = {**good, f"{question.want}_error": None}
     interval = Interval(1.0, 0.5, 2.0)
-    row = Row("quaternion", "taylor", 1e-9, interval, interval, 1.0, False, "")
+    row = Way("quaternion", "taylor", 1e-9, interval, interval, 1.0, False, "")
     told = Answer(question, Recommendation(question.want, question.error, 7.0, 1.0, (row,), ()), "")
     refused = Answer(question, None, "not attainable")
     outcomes = HeldOutScene(told, None, good), HeldOutScene(told, unjudged, good), HeldOutScene(refused, None, good)

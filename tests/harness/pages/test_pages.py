@@ -9,7 +9,7 @@ from polhode.harness.commands.pick import FEW, pick_page
 from polhode.harness.common import text
 from polhode.harness.common.text import aligned, on_terminal, short
 from polhode.harness.picking.laws import Interval
-from polhode.harness.picking.ranking import Excluded, Recommendation, Row
+from polhode.harness.picking.ranking import Excluded, Recommendation, Way
 from polhode.solvers.catalogue import SOLVERS
 
 
@@ -35,9 +35,9 @@ def test_a_narrow_terminal_wraps_the_last_column(monkeypatch: pytest.MonkeyPatch
     assert " ".join(lines[1].split() + lines[2].split()) == " ".join(ROWS[0])
 
 
-def row(form: str, seconds: float) -> Row:
+def row(form: str, seconds: float) -> Way:
     predicted = Interval(seconds, seconds / 2, seconds * 2)
-    return Row(form, "taylor", 1e-8, Interval(1e-7, 1e-8, 9e-7), predicted, 1.5, False, f"why {form} takes so long")
+    return Way(form, "taylor", 1e-8, Interval(1e-7, 1e-8, 9e-7), predicted, 1.5, False, f"why {form} takes so long")
 
 
 def test_pick_shows_the_cheapest_and_the_forms_that_will_not_do():

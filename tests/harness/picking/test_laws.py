@@ -192,7 +192,7 @@ def test_pilot_knows_its_own_error(name):
     scene = named_scene(name)
     found = pilot(scene)
     assert found.direct
-    which = laws_pilot.full_form(scene)
+    which = laws_pilot.pilot_form(scene)
     times = np.linspace(0, scene.time, laws_pilot.SAMPLES)
     exact = solve(which.problem(scene), "cyrk-radau" if name == "tumbler" else "taylor", 1e-13, times)
     loose = laws_pilot.follow(which, scene, found.slow.tolerance)
@@ -348,7 +348,7 @@ def test_training_measures_what_makes_sense():
 def test_intervals_overlap_or_do_not():
     assert Interval(2.0, 1.0, 3.0).overlaps(Interval(4.0, 3.0, 5.0))
     assert not Interval(2.0, 1.0, 3.0).overlaps(Interval(4.0, 3.1, 5.0))
-    assert Interval(2.0, 1.0, 3.0).times(2.0) == Interval(4.0, 2.0, 6.0)
+    assert Interval(2.0, 1.0, 3.0).plus(Interval(2.0, 1.0, 3.0)) == Interval(4.0, 2.0, 6.0)
 
 
 def test_pilot_of_a_spinning_sphere_counts_its_turns():

@@ -12,7 +12,8 @@ from polhode.harness.calibration.scenes import TRAINING_SEED, questions
 from polhode.harness.cli import main
 from polhode.harness.commands.pick import FEW, pick_page
 from polhode.harness.picking.laws import Interval
-from polhode.harness.picking.ranking import LOOSEST, TIGHTEST, NotAttainableError, Recommendation, Row, one_digit, pick
+from polhode.harness.picking.ranking import LOOSEST, TIGHTEST, NotAttainableError, Recommendation, Way, pick
+from polhode.harness.picking.refusals import one_digit
 from polhode.harness.references.errors import errors
 from polhode.models.catalogue import FORMS, form
 from polhode.models.observables import Observables
@@ -206,7 +207,7 @@ def test_table_for_people(capsys):
 @pytest.mark.parametrize(("count", "words"), [(1, "1 more way, not cheaper:"), (2, "2 more ways, not cheaper:")])
 def test_ways_not_shown_are_counted(count, words):
     interval = Interval(1.0, 0.5, 2.0)
-    row = Row("quaternion", "taylor", 1e-9, interval, interval, 1.0, False, "")
+    row = Way("quaternion", "taylor", 1e-9, interval, interval, 1.0, False, "")
     found = Recommendation("slow", 1e-6, 1.0, 1.0, (FEW + count) * (row,), ())
     assert f"\n{words} --all" in pick_page(found, everything=False)
     assert "more way" not in pick_page(found, everything=True)

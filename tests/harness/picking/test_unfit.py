@@ -8,8 +8,8 @@ import pytest
 from polhode.harness.picking.laws import load_laws
 from polhode.harness.picking.model_error import model_errors
 from polhode.harness.picking.pilot import pilot
-from polhode.harness.picking.ranking import NotAttainableError, one_digit, one_digit_up, pick
-from polhode.harness.picking.refusals import Refusal, Stage, apart, too_far_off, why_nothing
+from polhode.harness.picking.ranking import NotAttainableError, pick
+from polhode.harness.picking.refusals import Refusal, Stage, apart, one_digit, one_digit_up, too_far_off, why_nothing
 from polhode.harness.references.errors import attainable
 from polhode.models.catalogue import form
 from polhode.models.scene import Scene, SlowStart

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from observed import observed, orientation_difference, slow_difference
 
-from polhode.harness.picking.simplest import simplest
+from polhode.harness.picking.choice import simplest
 from polhode.models.catalogue import form
 from polhode.models.forms.jeffery import JefferyOrbit
 from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart
