@@ -1,6 +1,6 @@
 """How the figures of the reproduction look: one style, one palette, panels with labels and units."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from polhode.harness.paper.item import Table
+from polhode.harness.paper.tables import groups
 
 # Okabe and Ito's palette, safe for colour-blind readers.
 BLACK, ORANGE, SKY, GREEN, BLUE, VERMILLION, PURPLE, YELLOW = (
@@ -97,6 +98,11 @@ def unit_sphere(axes: Axes) -> Axes:
     return axes
 
 
+def draw_on_sphere(axes: Axes, path: Table, **style: Any) -> None:
+    """Draw a path with columns x, y, z."""
+    axes.plot(*(path[name] for name in "xyz"), **style)
+
+
 def power(value: float) -> str:
     """A number for a label: from 1e4 on with its power of ten, others as they are."""
     exponent = int(np.floor(np.log10(value) + 1e-12))
@@ -106,11 +112,19 @@ def power(value: float) -> str:
     return f"$10^{{{exponent}}}$" if factor == "1" else f"${factor}\\times10^{{{exponent}}}$"
 
 
-def groups(table: Table, key: str) -> Iterator[tuple[float, dict[str, np.ndarray]]]:
-    """The parts of a table with equal values in a column, in the order in which they come."""
-    for value in dict.fromkeys(table[key].tolist()):
-        chosen = table[key] == value
-        yield value, {name: column[chosen] for name, column in table.items()}
+def draw_groups(
+    axes: Axes,
+    table: Table,
+    key: str,
+    columns: str,
+    name: Callable[[float], str] | None = None,
+    colors: Sequence[str] = CYCLE,
+    **style: Any,
+) -> None:
+    """Draw a line for each value of a key, through the columns named in one string; `name` makes the legend's text."""
+    for color, (value, part) in zip(colors, groups(table, key), strict=False):
+        text = name(value) if name else None
+        axes.plot(*(part[column] for column in columns.split()), **{"color": color, "label": text, **style})
 
 
 def styled_runs(

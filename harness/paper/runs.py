@@ -2,13 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import cos, pi, sqrt
 
 import numpy as np
 from scipy import stats
 
+from polhode.models.catalogue import averaged_form, full_form
 from polhode.models.catalogue import form as find_form
-from polhode.models.forms.spheroid import Spheroid
+from polhode.models.form import Form
 from polhode.models.observables import Observables
 from polhode.models.scene import EulerStart, Scene, SlowStart
 from polhode.models.shape import Ellipsoid
@@ -20,21 +22,17 @@ SOLVER = "taylor"
 
 @dataclass(frozen=True)
 class Run:
-    """A solution at n times.
+    """A solution at n times, in the form's own time: slow time for averaged forms."""
 
-    Parameters
-    ----------
-    scene : Scene
-    times : ndarray, shape (n,)
-        In the form's own time: slow time for averaged forms.
-    states : ndarray, shape (n, d)
-    observables : Observables
-    """
-
+    form: Form
     scene: Scene
     times: np.ndarray
-    states: np.ndarray
-    observables: Observables
+    states: np.ndarray  # shape (n, d)
+
+    @cached_property
+    def observables(self) -> Observables:
+        """L, E and the rotation."""
+        return self.form.observe(self.scene, self.states)
 
     @property
     def slow(self) -> np.ndarray:
@@ -42,42 +40,57 @@ class Run:
         return self.observables.slow / max(self.scene.ellipsoid.inertia)
 
 
+def run_form(
+    form: Form,
+    scene: Scene,
+    times: np.ndarray,
+    tolerance: float = TOLERANCE,
+    *,
+    solver: str = SOLVER,
+    partial: bool = False,
+) -> Run:
+    """Solution of a form at times increasing from 0; one that ends early is an error, or with `partial` cut short."""
+    solution = solve(form.problem(scene), solver, tolerance, times, max_seconds=120.0)
+    if not (solution.success or partial):
+        raise RuntimeError(f"form {form.name!r} ended with {solution.status} at t = {solution.times[-1]:g}")
+    return Run(form, scene, solution.times, solution.states)
+
+
 def full_run(scene: Scene, times: np.ndarray, tolerance: float = TOLERANCE) -> Run:
-    """Solution of the full equations at times in units of the inverse shear rate, increasing from 0."""
-    return _run(scene, "quaternion" if scene.ellipsoid.kind == "triaxial" else "spheroid-axis", times, tolerance)
+    """Solution of the full equations at times in units of the inverse shear rate."""
+    return run_form(find_form(full_form(scene)), scene, times, tolerance)
 
 
 def averaged_run(scene: Scene, slow_times: np.ndarray, *, solver: str = SOLVER) -> Run:
     """Solution of the averaged equations at slow times."""
-    return _run(scene, _averaged_form(scene), slow_times, TOLERANCE, solver=solver)
+    return run_form(find_form(averaged_form(scene)), scene, slow_times, solver=solver)
 
 
-def averaged_run_to_pinch(scene: Scene, slow_times: np.ndarray) -> tuple[Run, float]:
+def slow_run(ellipsoid: Ellipsoid, slow: Sequence[float], slow_times: np.ndarray, *, solver: str = SOLVER) -> Run:
+    """The same from slow variables (L_x, L_y, L_z, E) over the largest moment of inertia."""
+    return averaged_run(slow_scene(ellipsoid, slow, slow_times[-1]), slow_times, solver=solver)
+
+
+def slow_run_to_pinch(ellipsoid: Ellipsoid, slow: Sequence[float], slow_times: np.ndarray) -> tuple[Run, float]:
     """The same from L_z > 0, L_x = L_y = 0, as far as the pinch point L = 0, and the slow time at which it is met.
 
     The equations end there. A Taylor step may jump over the singularity, so that this is done by a solver that fails
     at it; the time is extrapolated from the last rows, as the speed there is finite. NaN if the point is not met.
     """
-    run = _run(scene, _averaged_form(scene), slow_times, TOLERANCE, solver="cyrk-vern8", partial=True)
+    scene = slow_scene(ellipsoid, slow, slow_times[-1])
+    run = run_form(find_form(averaged_form(scene)), scene, slow_times, solver="cyrk-vern8", partial=True)
     gone = run.slow[:, 2] <= 0
     rows = int(np.argmax(gone)) if gone.any() else len(run.times)
-    kept = Run(scene, run.times[:rows], run.states[:rows], run.observables.first(rows))
+    kept = Run(run.form, scene, run.times[:rows], run.states[:rows])
     (t1, t2), (z1, z2) = kept.times[-2:], kept.slow[-2:, 2]
     return kept, float(t2 + z2 * (t2 - t1) / (z1 - z2)) if rows < len(slow_times) else np.nan
 
 
-def _averaged_form(scene: Scene) -> str:
-    return "averaged" if scene.ellipsoid.kind == "triaxial" else "averaged-spheroid"
-
-
-def _run(
-    scene: Scene, name: str, times: np.ndarray, tolerance: float, *, solver: str = SOLVER, partial: bool = False
-) -> Run:
-    form = find_form(name)
-    solution = solve(form.problem(scene), solver, tolerance, times, max_seconds=120.0)
-    if not (solution.success or partial):
-        raise RuntimeError(f"form {name!r} ended with {solution.status} at t = {solution.times[-1]:g}")
-    return Run(scene, solution.times, solution.states, form.observe(scene, solution.states))
+def slow_scene(ellipsoid: Ellipsoid, slow: Sequence[float], slow_time: float) -> Scene:
+    """Scene from slow variables over the largest moment of inertia, for averaged forms, to which St does not matter."""
+    unit = max(ellipsoid.inertia)
+    x, y, z, energy = (float(value) * unit for value in slow)
+    return Scene(ellipsoid, 1.0, SlowStart((x, y, z), energy), float(slow_time))
 
 
 def aligned_start(ellipsoid: Ellipsoid, momentum: float, theta: float, phi: float = 0.0) -> EulerStart:
@@ -91,24 +104,14 @@ def aligned_start(ellipsoid: Ellipsoid, momentum: float, theta: float, phi: floa
     return EulerStart((theta, phi, pi / 2), (0.0, momentum / i1, momentum * cos(theta) * (1 / i3 - 1 / i1)))
 
 
-def slow_scene(ellipsoid: Ellipsoid, slow: Sequence[float], slow_time: float) -> Scene:
-    """Scene from slow variables (L_x, L_y, L_z, E) over the largest moment of inertia, for averaged forms.
-
-    The Stokes number does not matter to them.
-    """
-    unit = max(ellipsoid.inertia)
-    x, y, z, energy = (float(value) * unit for value in slow)
-    return Scene(ellipsoid, 1.0, SlowStart((x, y, z), energy), slow_time)
-
-
 def spheroid(kappa: float) -> Ellipsoid:
     """Spheroid with symmetry axis z'."""
     return Ellipsoid((1.0, 1.0, kappa))
 
 
-def spheroid_of(kappa: float) -> Spheroid:
-    """Coefficients of the same."""
-    return Spheroid.of(spheroid(kappa))
+def axes_of(ellipsoid: Ellipsoid) -> str:
+    """Semi-axes as the captions write them: (1, 0.8, 0.5)."""
+    return f"({', '.join(f'{length:.4g}' for length in ellipsoid.semi_axes)})"
 
 
 def graded(end: float, points: int) -> np.ndarray:
@@ -116,22 +119,12 @@ def graded(end: float, points: int) -> np.ndarray:
     return end * np.linspace(0.0, 1.0, points) ** 2.5
 
 
-@dataclass(frozen=True)
-class Fit:
-    """A power law y = c x^exponent, and the 95 % interval of its exponent."""
-
-    exponent: float
-    low: float
-    high: float
-    factor: float
-
-
-def power_law(x: np.ndarray, y: np.ndarray) -> Fit:
-    """Least squares of log y on log x, with Student's interval."""
-    x, y = np.log(np.asarray(x, float)), np.log(np.asarray(y, float))
-    line = stats.linregress(x, y)
-    width = stats.t.ppf(0.975, len(x) - 2) * line.stderr if len(x) > 2 else np.inf  # pyright: ignore
-    return Fit(line.slope, line.slope - width, line.slope + width, float(np.exp(line.intercept)))  # pyright: ignore
+def power_law(x: np.ndarray, y: np.ndarray) -> tuple[float, tuple[float, float]]:
+    """Exponent of a power law by least squares of log y on log x, and its 95 % interval by Student's distribution."""
+    line = stats.linregress(np.log(x), np.log(y))
+    slope, error = float(line.slope), float(line.stderr)  # pyright: ignore[reportAttributeAccessIssue]
+    width = float(stats.t.ppf(0.975, len(x) - 2)) * error if len(x) > 2 else np.inf
+    return slope, (slope - width, slope + width)
 
 
 def mean_interval(values: np.ndarray) -> tuple[float, float, float]:

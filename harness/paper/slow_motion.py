@@ -5,51 +5,34 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
-from polhode.harness.paper.drawing import BLUE, draw_law, groups, label, logarithmic, panels, styled_runs
+from polhode.harness.paper.drawing import BLUE, draw_law, label, logarithmic, panels, styled_runs
 from polhode.harness.paper.item import Data, Grid, Number, Table, Verdict, Word
-from polhode.harness.paper.planes import distance_from_node, node, path_table
-from polhode.harness.paper.runs import averaged_run, full_run, largest_difference, power_law
+from polhode.harness.paper.planes import distance_from_node, fixed_point
+from polhode.harness.paper.runs import averaged_run, axes_of, full_run, largest_difference, power_law
+from polhode.harness.paper.tables import groups, path_table
 from polhode.models.scene import EulerStart, Scene
 from polhode.models.shape import Ellipsoid
 
 NAMES = {"Lx": "$L_x/I_{max}$", "Ly": "$L_y/I_{max}$", "Lz": "$L_z/I_{max}$", "E": "$E/I_{max}$"}
 
 
-@dataclass(frozen=True)
-class Comparison:
-    """One start, several Stokes numbers.
+# Stokes numbers at which the error is measured beside those of the figure.
+MEASURED = (1e3, 2e3, 1e4, 2e4, 5e4)
 
-    Parameters
-    ----------
-    ellipsoid : Ellipsoid
-    start : EulerStart
-    shown : tuple of float
-        Stokes numbers of the figure.
-    measured : tuple of float
-        Stokes numbers at which the error is measured besides.
-    slow_time : float
-    asymptotic : float
-        Smallest St of the fit.
-    constant : tuple of 2 float
-        Range for (largest slow error) × St at the largest St.
-    at_100 : tuple of 2 float
-        Range for the largest slow error at St = 100.
-    earned : Word
-        What the claim earns.
-    lingers : bool
-        Whether the run lingers at the saddle, so that the time at which it leaves is worth telling.
-    """
+
+@dataclass(frozen=True)
+class SlowMotion:
+    """One start, several Stokes numbers."""
 
     ellipsoid: Ellipsoid
     start: EulerStart
-    shown: tuple[float, ...]
-    measured: tuple[float, ...]
     slow_time: float
-    asymptotic: float
-    constant: tuple[float, float]
-    at_100: tuple[float, float]
     earned: Word
-    lingers: bool = False
+    asymptotic: float  # smallest St of the fit
+    constant: tuple[float, float]  # range for (largest slow error) × St at the largest St
+    at_100: tuple[float, float]  # range for the largest slow error at St = 100
+    shown: tuple[float, ...] = (50.0, 100.0, 500.0, 5e3)
+    lingers: bool = False  # at the saddle, so that the sentence gives the time at which it leaves
 
     def compute(self, grid: Grid) -> Data:
         """Runs of the figure, and the largest error at each St."""
@@ -57,7 +40,7 @@ class Comparison:
         slow_times = np.linspace(0.0, self.slow_time, dense * (points - 1) + 1)
         averaged = averaged_run(Scene(self.ellipsoid, 1.0, self.start, self.slow_time), slow_times).slow
         paths = [(np.inf, slow_times[::dense], averaged[::dense])]
-        measured = self.measured if grid is Grid.FULL else self.measured[-2:]
+        measured = MEASURED[grid.of(0, -2) :]
         errors = []
         for stokes in sorted({*self.shown, *measured}):
             scene = Scene(self.ellipsoid, stokes, self.start, stokes * self.slow_time)
@@ -112,37 +95,31 @@ class Comparison:
         """Where it ends, and how the error falls with St."""
         found = data["errors"]
         large = found["stokes"] >= self.asymptotic
-        fit = power_law(found["stokes"][large], found["error"][large])
+        exponent, interval = power_law(found["stokes"][large], found["error"][large])
         constant = float(found["error"][-1] * found["stokes"][-1])
         at_100 = float(found["error"][found["stokes"] == 100.0][0])
         settled = found["stokes"] >= 500
         numbers = (
-            Number(
-                f"exponent of the slow error in St, St ≥ {self.asymptotic:g}",
-                fit.exponent,
-                -1.3,
-                -0.8,
-                interval=(fit.low, fit.high),
-            ),
+            Number(f"exponent of the slow error in St, St ≥ {self.asymptotic:g}", exponent, -1.3, -0.8, "", interval),
             Number(f"slow error × St at St = {found['stokes'][-1]:g}", constant, *self.constant, unit="I_max"),
             Number("slow error at St = 100", at_100, *self.at_100, unit="I_max"),
             Number("distance of the averaged end from the node", float(data["averaged"]["end"][0]), high=2e-3),
             Number("the same of the mean full end, St ≥ 500", float(found["end"][settled].max()), high=1e-2),
         )
-        momentum, energy = node(self.ellipsoid)
+        momentum, energy = fixed_point(self.ellipsoid, "stable node")
+        shown = [pair for pair in zip(found["stokes"], found["error"], strict=True) if pair[0] in self.shown]
         sentence = (
             f"Averaged run and full runs from St = 500 on end at (L_z, E)/I_max = ({momentum:.3g}, {energy:.3g}). The "
             f"largest slow error along the run is {constant:.2g}/St at large St, and "
-            f"{', '.join(f'{error:.2g} at St = {stokes:g}' for stokes, error in self._shown(found))}."
+            f"{', '.join(f'{error:.2g} at St = {stokes:g}' for stokes, error in shown)}."
         )
         if self.lingers:
             sentence += " " + self._leaving(data[""])
-        axes = ", ".join(f"{length:g}" for length in self.ellipsoid.semi_axes)
         angles = ", ".join(f"{value:.4g}" for value in (*self.start.angles, *self.start.rates))
         text = (
-            f"Slow variables of the ellipsoid with semi-axes ({axes}) from (θ, φ, ψ, θ̇, φ̇, ψ̇) = ({angles}), full at "
-            f"St = {', '.join(f'{stokes:g}' for stokes in self.shown)} and averaged; right, the largest difference "
-            "along the run."
+            f"Slow variables of the ellipsoid with semi-axes {axes_of(self.ellipsoid)} from (θ, φ, ψ, θ̇, φ̇, ψ̇) = "
+            f"({angles}), full at St = {', '.join(f'{stokes:g}' for stokes in self.shown)} and averaged; right, the "
+            "largest difference along the run."
         )
         crossing = data["averaged"]["crossing"][0]
         caption = text + (f" L² = 2EI₂ at t₂ = {crossing:.3g}." if np.isfinite(crossing) else "")
@@ -152,15 +129,11 @@ class Comparison:
         """When E is halfway from its plateau to the node's, averaged and full."""
         times = {}
         averaged = table["E"][np.isinf(table["path"])]
-        half = (min(averaged) + node(self.ellipsoid)[1]) / 2
+        half = (min(averaged) + fixed_point(self.ellipsoid, "stable node")[1]) / 2
         for stokes, part in groups(table, "path"):
             below = int(np.flatnonzero(part["E"] < half)[-1])
             name = "averaged" if np.isinf(stokes) else f"St = {stokes:g}"
             gone = part["t2"][below] < 0.95 * self.slow_time
             times[name] = f"at t₂ = {part['t2'][below]:.2f}" if gone else "not yet at the end"
-        told = ", ".join(f"{time} ({name})" for name, time in times.items())
-        return f"The plateau at the saddle is left, E halfway to its end, {told}."
-
-    def _shown(self, found: Table) -> list[tuple[float, float]]:
-        pairs = zip(found["stokes"].tolist(), found["error"].tolist(), strict=True)
-        return [pair for pair in pairs if pair[0] in self.shown]
+        found = ", ".join(f"{time} ({name})" for name, time in times.items())
+        return f"The plateau at the saddle is left, E halfway to its end, {found}."

@@ -1,18 +1,18 @@
 """Section "Governing equations": the period of a tumbling spheroid, from Jeffery's to that of a free top."""
 
+from itertools import product
 from math import pi
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from polhode.harness.paper.drawing import BLACK, CYCLE, common_legend, groups, label, logarithmic, panels
+from polhode.harness.paper.drawing import BLACK, CYCLE, common_legend, draw_groups, label, logarithmic, panels
 from polhode.harness.paper.item import Data, Grid, Item, Number, Section, Verdict, Word
-from polhode.harness.paper.planes import columns
-from polhode.harness.paper.runs import spheroid
+from polhode.harness.paper.runs import run_form, spheroid
+from polhode.harness.paper.tables import columns, groups
 from polhode.models.forms.tumbling import Tumbling
 from polhode.models.scene import BodyStart, Scene
 from polhode.models.theory.tumbling_period import tumbling_period, weak_inertia_period_change
-from polhode.solvers.solve import solve
 
 KAPPAS = (2.0, 4.0, 8.0, 16.0)
 # Aspect ratios and Stokes numbers, from Jeffery's limit to the fall of the period, of runs in time.
@@ -22,13 +22,11 @@ AXIS = 0
 
 
 def _periods(stokes: np.ndarray) -> dict[str, np.ndarray]:
-    rows = [
-        (kappa, number, tumbling_period(spheroid(kappa), number, AXIS), tumbling_period(spheroid(kappa), 0.0, AXIS))
-        for kappa in KAPPAS
-        for number in stokes.tolist()
-    ]
-    kappa, number, period, jeffery = np.array(rows).T
-    return {"kappa": kappa, "stokes": number, "period": period, "jeffery": jeffery, "change": period - jeffery}
+    rows = []
+    for kappa, number in product(KAPPAS, stokes.tolist()):
+        period, jeffery = (tumbling_period(spheroid(kappa), own, AXIS) for own in (number, 0.0))
+        rows.append((kappa, number, period, jeffery, period - jeffery))
+    return columns("kappa stokes period jeffery change", rows)
 
 
 def compute_change(grid: Grid) -> Data:
@@ -41,14 +39,18 @@ def compute_change(grid: Grid) -> Data:
     return {"": {**table, "printed": np.array(printed)}}
 
 
+def _name(kappa: float) -> str:
+    return f"$\\kappa$ = {kappa:g}"
+
+
 def figure_change(data: Data) -> Figure:
     """-ΔT against St."""
     figure, (left, right) = panels(1, 2, 3.9, 3.2)
-    for color, (kappa, part) in zip(CYCLE, groups(data[""], "kappa"), strict=False):
-        left.plot(part["stokes"], -part["change"], color=color, label=f"$\\kappa$ = {kappa:g}")
-        left.plot(part["stokes"], -part["printed"], color=color, linestyle=":")
-        scaled = part["stokes"] / kappa**2
-        right.plot(scaled, part["change"] / part["printed"], color=color, label=f"$\\kappa$ = {kappa:g}")
+    change, printed, scaled = data[""]["change"], data[""]["printed"], data[""]["stokes"] / data[""]["kappa"] ** 2
+    table = {**data[""], "decrease": -change, "law": -printed, "scaled": scaled, "ratio": change / printed}
+    draw_groups(left, table, "kappa", "stokes decrease", _name)
+    draw_groups(left, table, "kappa", "stokes law", linestyle=":")
+    draw_groups(right, table, "kappa", "scaled ratio")
     left.plot([], [], color=BLACK, linestyle=":", label="law of order St$^2$")
     logarithmic(label(left, "Stokes number St", "decrease of the period, $-\\Delta T\\,\\dot\\gamma$"))
     left.set_ylim(1e-9, 1e3)
@@ -116,9 +118,8 @@ def _integrated_period(kappa: float, stokes: float) -> float:
     ellipsoid = spheroid(kappa)
     settled = 40 * stokes / ellipsoid.damping[AXIS]
     scene = Scene(ellipsoid, stokes, BodyStart((0.5, 0.5, 0.5, 0.5), (0.0, -0.5, 0.0)), settled + 60 * kappa)
-    form = Tumbling()
     times = np.concatenate([[0.0], np.arange(settled, scene.time, 0.01)])
-    states = solve(form.problem(scene), "taylor", 1e-14, times).states
+    states = run_form(Tumbling(), scene, times, 1e-14).states
     angle, rate = np.unwrap(states[1:, 0]), states[1:, 1]
     goals = angle[0] - 2 * pi * np.arange(1, 1 + int((angle[0] - angle[-1]) / (2 * pi)))
     return float(np.mean(np.diff([_crossing(times[1:], angle, rate, goal) for goal in goals])))
@@ -136,8 +137,8 @@ def _crossing(times: np.ndarray, angle: np.ndarray, rate: np.ndarray, goal: floa
 def figure_period(data: Data) -> Figure:
     """T against St."""
     figure, (axes,) = panels(1, 1, 5.2, 3.6)
-    for color, (kappa, part) in zip(CYCLE, groups(data[""], "kappa"), strict=False):
-        axes.plot(part["stokes"], part["period"], color=color, label=f"$\\kappa$ = {kappa:g}")
+    draw_groups(axes, data[""], "kappa", "stokes period", _name)
+    for color, (_, part) in zip(CYCLE, groups(data[""], "kappa"), strict=False):
         axes.axhline(part["jeffery"][0], color=color, linestyle=":", linewidth=0.8)
     found = data["integrated"]
     axes.plot(found["stokes"], found["period"], "k+", zorder=4, label="integrated in time")

@@ -1,29 +1,15 @@
-"""The Jeffery top's sections: the tangent equations against differences, the saddle's exponent, a sharp separatrix."""
+"""The Jeffery top's sections: the stretching against a neighbour, the saddle's exponent, a sharp separatrix."""
 
 from math import cosh, log, pi
 
 import numpy as np
 import pytest
 
-from polhode.harness.paper.sections.limits.poincare import half_turn, orbit, stretched_orbit, tangent_field
+from polhode.harness.paper.sections.limits.poincare import half_turn, orbit, stretched_orbit
 from polhode.harness.paper.sections.limits.stochastic_layer import Layer, measure_layer, saddle_growth
-from polhode.models.forms.jeffery import field
-from polhode.models.forms.motion import shares
-from polhode.models.operations import FLOAT
 from polhode.models.shape import Ellipsoid
 
 BODY = Ellipsoid((1.0, 0.9, 0.5))
-
-
-def test_tangent_equations_against_differences():
-    generator = np.random.default_rng(2)
-    p = shares(BODY)
-    q, u = generator.normal(size=(2, 4))
-    base = field(FLOAT)
-    slope = (np.array(base(q + 1e-6 * u, p)) - np.array(base(q - 1e-6 * u, p))) / 2e-6
-    growth = slope @ u / (u @ u)
-    found = np.array(tangent_field(FLOAT)([*q, *u, 0.0], p))
-    np.testing.assert_allclose(found, [*base(q, p), *(slope - growth * u), growth], rtol=1e-7, atol=1e-9)
 
 
 def test_neighbours_part_as_the_stretching_says():

@@ -4,14 +4,14 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.integrate import cumulative_simpson
 
-from polhode.harness.paper.drawing import AVERAGED, CYCLE, ORANGE, SKY, label, logarithmic, panels
+from polhode.harness.paper.drawing import AVERAGED, CYCLE, ORANGE, SKY, draw_law, label, logarithmic, panels
 from polhode.harness.paper.item import Data, Grid, Item, Number, Section, Verdict, Word
-from polhode.harness.paper.planes import columns
-from polhode.harness.paper.runs import aligned_start, averaged_run, full_run, power_law, spheroid, spheroid_of
+from polhode.harness.paper.planes import aligned_scene
+from polhode.harness.paper.runs import averaged_run, full_run, power_law, run_form, spheroid
 from polhode.harness.paper.sections.appendix.averages import ITEMS
-from polhode.models.scene import Scene
+from polhode.harness.paper.tables import columns
+from polhode.models.forms.spheroid import Spheroid
 from polhode.models.theory.spheroid_correction import CorrectedSpheroid
-from polhode.solvers.solve import solve
 
 # The first-order correction: κ, L_z over I_e at the start, θ₀, φ₀, and the slow time followed.
 KAPPA, MOMENTUM, THETA, PHI, SLOW_TIME = 2.0, -0.9, 0.9, 0.6, 0.04
@@ -31,12 +31,10 @@ def compute_first_order(grid: Grid) -> Data:
 
 def _first_order(stokes: float, points: int) -> tuple[np.ndarray, ...]:
     """L_z/I_e of the full and the averaged run, with the correction as printed, and corrected."""
-    body, shape = spheroid(KAPPA), spheroid_of(KAPPA)
-    scene = Scene(body, stokes, aligned_start(body, MOMENTUM * max(body.inertia), THETA, PHI), stokes * SLOW_TIME)
+    shape = Spheroid.of(spheroid(KAPPA))
+    scene = aligned_scene(spheroid(KAPPA), stokes, MOMENTUM, THETA, SLOW_TIME, PHI)
     slow_times = np.linspace(0.0, SLOW_TIME, points)
-    form = CorrectedSpheroid()
-    states = solve(form.problem(scene), "taylor", 1e-13, slow_times).states
-    corrected = form.observe(scene, states).angular_momentum[:, 2] / max(body.inertia)
+    corrected = run_form(CorrectedSpheroid(), scene, slow_times, 1e-13).slow[:, 2]
     averaged = averaged_run(scene, slow_times)
     lz, spin = averaged.states[:, 2], averaged.states[:, 3]
     phase = cumulative_simpson(lz, x=slow_times, initial=0.0)
@@ -56,8 +54,7 @@ def figure_first_order(data: Data) -> Figure:
     label(left, "slow time $t_2$", "$L_z/I_e$", f"St = {SHOWN:g}").legend()
     for name, color, slope in (("averaged", AVERAGED, -1), ("printed", SKY, -1), ("corrected", ORANGE, -2)):
         right.plot(found["stokes"], found[name], "o-", color=color, markersize=3.5, label=name)
-        law = found[name][-1] * (found["stokes"] / found["stokes"][-1]) ** slope
-        right.plot(found["stokes"], law, ":", color=color, label=f"slope {slope}")
+        draw_law(right, found["stokes"], found[name][-1], slope, color=color)
     logarithmic(label(right, "Stokes number St", "largest error of $L_z/I_e$")).legend()
     return figure
 
@@ -66,22 +63,21 @@ def verdict_first_order(data: Data) -> Verdict:
     """Fitted orders."""
     found = data["errors"]
     large = found["stokes"] >= 900
-    leading, printed, corrected = (
-        power_law(found["stokes"][large], found[name][large]) for name in ("averaged", "printed", "corrected")
-    )
+    fits = {
+        name: power_law(found["stokes"][large], found[name][large]) for name in ("corrected", "averaged", "printed")
+    }
+    leading, printed = fits["averaged"][0], fits["printed"][0]
     constant = float(found["corrected"][-1] * found["stokes"][-1] ** 2)
     numbers = (
-        Number(
-            "order in St of the corrected error", corrected.exponent, -2.1, -1.9, "", (corrected.low, corrected.high)
-        ),
-        Number("order of the averaged error", leading.exponent, -1.1, -0.9, "", (leading.low, leading.high)),
-        Number("order with the correction as printed", printed.exponent, -1.1, -0.9, "", (printed.low, printed.high)),
+        Number("order in St of the corrected error", fits["corrected"][0], -2.1, -1.9, "", fits["corrected"][1]),
+        Number("order of the averaged error", leading, -1.1, -0.9, "", fits["averaged"][1]),
+        Number("order with the correction as printed", printed, -1.1, -0.9, "", fits["printed"][1]),
         Number("corrected error × St², largest St", constant, 10.0, 2e3, "I_e"),
     )
     sentence = (
         f"With the local, signed frequency and a shifted start the corrected error is {constant:.3g}/St² (the averaged "
-        f"one falls like St^({leading.exponent:.2f})); as printed, with the mean frequency and the start unshifted, it "
-        f"falls like St^({printed.exponent:.2f})."
+        f"one falls like St^({leading:.2f})); as printed, with the mean frequency and the start unshifted, it "
+        f"falls like St^({printed:.2f})."
     )
     caption = (
         f"κ = {KAPPA:g}, L along the vorticity, L_z0 = {MOMENTUM:g} I_e, θ₀ = {THETA:g}, φ₀ = {PHI:g}. Left: L_z at "

@@ -5,10 +5,10 @@ from math import sqrt
 import numpy as np
 from matplotlib.figure import Figure
 
-from polhode.harness.paper.drawing import CYCLE, draw_law, groups, label, logarithmic, panels
+from polhode.harness.paper.drawing import CYCLE, draw_groups, draw_law, label, logarithmic, panels
 from polhode.harness.paper.item import Data, Grid, Item, Number, Table, Verdict, Word
-from polhode.harness.paper.planes import columns
 from polhode.harness.paper.runs import averaged_run, full_run, largest_difference, mean_interval, power_law
+from polhode.harness.paper.tables import columns, groups
 from polhode.models.free_top.torque_free import TorqueFree
 from polhode.models.scene import BodyStart, Scene
 from polhode.models.scenes import PAPER_ELLIPSOID
@@ -36,18 +36,14 @@ def random_start(generator: np.random.Generator, side: str) -> BodyStart:
         ratio = np.sum((inertia * omega) ** 2) / np.sum(inertia * omega**2)
         if least < (ratio - low) / (high - low) < most:
             q = generator.normal(size=4)
-            q0, q1, q2, q3 = (q / np.linalg.norm(q)).tolist()
-            w1, w2, w3 = omega.tolist()
-            return BodyStart((q0, q1, q2, q3), (w1, w2, w3))
+            return BodyStart(tuple((q / np.linalg.norm(q)).tolist()), tuple(omega.tolist()))
 
 
 def same_slow_start(start: BodyStart, generator: np.random.Generator) -> BodyStart:
     """Another start with the same L and E: the free top at a random time."""
     top = TorqueFree(ELLIPSOID.inertia, start.quaternion, start.angular_velocity)
     quaternion, omega = top.at([generator.uniform(50.0, 500.0)])
-    q0, q1, q2, q3 = quaternion[0].tolist()
-    w1, w2, w3 = omega[0].tolist()
-    return BodyStart((q0, q1, q2, q3), (w1, w2, w3))
+    return BodyStart(tuple(quaternion[0].tolist()), tuple(omega[0].tolist()))
 
 
 def compute_order(grid: Grid) -> Data:
@@ -84,9 +80,9 @@ def figure_order(data: Data) -> Figure:
     """Errors against St, without and with a crossing."""
     figure, axes = panels(1, 2, 3.8, 3.1, sharey=True)
     for own, (side, part) in zip(axes, groups(data[""], "side"), strict=True):
-        for color, (_, run) in zip(CYCLE * 2, groups(part, "start"), strict=False):
-            own.plot(run["stokes"], run["error"], "o-", markersize=2.5, linewidth=0.8, color=color)
-        fit = _exponents(part)[0]
+        line = {"marker": "o", "markersize": 2.5, "linewidth": 0.8}
+        draw_groups(own, part, "start", "stokes error", colors=CYCLE * 2, **line)
+        fit = float(np.mean(_start_exponents(part)))
         stokes = np.unique(part["stokes"])
         middle = np.array([np.exp(np.log(part["error"][part["stokes"] == number]).mean()) for number in stokes])
         for slope, line, text in (
@@ -102,16 +98,8 @@ def figure_order(data: Data) -> Figure:
 
 def _start_exponents(part: Table) -> np.ndarray:
     """Exponents of all starts, from the asymptotic St on."""
-    found = []
-    for _, run in groups(part, "start"):
-        large = run["stokes"] >= ASYMPTOTIC
-        found.append(power_law(run["stokes"][large], run["error"][large]).exponent)
-    return np.array(found)
-
-
-def _exponents(part: Table) -> tuple[float, float, float]:
-    """Mean of the exponents of all starts, and its 95 % interval."""
-    return mean_interval(_start_exponents(part))
+    large = {name: column[part["stokes"] >= ASYMPTOTIC] for name, column in part.items()}
+    return np.array([power_law(run["stokes"], run["error"])[0] for _, run in groups(large, "start")])
 
 
 def _local_exponents(part: Table) -> np.ndarray:
@@ -126,8 +114,8 @@ def verdict_order(data: Data) -> Verdict:
     """Exponents without and with a crossing, over the range of St and at its end."""
     local = {side: _local_exponents(part) for side, part in groups(data[""], "side")}
     last, low, high = local[1.0][-1].tolist()
-    (free, *free_range), (crossed, *crossed_range) = (_exponents(part) for _, part in groups(data[""], "side"))
-    alone = next(_start_exponents(part) for side, part in groups(data[""], "side") if side == 0)
+    alone, crossing = (_start_exponents(part) for _, part in groups(data[""], "side"))
+    (free, *free_range), (crossed, *crossed_range) = mean_interval(alone), mean_interval(crossing)
     single, inverse = float(alone.max()), int(np.sum(np.abs(alone + 1) < 0.05))
     numbers = (
         Number("exponent without a crossing", free, -1.1, -0.8, "", (free_range[0], free_range[1])),

@@ -14,16 +14,16 @@ from polhode.harness.paper.drawing import (
     ORANGE,
     VERMILLION,
     YELLOW,
-    groups,
     label,
     logarithmic,
     panels,
     power,
 )
 from polhode.harness.paper.item import Data, Grid, Item, Number, Section, Table, Verdict, Word
-from polhode.harness.paper.planes import columns, distance_from_node, energy_at
-from polhode.harness.paper.runs import averaged_run, full_run, graded, share_interval, slow_scene
+from polhode.harness.paper.planes import distance_from_node, energy_at
+from polhode.harness.paper.runs import averaged_run, full_run, graded, share_interval, slow_run
 from polhode.harness.paper.sections.beyond.averaging_order import ELLIPSOID, ORDER, same_slow_start
+from polhode.harness.paper.tables import columns, groups
 from polhode.models.rotation import quaternion_from_euler
 from polhode.models.scene import BodyStart, EulerStart, Scene
 from polhode.models.scenes import PAPER_START
@@ -67,9 +67,9 @@ def compute_endings(grid: Grid) -> Data:
     return {"": columns("near start stokes phase averaged full up", rows)}
 
 
-def _arrival(slow_times: np.ndarray, slow: np.ndarray) -> float:
+def _arrival(slow_times: np.ndarray, slow: np.ndarray, near: float = ARRIVED) -> float:
     """Slow time from which on L and E stay close to the node; the end if they do not."""
-    away = np.flatnonzero(distance_from_node(ELLIPSOID, slow) > ARRIVED)
+    away = np.flatnonzero(distance_from_node(ELLIPSOID, slow) > near)
     return float(slow_times[min(int(away[-1]) + 1, len(slow_times) - 1)]) if len(away) else 0.0
 
 
@@ -163,10 +163,8 @@ def compute_basins(grid: Grid) -> Data:
         for share in np.linspace(0.002, 0.998, size).tolist():
             sine = sqrt((1 - cosine**2) / 2)
             slow = (0.5 * sine, 0.5 * sine, 0.5 * cosine, energy_at(ELLIPSOID, 0.5, share))
-            run = averaged_run(slow_scene(ELLIPSOID, slow, slow_times[-1]), slow_times, solver=GRAZING)
-            away = np.flatnonzero(distance_from_node(ELLIPSOID, run.slow) > NEAR_NODE)
-            last = min(int(away[-1]) + 1, len(slow_times) - 1) if len(away) else 0
-            transients.append((cosine, share, float(slow_times[last])))
+            run = slow_run(ELLIPSOID, slow, slow_times, solver=GRAZING)
+            transients.append((cosine, share, _arrival(slow_times, run.slow, NEAR_NODE)))
     ends = []
     side = grid.of(64, 10)
     times = np.array([0.0, BASIN_STOKES * BASIN_TIME])
@@ -192,8 +190,8 @@ def figure_basins(data: Data) -> Figure:
     figure.colorbar(times, ax=left, label="slow time to the node")
     label(left, "$L_z/|L|$", "share of $E$ between its bounds")
     both = ListedColormap((BLUE, YELLOW))
-    place = _map(data["ends"], "psi theta z")[:2]
-    ends = right.pcolormesh(*place, _grid_of_ends(data["ends"]), cmap=both, vmin=-1, vmax=1, rasterized=True)
+    psi, theta, _ = _map(data["ends"], "psi theta z")
+    ends = right.pcolormesh(psi, theta, _grid_of_ends(data["ends"]), cmap=both, vmin=-1, vmax=1, rasterized=True)
     bar = figure.colorbar(ends, ax=right, label="$z'$ at the end, along the vorticity axis $z$", ticks=(-0.5, 0.5))
     bar.ax.set_yticklabels(["down", "up"], rotation="vertical", va="center")
     label(right, "$\\psi_0$, rad", "$\\theta_0$, rad", f"St = {BASIN_STOKES:g}")

@@ -5,11 +5,11 @@ from math import pi
 import numpy as np
 from matplotlib.figure import Figure
 
-from polhode.harness.paper.drawing import AVERAGED, BLACK, CYCLE, groups, label, logarithmic, panels
+from polhode.harness.paper.drawing import AVERAGED, BLACK, draw_groups, label, logarithmic, panels
 from polhode.harness.paper.item import Data, Grid, Item, Number, Verdict, Word
-from polhode.harness.paper.planes import columns, stacked
-from polhode.harness.paper.runs import averaged_run, slow_scene
-from polhode.harness.paper.slow_motion import Comparison
+from polhode.harness.paper.runs import slow_run, slow_scene
+from polhode.harness.paper.slow_motion import SlowMotion
+from polhode.harness.paper.tables import columns, stacked
 from polhode.models.forms.averaged import Averaged
 from polhode.models.operations import FLOAT
 from polhode.models.scene import EulerStart
@@ -19,41 +19,15 @@ from polhode.models.theory.separatrix import Separatrix, Side
 
 ELLIPSOID = Ellipsoid(PAPER_ELLIPSOID)
 SADDLE_START = EulerStart((1.57, 0.0, pi / 2), (0.0, -0.61, 0.0003))
-FIRST = Comparison(
-    ELLIPSOID,
-    PAPER_START,
-    (50.0, 100.0, 500.0, 5e3),
-    (1e3, 2e3, 1e4, 2e4, 5e4),
-    0.6,
-    1e3,
-    (8.0, 30.0),
-    (0.0, 0.2),
-    Word.SHARPENED,
-)
-SECOND = Comparison(
-    ELLIPSOID,
-    SADDLE_START,
-    (100.0, 150.0, 500.0, 5e3),
-    (1e3, 2e3, 1e4, 2e4, 5e4),
-    1.2,
-    5e3,
-    (8.0, 30.0),
-    (0.2, 0.35),
-    Word.CORRECTED,
-    lingers=True,
-)
+FIRST = SlowMotion(ELLIPSOID, PAPER_START, 0.6, Word.SHARPENED, 1e3, (8.0, 30.0), (0.0, 0.2))
+SHOWN = (100.0, 150.0, 500.0, 5e3)
+SECOND = SlowMotion(ELLIPSOID, SADDLE_START, 1.2, Word.CORRECTED, 5e3, (8.0, 30.0), (0.2, 0.35), SHOWN, lingers=True)
 
 SIDES: tuple[Side, Side] = ("long", "short")
 # Complementary parameter y = μ'δ where local and averaged solution are compared.
 NEAR = 1e-3
 # Largest y of the passage.
 FAR = 0.1
-
-
-def slow_rates(state: tuple[float, ...]) -> tuple[float, ...]:
-    """Averaged rates of (L_x, L_y, L_z, E)/I_max in slow time."""
-    problem = Averaged().problem(slow_scene(ELLIPSOID, state, 1.0))
-    return problem.field(FLOAT)(problem.start, problem.parameters)
 
 
 def complement_of(slow: np.ndarray, side: Side) -> np.ndarray:
@@ -68,7 +42,8 @@ def _averaged_rates(local: Separatrix, complement: float, shift: float) -> tuple
     """Rates of y and L_z'/I_max by the averaged equations, at L_x = L_y = 0."""
     unit = max(ELLIPSOID.inertia)
     state = np.array(local.slow_state(complement, shift)) / unit
-    rates = np.array(slow_rates(tuple(state.tolist())))
+    problem = Averaged().problem(slow_scene(ELLIPSOID, state.tolist(), 1.0))
+    rates = np.array(problem.field(FLOAT)(problem.start, problem.parameters))
     step = 1e-6 * complement / max(1e-30, float(np.max(np.abs(rates))))
     moved = [complement_of((state + sign * step * rates)[None], local.side)[0] for sign in (1, -1)]
     return float(moved[0] - moved[1]) / (2 * step), float(rates[2])
@@ -94,7 +69,7 @@ def critical_before(complement: float, points: int) -> tuple[np.ndarray, np.ndar
 def _long_side(state: tuple[float, ...], times: np.ndarray) -> tuple[np.ndarray, float]:
     """Averaged trajectory as far as it stays on the long side, and L_z'/I_max where it leaves it."""
     unit = max(ELLIPSOID.inertia)
-    slow = averaged_run(slow_scene(ELLIPSOID, tuple(np.array(state) / unit), times[-1]), times).slow
+    slow = slow_run(ELLIPSOID, (np.array(state) / unit).tolist(), times).slow
     complement = complement_of(slow, "long")
     last = int(np.argmax(complement <= 0)) if np.any(complement <= 0) else len(slow)
     middle = sorted(ELLIPSOID.inertia)[1] / (2 * unit)
@@ -105,7 +80,7 @@ def critical_after(slow_times: np.ndarray) -> np.ndarray:
     """The averaged trajectory that leaves the singular point, shape (n, 4), at times after it; the first is 0."""
     local, beside = Separatrix(ELLIPSOID, "short"), 1e-9
     state = np.array(local.slow_state(beside, local.critical(beside))) / max(ELLIPSOID.inertia)
-    return averaged_run(slow_scene(ELLIPSOID, tuple(state), slow_times[-1]), slow_times).slow
+    return slow_run(ELLIPSOID, state.tolist(), slow_times).slow
 
 
 def compute_singular(grid: Grid) -> Data:
@@ -149,15 +124,13 @@ def _passage(local: Separatrix, number: int, points: int) -> tuple[dict, dict]:
 def figure_singular(data: Data) -> Figure:
     """Passage in time, and rates against y."""
     figure, axes = panels(2, 2, 3.9, 2.7)
-    for color, (number, part) in zip(CYCLE, groups(data["trajectory"], "side"), strict=False):
-        text = ("$L^2 < 2EI_2$", "$L^2 > 2EI_2$")[int(number)]
-        for own, name in ((axes[0], "y"), (axes[1], "shift")):
-            own.plot(part["t2"], part[f"averaged_{name}"], color=color, label=f"averaged, {text}")
-            own.plot(part["t2"], part[f"local_{name}"], color=BLACK, linestyle=":", lw=1.6)
-    for color, (_, part) in zip(CYCLE, groups(data["rates"], "side"), strict=False):
-        for own, name in ((axes[2], "y"), (axes[3], "shift")):
-            own.plot(part["y"], np.abs(part[f"averaged_{name}"]), color=color)
-            own.plot(part["y"], np.abs(part[f"local_{name}"]), color=BLACK, linestyle=":", lw=1.6)
+    sizes = {name: np.abs(column) for name, column in data["rates"].items()}
+    for x, table, both in (("t2", data["trajectory"], axes[:2]), ("y", sizes, axes[2:])):
+        for own, name in zip(both, ("y", "shift"), strict=True):
+            draw_groups(
+                own, table, "side", f"{x} averaged_{name}", lambda side: f"averaged, $L^2 {'<>'[int(side)]} 2EI_2$"
+            )
+            draw_groups(own, table, "side", f"{x} local_{name}", color=BLACK, linestyle=":", lw=1.6)
     axes[0].plot([], [], color=AVERAGED, linestyle=":", label="local solution")
     label(axes[0], "slow time from the singular point", r"$y = \mu'\delta$").legend()
     label(axes[1], "slow time from the singular point", "$L_z'/I_{max}$")

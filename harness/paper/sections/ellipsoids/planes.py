@@ -3,76 +3,47 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from polhode.harness.paper.drawing import (
-    BOUND,
-    GREEN,
-    ORANGE,
-    VERMILLION,
-    common_legend,
-    groups,
-    panels,
-)
+from polhode.harness.paper.drawing import ORANGE, VERMILLION, common_legend, panels
 from polhode.harness.paper.item import Data, Grid, Item, Number, Section, Table, Verdict, Word
-from polhode.harness.paper.planes import (
-    ABOVE_PINCH,
-    INSIDE,
-    columns,
-    comparison_data,
-    comparison_figure,
-    distance_from_node,
-    draw_frame,
-    draw_paths,
-    energy_at,
-    name_points,
-    path_table,
-    pinch_bound,
-    plane_path,
-    plane_point,
-    plane_steps,
-    stacked,
-)
+from polhode.harness.paper.planes import draw_frame, draw_paths, fixed_point, name_lines, name_points, plane_steps
 from polhode.harness.paper.runs import graded
 from polhode.harness.paper.sections.ellipsoids.motion import ELLIPSOID, ITEMS, critical_after, critical_before
 from polhode.harness.paper.sections.ellipsoids.space import ITEM as SPACE
+from polhode.harness.paper.sections.planes import NAMES, Planes, end_numbers, plane_tables
+from polhode.harness.paper.tables import groups, stacked
 from polhode.models.shape import Ellipsoid
-from polhode.models.theory.fixed_points import fixed_points
 from polhode.models.theory.separatrix import Separatrix
 
 UNIT = max(ELLIPSOID.inertia)
 MIDDLE = sorted(ELLIPSOID.inertia)[1] / UNIT
-REACHED = 1e-2
 # Where local and averaged critical trajectory are compared: L_z over I_max around the singular point.
 CLOSE = 2e-3
-# Slow time for which the start on the upper parabola is followed, before rounding carries it off.
 ON_EDGE = 0.25
 # Half sizes of the magnified view of the singular point, over I_max.
 WINDOW = 0.02, 0.008
+PLANES = Planes(
+    "body",
+    dict(enumerate(Ellipsoid((1.0, b, c)) for b in (0.55, 0.75, 0.95) for c in (0.5, 0.3))),
+    151,
+    (("difference of c/a = 0.3 over that of 0.5, smallest", ((1, 0), (3, 2), (5, 4)), 1.0),),
+)
 
 
 def compute_plane(grid: Grid) -> Data:
     """Slow trajectories, and the critical one: local and averaged, before and after the singular point."""
-    slow_times = graded(1.0, grid.of(2001, 601))
     shares = (0.001, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95, 0.999)
     starts = [(momentum, share) for momentum in (-1.1, -0.08, 1.1) for share in shares[:: grid.of(1, 4)]]
     starts.append((-1.1, 1.0))
-    paths, ends = [], []
-    for number, (momentum, share) in enumerate(starts):
-        times = slow_times[slow_times <= ON_EDGE] if share == 1.0 else slow_times
-        run = plane_path(ELLIPSOID, momentum, energy_at(ELLIPSOID, momentum, min(share, INSIDE)), times)
-        kept = np.union1d(plane_steps(run.slow, 250), np.flatnonzero(_in_window(run.slow)))
-        paths.append((number, run.times[kept], run.slow[kept]))
-        last = float(distance_from_node(ELLIPSOID, run.slow[-1]))
-        ends.append((number, momentum, share, last, run.times[-1], pinch_bound(ELLIPSOID, momentum)))
     return {
-        "": path_table(paths, "Lz E"),
-        "ends": columns("path Lz0 share distance end bound", ends),
+        **plane_tables(ELLIPSOID, starts, grid.of(2001, 601), ON_EDGE, _kept),
         "critical": stacked([*_local(), *_averaged()]),
     }
 
 
-def _in_window(slow: np.ndarray) -> np.ndarray:
-    """Which points lie in the magnified view of the singular point, or next to it; slow has shape (n, 4)."""
-    return (np.abs(slow[:, 2] + MIDDLE / 2) < 1.2 * WINDOW[0]) & (np.abs(slow[:, 3] - MIDDLE / 8) < 1.2 * WINDOW[1])
+def _kept(slow: np.ndarray) -> np.ndarray:
+    """Indices of points at even steps, and of all in the magnified view of the singular point, or next to it."""
+    inside = np.abs(slow[:, 2:] - fixed_point(ELLIPSOID, "singular")) < 1.2 * np.array(WINDOW)
+    return np.union1d(plane_steps(slow, 250), np.flatnonzero(np.all(inside, axis=1)))
 
 
 def _local() -> list[tuple[dict, dict]]:
@@ -99,8 +70,7 @@ def _averaged() -> list[tuple[dict, dict]]:
 def figure_plane(data: Data) -> Figure:
     """The plane, and the neighbourhood of the singular point."""
     figure, (left, right) = panels(1, 2, 4.6, 4.4)
-    middle = next(point for point in fixed_points(ELLIPSOID) if point.stability == "singular")
-    x, y = plane_point(ELLIPSOID, middle)
+    x, y = fixed_point(ELLIPSOID, "singular")
     for own in (left, right):
         draw_frame(own, ELLIPSOID, -1.0, 1.0)
         draw_paths(own, data[""], (0.6, 0.2, 0.1))
@@ -111,10 +81,8 @@ def figure_plane(data: Data) -> Figure:
     right.set(xlim=(x - WINDOW[0], x + WINDOW[0]), ylim=(y - WINDOW[1], y + WINDOW[1]))
     right.locator_params(axis="x", nbins=5)
     right.set_title("around the singular point")
-    name_points(left, {"stable node": "stable node", "saddle": "saddle", "singular": "singular point"})
-    left.plot([], [], color=BOUND, label="$L_z^2 = 2EI_1, 2EI_3$")
-    left.plot([], [], color=BOUND, linestyle="--", label="$L_z^2 = 2EI_2$")
-    left.plot([], [], color=GREEN, label="$L_z + 4E = 0$")
+    name_points(left, NAMES)
+    name_lines(left, ELLIPSOID, "$L_z^2 = 2EI_1, 2EI_3$")
     left.plot([], [], color=VERMILLION, lw=2, label="critical, averaged")
     left.plot([], [], color=ORANGE, lw=2, linestyle="--", label="critical, local solution")
     common_legend(figure, left)
@@ -127,13 +95,10 @@ def _critical(table: Table) -> list[tuple[tuple[float, float], Table]]:
 
 def verdict_plane(data: Data) -> Verdict:
     """Where trajectories end, and how well the local critical trajectory fits."""
-    ends, critical = data["ends"], dict(_critical(data["critical"]))
-    left, on_edge = ends["Lz0"] < 0, ends["share"] == 1.0
-    reached = float(np.mean(ends["distance"][left & ~on_edge] < REACHED))
-    saddle = plane_point(ELLIPSOID, next(point for point in fixed_points(ELLIPSOID) if point.stability == "saddle"))
-    edge = dict(groups(data[""], "path"))[float(np.argmax(on_edge))]
+    critical, (reached, pinch) = dict(_critical(data["critical"])), end_numbers(data["ends"])
+    saddle = fixed_point(ELLIPSOID, "saddle")
+    edge = dict(groups(data[""], "path"))[float(np.argmax(data["ends"]["share"] == 1.0))]
     from_saddle = float(np.hypot(edge["Lz"][-1] - saddle[0], edge["E"][-1] - saddle[1]))
-    share = float(np.max(ends["end"][~left] / ends["bound"][~left]))
     misfits, far = [], []
     for side in (0.0, 1.0):
         local, averaged = critical[0.0, side], critical[1.0, side]
@@ -143,11 +108,11 @@ def verdict_plane(data: Data) -> Verdict:
         end = np.hypot(*(local[name][-1] - averaged[name] for name in ("Lz", "E")))
         far.append(float(np.min(end)))
     numbers = (
-        Number(f"share of the {int(np.sum(left & ~on_edge))} starts with L_z < 0 that reach the node", reached, 1, 1),
+        reached,
         Number(
             "distance from the saddle where a start on the upper parabola ends", from_saddle, high=5e-3, unit="I_max"
         ),
-        Number("slow time to the pinch point from L_z > 0, over L_z/(4π min X), longest", share, 0, 1),
+        pinch,
         Number("local against averaged critical trajectory, before the point", misfits[0], high=2e-3, unit="I_max"),
         Number("the same after the point", misfits[1], high=2e-3, unit="I_max"),
         Number("the same at the end of the local one, y = 0.5, worse side", max(far), low=1e-3, unit="I_max"),
@@ -161,53 +126,6 @@ def verdict_plane(data: Data) -> Verdict:
     count = len(np.unique(data[""]["path"]))
     caption = f"L_z–E plane of the ellipsoid (1, 0.8, 0.5) with {count} slow trajectories of L_x = L_y = 0."
     return Verdict(Word.CORRECTED, sentence, numbers, caption)
-
-
-BODIES = tuple(Ellipsoid((1.0, b, c)) for b in (0.55, 0.75, 0.95) for c in (0.5, 0.3))
-STARTS = tuple((momentum, theta) for momentum in (-0.7, 0.7) for theta in (0.4, 0.9, 1.4))
-STOKES = (1e3, 1e4)
-
-
-def compute_planes(grid: Grid) -> Data:
-    """Slow and full trajectories of six ellipsoids."""
-    return comparison_data(list(enumerate(BODIES)), STARTS, STOKES, grid.of(151, 101))
-
-
-def _title(body: Ellipsoid) -> str:
-    return f"({', '.join(f'{length:g}' for length in body.semi_axes)})"
-
-
-def figure_planes(data: Data) -> Figure:
-    """Six planes."""
-    return comparison_figure(data, BODIES, [_title(body) for body in BODIES])
-
-
-def verdict_planes(data: Data) -> Verdict:
-    """The difference falls with St, and is larger for the flatter bodies."""
-    found = data["differences"]
-    worst = np.array(
-        [[float(part["difference"].max()) for _, part in groups(own, "stokes")] for _, own in groups(found, "body")]
-    )
-    ratio = worst[:, 0] / worst[:, 1]
-    numbers = (
-        Number(f"largest difference at St = {STOKES[1]:g}, worst body", float(worst[:, 1].max()), 0, 0.02, "I_max"),
-        Number(f"difference at St = {STOKES[0]:g} over that at {STOKES[1]:g}, smallest", float(ratio.min()), 5.0, 20.0),
-        Number(
-            "difference of c/a = 0.3 over that of 0.5, smallest", float((worst[1::2, 0] / worst[::2, 0]).min()), low=1.0
-        ),
-    )
-    sentence = (
-        f"Largest difference at St = {STOKES[0]:g}: "
-        + ", ".join(f"{value:.2g} {_title(body)}" for body, value in zip(BODIES, worst[:, 0], strict=True))
-        + f" I_max; at St = {STOKES[1]:g} {ratio.min():.2g} to {ratio.max():.2g} times less."
-    )
-    starts = ", ".join(f"({momentum:g}, {theta:g})" for momentum, theta in STARTS)
-    caption = (
-        f"Slow (black) and full trajectories of six ellipsoids from (L_z0/I_max, θ₀) = {starts}, ψ₀ = π/2, with L "
-        f"along the vorticity. Differences of starts with L_z > 0 count as far as L_z = {ABOVE_PINCH:g} I_max; slow "
-        "trajectories end at the pinch point."
-    )
-    return Verdict(Word.SHARPENED, sentence, numbers, caption)
 
 
 SECTION = Section(
@@ -226,13 +144,11 @@ SECTION = Section(
             figure_plane,
             verdict_plane,
         ),
-        Item(
+        Item.of(
+            PLANES,
             "ellipsoid-planes",
             "Full and slow trajectories of six ellipsoids",
             "The agreement is good for St ≳ 1000; deviations grow with eccentricity and shrink with growing St.",
-            compute_planes,
-            figure_planes,
-            verdict_planes,
         ),
         SPACE,
     ),

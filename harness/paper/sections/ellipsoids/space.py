@@ -5,11 +5,12 @@ from math import sqrt
 import numpy as np
 from matplotlib.figure import Figure
 
-from polhode.harness.paper.drawing import BLACK, BLUE, BOUND, NODE, groups, panels
+from polhode.harness.paper.drawing import BLACK, BLUE, BOUND, NODE, panels
 from polhode.harness.paper.item import Data, Grid, Item, Number, Verdict, Word
-from polhode.harness.paper.planes import distance_from_node, energy_at, path_table, plane_point
-from polhode.harness.paper.runs import averaged_run, graded, slow_scene
+from polhode.harness.paper.planes import distance_from_node, energy_at, place_of
+from polhode.harness.paper.runs import graded, slow_run
 from polhode.harness.paper.sections.ellipsoids.motion import ELLIPSOID
+from polhode.harness.paper.tables import SLOW, groups, path_table
 from polhode.models.theory.fixed_points import fixed_points
 
 
@@ -20,8 +21,7 @@ def compute_space(grid: Grid) -> Data:
     for zero in (1, 0):
         slow = np.array([0.0, 0.0, -0.2, energy_at(ELLIPSOID, 1.0, 0.7)])
         slow[1 - zero] = sqrt(1 - 0.2**2)
-        run = averaged_run(slow_scene(ELLIPSOID, tuple(slow), slow_times[-1]), slow_times)
-        paths.append((zero, slow_times, run.slow))
+        paths.append((zero, slow_times, slow_run(ELLIPSOID, slow.tolist(), slow_times).slow))
     return {"": path_table(paths)}
 
 
@@ -32,13 +32,13 @@ def figure_space(data: Data) -> Figure:
         name = "Lx" if zero == 1 else "Ly"
         u, v = np.meshgrid(np.linspace(0.0, 1.0, 16), np.linspace(-0.6, 0.6, 16))
         own.plot_wireframe(u, v, (u**2 + v**2) / 2, color=BOUND, linewidth=0.4)
-        own.plot(part[name], part["Lz"], part["E"], color=BLUE, linewidth=1.6)
-        own.plot(part[name], part["Lz"], (part[name] ** 2 + part["Lz"] ** 2) / 2, color=BLACK, linewidth=0.8)
-        own.plot(np.zeros_like(part["E"]), part["Lz"], part["E"], color=BLACK, linewidth=0.8)
-        own.plot(part[name], np.full_like(part["E"], 0.6), part["E"], color=BLACK, linewidth=0.8)
+        across, along, energy = part[name], part["Lz"], part["E"]
+        own.plot(across, along, energy, color=BLUE, linewidth=1.6)
+        bound, wall = (across**2 + along**2) / 2, np.full_like(energy, 0.6)
+        for projection in ((across, along, bound), (0 * across, along, energy), (across, wall, energy)):
+            own.plot(*projection, color=BLACK, linewidth=0.8)
         for point in fixed_points(ELLIPSOID):
-            momentum, energy = plane_point(ELLIPSOID, point)
-            own.scatter(0.0, momentum, energy, color=NODE, edgecolor=BLACK, s=25)
+            own.scatter(0.0, *place_of(ELLIPSOID, point), color=NODE, edgecolor=BLACK, s=25)
         own.set(xlabel=f"$L_{name[1]}/I_{{max}}$", ylabel="$L_z/I_{max}$", zlabel="$E/I_{max}$", ylim=(-0.6, 0.6))
         own.set_title(f"$L_{'xy'[int(zero)]} = 0$", y=1.0)
         own.view_init(22, 35)
@@ -48,14 +48,13 @@ def figure_space(data: Data) -> Figure:
 
 def verdict_space(data: Data) -> Verdict:
     """The subspaces are invariant; the trajectories end at the node."""
-    kept = [float(np.max(np.abs(part["Ly" if zero == 1 else "Lx"]))) for zero, part in groups(data[""], "path")]
-    ends = [
-        float(distance_from_node(ELLIPSOID, np.array([part[name][-1] for name in ("Lx", "Ly", "Lz", "E")])))
-        for _, part in groups(data[""], "path")
-    ]
+    paths = dict(groups(data[""], "path"))
+    kept = [float(np.max(np.abs(part[SLOW[int(zero)]]))) for zero, part in paths.items()]
+    last = np.array([[part[name][-1] for name in SLOW] for part in paths.values()])
+    ends = distance_from_node(ELLIPSOID, last)
     numbers = (
         Number("largest |L_x| or |L_y| that starts at zero", max(kept), high=1e-14, unit="I_max"),
-        Number("distance from the node at the end", max(ends), high=1e-3, unit="I_max"),
+        Number("distance from the node at the end", float(ends.max()), high=1e-3, unit="I_max"),
     )
     sentence = (
         "A component L_x or L_y that is zero stays zero. The (L_x, L_z, E) space belongs to L_y = 0 and the other one "

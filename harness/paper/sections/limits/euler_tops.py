@@ -5,14 +5,15 @@ from math import inf, pi
 import numpy as np
 from matplotlib.figure import Figure
 
-from polhode.harness.paper.drawing import BLUE, VERMILLION, panels, unit_sphere
+from polhode.harness.paper.drawing import BLUE, VERMILLION, draw_on_sphere, panels, unit_sphere
 from polhode.harness.paper.item import Data, Grid, Item, Number, Section, Verdict, Word
+from polhode.harness.paper.runs import run_form
 from polhode.harness.paper.sections.limits.jeffery_top import ITEMS
+from polhode.harness.paper.tables import columns
 from polhode.models.catalogue import form as find_form
 from polhode.models.free_top.torque_free import TorqueFree
 from polhode.models.scene import EulerStart, Scene
 from polhode.models.shape import Ellipsoid
-from polhode.solvers.solve import solve
 
 START = EulerStart((1.05, 0.0, 0.0), (2.5, 15.0, 4.0))
 TIME = 12.0
@@ -23,52 +24,36 @@ CAPTION = (
 GENERAL, SYMMETRIC = Ellipsoid((1.0, 2.0, 2.3)), Ellipsoid((1.0, 1.0, 2.3))
 
 
-def _top(ellipsoid: Ellipsoid) -> TorqueFree:
-    return TorqueFree(ellipsoid.inertia, START.quaternion, START.angular_velocity)
-
-
-def _compute(ellipsoid: Ellipsoid, grid: Grid) -> Data:
+def compute_top(ellipsoid: Ellipsoid, grid: Grid) -> Data:
     """Path of z', in the closed form, and the closed form against integration."""
     times = np.linspace(0.0, TIME, grid.of(2401, 601))
     scene = Scene(ellipsoid, inf, START, TIME)
-    form = find_form("euler-top")
-    problem = form.problem(scene)
     exact, integrated = (
-        form.observe(scene, solve(problem, solver, 1e-14, times).states) for solver in ("exact", "taylor")
+        run_form(find_form("euler-top"), scene, times, 1e-14, solver=solver).observables
+        for solver in ("exact", "taylor")
     )
     axis = exact.rotation[:, 2]
-    momentum = exact.angular_momentum[0] / np.linalg.norm(exact.angular_momentum[0])
-    top = _top(ellipsoid)
+    size = float(np.linalg.norm(exact.angular_momentum[0]))
+    nutation = np.arccos(axis @ exact.angular_momentum[0] / size)
+    top = TorqueFree(ellipsoid.inertia, START.quaternion, START.angular_velocity)
+    difference = np.max(np.abs(exact.rotation - integrated.rotation))
     drift = np.max(np.abs(exact.slow - exact.slow[0])) / np.max(np.abs(exact.slow[0]))
     return {
-        "": {"t": times, "x": axis[:, 0], "y": axis[:, 1], "z": axis[:, 2], "nutation": np.arccos(axis @ momentum)},
-        "numbers": {
-            "period": np.array([top.period]),
-            "precession_period": np.array([top.precession_period]),
-            "difference": np.array([np.max(np.abs(exact.rotation - integrated.rotation))]),
-            "drift": np.array([drift]),
-            "momentum": np.array([np.linalg.norm(exact.angular_momentum[0])]),
-        },
+        "": {"t": times, "x": axis[:, 0], "y": axis[:, 1], "z": axis[:, 2], "nutation": nutation},
+        "numbers": columns(
+            "period precession_period difference drift momentum",
+            [(top.period, top.precession_period, difference, drift, size)],
+        ),
     }
-
-
-def compute_general(grid: Grid) -> Data:
-    """The general top."""
-    return _compute(GENERAL, grid)
-
-
-def compute_symmetric(grid: Grid) -> Data:
-    """The symmetric top."""
-    return _compute(SYMMETRIC, grid)
 
 
 def figure_top(data: Data) -> Figure:
     """Path of z' on the unit sphere."""
     figure, (axes,) = panels(1, 1, 4.4, 4.2, subplot_kw={"projection": "3d"})
     unit_sphere(axes)
-    table = data[""]
-    axes.plot(table["x"], table["y"], table["z"], color=BLUE, linewidth=0.6)
-    axes.plot(table["x"][:1], table["y"][:1], table["z"][:1], "o", color=VERMILLION, markersize=5, zorder=5)
+    draw_on_sphere(axes, data[""], color=BLUE, linewidth=0.6)
+    start = {name: column[:1] for name, column in data[""].items()}
+    draw_on_sphere(axes, start, marker="o", color=VERMILLION, markersize=5, zorder=5)
     return figure
 
 
@@ -136,7 +121,7 @@ SECTION = Section(
             "euler-top",
             "Trajectory of a general Euler top",
             "Nutation and precession of (1, 2, 2.3) have incommensurate periods: the orientation vector fills a band.",
-            compute_general,
+            lambda grid: compute_top(GENERAL, grid),
             figure_top,
             verdict_general,
         ),
@@ -144,7 +129,7 @@ SECTION = Section(
             "symmetric-top",
             "Trajectory of a symmetric Euler top",
             "The axis of κ = 2.3 describes a circle about L with the period 2πI_e/L.",
-            compute_symmetric,
+            lambda grid: compute_top(SYMMETRIC, grid),
             figure_top,
             verdict_symmetric,
         ),

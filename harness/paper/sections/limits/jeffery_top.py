@@ -9,10 +9,10 @@ from matplotlib.figure import Figure
 
 from polhode.harness.paper.drawing import BLACK, BLUE, VERMILLION, label, panels
 from polhode.harness.paper.item import Data, Grid, Item, Number, Table, Verdict, Word
-from polhode.harness.paper.planes import columns
-from polhode.harness.paper.runs import share_interval
+from polhode.harness.paper.runs import axes_of, share_interval
 from polhode.harness.paper.sections.limits.poincare import chaos_border, half_turn, stretched_orbit
 from polhode.harness.paper.sections.limits.stochastic_layer import Layer, measure_layer, saddle_growth
+from polhode.harness.paper.tables import columns
 from polhode.models.shape import Ellipsoid
 
 # Where a start lies: uniform over the section's area element; next to the saddle; about the separatrix, at ψ = 0.
@@ -27,34 +27,17 @@ ROUNDING = 1e-12
 class Sections:
     """Poincaré sections of one ellipsoid.
 
-    Parameters
-    ----------
-    semi_axes : tuple of 3 float
-        Along x', y', z': z' is the longest axis of a prolate-like body and the shortest of an oblate-like one, so that
-        the saddles lie at θ = π/2, ψ = ±π/2 for all of them.
-    sections : int
-        Half turns to follow, about.
-    chaotic : tuple of 2 float
-        Range for the share of chaotic orbits.
-    earned : Word
-        What the claim earns.
-    close : tuple of 2 float
-        Half width in θ and ψ, in rad, of the magnified view of the saddle.
-    width : tuple of 2 float, optional
-        Range for the width, in rad, of the layer of chaos along the separatrix; without it none is looked for.
+    Its z' is the longest axis of a prolate-like body and the shortest of an oblate-like one, so that the saddles lie at
+    θ = π/2, ψ = ±π/2 for all of them.
     """
 
-    semi_axes: tuple[float, float, float]
-    sections: int
-    chaotic: tuple[float, float]
+    ellipsoid: Ellipsoid
+    sections: int  # half turns to follow, about
+    chaotic: tuple[float, float]  # range for the share of chaotic orbits
     earned: Word
-    close: tuple[float, float]
+    close: tuple[float, float]  # half width in θ and ψ, in rad, of the magnified view of the saddle
+    # Range for the width, in rad, of the layer of chaos along the separatrix; without it none is looked for.
     width: tuple[float, float] | None = None
-
-    @property
-    def ellipsoid(self) -> Ellipsoid:
-        """The body."""
-        return Ellipsoid(self.semi_axes)
 
     def starts(self, grid: Grid, layers: list[Layer]) -> list[tuple[float, float, float]]:
         """Kind, θ and ψ at φ = 0."""
@@ -143,9 +126,8 @@ class Sections:
             + f" (regular ones: {regular:.1g}); {int(np.sum(chaotic & beside))} of {int(np.sum(beside))} that "
             "start within 0.02 rad of the saddle are." + self._layer_sentence(data)
         )
-        axes = ", ".join(f"{length:.4g}" for length in self.semi_axes)
         caption = (
-            f"Section φ = nπ of the inertialess ellipsoid with semi-axes ({axes}) along x', y', z', "
+            f"Section φ = nπ of the inertialess ellipsoid with semi-axes {axes_of(self.ellipsoid)} along x', y', z', "
             f"{int(np.sum(data['orbits']['kind'] != ABOUT))} orbits over {data['settings']['duration'][0]:.3g} inverse "
             "shear rates; ψ modulo π; crosses: saddles, one of them magnified on the right"
             + (", with more orbits about its separatrix." if self.width else ".")
@@ -207,10 +189,12 @@ def _draw_points(axes: Axes, points: Table, orbits: Table, size: float) -> None:
     label(axes, "$\\psi$, rad", "$\\theta$, rad")
 
 
-SLENDER = Sections((1 / 20, 1 / 10, 1.0), 240, (0.35, 0.65), Word.SHARPENED, (0.8, 0.8))
-FAT_PROLATE = Sections((1 / 3, 1.2 / 3, 1.0), 400, (0.0, 0.1), Word.SHARPENED, (0.06, 0.06), (1e-5, 1e-3))
-THIN_OBLATE = Sections((1.0, 1 / 2, 1 / 20), 240, (0.1, 0.5), Word.CORRECTED, (0.8, 0.8))
-FAT_OBLATE = Sections((1.0, 2 / 2.1, 1 / 2.1), 400, (0.0, 0.05), Word.CORRECTED, (0.06, 0.03), (-ROUNDING, ROUNDING))
+SLENDER = Sections(Ellipsoid((1 / 20, 1 / 10, 1.0)), 240, (0.35, 0.65), Word.SHARPENED, (0.8, 0.8))
+FAT_PROLATE = Sections(Ellipsoid((1 / 3, 1.2 / 3, 1.0)), 400, (0.0, 0.1), Word.SHARPENED, (0.06, 0.06), (1e-5, 1e-3))
+THIN_OBLATE = Sections(Ellipsoid((1.0, 1 / 2, 1 / 20)), 240, (0.1, 0.5), Word.CORRECTED, (0.8, 0.8))
+FAT_OBLATE = Sections(
+    Ellipsoid((1.0, 2 / 2.1, 1 / 2.1)), 400, (0.0, 0.05), Word.CORRECTED, (0.06, 0.03), (-ROUNDING, ROUNDING)
+)
 
 
 ITEMS = (

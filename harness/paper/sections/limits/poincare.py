@@ -1,75 +1,25 @@
 """Poincaré sections of the Jeffery top (St = 0), and how neighbouring orbits part."""
 
-from math import pi
+from functools import cache
+from math import log, pi
+from typing import Any
 
 import numpy as np
 
+from polhode.harness.paper.runs import TOLERANCE, full_run
 from polhode.models.flow import jeffery_angular_velocity, shares
 from polhode.models.forms.jeffery import field as jeffery_field
-from polhode.models.operations import Field, Operations, numpy_operations
-from polhode.models.problem import Problem
+from polhode.models.operations import numpy_operations
 from polhode.models.rotation import matrix_from_quaternion, quaternion_from_euler
+from polhode.models.scene import EulerStart, Scene
 from polhode.models.shape import Ellipsoid
-from polhode.solvers.solve import solve
+from polhode.solvers.compile import load_heyoka, tangent_system
 
-TOLERANCE = 1e-12
 # Sampling step, in inverse shear rates, of the orbits.
 STEP = 0.2
-
-
-class Dual:
-    """A number and its derivative along a direction: one field gives its own tangent equations."""
-
-    __array_ufunc__ = None
-
-    def __init__(self, value: object, slope: object) -> None:
-        self.value, self.slope = value, slope
-
-    def __add__(self, other: object) -> "Dual":
-        value, slope = _parts(other)
-        return Dual(self.value + value, self.slope + slope)
-
-    __radd__ = __add__
-
-    def __neg__(self) -> "Dual":
-        return Dual(-self.value, -self.slope)  # pyright: ignore[reportOperatorIssue]
-
-    def __sub__(self, other: object) -> "Dual":
-        value, slope = _parts(other)
-        return Dual(self.value - value, self.slope - slope)
-
-    def __mul__(self, other: object) -> "Dual":
-        value, slope = _parts(other)
-        return Dual(self.value * value, self.value * slope + self.slope * value)
-
-    __rmul__ = __mul__
-
-    def __rtruediv__(self, other: object) -> "Dual":
-        value = 1.0 / self.value  # pyright: ignore[reportOperatorIssue]
-        return Dual(value, -value * value * self.slope) * other
-
-
-def _parts(number: object) -> tuple:
-    return (number.value, number.slope) if isinstance(number, Dual) else (number, 0.0)
-
-
-def tangent_field(ops: Operations) -> Field:
-    """Jeffery's equations with one tangent vector of unit length and the logarithm of its stretching.
-
-    State (q, u, s): u' = Ju - gu, s' = g = u·Ju/u² with the Jacobian J of `jeffery`; all components stay of order one.
-    Without the division by u² the unit length would be unstable wherever the tangent shrinks.
-    """
-    base = jeffery_field(ops)
-
-    def rhs(y, p):  # noqa: ANN001, ANN202
-        rates = base([Dual(y[i], y[4 + i]) for i in range(4)], [Dual(p[i], 0.0) for i in range(6)])
-        push = [rate.slope for rate in rates]
-        length2 = y[4] * y[4] + y[5] * y[5] + y[6] * y[6] + y[7] * y[7]
-        along = (push[0] * y[4] + push[1] * y[5] + push[2] * y[6] + push[3] * y[7]) / length2
-        turned = [push[i] - along * y[4 + i] for i in range(4)]
-        return *(rate.value for rate in rates), *turned, along
-
-    return rhs
+# The tangent is brought back to unit length after so many steps.
+PIECE = 100
+TANGENT = (0.5, -0.5, 0.5, -0.5)
 
 
 def section_points(ellipsoid: Ellipsoid, times: np.ndarray, orientation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -124,24 +74,32 @@ def half_turn(ellipsoid: Ellipsoid) -> float:
 def stretched_orbit(
     ellipsoid: Ellipsoid, theta: float, psi: float, duration: float
 ) -> tuple[tuple[np.ndarray, np.ndarray], float]:
-    """Section points, θ and ψ, of the orbit from φ = 0, and the logarithm of its stretching."""
-    start = (*quaternion_from_euler((theta, 0.0, psi)), 0.5, -0.5, 0.5, -0.5, 0.0)
+    """Section points, θ and ψ, of the orbit from φ = 0, and the logarithm of the stretching of a tangent vector."""
+    integrator = _tangent_integrator()
     times = np.linspace(0.0, duration, int(duration / STEP) + 2)
-    problem = Problem("jeffery-tangent", tangent_field, start, duration, shares(ellipsoid))
-    states = _solved(problem, times, TOLERANCE)
-    return section_points(ellipsoid, times, states[:, :4]), float(states[-1, 8])
+    integrator.time = 0.0
+    integrator.state[:] = [*quaternion_from_euler((theta, 0.0, psi)), *TANGENT]
+    integrator.pars[:] = shares(ellipsoid)
+    orientation, stretch = [integrator.state[None, :4].copy()], 0.0
+    for first in range(0, len(times) - 1, PIECE):
+        outcome, *_, states = integrator.propagate_grid(times[first : first + PIECE + 1])
+        if outcome != load_heyoka().taylor_outcome.time_limit:
+            raise RuntimeError(f"the run of an orbit and its tangent ended with {outcome}")
+        orientation.append(states[1:, :4])
+        length = float(np.linalg.norm(integrator.state[4:]))
+        integrator.state[4:] /= length
+        stretch += log(length)
+    return section_points(ellipsoid, times, np.concatenate(orientation)), stretch
+
+
+@cache
+def _tangent_integrator() -> Any:
+    system = tangent_system(jeffery_field, 4, 6)
+    return load_heyoka().taylor_adaptive(system, [0.0] * 8, tol=TOLERANCE, compact_mode=True)
 
 
 def orbit(ellipsoid: Ellipsoid, theta: float, psi: float, duration: float) -> tuple[np.ndarray, np.ndarray]:
     """The same section points alone, as precisely as double precision allows."""
     times = np.linspace(0.0, duration, int(duration / (2 * STEP)) + 2)
-    start = tuple(quaternion_from_euler((theta, 0.0, psi)))
-    problem = Problem("jeffery", jeffery_field, start, duration, shares(ellipsoid))
-    return section_points(ellipsoid, times, _solved(problem, times, 1e-15))
-
-
-def _solved(problem: Problem, times: np.ndarray, tolerance: float) -> np.ndarray:
-    solution = solve(problem, "taylor", tolerance, times)
-    if not solution.success:
-        raise RuntimeError(f"the run of {problem.name!r} ended with {solution.status}")
-    return solution.states
+    scene = Scene(ellipsoid, 0.0, EulerStart((theta, 0.0, psi)), duration)
+    return section_points(ellipsoid, times, full_run(scene, times, 1e-15).states)

@@ -19,18 +19,12 @@ BESIDE = 1e-4
 
 @dataclass(frozen=True)
 class Layer:
-    """Between libration and circulation.
+    """Values of θ - π/2 at ψ = 0, in rad, between libration and circulation.
 
-    Parameters
-    ----------
-    turns : int
-        Half turns that the orbits were followed.
-    librating, circulating : float
-        θ - π/2 at ψ = 0, in rad: up to the one every orbit stays between the saddles, from the other on every orbit
-        stays on one side of θ = π/2.
+    Up to the one every orbit stays between the saddles, from the other on every orbit stays on one side of θ = π/2.
     """
 
-    turns: int
+    turns: int  # half turns that the orbits were followed
     librating: float
     circulating: float
 

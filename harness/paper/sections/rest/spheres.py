@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from math import pi
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,19 +18,17 @@ from polhode.harness.paper.drawing import (
     PURPLE,
     SKY,
     VERMILLION,
-    groups,
+    draw_on_sphere,
     label,
     logarithmic,
     power,
     unit_sphere,
 )
 from polhode.harness.paper.item import Data, Grid, Number, Table, Verdict, Word
-from polhode.harness.paper.planes import columns, stacked
-from polhode.harness.paper.runs import Run, full_run
-from polhode.models.catalogue import form as find_form
+from polhode.harness.paper.runs import Run, axes_of, full_run
+from polhode.harness.paper.tables import columns, groups, stacked
 from polhode.models.scene import EulerStart, Scene
 from polhode.models.shape import Ellipsoid
-from polhode.solvers.solve import solve
 
 # Of four Stokes numbers, beside the green of the Jeffery orbit.
 COLORS = (BLUE, ORANGE, VERMILLION, PURPLE)
@@ -39,41 +36,40 @@ COLORS = (BLUE, ORANGE, VERMILLION, PURPLE)
 APART = 0.1
 
 
-def axis_path(run: Run, axis: int = 2) -> np.ndarray:
-    """Directions of a body axis, shape (n, 3)."""
-    return run.observables.rotation[:, axis]
+def _path(run: Run) -> dict[str, np.ndarray]:
+    """Directions of z', in columns x, y, z."""
+    return dict(zip("xyz", run.observables.rotation[:, 2].T, strict=True))
 
 
-def arc_length(path: np.ndarray) -> np.ndarray:
+def _points(path: Table) -> np.ndarray:
+    """The same, shape (n, 3)."""
+    return np.column_stack([path[name] for name in "xyz"])
+
+
+def _arc_length(path: np.ndarray) -> np.ndarray:
     """Length, in rad, of a path on the unit sphere up to each of its points, shape (n,)."""
     steps = 2 * np.arcsin(np.clip(np.linalg.norm(np.diff(path, axis=0), axis=1) / 2, 0, 1))
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def jeffery_path(ellipsoid: Ellipsoid, start: EulerStart, times: np.ndarray, axis: int = 2) -> np.ndarray:
-    """The body axis at St = 0 from the same orientation, shape (n, 3)."""
-    scene = Scene(ellipsoid, 0.0, start, float(times[-1]))
-    form = find_form("jeffery")
-    return form.observe(scene, solve(form.problem(scene), "taylor", 1e-12, times).states).rotation[:, axis]
+def _jeffery_orbit(ellipsoid: Ellipsoid, start: EulerStart, points: int) -> Table:
+    """z' at St = 0 from the same orientation, for the Jeffery period of the longest and the shortest axis."""
+    kappa = max(ellipsoid.semi_axes) / min(ellipsoid.semi_axes)
+    times = np.linspace(0.0, 2 * pi * (kappa + 1 / kappa), points)
+    return {"t": times, **_path(full_run(Scene(ellipsoid, 0.0, start, float(times[-1])), times))}
 
 
-def sphere_beside() -> tuple[Figure, Axes, Axes]:
+def _sphere_beside() -> tuple[Figure, Axes, Axes]:
     """A figure with a unit sphere on the left and plain axes on the right."""
     figure = Figure(figsize=(8.6, 3.9), layout=ConstrainedLayoutEngine(wspace=0.06))
     return figure, unit_sphere(figure.add_subplot(1, 2, 1, projection="3d")), figure.add_subplot(1, 2, 2)
 
 
-def draw_on_sphere(sphere: Axes, path: Table, **style: Any) -> None:
-    """Draw a path with columns x, y, z."""
-    sphere.plot(path["x"], path["y"], path["z"], **style)
-
-
-def draw_start(sphere: Axes, orbit: Table) -> None:
+def _draw_start(sphere: Axes, orbit: Table) -> None:
     """Draw the Jeffery orbit, and its first point, where all paths start."""
     draw_on_sphere(sphere, orbit, color=GREEN, linestyle="--", linewidth=1.3, zorder=4, label="Jeffery orbit")
-    draw_on_sphere(
-        sphere, {name: column[:1] for name, column in orbit.items()}, marker="o", color=BLACK, markersize=4, zorder=5
-    )
+    first = {name: column[:1] for name, column in orbit.items()}
+    draw_on_sphere(sphere, first, marker="o", color=BLACK, markersize=4, zorder=5)
 
 
 def _turns(path: Table) -> np.ndarray:
@@ -84,15 +80,7 @@ def _turns(path: Table) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Sphere:
-    """A particle from rest at St = 1000, followed over many turns.
-
-    Parameters
-    ----------
-    ellipsoid : Ellipsoid
-    start : EulerStart
-    time : float
-        In inverse shear rates.
-    """
+    """A particle from rest at St = 1000, followed over many turns; the time is in inverse shear rates."""
 
     ellipsoid: Ellipsoid
     start: EulerStart
@@ -103,32 +91,23 @@ class Sphere:
         """Path of z', its distance from the vorticity axis, and the turning rate over that of Jeffery's orbit."""
         times = np.linspace(0.0, self.time, grid.of(4001, 2001))
         run = full_run(Scene(self.ellipsoid, self.stokes, self.start, self.time), times)
-        path = axis_path(run)
-        kappa = max(self.ellipsoid.semi_axes) / min(self.ellipsoid.semi_axes)
-        turn = np.linspace(0.0, 2 * pi * (kappa + 1 / kappa), 401)
-        orbit = jeffery_path(self.ellipsoid, self.start, turn)
-        ratio = self._inertia_over_drag(run)
-        names = ("x", "y", "z")
-        return {
-            "": {"t": times, **dict(zip(names, path.T, strict=True)), "ratio": ratio},
-            "jeffery": {"t": turn, **dict(zip(names, orbit.T, strict=True))},
-        }
-
-    def _inertia_over_drag(self, run: Run) -> np.ndarray:
-        """Gyroscopic over viscous terms of `govg`, in order of magnitude: L²/I_min over the torque at rest."""
+        # Gyroscopic over viscous terms of `govg`, in order of magnitude: L²/I_min over the torque at rest.
         momentum = np.linalg.norm(run.observables.angular_momentum, axis=1)
-        return self.stokes * momentum**2 / min(self.ellipsoid.inertia) / (8 * pi * max(self.ellipsoid.resistance) / 2)
+        torque = 8 * pi * max(self.ellipsoid.resistance) / 2
+        ratio = self.stokes * momentum**2 / min(self.ellipsoid.inertia) / torque
+        orbit = _jeffery_orbit(self.ellipsoid, self.start, 401)
+        return {"": {"t": times, **_path(run), "ratio": ratio}, "jeffery": orbit}
 
     def figure(self, data: Data) -> Figure:
         """The path on the sphere, and the tilt of the axis in time."""
-        figure, sphere, axes = sphere_beside()
+        figure, sphere, axes = _sphere_beside()
         table, onset = data[""], self._onset(data)
         parts = ((table["t"] <= onset, BLUE, 1.4, "before the onset"), (table["t"] >= onset, SKY, 0.5, "after it"))
         for chosen, color, width, text in parts:
             part = {name: column[chosen] for name, column in table.items()}
             draw_on_sphere(sphere, part, color=color, linewidth=width, zorder=1 + width)
             axes.plot(part["t"], part["z"], color=color, linewidth=max(width, 0.9), label=text)
-        draw_start(sphere, data["jeffery"])
+        _draw_start(sphere, data["jeffery"])
         axes.axvline(onset, color=NODE, linestyle=":", label="onset: gyroscopic terms exceed viscous ones")
         axes.plot([], [], color=GREEN, linestyle="--", label="Jeffery orbit (left)")
         label(axes, "time $t\\dot\\gamma$", "z component of the axis").legend(loc="upper right")
@@ -145,8 +124,7 @@ class Sphere:
         """Turns before the onset, and the change of the path's shape."""
         table = data[""]
         onset = self._onset(data)
-        path = np.column_stack([table["x"], table["y"], table["z"]])
-        turned = float(arc_length(path)[np.searchsorted(table["t"], onset)])
+        turned = float(_arc_length(_points(table))[np.searchsorted(table["t"], onset)])
         turns, orbit = _turns(table), _turns(data["jeffery"])
         first, last = float(turns[0] / orbit[0]), float(turns[-1] / (4 * pi))
         tilt = float(np.max(np.abs(table["z"][table["t"] >= 0.95 * self.time])))
@@ -164,9 +142,9 @@ class Sphere:
             f"duration of the Jeffery orbit's. Later turns take {last:.2f} times 4π, that of the final rotation, and "
             f"|z| falls to {tilt:.1g}: the spiral goes to the plane of the flow."
         )
-        axes = ", ".join(f"{length:g}" for length in self.ellipsoid.semi_axes)
+        theta, phi, _ = self.start.angles
         caption = (
-            f"Axis z' of ({axes}) from rest at (θ, φ) = ({self.start.angles[0]:.4g}, {self.start.angles[1]:.4g}), St = "
+            f"Axis z' of {axes_of(self.ellipsoid)} from rest at (θ, φ) = ({theta:.4g}, {phi:.4g}), St = "
             f"{self.stokes:g}, t up to {self.time:g}; green: the Jeffery orbit of the same orientation; dot: start."
         )
         return Verdict(Word.SHARPENED, sentence, numbers, caption)
@@ -174,13 +152,7 @@ class Sphere:
 
 @dataclass(frozen=True)
 class Short:
-    """A particle from rest until t = √St, up to St = 1e8.
-
-    Parameters
-    ----------
-    ellipsoid : Ellipsoid
-    start : EulerStart
-    """
+    """A particle from rest until t = √St, up to St = 1e8."""
 
     ellipsoid: Ellipsoid
     start: EulerStart
@@ -191,24 +163,18 @@ class Short:
         scaled = np.linspace(0.0, 1.0, grid.of(401, 101))
         for stokes in np.geomspace(1e2, 1e8, 7).tolist():
             times = scaled * stokes**0.5
-            path = axis_path(full_run(Scene(self.ellipsoid, stokes, self.start, times[-1]), times))
-            parts.append(({"stokes": stokes}, dict(zip("xyz", path[::2].T, strict=True))))
-            rows.append((stokes, arc_length(path)[-1]))
-        kappa = max(self.ellipsoid.semi_axes) / min(self.ellipsoid.semi_axes)
-        turn = np.linspace(0.0, 2 * pi * (kappa + 1 / kappa), 201)
-        orbit = jeffery_path(self.ellipsoid, self.start, turn)
-        return {
-            "": stacked(parts),
-            "length": columns("stokes length", rows),
-            "jeffery": {"t": turn, **dict(zip("xyz", orbit.T, strict=True))},
-        }
+            path = _path(full_run(Scene(self.ellipsoid, stokes, self.start, times[-1]), times))
+            parts.append(({"stokes": stokes}, {name: column[::2] for name, column in path.items()}))
+            rows.append((stokes, _arc_length(_points(path))[-1]))
+        orbit = _jeffery_orbit(self.ellipsoid, self.start, 201)
+        return {"": stacked(parts), "length": columns("stokes length", rows), "jeffery": orbit}
 
     def figure(self, data: Data) -> Figure:
         """Paths on the sphere, and their lengths."""
-        figure, sphere, axes = sphere_beside()
+        figure, sphere, axes = _sphere_beside()
         for color, (stokes, part) in zip(COLORS, list(groups(data[""], "stokes"))[::2], strict=True):
             draw_on_sphere(sphere, part, color=color, linewidth=1.4, label=f"St = {power(stokes)}")
-        draw_start(sphere, data["jeffery"])
+        _draw_start(sphere, data["jeffery"])
         sphere.legend(loc="upper left", fontsize=7)
         axes.plot(data["length"]["stokes"], data["length"]["length"], "o-", color=BLUE)
         logarithmic(label(axes, "Stokes number St", "path length until $t = \\mathrm{St}^{1/2}$, rad"), "x")
@@ -218,11 +184,10 @@ class Short:
     def verdict(self, data: Data) -> Verdict:
         """The length tends to a number of order one; how soon the path leaves the Jeffery orbit."""
         length = data["length"]["length"]
-        path = [np.column_stack([part[name] for name in "xyz"]) for _, part in groups(data[""], "stokes")][-1]
-        orbit = np.column_stack([data["jeffery"][name] for name in "xyz"])
+        path, orbit = _points(dict(groups(data[""], "stokes"))[1e8]), _points(data["jeffery"])
         distance = np.min(np.linalg.norm(path[:, None] - orbit[None], axis=2), axis=1)
-        apart, left = float(distance.max()), float(arc_length(path)[np.argmax(distance > APART)])
-        turn = float(arc_length(orbit)[-1])
+        apart, left = float(distance.max()), float(_arc_length(path)[np.argmax(distance > APART)])
+        turn = float(_arc_length(orbit)[-1])
         numbers = (
             Number("path length at St = 1e8", float(length[-1]), 0.1, 10.0, "rad"),
             Number("its relative change from St = 1e7", float(length[-1] / length[-2] - 1), -5e-3, 5e-3),
@@ -234,6 +199,8 @@ class Short:
             f"axis is {APART:g} rad off the orbit after {left:.2g} rad, {100 * left / turn:.0f} % of a turn, and "
             f"{apart:.2g} rad at most."
         )
-        axes = ", ".join(f"{length:g}" for length in self.ellipsoid.semi_axes)
-        caption = f"Axis z' of ({axes}) from rest until t = √St, for St from 1e2 to 1e8, and the length of its path."
+        caption = (
+            f"Axis z' of {axes_of(self.ellipsoid)} from rest until t = √St, for St from 1e2 to 1e8, and the length of "
+            "its path."
+        )
         return Verdict(Word.SHARPENED, sentence, numbers, caption)

@@ -7,11 +7,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.signal import find_peaks
 
-from polhode.harness.paper.drawing import BLUE, CYCLE, NODE, draw_law, groups, label, logarithmic, panels, power
+from polhode.harness.paper.drawing import BLUE, CYCLE, NODE, draw_groups, draw_law, label, logarithmic, panels, power
 from polhode.harness.paper.item import Data, Grid, Number, Table, Verdict, Word
-from polhode.harness.paper.planes import columns, stacked
-from polhode.harness.paper.runs import Run, full_run, power_law
+from polhode.harness.paper.runs import Run, axes_of, full_run, power_law
 from polhode.harness.paper.slow_motion import NAMES
+from polhode.harness.paper.tables import columns, stacked
 from polhode.models.scene import EulerStart, Scene
 from polhode.models.shape import Ellipsoid
 
@@ -27,13 +27,7 @@ EARLY = 2.0
 
 @dataclass(frozen=True)
 class Transient:
-    """A particle from rest at several St, followed for some √St.
-
-    Parameters
-    ----------
-    ellipsoid : Ellipsoid
-    start : EulerStart
-    """
+    """A particle from rest at several St, followed for some √St."""
 
     ellipsoid: Ellipsoid
     start: EulerStart
@@ -50,7 +44,7 @@ class Transient:
             if stokes in self.stokes:
                 values = dict(zip(NAMES, run.slow[::8].T, strict=True))
                 parts.append(({"stokes": stokes}, {"scaled": scaled[::8], **values}))
-            rows.append((stokes, *onset_of(run, scaled)))
+            rows.append((stokes, *_onset_of(run, scaled)))
         return {"": stacked(parts), "onset": columns("stokes turned wiggle speed", rows)}
 
     def figure(self, data: Data) -> Figure:
@@ -79,9 +73,10 @@ class Transient:
         return figure
 
     def _draw(self, axes: Axes, table: Table, name: str, text: str, onset: tuple[float, float]) -> None:
-        for stokes, part in groups(table, "stokes"):
-            color = CYCLE[self.stokes.index(stokes)]
-            axes.plot(part["scaled"], part[name], color=color, linewidth=0.8, label=f"St = {power(stokes)}")
+        colors = CYCLE[self.stokes.index(min(table["stokes"])) :]
+        draw_groups(
+            axes, table, "stokes", f"scaled {name}", lambda stokes: f"St = {power(stokes)}", colors, linewidth=0.8
+        )
         for time, line, own in zip(onset, (":", "--"), ("turned by 1 rad", "first wiggle"), strict=True):
             axes.axvline(time, color="0.4", linestyle=line, linewidth=0.9, label=own)
         label(axes, "$t\\dot\\gamma/\\mathrm{St}^{1/2}$", text)
@@ -92,8 +87,8 @@ class Transient:
         shown = {name: column[data["onset"]["stokes"] <= self.stokes[-1]] for name, column in data["onset"].items()}
         between = f"from St = {self.stokes[0]:g} to {self.stokes[-1]:g}"
         root = found["stokes"] ** 0.5
-        turned, wiggle = (power_law(found["stokes"], found[name] * root).exponent for name in ("turned", "wiggle"))
-        speed = power_law(found["stokes"], found["speed"]).exponent
+        turned, wiggle = (power_law(found["stokes"], found[name] * root)[0] for name in ("turned", "wiggle"))
+        speed, _ = power_law(found["stokes"], found["speed"])
         numbers = (
             Number.near(f"exponent in St of the time of the first radian, St ≥ {LARGE:g}", turned, 0.5, 0.02),
             Number.near("exponent of the time of the first wiggle", wiggle, 0.5, 0.05),
@@ -101,7 +96,7 @@ class Transient:
             Number("time of the first radian over √St, largest St", float(found["turned"][-1]), 0.1, 1.0, "1/γ̇"),
             Number("time of the first wiggle over √St, largest St", float(found["wiggle"][-1]), 0.1, 2.0, "1/γ̇"),
             *(
-                Number(f"latest over earliest {text}, over √St, {between}", float(np.divide(*_ends(shown[name]))), 1, 2)
+                Number(f"latest over earliest {text}, over √St, {between}", max(shown[name]) / min(shown[name]), 1, 2)
                 for name, text in (("turned", "first radian"), ("wiggle", "first wiggle"))
             ),
         )
@@ -112,22 +107,22 @@ class Transient:
             f"small St. At t = √St the angular velocity is still of order St^({speed:.2f}), not of order one as an "
             "earlier sentence of the paper has it."
         )
-        axes = ", ".join(f"{length:g}" for length in self.ellipsoid.semi_axes)
         angles = ", ".join(f"{value:g}" for value in self.start.angles)
         caption = (
-            f"Slow variables of ({axes}) from rest at (θ, φ, ψ) = ({angles}) against t/√St; below, early and scaled by "
-            "√St and St, from St = 5000 on; dotted, where the particle has turned by one radian at the largest St; "
-            "dashed, where the torque along the vorticity is weakest for the first time; right, both against St."
+            f"Slow variables of {axes_of(self.ellipsoid)} from rest at (θ, φ, ψ) = ({angles}) against t/√St; below, "
+            "early and scaled by √St and St, from St = 5000 on; dotted, where the particle has turned by one radian at "
+            "the largest St; dashed, where the torque along the vorticity is weakest for the first time; right, both "
+            "against St."
         )
         return Verdict(Word.SHARPENED, sentence, numbers, caption)
 
 
-def onset_of(run: Run, scaled: np.ndarray) -> tuple[float, float, float]:
+def _onset_of(run: Run, scaled: np.ndarray) -> tuple[float, float, float]:
     """Scaled times of the first radian and of the first wiggle, and the angular velocity at t = √St.
 
     L_z falls from 0; it wiggles first where the torque that drives it down is weakest for the first time.
     """
-    speed = angular_speed(run)
+    speed = _angular_speed(run)
     steps = np.diff(run.times) * (speed[1:] + speed[:-1]) / 2
     turned = float(np.interp(ONSET, np.concatenate([[0.0], np.cumsum(steps)]), scaled))
     torque = np.gradient(run.observables.angular_momentum[:, 2], run.times)
@@ -135,7 +130,7 @@ def onset_of(run: Run, scaled: np.ndarray) -> tuple[float, float, float]:
     return turned, float(scaled[weakest[0]]), float(np.interp(1.0, scaled, speed))
 
 
-def angular_speed(run: Run) -> np.ndarray:
+def _angular_speed(run: Run) -> np.ndarray:
     """|ω| in units of the shear rate, shape (n,), from L and the orientation; a spheroid's axis is enough."""
     momentum, rotation = run.observables.angular_momentum, run.observables.rotation
     inertia = np.array(run.scene.ellipsoid.inertia)
@@ -144,10 +139,6 @@ def angular_speed(run: Run) -> np.ndarray:
         return np.linalg.norm(np.einsum("nij,nj->ni", rotation, momentum) / inertia, axis=1)
     across = np.linalg.norm(momentum - axial[:, None] * rotation[:, 2], axis=1)
     return np.hypot(axial / inertia[2], across / inertia[0])
-
-
-def _ends(values: np.ndarray) -> tuple[float, float]:
-    return float(values.max()), float(values.min())
 
 
 def _range(values: np.ndarray) -> str:

@@ -6,22 +6,20 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.signal import find_peaks
 
-from polhode.harness.paper.drawing import CYCLE, groups, label, panels
+from polhode.harness.paper.drawing import draw_groups, label, panels
 from polhode.harness.paper.item import Data, Grid, Item, Number, Table, Verdict, Word
-from polhode.harness.paper.planes import path_table
-from polhode.harness.paper.runs import aligned_start, full_run, spheroid, spheroid_of
-from polhode.harness.paper.slow_motion import Comparison
+from polhode.harness.paper.runs import aligned_start, full_run, spheroid
+from polhode.harness.paper.slow_motion import NAMES, SlowMotion
+from polhode.harness.paper.tables import columns, groups, path_table
+from polhode.models.forms.spheroid import Spheroid
 from polhode.models.scene import BodyStart, Scene
 from polhode.models.scenes import NEAR_POLE_START, SPHEROID_START
 from polhode.models.shape import Ellipsoid
 from polhode.models.theory.fixed_points import eigenvalues
 
-SHOWN, MEASURED = (50.0, 100.0, 500.0, 5e3), (1e3, 2e3, 1e4, 2e4, 5e4)
 PROLATE = spheroid(2.0)
-FIRST = Comparison(PROLATE, SPHEROID_START, SHOWN, MEASURED, 0.5, 500.0, (20.0, 60.0), (0.0, 0.25), Word.SHARPENED)
-SECOND = Comparison(
-    PROLATE, NEAR_POLE_START, SHOWN, MEASURED, 1.0, 5e3, (20.0, 90.0), (0.25, 0.35), Word.CORRECTED, lingers=True
-)
+FIRST = SlowMotion(PROLATE, SPHEROID_START, 0.5, Word.SHARPENED, 500.0, (20.0, 60.0), (0.0, 0.25))
+SECOND = SlowMotion(PROLATE, NEAR_POLE_START, 1.0, Word.CORRECTED, 5e3, (20.0, 90.0), (0.25, 0.35), lingers=True)
 
 # Effective Stokes number, and L_z and E over I_max, of the figure on the collapse.
 STOKES_STAR, MOMENTUM, ENERGY = 2.071, -1.0, 0.6
@@ -32,7 +30,7 @@ LATE = 6.0
 
 def collapse_start(kappa: float) -> tuple[Ellipsoid, float, BodyStart]:
     """Spheroid, its Stokes number at the given St*, and the start with the given L_z and E."""
-    ellipsoid, shape = spheroid(kappa), spheroid_of(kappa)
+    ellipsoid, shape = spheroid(kappa), Spheroid.of(spheroid(kappa))
     largest = max(ellipsoid.inertia)
     momentum, energy = MOMENTUM * largest, ENERGY * largest
     spin2 = (momentum**2 - 2 * shape.equatorial_inertia * energy) / (
@@ -50,27 +48,23 @@ def compute_collapse(grid: Grid) -> Data:
     paths, rows = [], []
     for kappa in COLLAPSE_KAPPAS:
         ellipsoid, stokes, start = collapse_start(kappa)
-        paths.append(
-            (kappa, scaled, full_run(Scene(ellipsoid, stokes, start, 13 * STOKES_STAR), STOKES_STAR * scaled).slow)
-        )
-        axis = int(np.argmax(ellipsoid.inertia))
-        rows.append((kappa, stokes, -eigenvalues(ellipsoid, axis)[2]))
-    kappa, stokes, rate = np.array(rows).T
-    return {
-        "": path_table(paths, "Lz E"),
-        "rates": {"kappa": kappa, "stokes": stokes, "t2": rate, "star": rate * STOKES_STAR / stokes},
-    }
+        run = full_run(Scene(ellipsoid, stokes, start, 13 * STOKES_STAR), STOKES_STAR * scaled)
+        paths.append((kappa, scaled, run.slow))
+        rate = -eigenvalues(ellipsoid, int(np.argmax(ellipsoid.inertia)))[2]
+        rows.append((kappa, stokes, rate, rate * STOKES_STAR / stokes))
+    return {"": path_table(paths, ("Lz", "E")), "rates": columns("kappa stokes t2 star", rows)}
 
 
 def figure_collapse(data: Data) -> Figure:
     """L_z and E against t/St*."""
     figure, axes = panels(1, 2, 3.8, 3.0)
     stokes = dict(zip(data["rates"]["kappa"], data["rates"]["stokes"], strict=True))
-    for color, (kappa, part) in zip(CYCLE, groups(data[""], "path"), strict=False):
-        for own, name in zip(axes, ("Lz", "E"), strict=True):
-            own.plot(part["t2"], part[name], color=color, label=f"$\\kappa$ = {kappa:g}, St = {stokes[kappa]:.0f}")
-    label(axes[0], "$t\\dot\\gamma/\\mathrm{St}^*$", "$L_z/I_{max}$").legend()
-    label(axes[1], "$t\\dot\\gamma/\\mathrm{St}^*$", "$E/I_{max}$")
+    for own, name in zip(axes, ("Lz", "E"), strict=True):
+        draw_groups(
+            own, data[""], "path", f"t2 {name}", lambda kappa: f"$\\kappa$ = {kappa:g}, St = {stokes[kappa]:.0f}"
+        )
+        label(own, "$t\\dot\\gamma/\\mathrm{St}^*$", NAMES[name])
+    axes[0].legend()
     return figure
 
 

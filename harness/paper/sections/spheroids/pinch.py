@@ -1,25 +1,17 @@
 """Section "Spheroids" at the pinch point L = 0: how full and slow trajectories pass it."""
 
-from functools import partial
 from math import pi, sqrt
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from scipy.optimize import brentq
 
-from polhode.harness.paper.drawing import CYCLE, draw_law, groups, label, logarithmic, panels, styled_runs
+from polhode.harness.paper.drawing import CYCLE, draw_law, label, logarithmic, panels, styled_runs
 from polhode.harness.paper.item import Data, Grid, Item, Number, Table, Verdict, Word
-from polhode.harness.paper.planes import columns, draw_frame, path_table
-from polhode.harness.paper.runs import (
-    aligned_start,
-    averaged_run,
-    averaged_run_to_pinch,
-    full_run,
-    power_law,
-    slow_scene,
-    spheroid,
-    spheroid_of,
-)
+from polhode.harness.paper.planes import aligned_scene, draw_frame
+from polhode.harness.paper.runs import Run, averaged_run, full_run, power_law, slow_run_to_pinch, spheroid
+from polhode.harness.paper.tables import columns, groups, path_table
+from polhode.models.forms.spheroid import Spheroid
 from polhode.models.scene import BodyStart, Scene
 
 # Shown in the planes; L_z over I_max at the start, θ₀, and the tilt of L, in rad, of the second plane.
@@ -36,19 +28,18 @@ WINDOW = 0.05
 def compute_pinch(grid: Grid) -> Data:
     """Paths past the pinch point; the smallest |L| of full runs against St."""
     slow_times = np.linspace(0.0, SLOW_TIME, grid.of(1201, 601))
-    ends, pinch = _averaged_to_pinch(KAPPA, slow_times)
+    ends, pinch = _slow_to_pinch(KAPPA, slow_times)
     paths = {
         "aligned": [(np.inf, ends.times, ends.slow)],
         "tilted": [(np.inf, slow_times, averaged_run(_tilted_scene(1.0), slow_times).slow)],
     }
     for stokes in STOKES:
-        for name, scene_of in (("aligned", partial(_scene, KAPPA)), ("tilted", _tilted_scene)):
-            scene = scene_of(stokes)
+        for name, scene in (("aligned", _scene(KAPPA, stokes)), ("tilted", _tilted_scene(stokes))):
             paths[name].append((stokes, slow_times, full_run(scene, stokes * slow_times).slow))
     phases = grid.of(4, 3)
     rows = []
     for kappa in KAPPAS:
-        _, met = _averaged_to_pinch(kappa, slow_times)
+        _, met = _slow_to_pinch(kappa, slow_times)
         rows += [
             (kappa, stokes, phi, _least_momentum(kappa, stokes, phi, met))
             for stokes in np.geomspace(1e3, grid.of(1e8, 1e7), grid.of(11, 5)).tolist()
@@ -64,9 +55,7 @@ def compute_pinch(grid: Grid) -> Data:
 
 def _scene(kappa: float, stokes: float, phi: float = 0.0, slow_time: float = SLOW_TIME) -> Scene:
     """L along the vorticity."""
-    body = spheroid(kappa)
-    start = aligned_start(body, MOMENTUM * max(body.inertia), THETA, phi)
-    return Scene(body, stokes, start, stokes * slow_time)
+    return aligned_scene(spheroid(kappa), stokes, MOMENTUM, THETA, slow_time, phi)
 
 
 def _tilted_scene(stokes: float) -> Scene:
@@ -78,11 +67,11 @@ def _tilted_scene(stokes: float) -> Scene:
     return Scene(aligned.ellipsoid, stokes, BodyStart(turned, aligned.angular_velocity), aligned.time)
 
 
-def _averaged_to_pinch(kappa: float, slow_times: np.ndarray):  # noqa: ANN202
+def _slow_to_pinch(kappa: float, slow_times: np.ndarray) -> tuple[Run, float]:
     """The averaged run, L_x = L_y = 0 exactly, as far as the pinch point, and the slow time at which it is met."""
     body = spheroid(kappa)
     momentum, energy = _scene(kappa, 1.0).initial.slow[0, 2:] / max(body.inertia)
-    return averaged_run_to_pinch(slow_scene(body, (0.0, 0.0, momentum, energy), slow_times[-1]), slow_times)
+    return slow_run_to_pinch(body, (0.0, 0.0, momentum, energy), slow_times)
 
 
 def _least_momentum(kappa: float, stokes: float, phi: float, slow_time: float) -> float:
@@ -100,7 +89,7 @@ def growth_exponent(kappa: float) -> float:
     There h = cos θ_LO → 1, as Y_c > X_c, and dL_z/dt₂ → -4πX_c: by `lysmain` e = (X_c + Y_c I_a/I_e - 2Y_c)/X_c.
     """
     axial, equatorial = spheroid(kappa).resistance[2], spheroid(kappa).resistance[0]
-    return (axial + equatorial * spheroid_of(kappa).inertia_ratio - 2 * equatorial) / axial
+    return (axial + equatorial * Spheroid.of(spheroid(kappa)).inertia_ratio - 2 * equatorial) / axial
 
 
 def pinch_exponent(kappa: float) -> float:
@@ -124,16 +113,12 @@ def figure_pinch(data: Data) -> Figure:
     axes[1].set(xlim=(-CLOSE[0], CLOSE[0]), ylim=(0.0, 2 * CLOSE[1]))
     axes[0].legend(loc="upper center", fontsize=7)
     for color, (kappa, part) in zip(CYCLE, groups(data["crossing"], "kappa"), strict=False):
-        _draw_width(axes[3], color, kappa, part)
+        stokes, mean = _root_mean_squares(part)
+        axes[3].plot(part["stokes"], part["least"], ".", markersize=2, color=color)
+        axes[3].plot(stokes, mean, color=color, label=f"$\\kappa$ = {kappa:g}")
+        draw_law(axes[3], stokes, mean[-1], pinch_exponent(kappa), color=color)
     logarithmic(label(axes[3], "Stokes number St", "smallest $|L|/I_{max}$")).legend(fontsize=7, loc="lower left")
     return figure
-
-
-def _draw_width(axes: Axes, color: str, kappa: float, part: Table) -> None:
-    stokes, mean = _root_mean_squares(part)
-    axes.plot(part["stokes"], part["least"], ".", markersize=2, color=color)
-    axes.plot(stokes, mean, color=color, label=f"$\\kappa$ = {kappa:g}")
-    draw_law(axes, stokes, mean[-1], pinch_exponent(kappa), color=color)
 
 
 def _root_mean_squares(found: Table) -> tuple[np.ndarray, np.ndarray]:
@@ -145,7 +130,7 @@ def _local_exponent(found: Table) -> float:
     """Exponent of the smallest |L| between a tenth of the largest St and the largest."""
     stokes, mean = _root_mean_squares(found)
     last = stokes >= 0.099 * stokes[-1]
-    return power_law(stokes[last], mean[last]).exponent
+    return power_law(stokes[last], mean[last])[0]
 
 
 def verdict_pinch(data: Data) -> Verdict:
@@ -168,9 +153,11 @@ def verdict_pinch(data: Data) -> Verdict:
     widths = ", ".join(
         f"St^({found:.3f}) for κ = {kappa:g} (predicted {pinch_exponent(kappa):.3f})" for kappa, found in local.items()
     )
+    # The largest aspect ratio with the width St^-1/2.
+    widest = float(brentq(lambda kappa: growth_exponent(kappa) + 1, 1.1, 3.0))  # pyright: ignore[reportArgumentType]
     sentence = (
         f"Full runs pass at |L| ∝ {widths}: on the way the slow equations amplify the small L_y that the fast "
-        f"oscillation leaves, which makes the neighbourhood wider than St^-1/2 for κ > {_widest():.3f} and leaves the "
+        f"oscillation leaves, which makes the neighbourhood wider than St^-1/2 for κ > {widest:.3f} and leaves the "
         "paper's law to rounder spheroids. The slow trajectory does not grind to a halt: it runs into the pinch point "
         f"at a finite speed and ends there at t₂ = {end:.3g}. With a small L_y it passes, and agrees with the full "
         f"run to {agreement:.1g} I_max at St = {largest:g}."
@@ -182,13 +169,6 @@ def verdict_pinch(data: Data) -> Verdict:
         "azimuths φ₀, lines: their root mean square, dotted: predicted exponents)."
     )
     return Verdict(Word.CORRECTED, sentence, numbers, caption)
-
-
-def _widest() -> float:
-    """Largest aspect ratio with the width St^-1/2."""
-    from scipy.optimize import brentq
-
-    return float(brentq(lambda kappa: growth_exponent(kappa) + 1, 1.1, 3.0))  # pyright: ignore[reportArgumentType]
 
 
 ITEM = Item(

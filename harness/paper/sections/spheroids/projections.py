@@ -5,24 +5,23 @@ from math import sqrt
 import numpy as np
 from matplotlib.figure import Figure
 
-from polhode.harness.paper.drawing import BLACK, BOUND, CYCLE, common_legend, draw_broken, groups, label, panels
+from polhode.harness.paper.drawing import BLACK, BOUND, CYCLE, common_legend, draw_broken, label, panels
 from polhode.harness.paper.item import Data, Grid, Item, Number, Verdict, Word
 from polhode.harness.paper.planes import (
-    columns,
     distance_from_node,
     draw_point,
     energy_at,
     even_steps,
+    fixed_point,
     name_points,
-    node,
-    plane_point,
-    stacked,
+    place_of,
 )
-from polhode.harness.paper.runs import averaged_run, graded, slow_scene, spheroid
+from polhode.harness.paper.runs import graded, slow_run, spheroid
+from polhode.harness.paper.sections.planes import REACHED
+from polhode.harness.paper.tables import columns, groups, stacked
 from polhode.models.theory.fixed_points import fixed_points
 
 PROLATE = spheroid(2.0)
-REACHED = 1e-2
 RATIOS = (0.1, 1.0, 10.0)
 
 
@@ -37,7 +36,7 @@ def compute_l_planes(grid: Grid) -> Data:
                     along = sign / sqrt(1 + ratio**2)
                     slow = np.array([0.0, 0.0, along, energy_at(PROLATE, 1.0, share)])
                     slow[1 - zero] = ratio / sqrt(1 + ratio**2)
-                    run = averaged_run(slow_scene(PROLATE, tuple(slow), slow_times[-1]), slow_times)
+                    run = slow_run(PROLATE, slow.tolist(), slow_times)
                     labels = {"zero": zero, "ratio": sign * ratio, "path": len(ends)}
                     size = np.linalg.norm(run.slow[:, :3], axis=1)
                     values = {"L": size, "E": run.slow[:, 3]}
@@ -60,8 +59,8 @@ def figure_l_planes(data: Data) -> Figure:
                 text = f"$L_{{xy}}/L_z$ = {sign * wanted:g}"
                 draw_broken(own, chosen, "L", "E", color=color, linestyle=line, linewidth=0.8, label=text)
         for point in fixed_points(PROLATE):
-            along, energy = plane_point(PROLATE, point)
-            draw_point(own, point.stability, abs(along), energy)
+            along, energy = place_of(PROLATE, point)
+            draw_point(own, point.stability, (abs(along), energy))
         own.set_ylim(0.0, 1.0)
         label(own, "$|L|/I_{max}$", "$E/I_{max}$", f"$L_{'xy'[int(zero)]} = 0$")
     name_points(axes[0], {"stable node": "stable node", "saddle": "saddle"})
@@ -108,7 +107,7 @@ def compute_projections(grid: Grid) -> Data:
             for azimuth in AZIMUTHS:
                 sine, angle = sqrt(1 - cosine**2), np.radians(azimuth)
                 direction = np.array([sine * np.sin(angle), sine * np.cos(angle), cosine]) * MOMENTUM
-                run = averaged_run(slow_scene(PROLATE, (*direction, energy), slow_times[-1]), slow_times)
+                run = slow_run(PROLATE, (*direction, energy), slow_times)
                 across = np.linalg.norm(run.slow[:, :2], axis=1)
                 values = {"Lz": run.slow[:, 2], "Lxy": across, "E": run.slow[:, 3]}
                 parts.append(({"E0": energy, "azimuth": azimuth, "path": len(ends)}, _thinned(values)))
@@ -139,8 +138,9 @@ def figure_projections(data: Data) -> Figure:
             text = {0.0: "$L_{x0} = 0$", 45.0: "$L_{x0} = L_{y0}$", 90.0: "$L_{y0} = 0$"}[azimuth]
             for axes_, name in ((left, "E"), (right, "Lxy")):
                 draw_broken(axes_, own, "Lz", name, color=color, linewidth=0.8, label=text)
-        draw_point(left, "stable node", *node(PROLATE))
-        draw_point(right, "stable node", node(PROLATE)[0], 0.0)
+        momentum_, energy_ = fixed_point(PROLATE, "stable node")
+        draw_point(left, "stable node", (momentum_, energy_))
+        draw_point(right, "stable node", (momentum_, 0.0))
         left.set_ylim(0.0, 1.1 * energy)
         label(left, "$L_z/I_{max}$", "$E/I_{max}$", f"$E_0/I_e$ = {energy:.3f}")
         label(right, "$L_z/I_{max}$", r"$\sqrt{L_x^2+L_y^2}/I_{max}$")

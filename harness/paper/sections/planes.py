@@ -1,0 +1,158 @@
+"""The L_z–E planes of spheroids and of ellipsoids: slow trajectories in one, slow and full ones in several."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from polhode.harness.paper.drawing import common_legend, draw_broken, panels, styled_runs
+from polhode.harness.paper.item import Data, Grid, Number, Table, Verdict, Word
+from polhode.harness.paper.planes import (
+    ABOVE_PINCH,
+    aligned_scene,
+    distance_from_node,
+    draw_frame,
+    energy_at,
+    name_lines,
+    name_points,
+    plane_path,
+)
+from polhode.harness.paper.runs import axes_of, full_run, graded
+from polhode.harness.paper.tables import columns, groups, path_table, stacked
+from polhode.models.shape import Ellipsoid
+from polhode.models.theory.fixed_points import fixed_points
+
+# Share, as of `energy_at`, of starts on the upper parabola: rounding must not carry them out of the plane.
+INSIDE = 1 - 1e-13
+REACHED = 1e-2
+STOKES = (1e3, 1e4)
+STARTS = tuple((momentum, theta) for momentum in (-0.7, 0.7) for theta in (0.4, 0.9, 1.4))
+NAMES = {"stable node": "stable node", "saddle": "saddle", "singular": "singular point"}
+
+
+def plane_tables(
+    body: Ellipsoid,
+    starts: Sequence[tuple[float, float]],
+    points: int,
+    on_edge: float,
+    kept: Callable[[np.ndarray], np.ndarray],
+) -> dict[str, Table]:
+    """Slow trajectories from L_z/I_max and shares as of `energy_at`, thinned to the points kept, and where they end.
+
+    Those that start on the upper parabola are followed for the slow time `on_edge`, before rounding carries them off.
+    """
+    slow_times = graded(1.0, points)
+    paths, ends = [], []
+    for number, (momentum, share) in enumerate(starts):
+        times = slow_times[slow_times <= on_edge] if share == 1.0 else slow_times
+        run = plane_path(body, momentum, energy_at(body, momentum, min(share, INSIDE)), times)
+        chosen = kept(run.slow)
+        paths.append((number, run.times[chosen], run.slow[chosen]))
+        last = float(distance_from_node(body, run.slow[-1]))
+        # By L_z/(4π min X) a trajectory with L_z > 0 has reached the pinch point.
+        bound = momentum * max(body.inertia) / (4 * np.pi * min(body.resistance))
+        ends.append((number, momentum, share, last, run.times[-1], bound))
+    return {"": path_table(paths, ("Lz", "E")), "ends": columns("path Lz0 share distance end bound", ends)}
+
+
+def end_numbers(ends: Table) -> tuple[Number, Number]:
+    """Starts that reach the node; the slow time of those that reach the pinch point."""
+    left, on_edge = ends["Lz0"] < 0, ends["share"] == 1.0
+    reached = float(np.mean(ends["distance"][left & ~on_edge] < REACHED))
+    share = float(np.max(ends["end"][~left] / ends["bound"][~left]))
+    return (
+        Number(f"share of the {int(np.sum(left & ~on_edge))} starts with L_z < 0 that reach the node", reached, 1, 1),
+        Number("slow time to the pinch point from L_z > 0, over L_z/(4π min X), longest", share, 0, 1),
+    )
+
+
+@dataclass(frozen=True)
+class Planes:
+    """Slow and full trajectories of several bodies, by the numbers that name them in the tables."""
+
+    kind: str
+    bodies: dict[float, Ellipsoid]
+    points: int
+    # What differs by the shape at the smallest St: text, pairs of bodies of which the first differs more, least ratio.
+    orders: tuple[tuple[str, tuple[tuple[float, float], ...], float], ...]
+
+    def compute(self, grid: Grid) -> Data:
+        """Trajectories, and the largest differences between slow and full ones.
+
+        Differences are measured while L_z of a start with L_z > 0 is well above the pinch point.
+        """
+        points = grid.of(self.points, 101)
+        parts, rows = [], []
+        for name, body in self.bodies.items():
+            # Eight relaxation times of the slowest rotation.
+            slow_times = graded(8.0 / min(body.damping), 4 * (points - 1) + 1)
+            for path, (momentum, theta) in enumerate(STARTS):
+                slow = aligned_scene(body, 1.0, momentum, theta, 1.0).initial.slow[0] / max(body.inertia)
+                averaged = plane_path(body, momentum, float(slow[3]), slow_times).slow
+                before = averaged[:, 2] < 0 if momentum < 0 else averaged[:, 2] > ABOVE_PINCH
+                runs = [(np.inf, averaged)]
+                for stokes in STOKES:
+                    scene = aligned_scene(body, stokes, momentum, theta, float(slow_times[-1]))
+                    full = full_run(scene, stokes * slow_times).slow
+                    runs.append((stokes, full))
+                    difference = np.abs(full[: len(averaged)][before] - averaged[before])
+                    rows.append((name, stokes, path, float(difference.max())))
+                labels = {"body": name, "path": path}
+                parts += [({**labels, "stokes": n}, {"Lz": own[::4, 2], "E": own[::4, 3]}) for n, own in runs]
+        return {"": stacked(parts), "differences": columns("body stokes path difference", rows)}
+
+    def figure(self, data: Data) -> Figure:
+        """One plane per body, slow trajectories over full ones."""
+        figure, axes = panels(-(-len(self.bodies) // 2), 2, 3.9, 2.9)
+        for own, body, (_, part) in zip(axes, self.bodies.values(), groups(data[""], "body"), strict=True):
+            draw_frame(own, body, -0.8, 0.8, title=_name(body))
+            # The averaged run lies thin on the broad full ones, which it would hide.
+            for width, (style, runs) in zip((0.6, 1.7, 1.1), styled_runs(part, "stokes"), strict=False):
+                style["linewidth"] = width
+                draw_broken(own, runs, "Lz", "E", **style)
+            own.set_ylim(0.0, 1.05 * max(part["E"]))
+        first = next(iter(self.bodies.values()))
+        name_points(axes[0], {point.stability: NAMES[point.stability] for point in fixed_points(first)})
+        name_lines(axes[0], first, "bounds of $L_z^2/2E$")
+        common_legend(figure, axes[0])
+        return figure
+
+    def verdict(self, data: Data) -> Verdict:
+        """The difference falls with St, and grows with anisotropy."""
+        worst = {
+            (name, stokes): float(np.max(part["difference"]))
+            for name, own in groups(data["differences"], "body")
+            for stokes, part in groups(own, "stokes")
+        }
+        low, high = STOKES
+        ratios = [worst[name, low] / worst[name, high] for name in self.bodies]
+        largest = max(worst[name, high] for name in self.bodies)
+        numbers = (
+            Number(f"largest difference at St = {high:g}, worst {self.kind}", largest, 0, 0.02, "I_max"),
+            Number(f"difference at St = {low:g} over that at {high:g}, smallest", min(ratios), 5.0, 20.0),
+            *(
+                Number(text, min(worst[more, low] / worst[less, low] for more, less in pairs), low=least)
+                for text, pairs, least in self.orders
+            ),
+        )
+        found = ", ".join(f"{worst[name, low]:.2g} {_bracketed(body)}" for name, body in self.bodies.items())
+        sentence = (
+            f"Largest difference at St = {low:g}: {found} I_max; at St = {high:g} it is {min(ratios):.2g} to "
+            f"{max(ratios):.2g} times less."
+        )
+        starts = ", ".join(f"({momentum:g}, {theta:g})" for momentum, theta in STARTS)
+        caption = (
+            f"Slow (black) and full trajectories from (L_z0/I_max, θ₀) = {starts}, ψ₀ = π/2, with L along the "
+            f"vorticity. Differences of starts with L_z > 0 count as far as L_z = {ABOVE_PINCH:g} I_max; slow "
+            "trajectories end at the pinch point."
+        )
+        return Verdict(Word.SHARPENED, sentence, numbers, caption)
+
+
+def _name(body: Ellipsoid) -> str:
+    return axes_of(body) if body.kind == "triaxial" else f"κ = {body.semi_axes[2]:g}"
+
+
+def _bracketed(body: Ellipsoid) -> str:
+    return f"({_name(body).strip('()')})"
