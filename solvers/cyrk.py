@@ -17,6 +17,7 @@ import numpy as np
 from polhode.models.problem import Problem
 from polhode.solvers.compile import c_callback, parameter_array
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status
+from polhode.solvers.cyrk_library import load_cyrk
 
 # Deadline and Ctrl-C are looked at once per this many steps: a tenth of a second at most.
 CHUNK = 20_000
@@ -66,6 +67,7 @@ class ImplicitCyrkSolver(CyrkSolver):
 
 def method_number(name: str) -> int:
     """The library's number of a method."""
+    load_cyrk()
     from CyRK.cy.pyhelpers import find_ode_method_int
 
     return find_ode_method_int(name)
@@ -85,9 +87,7 @@ class Call:
     """
 
     def __init__(self, address: int, method: int, parameters: np.ndarray, tolerance: float) -> None:
-        from CyRK.nb import numba_solver
-
-        self.library = numba_solver
+        self.library = load_cyrk()
         self.address, self.method = address, method
         self.parameters, self.tolerance = parameters, np.array([tolerance])
 

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.special import elliprd
 
-from polhode.models.shape import Ellipsoid
+from polhode.models.shape import Ellipsoid, carlson_rd
 
 SHAPES = [
     (1.0, 0.8, 0.5),
@@ -115,3 +116,9 @@ def test_kind(axes, kind, axis, kappa):
 def test_shapes_without_meaning_are_refused(axes):
     with pytest.raises(ValueError, match="semi_axes: got"):
         Ellipsoid(axes)
+
+
+@given(*[st.floats(1e-12, 1.0)] * 3)
+def test_carlson_rd_is_that_of_scipy_and_symmetric(x: float, y: float, z: float):
+    assert carlson_rd(x, y, z) == pytest.approx(elliprd(x, y, z), rel=1.5e-15)
+    assert carlson_rd(x, y, z) == carlson_rd(y, x, z)
