@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from polhode.harness.analysis.frames import where
 from polhode.harness.common.timing import time_runs
-from polhode.harness.pages.work_precision import EXPLICIT, GREY, IMPLICIT, MARKERS, UNKNOWN
+from polhode.harness.pages.work_precision import work_precision
 from polhode.harness.references.extended import extended_run
 from polhode.harness.references.uncertainty import least_known
 from polhode.models.problem import Problem
@@ -81,24 +80,11 @@ class WorkPrecision:
 
     def plot(self, axes: "Axes") -> "Axes":
         """Draw wall time against error, one line per solver, grey where the reference cannot tell; return the axes."""
-        counts: dict[str, int] = {}
-        done = self.frame.dropna(subset=["seconds"])
-        for name in dict.fromkeys(done["solver"]):
-            own = done.loc[done["solver"] == name]
-            library = find_solver(name).family
-            colours = IMPLICIT if own["implicit"].iloc[0] else EXPLICIT
-            marker = MARKERS[counts.get(library, 0) % len(MARKERS)]
-            counts[library] = counts.get(library, 0) + 1
-            axes.loglog(own["error"], own["seconds"], marker=marker, color=colours[library], label=name, linewidth=1.1)
-            grey = where(own, ~own["known"].astype(bool))
-            if len(grey):
-                axes.loglog(grey["error"], grey["seconds"], marker, color=GREY, zorder=2.5)
-        if len(where(done, ~done["known"].astype(bool))):
-            axes.plot([], [], "o", color=GREY, label=UNKNOWN)
+        names = {"error": "slow_error", "uncertainty": "slow_uncertainty"}
+        work_precision(axes, self.frame.rename(columns=names).assign(form=""))
         axes.xaxis.set_inverted(True)
         axes.set_xlabel("largest relative error; more accurate to the right")
         axes.set_ylabel("wall time of a warm run, s")
-        axes.grid(True, linewidth=0.4, alpha=0.5)
         return axes
 
     def _accepted(self) -> list[Solver]:

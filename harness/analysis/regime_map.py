@@ -25,6 +25,7 @@ Side = Literal["implicit", "explicit", "averaged"]
 TARGETS = tuple(float(f"1e-{exponent}") for exponent in range(2, 13))
 # Averaged equations are not tried over more slow time than this: all is over long before.
 LONGEST_SLOW_TIME = 100.0
+SAME_WORK = ("averaged", "averaged-spheroid")
 
 
 @dataclass(frozen=True)
@@ -61,8 +62,8 @@ class Cell:
         Whether the reference is good enough to tell; nobody wins where it is not.
     winner, second : Method or None
         The cheapest, and the cheapest of another label; None where none reaches the error.
-    seconds, second_seconds : float
-        Their times, interpolated between tolerances; NaN where there is none.
+    seconds, lead : float
+        Time of the winner, interpolated between tolerances, and that of the second over it; NaN where there is none.
     """
 
     stokes: float
@@ -71,12 +72,7 @@ class Cell:
     winner: Method | None
     second: Method | None
     seconds: float
-    second_seconds: float
-
-    @property
-    def lead(self) -> float:
-        """Time of the second over that of the winner; NaN where there is none."""
-        return self.second_seconds / self.seconds
+    lead: float
 
     @property
     def tied(self) -> bool:
@@ -219,7 +215,40 @@ def _cell(stokes: float, target: float, known: bool, costs: dict[Method, float])
     seconds, _, winner = ranked[0]
     others = [entry for entry in ranked[1:] if entry[2].label != winner.label]
     later, _, second = others[0] if others else (float("nan"), "", None)
-    return Cell(stokes, target, known, winner, second, seconds, later)
+    return Cell(stokes, target, known, winner, second, seconds, later / seconds)
+
+
+def scatter(table: pd.DataFrame) -> tuple[float, float] | None:
+    """Scatter of times of the same work at several St: as measured, and divided by the sentinel's.
+
+    Forms averaged to first order hold no St in slow time: over the same slow time they do the same work at every St.
+    Returns standard deviations of the logarithm about the mean of each group; None where nothing was repeated.
+    """
+    if "scene.time" not in table:
+        return None
+    runs = where(table, table["form"].isin(SAME_WORK) & table["seconds"].notna())
+    logs = pd.DataFrame(
+        {
+            "plain": np.log(runs["seconds"].to_numpy(float)),
+            "pace": np.log(runs["sentinel_seconds"].to_numpy(float)),
+            "slow_time": (runs["scene.time"].to_numpy(float) / runs["stokes"].to_numpy(float)).round(12),
+            **{name: runs[name].to_numpy() for name in ("scene_name", "form", "solver", "tolerance")},
+        }
+    )
+    logs["paced"] = logs["plain"] - logs["pace"]
+    groups = logs.groupby(["scene_name", "form", "solver", "tolerance", "slow_time"])[["plain", "paced"]]
+    freedom = len(logs) - groups.ngroups
+    if freedom < 1:
+        return None
+    apart = (logs[["plain", "paced"]] - groups.transform("mean")).to_numpy(float)
+    plain, paced = np.sqrt((apart**2).sum(axis=0) / freedom)
+    return float(plain), float(paced)
+
+
+def usual_form(found: Sequence[Cell]) -> str:
+    """The full form that wins most cells."""
+    forms = [cell.winner.form for cell in found if cell.winner and cell.winner.side != "averaged"]
+    return max(dict.fromkeys(forms), key=forms.count, default="")
 
 
 def sentences(found: Sequence[Cell], what: str) -> list[str]:

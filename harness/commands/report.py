@@ -29,27 +29,26 @@ REPORTS = Path("reports")
 )
 @click.option("--quiet", is_flag=True, help="No progress.")
 def report(reports: Path, out: Path | None, scenes: tuple[str, ...], quiet: bool) -> None:
-    """Write a web site of all that was found: verdict, costs, averaging, laws, hard cases, claims, motion.
+    """Write a web site of all that was found: verdict, costs, every page of the reports, motions.
 
-    It shows what `bench`, `regimes`, `accuracy`, `validate`, `paper` and `bench harness/studies/hard_cases.toml` left
-    in the folder --reports. The pages need no server and no network. What is not there yet is named on them, with the
-    command that makes it.
+    It shows what `bench`, `regimes`, `accuracy`, `validate`, `paper`, `footing` and `bench
+    harness/studies/hard_cases.toml` left in the folder --reports. The pages need no server and no network. The opening
+    page names what is not there yet, with the command that makes it.
     """
     from tqdm import tqdm
 
-    from polhode.harness.site.build import MENU, build
-    from polhode.harness.site.motion import scene_names
+    from polhode.harness.site.build import build
+    from polhode.harness.studies.scenes import find_scene
 
     with bad_input():
         if reports != REPORTS and not reports.is_dir():
             raise ValueError(f"--reports: got {str(reports)!r}, expected an existing folder")
-        own = scene_names(scenes)
-        with tqdm(total=len(MENU), disable=quiet, unit="page", desc="report", leave=False) as progress:
+        own = {name: find_scene(name) for name in scenes}
+        with tqdm(disable=quiet, unit="page", desc="report", leave=False) as progress:
 
-            def tell(what: str) -> None:
+            def say(what: str) -> None:
                 progress.set_postfix_str(what)
-                if what in MENU.values():
-                    progress.update()
+                progress.update()
 
-            page = build(reports, out or reports / "site", own, tell)
+            page = build(reports, out or reports / "site", own, say)
     click.echo(f"{page}")

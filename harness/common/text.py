@@ -99,12 +99,18 @@ def _plain(number: str) -> str:
     return f"{exact:f}" if ordinary else f"{exact:e}".replace("e+", "e")
 
 
+def factor(value: float) -> str:
+    """How many times as much: ×1.2, ×34."""
+    return f"×{value:.{1 if value < 9.95 else 0}f}"
+
+
 def duration(seconds: float | None) -> str:
     """A duration in two digits with its unit; a dash where there is none."""
     if seconds is None or isnan(seconds):
         return "–"
     if seconds == 0:
         return "0 s"
-    factor, unit = next((each for each in UNITS if seconds >= each[0]), UNITS[-1])
-    value = seconds / factor
+    # What rounds to 1000 of a unit is 1.0 of the next.
+    size, unit = next((each for each in UNITS if seconds >= 0.9995 * each[0]), UNITS[-1])
+    value = seconds / size
     return f"{value:.0f} {unit}" if value >= 9.95 else f"{value:.1f} {unit}"

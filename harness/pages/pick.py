@@ -15,7 +15,8 @@ from polhode.harness.calibration.evaluation import (
     Prediction,
 )
 from polhode.harness.common.text import duration, markdown, scientific
-from polhode.harness.pages.work_precision import IMPLICIT, save
+from polhode.harness.pages.style import family_colour
+from polhode.harness.pages.work_precision import save
 from polhode.harness.picking.laws import Interval, Laws, MethodLaws
 from polhode.solvers.catalogue import solver as find_solver
 
@@ -253,7 +254,9 @@ def _against(axes: "Axes", points: Sequence[tuple[Interval, float, str]], x: str
     for predicted, measured, solver in points:
         groups.setdefault(find_solver(solver).family, []).append((measured, predicted.predicted))
     for library, pairs in groups.items():
-        axes.loglog(*zip(*pairs, strict=True), ".", markersize=2.5, alpha=0.5, color=IMPLICIT[library], label=library)
+        axes.loglog(
+            *zip(*pairs, strict=True), ".", markersize=2.5, alpha=0.5, color=family_colour(library), label=library
+        )
     values = [value for pairs in groups.values() for pair in pairs for value in pair if value > 0]
     ends = 10 ** (log10(min(values)) - 0.2), 10 ** (log10(max(values)) + 0.2)
     axes.plot(ends, ends, color="0.3", linewidth=0.9)

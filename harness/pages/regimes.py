@@ -1,60 +1,27 @@
-"""The regime map as a picture, beside its page and its data, from the records alone."""
+"""The page of the regime map, beside its pictures and data, from the records alone."""
 
 import csv
+from collections import Counter
 from collections.abc import Mapping, Sequence
-from math import inf, isnan, log10, nan
+from math import isnan
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
-import numpy as np
+import pandas as pd
 
 from polhode.harness.analysis.frames import frame, where
-from polhode.harness.analysis.regime_map import Cell, Method, Side, cells
+from polhode.harness.analysis.regime_map import Cell, Method, cells, scatter, sentences, standings
 from polhode.harness.analysis.winners import TIE
+from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record
-from polhode.harness.common.text import duration, short
-from polhode.harness.pages.regime_text import Maps, lines
+from polhode.harness.common.text import duration, markdown, short
+from polhode.harness.pages.map_picture import ERRORS, picture
 from polhode.harness.pages.work_precision import save
 from polhode.harness.studies.study import Study
+from polhode.models.scene import Scene
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-# Okabe and Ito's hues: orange for implicit methods, blue and green for explicit ones, purple for averaged forms;
-# within a hue the lightness tells the methods apart, so that the map holds in grey and for colour-blind readers.
-COLORS = {
-    "cyrk-radau": "#E69F00",
-    "cyrk-lsoda": "#D55E00",
-    "cyrk-bdf": "#F6CF7F",
-    "cvode-bdf": "#B5762A",
-    "ida": "#8C3B00",
-    "cyrk-tsit5": "#CDE8F7",
-    "cyrk-dop853": "#8CC7EA",
-    "cyrk-vern7": "#3E97CE",
-    "cyrk-vern8": "#005C91",
-    "taylor": "#F0E442",
-    "cvode-adams": "#009E73",
-    "averaged": "#CC79A7",
-    "averaged-spheroid": "#CC79A7",
-    "averaged-second-order": "#8E4585",
-}
-OTHER = "#999999"
-# Colours darker than this carry white numbers.
-DARK = 0.4
-NOBODY, UNKNOWN = "#FFFFFF", "#E4E4E4"
-HEADINGS: dict[Side, tuple[str, str]] = {
-    "implicit": ("Stiff side", "implicit methods"),
-    "explicit": ("Oscillatory middle", "explicit methods"),
-    "averaged": ("Averaged side", "slow equations, any solver"),
-}
-# In inches: a cell, what stands left of the map, and the legend below it; lines of a cell, in rows of the map.
-CELL, LEFT, LEGEND, LINE = (0.74, 0.43), 0.95, 1.75, 0.36
-# The legend needs as much width as so many columns.
-LEAST_COLUMNS = 12
-ERRORS = {
-    "orientation_error": "full solution: orientation error, rad",
-    "slow_error": "slow variables: error over $I_{max}$",
-}
+Maps = Mapping[tuple[str, str], Sequence[Cell]]
+"""Cells by the scene's name and the error."""
+CELL_COLUMNS = ["scene", "error", "St", "target", "known", "form", "solver", "seconds", "lead", "tie", "next"]
 RUN_COLUMNS = ["scene_name", "stokes", "form", "solver", "tolerance", "status", "slow_error", "orientation_error"]
 RUN_COLUMNS += ["model_slow_error", "slow_uncertainty", "orientation_uncertainty", "seconds", "seconds_spread"]
 RUN_COLUMNS += ["work.rhs_calls", "work.steps", "sentinel_seconds", "date"]
@@ -75,169 +42,14 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     runs.to_csv(folder / "runs.csv", index=False, float_format="%.7g")
     _write_cells(maps, folder / "cells.csv")
     page = folder / "README.md"
-    page.write_text("\n".join(lines(study, table, records, maps, command)), encoding="utf-8")
+    page.write_text("\n".join(_lines(study, table, records, maps, command)), encoding="utf-8")
     return page
-
-
-def picture(panels: Sequence[Sequence[Cell]], times: Mapping[float, float]) -> Any:
-    """Two maps above each other, full solution and slow variables, with one legend.
-
-    Parameters
-    ----------
-    panels : sequence of two sequences of Cell
-    times : mapping
-        Duration of the runs by St, in units of the inverse shear rate.
-    """
-    import matplotlib.pyplot as plt
-
-    columns, rows = (len({getattr(cell, name) for cell in panels[0]}) for name in ("stokes", "target"))
-    width = LEFT + CELL[0] * max(columns, LEAST_COLUMNS) + 0.1
-    height = 2 * (CELL[1] * rows + 0.4) + 0.9 + LEGEND
-    drawing, grid = plt.subplots(2, 1, figsize=(width, height), sharex=True)
-    for axes, found, title in zip(grid, panels, ERRORS.values(), strict=True):
-        draw(axes, found)
-        axes.set_title(title[0].upper() + title[1:], fontsize=13, loc="left")
-        axes.set_ylabel("error asked for", fontsize=11)
-    _durations(grid[-1], sorted({cell.stokes for cell in panels[0]}), times)
-    _legend(drawing, [cell for found in panels for cell in found])
-    drawing.subplots_adjust(
-        left=LEFT / width,
-        right=1 - 0.1 / width,
-        top=1 - 0.35 / height,
-        bottom=(LEGEND + 0.9) / height,
-        hspace=0.4 / (CELL[1] * rows),
-    )
-    return drawing
-
-
-def draw(axes: "Axes", found: Sequence[Cell]) -> "Axes":
-    """Draw one map: colour tells the winner, a corner who ties with it, numbers its time and its lead."""
-    from matplotlib.patches import Polygon, Rectangle
-
-    numbers = sorted({cell.stokes for cell in found})
-    targets = sorted({cell.target for cell in found}, reverse=True)
-    at = {(cell.stokes, cell.target): cell for cell in found}
-    usual = usual_form(found)
-    for i, stokes in enumerate(numbers):
-        for j, target in enumerate(targets):
-            cell = at[stokes, target]
-            color = color_of(cell.winner) if cell.winner else NOBODY if cell.known else UNKNOWN
-            axes.add_patch(Rectangle((i, j), 1, 1, facecolor=color, edgecolor="white", linewidth=0.8))
-            if cell.tied and cell.second:
-                corner = [(i + 0.77, j), (i + 1, j), (i + 1, j + 0.9)]
-                axes.add_patch(Polygon(corner, facecolor=color_of(cell.second), edgecolor="none"))
-            _write_in(axes, cell, i, j, usual)
-    _borders(axes, [[_side(at[stokes, target]) for target in targets] for stokes in numbers])
-    axes.set_xlim(0, len(numbers))
-    axes.set_ylim(len(targets), 0)
-    axes.set_xticks([i + 0.5 for i in range(len(numbers))], [_power(stokes) for stokes in numbers], fontsize=11)
-    axes.set_yticks([j + 0.5 for j in range(len(targets))], [_power(target) for target in targets], fontsize=11)
-    axes.tick_params(length=0)
-    for spine in axes.spines.values():
-        spine.set_visible(False)
-    return axes
-
-
-def color_of(method: Method) -> str:
-    """Colour of a method; grey for those that have none of their own."""
-    return COLORS.get(method.label, OTHER)
-
-
-def usual_form(found: Sequence[Cell]) -> str:
-    """The full form that wins most cells."""
-    forms = [cell.winner.form for cell in found if cell.winner and cell.winner.side != "averaged"]
-    return max(dict.fromkeys(forms), key=forms.count, default="")
-
-
-def _durations(axes: "Axes", numbers: Sequence[float], times: Mapping[float, float]) -> None:
-    """Three rows below a map: St, and over what time and slow time its runs go; bold where that is less than usual."""
-    slow = [times[stokes] / stokes if stokes else inf for stokes in numbers]
-    usual = max(slow, key=slow.count)
-    rows = {
-        "St": [_power(stokes) for stokes in numbers],
-        "$t$": [_brief(times[stokes]) for stokes in numbers],
-        "$t_2$": [_brief(value) for value in slow],
-    }
-    axes.set_xticklabels([])
-    for k, (name, texts) in enumerate(rows.items()):
-        style = {"fontsize": 9.5 if k else 11, "va": "center", "textcoords": "offset points"}
-        below = -12 - 15 * k
-        axes.annotate(name, (0, 0), (-10, below), xycoords="axes fraction", ha="right", **style)
-        for i, text in enumerate(texts):
-            weight = "bold" if k and slow[i] < usual else "normal"
-            place = {"xycoords": ("data", "axes fraction"), "ha": "center", "annotation_clip": False}
-            axes.annotate(text, (i + 0.5, 0), (0, below), weight=weight, **place, **style)
-    note = r"St: Stokes number. $t$: duration of the runs, in shear times. $t_2 = t/\mathrm{St}$: the same in slow time"
-    note += ", bold where it is shorter." if min(slow) < usual else "."
-    axes.annotate(note, (0, 0), (0, -58), xycoords="axes fraction", textcoords="offset points", fontsize=9.5)
-
-
-def _write_in(axes: "Axes", cell: Cell, i: int, j: int, usual: str) -> None:
-    """Time and lead of the winner, and its form where that is not the usual one."""
-    if cell.winner is None:
-        axes.text(i + 0.5, j + 0.5, "–" if cell.known else "?", ha="center", va="center", fontsize=9, color="0.55")
-        return
-    ink = "white" if _luminance(color_of(cell.winner)) < DARK else "black"
-    lead = "tie" if cell.tied else "alone" if isnan(cell.lead) else f"×{_factor(cell.lead)}"
-    # Three digits at most, so that 999.8 µs reads as 1.0 ms.
-    texts = [(duration(float(f"{cell.seconds:.3g}")), 9.5), (lead, 8.5)]
-    if cell.winner.side != "averaged" and cell.winner.form != usual:
-        texts = [(texts[0][0], 8.5), (lead, 7.5), (cell.winner.form, 7.0)]
-    gap = LINE if len(texts) < 3 else 0.3
-    for k, (line, size) in enumerate(texts):
-        y = j + 0.52 + gap * (k - (len(texts) - 1) / 2)
-        axes.text(i + 0.44, y, line, ha="center", va="center", fontsize=size, color=ink)
-
-
-def _borders(axes: "Axes", sides: list[list[Side | None]]) -> None:
-    """Heavy lines where one kind of method hands over to another."""
-    style = {"color": "black", "linewidth": 2.2, "solid_capstyle": "round", "zorder": 3}
-    for i, column in enumerate(sides):
-        for j, side in enumerate(column):
-            if i + 1 < len(sides) and side != sides[i + 1][j]:
-                axes.plot([i + 1, i + 1], [j, j + 1], **style)
-            if j + 1 < len(column) and side != column[j + 1]:
-                axes.plot([i, i + 1], [j + 1, j + 1], **style)
-
-
-def _legend(drawing: Any, found: Sequence[Cell]) -> None:
-    from matplotlib.patches import Patch
-
-    shown: dict[Side, list[Method]] = {side: [] for side in HEADINGS}
-    for cell in found:
-        for method in (cell.winner, cell.second if cell.tied else None):
-            if method and method.label not in [other.label for other in shown[method.side]]:
-                shown[method.side].append(method)
-    columns: list[list[Any]] = []
-    for side, (heading, what) in HEADINGS.items():
-        if shown[side]:
-            title = rf"$\bf{{{heading.replace(' ', '~')}}}$"
-            own = sorted(shown[side], key=lambda method: [*COLORS, method.label].index(method.label))
-            patches = [Patch(facecolor=color_of(method), label=method.label) for method in own]
-            columns.append([Patch(facecolor="none", label=f"{title}\n{what}"), *patches])
-    columns.append(
-        [
-            Patch(facecolor=NOBODY, edgecolor="0.7", label="no run measured gets there"),
-            Patch(facecolor=UNKNOWN, label="below what the\nreference can tell"),
-        ]
-    )
-    width, height = drawing.get_size_inches()
-    top, style = LEGEND / height, {"frameon": False, "fontsize": 9.5, "handlelength": 1.3, "borderaxespad": 0}
-    for k, handles in enumerate(columns):
-        place = (0.15 / width + k * (1 - 0.2 / width) / len(columns), top)
-        drawing.add_artist(drawing.legend(handles=handles, loc="upper left", bbox_to_anchor=place, **style))
-    note = (
-        f"Numbers: time of a warm run, × its lead over the next colour; alone: no other colour gets there. "
-        f"Corner: who ties, within {100 * (TIE - 1):.0f} %.\n"
-        f"Full equations in the form {usual_form(found)}, unless a cell names another."
-    )
-    drawing.text(0.2 / width, 0.1 / height, note, fontsize=9.5, va="bottom")
 
 
 def _write_cells(maps: Maps, path: Path) -> None:
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        writer.writerow(["scene", "error", "St", "target", "known", "form", "solver", "seconds", "lead", "tie", "next"])
+        writer.writerow(CELL_COLUMNS)
         for (name, error), found in maps.items():
             for cell in found:
                 winner = (cell.winner.form, cell.winner.solver) if cell.winner else ("", "")
@@ -248,24 +60,109 @@ def _write_cells(maps: Maps, path: Path) -> None:
                 )
 
 
-def _side(cell: Cell) -> Side | None:
-    return cell.winner.side if cell.winner else None
+def read_cells(path: Path) -> Maps:
+    """Cells as `write_page` wrote them."""
+    maps: dict[tuple[str, str], list[Cell]] = {}
+    with path.open(newline="", encoding="utf-8") as file:
+        for row in csv.DictReader(file):
+            winner = Method(row["form"], row["solver"]) if row["form"] else None
+            second = Method(*row["next"].split(", ")) if row["next"] else None
+            numbers = (float(row[name] or "nan") for name in ("seconds", "lead"))
+            cell = Cell(float(row["St"]), float(row["target"]), row["known"] == "True", winner, second, *numbers)
+            maps.setdefault((row["scene"], row["error"]), []).append(cell)
+    return maps
 
 
-def _factor(value: float) -> str:
-    return f"{value:.1f}" if value < 9.95 else f"{value:.0f}"
+def _lines(study: Study, table: pd.DataFrame, records: Sequence[Record], maps: Maps, command: str) -> list[str]:
+    text = [*header(study.title, command, records), steadiness(table), "", _how(study), ""]
+    for name in dict.fromkeys(name for name, _ in maps):
+        scenes = [scene for own, scene in study.scenes if own == name]
+        axes = ", ".join(f"{length:g}" for length in scenes[0].ellipsoid.semi_axes)
+        text += [f"## The {name} ({axes})", "", f"![Winners over St and error]({name}.png)", ""]
+        for error, (what, _) in ERRORS.items():
+            text += [f"- {sentence}" for sentence in (*sentences(maps[name, error], what), _forms(maps[name, error]))]
+        rows = [[short(scene.stokes), short(scene.time), short(scene.slow_time)] for scene in scenes]
+        text += ["", _methods(where(table, table["scene_name"] == name), name, maps)]
+        text += ["Duration t in units of the inverse shear rate, and in slow time t₂ = t/St:", ""]
+        text += [markdown(["St", "t", "t₂"], rows, right=(0, 1, 2)), *horizon(scenes)]
+    return text
 
 
-def _brief(value: float) -> str:
-    """A number in few characters: 20, 5000, 5e4."""
-    return short(value) if value < 1e4 else "∞" if value == inf else f"{value:.3g}".replace("e+0", "e")
+def horizon(scenes: Sequence[Scene]) -> list[str]:
+    """A remark on the St at which runs span less slow time than at most of the others; none where there are none."""
+    if not scenes:
+        return []
+    usual = Counter(scene.slow_time for scene in scenes).most_common(1)[0][0]
+    less = sorted((scene for scene in scenes if scene.slow_time < usual), key=lambda scene: scene.stokes)
+    if not less:
+        return []
+    spans = ", ".join(f"{short(scene.slow_time)} at St = {short(scene.stokes)}" for scene in less)
+    longest = short(max(scene.time for scene in less))
+    return [
+        f"Beware at the right edge: there runs end after {longest} shear times, and with them the slow time, t₂ = "
+        f"{spans} instead of {short(usual)}. In less slow time an averaged form departs less from the full equations: "
+        f"these columns tell who wins within {longest} shear times, and are no continuation of those at t₂ = "
+        f"{short(usual)}.",
+        "",
+    ]
 
 
-def _power(value: float) -> str:
-    exponent = log10(value) if 0 < value < inf else nan
-    return f"$10^{{{round(exponent)}}}$" if abs(exponent - np.round(exponent)) < 1e-9 else f"{value:g}"
+def steadiness(table: pd.DataFrame) -> str:
+    """How steady the machine was: the sentinel, and the scatter of runs that do the same work."""
+    drift = table["sentinel_seconds"].dropna().to_numpy(float)
+    text = f"The sentinel, a fixed piece of arithmetic, took {duration(drift.min())} to {duration(drift.max())}."
+    found = scatter(table)
+    if found is None:
+        return text
+    plain, paced = (f"{100 * value:.1f} %" for value in found)
+    return (
+        f"{text} Times are as measured, the least of up to five runs, not divided by the sentinel's: an averaged form "
+        f"does the same work at every St of the same slow time, where its times scatter by {plain} (standard "
+        f"deviation), and would by {paced} after that division."
+    )
 
 
-def _luminance(color: str) -> float:
-    red, green, blue = (int(color[i : i + 2], 16) / 255 for i in (1, 3, 5))
-    return 0.2126 * red + 0.7152 * green + 0.0722 * blue
+def _how(study: Study) -> str:
+    return (
+        f"Each cell shows the cheapest of {len(study.solvers)} solvers ({', '.join(study.solvers)}) in the forms "
+        f"{', '.join(study.forms)}, the time of a warm run with {study.samples} samples, interpolated between "
+        f"tolerances ({', '.join(short(value) for value in study.tolerances)}), and by what factor it leads over the "
+        f"next method of another colour; a corner shows who ties with it, within {100 * (TIE - 1):.0f} %. “Alone” "
+        "stands where no method of another colour has a run that gets to this error. White cells: no run measured "
+        f"gets there, at none of these tolerances within {study.max_seconds:g} s. Grey cells: below what the reference "
+        "can tell. Errors are maxima along the run against certified references. Every run: [runs.csv](runs.csv); "
+        "every cell: [cells.csv](cells.csv)."
+    )
+
+
+def _methods(table: pd.DataFrame, name: str, maps: Maps) -> str:
+    """Every method that was run, those that never win too."""
+    full, slow = (
+        {row.method: row for row in standings(table, error, maps[name, error])}
+        for error in ("orientation_error", "slow_error")
+    )
+    rows = [
+        [
+            *(row.method.form, row.method.solver),
+            *(f"{full[method].won} / {row.won}", f"{full[method].tied} / {row.tied}"),
+            f"{full[method].front} / {row.front} of {row.measured}",
+            ", ".join(f"{status.replace('_', ' ')} {number}" for status, number in row.failures.items()),
+        ]
+        for method, row in slow.items()
+    ]
+    columns = [
+        "form",
+        "solver",
+        "cells won",
+        "ties with the winner",
+        "on the Pareto front, St",
+        "runs without a result",
+    ]
+    text = "Every method, full solution / slow variables; at the other St somebody is both faster and more accurate:"
+    return f"{text}\n\n{markdown(columns, rows, right=(2, 3, 4))}"
+
+
+def _forms(found: Sequence[Cell]) -> str:
+    forms = [cell.winner.form for cell in found if cell.winner and cell.winner.side != "averaged"]
+    counts = ", ".join(f"{form} {forms.count(form)}" for form in dict.fromkeys(forms))
+    return f"Cells by form, where a full one wins: {counts}."

@@ -7,32 +7,24 @@ from math import inf, log10
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pandas as pd
 
 from polhode.harness.analysis.frames import where
 from polhode.harness.analysis.pareto import pareto_front
+from polhode.harness.common.text import short
+from polhode.harness.pages.style import GREY, is_averaged, looks, rank
 from polhode.harness.references.uncertainty import KNOWN, known
-from polhode.models.catalogue import form as find_form
-from polhode.solvers.catalogue import SOLVERS
-from polhode.solvers.catalogue import solver as find_solver
-from polhode.solvers.contract import OWN
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Okabe and Ito's palette and a brown, safe for colour-blind readers: a colour tells the library, and whether the method
-# is implicit; a marker tells the method.
-EXPLICIT = {"heyoka": "#000000", "CyRK": "#0072B2", "SciPy": "#D55E00", "SUNDIALS": "#009E73", "closed form": "#999999"}
-EXPLICIT[OWN] = "#6B3F1D"
-IMPLICIT = {**EXPLICIT, "CyRK": "#56B4E9", "SciPy": "#E69F00", OWN: "#A9744F"}
-AVERAGED = {"averaged": "#CC79A7", "averaged-second-order": "#8E4585"}
-# The band under the Pareto front, and points that lie below what the reference can tell.
-FRONT, GREY = "#F7EFA6", "#C4C4C4"
+# The band under the Pareto front.
+FRONT = "#F7EFA6"
 UNKNOWN = f"grey: within {KNOWN:g} times the\nreference's uncertainty"
 # Runs beyond this error have failed, whatever their status; they stay in the table.
 LARGEST_ERROR = 10.0
-MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<")
 # One per full form, where a scene is solved in several.
 DASHES = ("-", "--", ":", "-.")
 STOPPED = {
@@ -62,17 +54,17 @@ def work_precision(axes: "Axes", runs: pd.DataFrame, error: str = "slow_error") 
     """
     done = where(runs, runs["seconds"].notna() & runs[error].notna())
     forms = [str(form) for form in dict.fromkeys(done["form"])]
-    full = [form for form in forms if not find_form(form).averaged]
+    full = [form for form in forms if not is_averaged(form)]
     _front(axes, where(done, done["form"].isin(full) & known(done, error)), error)
-    for solver, style in _styles(runs["solver"]).items():
+    for solver, look in looks(runs["solver"]).items():
         for form, dash in zip(full, cycle(DASHES)):
             own = where(done, (done["solver"] == solver) & (done["form"] == form))
             if own.empty:
                 continue
             label = solver if len(full) == 1 else f"{solver}, {form}"
-            x, y = own[error].to_numpy(float), own["seconds"].to_numpy(float)
-            axes.plot(x, y, markersize=4.5, linewidth=1.1, linestyle=dash, label=label, **style)
-            _grey_out(axes, own, error, style["marker"], 4.5)
+            style = {"marker": look.marker, "color": look.colour, "markersize": 4.5, "linewidth": 1.1}
+            axes.plot(*_points(own, error), linestyle=dash, label=label, **style)
+            _grey_out(axes, own, error, look.marker, 4.5)
     for form in forms:
         if form not in full:
             _averaged(axes, where(done, done["form"] == form), form, error)
@@ -82,44 +74,35 @@ def work_precision(axes: "Axes", runs: pd.DataFrame, error: str = "slow_error") 
     return axes
 
 
-def _styles(solvers: Iterable[str]) -> dict[str, dict[str, Any]]:
-    """Colour and marker of each solver, in the order of the records; the same in every figure."""
-    counts: dict[str, int] = {}
-    styles = {}
-    for solver in dict.fromkeys([*SOLVERS, *solvers]):
-        library = find_solver(solver).family
-        marker = MARKERS[counts.get(library, 0) % len(MARKERS)]
-        counts[library] = counts.get(library, 0) + 1
-        styles[solver] = {"marker": marker, "color": (IMPLICIT if find_solver(solver).implicit else EXPLICIT)[library]}
-    return {solver: styles[solver] for solver in dict.fromkeys(solvers)}
+def _points(runs: pd.DataFrame, error: str) -> tuple[np.ndarray, np.ndarray]:
+    return runs[error].to_numpy(float), runs["seconds"].to_numpy(float)
 
 
 def _front(axes: "Axes", runs: pd.DataFrame, error: str) -> None:
     front = pareto_front(where(runs, runs["status"] == "reached_end"), error)
-    x, y = front[error].to_numpy(float), front["seconds"].to_numpy(float)
-    if len(x):
+    if len(front):
         band = {"color": FRONT, "solid_capstyle": "round", "solid_joinstyle": "round", "zorder": 0.5}
-        axes.plot(x, y, linewidth=7, label="Pareto front", **band)
+        axes.plot(*_points(front, error), linewidth=7, label="Pareto front", **band)
 
 
-def _grey_out(axes: "Axes", runs: pd.DataFrame, error: str, marker: str, size: float) -> None:
+def _grey_out(axes: "Axes", runs: pd.DataFrame, error: str, marker: Any, size: float) -> None:
     """Cover the points that lie below what the reference can tell in grey."""
     unknown = where(runs, ~known(runs, error))
     if len(unknown):
-        x, y = unknown[error].to_numpy(float), unknown["seconds"].to_numpy(float)
-        axes.plot(x, y, marker=marker, markersize=size, linewidth=0, color=GREY, zorder=2.5, label=UNKNOWN)
+        style = {"marker": marker, "markersize": size, "linewidth": 0, "color": GREY, "zorder": 2.5}
+        label = "_again" if UNKNOWN in axes.get_legend_handles_labels()[1] else UNKNOWN
+        axes.plot(*_points(unknown, error), label=label, **style)
 
 
 def _averaged(axes: "Axes", runs: pd.DataFrame, form: str, error: str) -> None:
-    color = AVERAGED.get(form, AVERAGED["averaged"])
-    front = pareto_front(runs, error)
-    x, y = front[error].to_numpy(float), front["seconds"].to_numpy(float)
-    axes.plot(x, y, marker="*", markersize=9, linewidth=0, color=color, label=f"{form} form,\ncheapest runs")
-    _grey_out(axes, front, error, "*", 9)
-    model = runs[error.replace("_error", "").join(["model_", "_error"])].dropna()
+    look, front = looks([form])[form], pareto_front(runs, error)
+    style = {"marker": look.marker, "markersize": 9, "linewidth": 0, "color": look.colour}
+    axes.plot(*_points(front, error), label=f"{form} form,\ncheapest runs", **style)
+    _grey_out(axes, front, error, look.marker, 9)
+    model = runs[f"model_{error}"].dropna()
     if not model.empty:
         label = f"{form} form,\nmodel error"
-        axes.axvline(float(model.iloc[0]), color=color, linewidth=1.0, linestyle=":", label=label)
+        axes.axvline(float(model.iloc[0]), color=look.colour, linewidth=1.0, linestyle=":", label=label)
 
 
 def failures(runs: pd.DataFrame) -> list[str]:
@@ -134,7 +117,7 @@ def failures(runs: pd.DataFrame) -> list[str]:
         names = []
         for solver in dict.fromkeys(own["solver"]):
             tolerances = own.loc[own["solver"] == solver, "tolerance"].astype(float)
-            loosest, tightest = f"{tolerances.max():.0e}", f"{tolerances.min():.0e}"
+            loosest, tightest = short(tolerances.max()), short(tolerances.min())
             alone = status in STOPPED or loosest == tightest
             names.append(f"{solver} {loosest}" if alone else f"{solver} {loosest} to {tightest}")
         heading = STOPPED.get(status, f"{str(status).replace('_', ' ')}, at tolerance")
@@ -154,7 +137,7 @@ def mark_failures(axes: "Axes", runs: pd.DataFrame) -> None:
 
 
 def power_of_ten(value: float) -> str:
-    """A number for a figure: powers of ten beyond 1000 and below 0.01 as such."""
+    """A number for a figure: powers of ten from 1000 on and below 0.01 as such."""
     exponent = log10(value) if 0 < value < inf else 0.0
     if abs(exponent) < 2.5 or abs(exponent - round(exponent)) > 1e-9:
         return f"{value:g}"
@@ -183,7 +166,7 @@ def work_precision_panels(records: pd.DataFrame, error: str, label: str) -> "Fig
         lowest.tick_params(labelbottom=True)
     for axes in grid[:, 0]:
         axes.set_ylabel("wall time of a warm run, s")
-    share = _legend(figure, grid.flat, list(dict.fromkeys(records["solver"])), PANEL[0] * columns)
+    share = _legend(figure, grid.flat, PANEL[0] * columns)
     figure.tight_layout(rect=(0, 0, share, 1))
     return figure
 
@@ -204,18 +187,14 @@ def _limits(axes: "Axes", panels: Sequence[pd.DataFrame], error: str) -> None:
     axes.set_ylim(low, max(tops))
 
 
-def _legend(figure: "Figure", panels: Iterable["Axes"], solvers: list[str], panels_width: float) -> float:
-    """One legend of all panels: solvers in the order of the records, then the rest, the unknown last.
+def _legend(figure: "Figure", panels: Iterable["Axes"], panels_width: float) -> float:
+    """One legend of all panels: solvers, then the rest, the unknown last.
 
     The figure grows as wide as the names need beside its panels, `panels_width` inches; returns the panels' share.
     """
     entries = {name: handle for axes in panels for handle, name in zip(*axes.get_legend_handles_labels(), strict=True)}
-
-    def place(name: str) -> tuple[int, int]:
-        solver = name.partition(",")[0]
-        return (2, 0) if name == UNKNOWN else (0, solvers.index(solver)) if solver in solvers else (1, 0)
-
-    names = sorted(entries, key=place)
+    rest = [name for name in entries if "\n" in name or name == "Pareto front"]
+    names = sorted(entries, key=lambda name: (name == UNKNOWN, name in rest, rank(name.partition(",")[0])))
     texts = [name.replace(", ", ",\n") if len(name) > NAME else name for name in names]
     style = {"loc": "center right", "bbox_to_anchor": (1, 0.5), "frameon": False, "fontsize": 8, "handlelength": 3}
     legend = figure.legend([entries[name] for name in names], texts, **style)

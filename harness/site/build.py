@@ -1,84 +1,119 @@
-"""Build the site: read what there is, make the pages, write them."""
+"""Build the site: render the pages that the reports hold, add the interactive ones, write them."""
 
+import re
+import shutil
 from collections.abc import Callable
 from datetime import UTC, datetime
 from html import escape
 from pathlib import Path
 
-from polhode.harness.common.files import PartialFile
+from PIL import Image
+
+from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import machine, versions
-from polhode.harness.site.about_page import about_page
-from polhode.harness.site.accuracy_page import accuracy_page
+from polhode.harness.paper.drawing import with_palette
 from polhode.harness.site.cost import cost_page
-from polhode.harness.site.hard_page import hard_page
-from polhode.harness.site.laws_page import laws_page
-from polhode.harness.site.markup import Page, document
+from polhode.harness.site.markdown import FIGURES, page_name, render, section
+from polhode.harness.site.markup import Page, document, missing, prose
 from polhode.harness.site.motion import motion_page
-from polhode.harness.site.paper_page import copy_figures, paper_page
-from polhode.harness.site.sources import measured, read_sources
-from polhode.harness.site.verdict_page import verdict_page
+from polhode.harness.site.verdict import LEAD, TITLE, maps
 from polhode.models.scene import Scene
 
-# Pages in the order of the menu, by name: what the menu calls them.
-MENU = {
-    "index": "Verdict",
-    "cost": "Cost",
-    "accuracy": "Averaging",
-    "laws": "Laws",
-    "hard": "Hard cases",
-    "paper": "Paper",
-    "motion": "Motion",
-    "about": "About",
+# Folders of the reports in the order of the menu: what the menu calls them, and the command that fills them.
+REPORTS = {
+    "bench": ("Bench", "polhode bench"),
+    "regimes": ("", "polhode regimes"),
+    "solvers": ("Solvers", "polhode equal-error"),
+    "accuracy": ("Averaging", "polhode accuracy"),
+    "second-order": ("Second order", "polhode accuracy --order 2"),
+    "hard-cases": ("Hard cases", "polhode bench harness/studies/hard_cases.toml"),
+    "pick": ("Pick", "polhode validate"),
+    "paper": ("Paper", "polhode paper"),
+    "sweep": ("Ensembles", "polhode throughput"),
 }
+# The map of this report is shown on the opening page; what these pictures show is on the page of costs.
+MAP = "regimes"
+ON_COSTS = re.compile(r"(slow|orientation)(-[\w-]+)?\.png")
 
 
-def build(reports: Path, out: Path, scenes: dict[str, Scene], tell: Callable[[str], None] = lambda _: None) -> Path:
+def build(reports: Path, out: Path, scenes: dict[str, Scene], say: Callable[[str], None] = lambda _: None) -> Path:
     """Write the site and return its opening page.
 
     Parameters
     ----------
     reports : Path
-        Folder of what the harness produced; whatever is missing there is named on the pages.
+        Folder of what the harness produced; the opening page names whatever is missing there.
     out : Path
         Folder of the site.
     scenes : dict
         Scenes of one's own to show moving, by name.
-    tell : callable
-        Receives a line about what is being made.
+    say : callable
+        Receives a line about each page.
 
     Raises
     ------
     OSError
         If the folder cannot be written.
     """
-    out.mkdir(parents=True, exist_ok=True)
-    tell("reading")
-    sources = read_sources(reports)
-    makers: dict[str, Callable[[], Page]] = {
-        "index": lambda: verdict_page(sources),
-        "cost": lambda: cost_page(sources),
-        "accuracy": lambda: accuracy_page(sources),
-        "laws": lambda: laws_page(sources, tell),
-        "hard": lambda: hard_page(sources),
-        "paper": lambda: paper_page(sources),
-        "motion": lambda: motion_page(scenes, tell),
-        "about": lambda: about_page(sources),
+    files = {page_name(path): path for path in sorted(reports.glob("*/*.md"))}
+    known = {path.resolve(): f"{'index' if name == MAP else name}.html" for name, path in files.items()}
+    rendered = {
+        name: render(path.read_text(encoding="utf-8"), path, known, _as_costs)
+        for name, path in files.items()
+        if name != MAP
     }
-    foot = _foot(measured(sources.studies.values()))
-    for name, make in makers.items():
-        tell(MENU[name])
-        with PartialFile(out / f"{name}.html") as file:
-            file.write(document(make(), list(MENU.items()), foot))
-    copy_figures(sources, out)
+    folders = [name for name in [*REPORTS, *files] if name in rendered and files[name].stem == "README"]
+    menu = {name: REPORTS.get(name, (name.capitalize(), ""))[0] for name in dict.fromkeys(folders)}
+    menu = {"index": "Verdict", "cost": "Cost", **menu, "motion": "Motion"}
+    (out / FIGURES).mkdir(parents=True, exist_ok=True)
+    foot = _foot()
+
+    def write(name: str, page: Page) -> None:
+        say(page.title)
+        write_file(out / f"{name}.html", document(name, page, menu, foot))
+
+    write("index", Page(TITLE, LEAD, _verdict(reports, files, known)))
+    write("cost", cost_page(reports))
+    write("motion", motion_page(scenes, say))
+    for name, found in rendered.items():
+        write(name, Page(found.title or name, "", found.body))
+        for picture, path in found.pictures.items():
+            _copy(path, out / FIGURES / picture)
     return out / "index.html"
 
 
-def _foot(when: str) -> str:
+def _verdict(reports: Path, files: dict[str, Path], known: dict[Path, str]) -> str:
+    """Body of the opening page."""
+    body = []
+    if MAP in files:
+        drawn = maps(reports / MAP / "cells.csv")
+        found = render(files[MAP].read_text(encoding="utf-8"), files[MAP], known, drawn)
+        body.append(f"<h2>{prose(found.title)}</h2>{found.body}")
+    if "bench" in files:
+        text = section(files["bench"].read_text(encoding="utf-8"), "Verdict")
+        body.append(f"<h2>When averaging pays</h2>{render(text, files['bench'], known).body}")
+    body += [missing(f"reports/{name} is", command) for name, (_, command) in REPORTS.items() if name not in files]
+    return "".join(body)
+
+
+def _as_costs(picture: str) -> str:
+    return '<p><a href="cost.html">As a diagram, run by run</a></p>' if ON_COSTS.fullmatch(picture) else ""
+
+
+def _copy(source: Path, target: Path) -> None:
+    """Copy a picture, in 256 colours if it has more: the site stays small."""
+    with Image.open(source) as image:
+        if image.mode == "P":
+            shutil.copyfile(source, target)
+        else:
+            with_palette(image.convert("RGB")).save(target, optimize=True)
+
+
+def _foot() -> str:
     here, packages = machine(), versions()
     libraries = ", ".join(f"{name} {number}" for name, number in packages.items())
     today = datetime.now(UTC).strftime("%Y-%m-%d")
-    data = f"Data measured {when}. " if when else ""
     return escape(
-        f"{data}Built on {today} by polhode report, {here['processor']}, {here['system']}, Python {here['python']}; "
+        f"Built on {today} by polhode report, {here['processor']}, {here['system']}, Python {here['python']}; "
         f"{libraries}."
     )

@@ -19,25 +19,9 @@ const polhode = (() => {
     return made;
   }
 
-  const polygon = (...corners) => (r) =>
-    "M" + corners.map(([x, y]) => (x * r).toFixed(2) + " " + (y * r).toFixed(2)).join("L") + "Z";
-  const star = Array.from({ length: 10 }, (_, i) => {
-    const r = i % 2 ? 0.6 : 1.5, a = (Math.PI * i) / 5 - Math.PI / 2;
-    return [r * Math.cos(a), r * Math.sin(a)];
-  });
-  const MARKS = {
-    o: (r) => `M${-r} 0a${r} ${r} 0 1 0 ${2 * r} 0a${r} ${r} 0 1 0 ${-2 * r} 0Z`,
-    s: polygon([-0.9, -0.9], [0.9, -0.9], [0.9, 0.9], [-0.9, 0.9]),
-    "^": polygon([0, -1.2], [1.1, 0.9], [-1.1, 0.9]),
-    v: polygon([0, 1.2], [1.1, -0.9], [-1.1, -0.9]),
-    D: polygon([0, -1.3], [1.3, 0], [0, 1.3], [-1.3, 0]),
-    "<": polygon([-1.2, 0], [0.9, -1.1], [0.9, 1.1]),
-    P: polygon([-0.4, -1.2], [0.4, -1.2], [0.4, -0.4], [1.2, -0.4], [1.2, 0.4], [0.4, 0.4], [0.4, 1.2], [-0.4, 1.2],
-      [-0.4, 0.4], [-1.2, 0.4], [-1.2, -0.4], [-0.4, -0.4]),
-    X: polygon([-1.2, -0.7], [-0.7, -1.2], [0, -0.5], [0.7, -1.2], [1.2, -0.7], [0.5, 0], [1.2, 0.7], [0.7, 1.2],
-      [0, 0.5], [-0.7, 1.2], [-1.2, 0.7], [-0.5, 0]),
-    "*": polygon(...star),
-  };
+  // A marker, an SVG path of unit size, at a point.
+  const mark = (path, x, y, attributes, parent) => node("path", { d: path, "vector-effect": "non-scaling-stroke",
+    transform: `translate(${x.toFixed(1)} ${y.toFixed(1)}) scale(${MARK})`, ...attributes }, parent);
 
   function axis(spec, values, low, high) {
     const log = Boolean(spec.log);
@@ -97,9 +81,6 @@ const polhode = (() => {
   function chart(figure, spec) {
     const holder = html("div", { className: "plot" });
     figure.insertBefore(holder, figure.querySelector("figcaption"));
-    const legend = spec.legend ? html("div", { className: "legend" }) : null;
-    if (legend) holder.after(legend);
-    const hidden = new Set();
     let view = null, current = null;
     const tip = html("div", { className: "tip", hidden: true });
     tip.setAttribute("role", "status");
@@ -108,8 +89,7 @@ const polhode = (() => {
       const width = Math.max(280, Math.floor(holder.clientWidth || 600));
       const height = spec.square ? Math.min(width, 460) : Math.round(Math.min(520, Math.max(300, 0.6 * width)));
       const strip = spec.strip && spec.strip.points.length ? STRIP : 0;
-      const series = spec.series.filter((s) => !hidden.has(s.name));
-      const points = series.flatMap((s) => s.points);
+      const points = spec.series.flatMap((s) => s.points);
       const strips = strip ? spec.strip.points.map((p) => p[0]) : [];
       const x = axis(spec.x, points.map((p) => p[0]).concat(strips), MARGIN.left, width - MARGIN.right);
       const y = axis(spec.y, points.map((p) => p[1]), height - MARGIN.bottom, MARGIN.top + strip);
@@ -117,8 +97,8 @@ const polhode = (() => {
         ". Arrow keys go from point to point." });
       frame(svg, x, y, width, height, strip);
       const flat = [];
-      series.forEach((s, row) => drawSeries(svg, s, row, x, y, flat));
-      if (strip) drawStrip(svg, x, flat, series.length);
+      spec.series.forEach((s, row) => drawSeries(svg, s, row, x, y, flat));
+      if (strip) drawStrip(svg, x, flat, spec.series.length);
       view = { svg, x, y, flat, ring: node("circle", { r: 9, class: "ring", visibility: "hidden" }, svg),
         dot: node("circle", { r: 6, class: "dot", visibility: "hidden" }, svg) };
       listen(svg, width);
@@ -163,24 +143,22 @@ const polhode = (() => {
       const good = s.points.filter((p) => p[0] !== null && p[1] !== null);
       if (s.line) path(svg, good.filter((p) => (!spec.x.log || p[0] > 0) && (!spec.y.log || p[1] > 0)), x, y,
         { stroke: s.color, "stroke-dasharray": s.dash || "", "stroke-width": s.width || 1.4, class: "line" });
-      if (s.mark === "") return;
+      if (!s.mark) return;
       for (const [a, b, text] of good) {
         const px = x.clamp(a), py = y.clamp(b), out = !(x.inside(a) && y.inside(b));
-        const shape = node("path", { d: MARKS[s.mark || "o"](MARK), transform: `translate(${px.toFixed(1)} ${py.toFixed(1)})`,
-          fill: out ? "#fff" : s.color, stroke: s.color, class: "mark-" + (out ? "out" : "in") }, svg);
-        flat.push({ px, py, text, row, shape });
+        mark(s.mark, px, py, { fill: out ? "#fff" : s.color, stroke: s.color }, svg);
+        flat.push({ px, py, text, row });
       }
     }
 
     function drawStrip(svg, x, flat, row) {
       const py = MARGIN.top + STRIP / 2 - 4, taken = new Map();
       node("text", { x: MARGIN.left, y: py + 4, class: "tick" }, svg, spec.strip.label);
-      spec.strip.points.forEach(([a, color, mark, text]) => {
+      spec.strip.points.forEach(([a, color, shape, text]) => {
         const place = x.clamp(a), others = taken.get(place) || 0;
         taken.set(place, others + 1);
         const px = Math.max(MARGIN.left + 70, place - 10 * others);
-        node("path", { d: MARKS[mark](MARK), transform: `translate(${px.toFixed(1)} ${py})`, fill: "#fff", stroke: color,
-          "stroke-width": 1.3 }, svg);
+        mark(shape, px, py, { fill: "#fff", stroke: color, "stroke-width": 1.3 }, svg);
         flat.push({ px, py, text, row });
       });
     }
@@ -233,25 +211,7 @@ const polhode = (() => {
       return own[Math.max(0, Math.min(own.length - 1, own.indexOf(current) + step))];
     }
 
-    function drawLegend() {
-      if (!legend) return;
-      // Series of one name share a button.
-      const first = spec.series.filter((s, i, all) => all.findIndex((other) => other.name === s.name) === i);
-      legend.replaceChildren(...first.map((s) => {
-        const button = html("button", { type: "button" });
-        button.setAttribute("aria-pressed", String(!hidden.has(s.name)));
-        button.append(swatch(s), s.name);
-        button.addEventListener("click", () => {
-          if (!hidden.delete(s.name)) hidden.add(s.name);
-          button.setAttribute("aria-pressed", String(!hidden.has(s.name)));
-          draw();
-        });
-        return button;
-      }));
-    }
-
     draw();
-    drawLegend();
     let last = holder.clientWidth;
     new ResizeObserver(() => {
       if (holder.clientWidth === last) return;
@@ -274,7 +234,7 @@ const polhode = (() => {
   function swatch(s) {
     const svg = node("svg", { viewBox: "-12 -7 24 14", width: 24, height: 14, "aria-hidden": "true" });
     if (s.line) node("line", { x1: -12, x2: 12, y1: 0, y2: 0, stroke: s.color, "stroke-dasharray": s.dash || "" }, svg);
-    if (s.mark !== "") node("path", { d: MARKS[s.mark || "o"](MARK), fill: s.color, stroke: s.color }, svg);
+    if (s.mark) mark(s.mark, 0, 0, { fill: s.color, stroke: s.color }, svg);
     return svg;
   }
 
@@ -282,6 +242,5 @@ const polhode = (() => {
     return JSON.parse(document.getElementById(id).textContent);
   }
 
-  for (const figure of document.querySelectorAll("figure[data-chart]")) chart(figure, read(figure.dataset.chart));
   return { chart, html, swatch, read };
 })();

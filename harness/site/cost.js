@@ -3,6 +3,8 @@
 (() => {
   const { chart, html, swatch, read } = polhode;
   const data = read("cost-data");
+  // Form, solver, status and message of a row are places in the list of words.
+  for (const row of data.rows) for (const i of [1, 2, 3, 4]) row[i] = data.words[row[i]];
   const column = Object.fromEntries(data.columns.map((name, i) => [name, i]));
   const form = document.getElementById("filters");
   const DASHES = ["", "6 3", "2 3", "8 3 2 3", "1 2"];
@@ -51,7 +53,7 @@
   const cost = select("cost", [["seconds", "wall time"], ["work.rhs_calls", "right-hand-side calls"], ["work.steps", "steps"]]);
   const formNames = Object.keys(data.forms).sort((a, b) => (b === "quaternion") - (a === "quaternion"));
   const forms = boxes("Forms", formNames.map((name) => [name, swatch({ color: data.forms[name].color,
-    line: !data.forms[name].averaged, dash: dash(name), mark: data.forms[name].averaged ? "*" : "" })]));
+    line: !data.forms[name].averaged, dash: dash(name), mark: data.forms[name].averaged && data.forms[name].mark })]));
   const tags = boxes("Kinds", ["explicit", "implicit", "compiled", "Python in the loop"].map((tag) => [tag]));
   const solvers = boxes("Solvers", Object.entries(data.solvers).map(([name, s]) => [name, swatch({ ...s, line: true })]));
   let before = null, drawn = null;
@@ -98,12 +100,12 @@
       const averaged = data.forms[row[1]].averaged, look = data.solvers[row[2]];
       if (row[x] === null || row[y] === null) continue;
       const key = row[1] + "," + row[2];
-      if (!series.has(key)) series.set(key, { name: key, color: averaged ? data.forms[row[1]].color : look.color, mark: averaged ? "*" : look.mark,
+      if (!series.has(key)) series.set(key, { name: key, color: averaged ? data.forms[row[1]].color : look.color, mark: averaged ? data.forms[row[1]].mark : look.mark,
         line: !averaged, dash: dash(row[1]), points: [] });
       series.get(key).points.push([row[x], row[y], tip(row)]);
       if (averaged && want.value === "slow_error") rules.set(row[1], { x: row[column.model_slow_error], color: data.forms[row[1]].color });
     }
-    const failed = rows.filter((row) => row[4] !== "reached_end" && !row[column.inferred]);
+    const failed = rows.filter((row) => row[3] !== "reached_end" && !row[column.inferred]);
     const group = data.groups[Number(stokes.value)];
     return {
       label: `Cost against accuracy, ${scene.value}, St = ${group[2] ?? "infinity"}`,
@@ -112,7 +114,7 @@
       y: { label: { seconds: "wall time of a warm run, s", "work.rhs_calls": "calls of the right-hand side" }[cost.value] || "steps", log: true },
       series: [...series.values()],
       rules: [...rules.values()],
-      strip: { label: "no result", points: failed.map((row) => [row[3], data.solvers[row[2]].color, "X", tip(row)]) },
+      strip: { label: "no result", points: failed.map((row) => [row[5], data.solvers[row[2]].color, data.solvers[row[2]].mark, tip(row)]) },
     };
   }
 
@@ -123,13 +125,13 @@
 
   function tip(row) {
     const of = (name) => row[column[name]];
-    const lines = [`${row[1]}, ${row[2]} at tolerance ${number(row[3])}`];
-    if (row[4] !== "reached_end") lines.push(row[4].replaceAll("_", " ") + (of("message") ? ": " + of("message").slice(0, 90) : ""));
+    const lines = [`${row[1]}, ${row[2]} at tolerance ${number(row[5])}`];
+    if (row[3] !== "reached_end") lines.push(row[3].replaceAll("_", " ") + (of("message") ? ": " + of("message").slice(0, 90) : ""));
     if (of("slow_error") !== null) lines.push(`error of L and E ${number(of("slow_error"))}` +
       (of("model_slow_error") ? ` (model ${number(of("model_slow_error"))})` : ""));
     if (of("orientation_error") !== null) lines.push(`orientation error ${number(of("orientation_error"))} rad`);
     if (of("seconds") !== null) lines.push(`time ${time(of("seconds"))}`);
-    lines.push(`right-hand-side calls ${of("work.rhs_calls") ?? "not told by the library"}, steps ${of("work.steps") ?? "not told"}`);
+    lines.push(`right-hand-side calls ${of("work.rhs_calls") ?? "not counted by the library"}, steps ${of("work.steps") ?? "not counted"}`);
     return lines.join("\n");
   }
 
@@ -137,8 +139,8 @@
     const place = document.getElementById("failures");
     const groups = new Map();
     for (const row of rows) {
-      if (row[4] === "reached_end") continue;
-      const key = [row[1], row[4]].join("\u0000");
+      if (row[3] === "reached_end") continue;
+      const key = [row[1], row[3]].join("\u0000");
       groups.set(key, [...(groups.get(key) || []), row]);
     }
     if (!groups.size) {
@@ -149,15 +151,15 @@
     for (const own of groups.values()) {
       const methods = new Map();
       for (const row of own) {
-        const at = number(row[3]) + (row[column.inferred] ? " (not tried)" : "");
+        const at = number(row[5]) + (row[column.inferred] ? " (not tried)" : "");
         methods.set(row[2], [...(methods.get(row[2]) || []), at]);
       }
       const who = [...methods].map(([name, at]) => `${name} at ${at.join(", ")}`).join("; ");
-      const meaning = data.meanings[own[0][4]] || own[0][column.message];
-      html("li", { textContent: `${own[0][1]}, ${own[0][4].replaceAll("_", " ")} (${meaning}): ${who}` }, list);
+      const meaning = data.meanings[own[0][3]] || own[0][column.message];
+      html("li", { textContent: `${own[0][1]}, ${own[0][3].replaceAll("_", " ")} (${meaning}): ${who}` }, list);
     }
     place.replaceChildren(list);
-    if (rows.some((row) => row[4] !== "reached_end" && row[column.inferred]))
+    if (rows.some((row) => row[3] !== "reached_end" && row[column.inferred]))
       html("p", { className: "note", textContent: "Not tried: at a looser tolerance the same form and solver gave no result already." }, place);
   }
 

@@ -1,86 +1,90 @@
 """Cost against error, run by run, with filters."""
 
+from html import escape
+from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-from polhode.harness.pages.regimes import COLORS
-from polhode.harness.pages.work_precision import EXPLICIT, IMPLICIT, LARGEST_ERROR, MARKERS
+from polhode.harness.analysis.frames import where
+from polhode.harness.pages.style import is_averaged, looks
+from polhode.harness.pages.work_precision import LARGEST_ERROR
 from polhode.harness.site.markup import Page, missing
-from polhode.harness.site.origins import commands, origins
-from polhode.harness.site.sources import Sources
-from polhode.models.catalogue import FORMS
-from polhode.models.catalogue import form as find_form
+from polhode.harness.site.sources import read_studies
 from polhode.solvers.catalogue import SOLVERS
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Status
 
-COLUMNS = ("slow_error", "orientation_error", "seconds", "work.rhs_calls", "work.steps", "prepare_seconds")
-COLUMNS += ("model_slow_error", "slow_error_so_far")
+TITLE = "Cost against accuracy"
+LEAD = "Every run measured: wall time, or calls of the right-hand side, against the error along the whole run."
+WORDS = ("form", "solver", "status", "message")
+COLUMNS = ("slow_error", "orientation_error", "seconds", "work.rhs_calls", "work.steps", "model_slow_error")
 CAPTION = (
     "Lower is cheaper, right is more accurate. A line joins the runs of one form and solver at different tolerances; "
     "stars are averaged forms, by any solver, and the dotted lines the error that those forms make by themselves. Runs "
-    "that gave no result stand side by side in the strip above, at the tolerance they were asked for, those left out "
-    "as hopeless not among them; hollow points lie beyond the axis. Point at a run, or take the arrow keys, to see it "
-    "in numbers."
+    "that gave no result stand hollow, side by side, in the strip above, at the tolerance they were asked for, those "
+    "left out as hopeless not among them; other hollow points lie beyond the axis. Point at a run, or take the arrow "
+    "keys, to see it in numbers. Machine, versions and command stand on the page of each study."
 )
 
 
-def cost_page(sources: Sources) -> Page:
+def cost_page(reports: Path) -> Page:
     """Every run of every study as a point."""
-    if not sources.studies:
-        body = missing("Measured runs are", "polhode bench")
-        return Page("cost", "Cost against accuracy", "Every run measured, as a point.", body)
+    studies, unreadable = read_studies(reports)
+    lost = "".join(f"<li>{escape(line)}</li>" for line in unreadable)
+    lost = f"<h2>Files that could not be read</h2><ul>{lost}</ul>" if lost else ""
+    if not studies:
+        return Page(TITLE, LEAD, missing("Measured runs are", "polhode bench") + lost)
     body = (
         '<form class="filters" id="filters" aria-label="Filters"></form>'
         f'<figure class="chart" id="cost-chart"><figcaption>{CAPTION}</figcaption></figure>'
-        '<h2>Runs without a result</h2><div id="failures"></div>'
+        f'<h2>Runs without a result</h2><div id="failures"></div>{lost}'
     )
     groups, rows = [], []
-    for study in sources.studies.values():
-        for scene, stokes, runs in study.groups():
-            rows += [[len(groups), *_row(run)] for run in runs.to_dict("records")]
-            groups.append([study.name, scene, stokes, _scene_tags(runs)])
-    names = {"forms": sorted({str(row[1]) for row in rows}), "solvers": sorted({str(row[2]) for row in rows})}
+    for study, table in studies.items():
+        for scene in dict.fromkeys(table["scene_name"]):
+            own = where(table, table["scene_name"] == scene)
+            for stokes, runs in own.groupby("stokes"):
+                # A line goes from the loosest tolerance to the tightest.
+                ordered = runs.sort_values(by=["tolerance"], ascending=False, kind="stable")
+                rows += [[len(groups), *_row(run)] for run in ordered.to_dict("records")]
+                groups.append([study, scene, float(str(stokes)), _scene_tags(runs)])
+    forms = looks(str(row[1]) for row in rows)
+    solvers = _solvers({str(row[2]) for row in rows})
+    # Words stand once: rows hold their places.
+    words = {
+        word: i for i, word in enumerate(dict.fromkeys(word for row in rows for word in row if isinstance(word, str)))
+    }
     data = {
+        "words": list(words),
         "groups": groups,
-        "columns": ["group", "form", "solver", "tolerance", "status", "message", "inferred", *COLUMNS],
-        "rows": rows,
-        "forms": {name: _form(name) for name in names["forms"]},
-        "solvers": _solvers(names["solvers"]),
+        "columns": ["group", *WORDS, "tolerance", "inferred", *COLUMNS],
+        "rows": [[words[value] if isinstance(value, str) else value for value in row] for row in rows],
+        "forms": {
+            name: {
+                "averaged": is_averaged(name),
+                "color": look.colour if is_averaged(name) else "#555",
+                "mark": look.outline,
+            }
+            for name, look in forms.items()
+        },
+        "solvers": solvers,
         "largest": LARGEST_ERROR,
         "meanings": {str(status): status.meaning for status in Status},
     }
-    return Page(
-        "cost",
-        "Cost against accuracy",
-        "Every run measured: wall time, or calls of the right-hand side, against the error along the whole run.",
-        body,
-        commands(sources.folder, sources.studies.values()),
-        origins(sources.folder, sources.studies.values()),
-        {"cost-data": data},
-        ("tables.js", "chart.js", "cost.js"),
-    )
+    return Page(TITLE, LEAD, body, {"cost-data": data}, ("tables.js", "chart.js", "cost.js"))
 
 
 def _row(run: dict[Any, Any]) -> list[Any]:
-    values = [run["form"], _method(run), float(run["tolerance"]), run["status"], _known(run.get("message")) or ""]
-    return [*values, int(bool(_known(run.get("inferred")))), *(_number(run.get(name)) for name in COLUMNS)]
-
-
-def _method(run: dict[Any, Any]) -> str:
-    """The solver, with the back end and the Jacobian where they were chosen."""
+    """A run as the page's script reads it, its solver with the back end and the Jacobian where they were chosen."""
     chosen = [str(run[name]) for name in ("backend", "jacobian") if _known(run.get(name))]
-    return f"{run['solver']} ({', '.join(chosen)})" if chosen else str(run["solver"])
+    method = f"{run['solver']} ({', '.join(chosen)})" if chosen else run["solver"]
+    values = [run["form"], method, run["status"], _known(run.get("message")) or "", float(run["tolerance"])]
+    return [*values, int(bool(_known(run.get("inferred")))), *(_known(run.get(name)) for name in COLUMNS)]
 
 
 def _known(value: Any) -> Any:
     return None if value is None or value is pd.NA or value != value else value
-
-
-def _number(value: Any) -> float | int | None:
-    known = _known(value)
-    return known if known is None or isinstance(known, int) else float(known)
 
 
 def _scene_tags(runs: pd.DataFrame) -> list[str]:
@@ -89,31 +93,18 @@ def _scene_tags(runs: pd.DataFrame) -> list[str]:
     return sorted({str(tag) for own in lists if isinstance(own, list) for tag in own})
 
 
-def _form(name: str) -> dict[str, Any]:
-    averaged = name in FORMS and find_form(name).averaged
-    return {"averaged": averaged, "color": COLORS.get(name, COLORS["averaged"]) if averaged else "#555"}
-
-
-def _solvers(names: list[str]) -> dict[str, Any]:
-    """Colour, marker and tags of the solvers, in the order of the catalogue."""
-    counts: dict[str, int] = {}
+def _solvers(names: set[str]) -> dict[str, Any]:
+    """Library, look and tags of the solvers, in the order of the catalogue."""
     found = {}
-    for name in sorted(names, key=_place):
-        solver = name.partition(" ")[0]
-        library = find_solver(solver).family
-        found[name] = {
-            "library": library,
-            "color": colour_of(solver),
-            "mark": MARKERS[counts.get(library, 0) % len(MARKERS)],
-            "tags": _tags(solver, name),
-        }
-        counts[library] = counts.get(library, 0) + 1
+    for solver, look in looks(name.partition(" ")[0] for name in names).items():
+        for name in sorted(name for name in names if name.partition(" ")[0] == solver):
+            found[name] = {
+                "library": find_solver(solver).family if solver in SOLVERS else "own",
+                "color": look.colour,
+                "mark": look.outline,
+                "tags": _tags(solver, name),
+            }
     return found
-
-
-def _place(name: str) -> tuple[int, str]:
-    solver, known = name.partition(" ")[0], list(SOLVERS)
-    return (known.index(solver) if solver in known else len(known)), name
 
 
 def _tags(solver: str, name: str) -> list[str]:
@@ -121,9 +112,3 @@ def _tags(solver: str, name: str) -> list[str]:
     implicit = method is not None and method.implicit
     compiled = "(numba" not in name and "(python" not in name and method is not None and "compiled" in method.backends
     return ["implicit" if implicit else "explicit", "compiled" if compiled else "Python in the loop"]
-
-
-def colour_of(solver: str) -> str:
-    """Colour of a solver's library, lighter for implicit methods."""
-    implicit = solver in SOLVERS and find_solver(solver).implicit
-    return (IMPLICIT if implicit else EXPLICIT)[find_solver(solver).family]

@@ -92,7 +92,7 @@
       pen.textAlign = Math.abs(px) < 0.3 ? "center" : px > 0 ? "right" : "left";
       pen.fillText(name, Math.max(-size / 2 + 2, Math.min(size / 2 - 2, px * R * 1.02)), -py * R);
     }
-    const now = Number(slider.value), n = motion.t.length;
+    const now = Number(slider.value), n = motion.samples;
     const range = (flat, from, to) => Array.from({ length: Math.max(0, to - from + 1) }, (_, i) => at(flat, from + i));
     line(range(motion.axis, 0, n - 1), ORANGE, 0.7, () => 0.16);
     const from = Math.max(0, now - TRAIL);
@@ -131,12 +131,12 @@
       });
     }
     if (!motion.paths.length) return [];
-    const path = motion.paths[Math.round(((motion.paths.length - 1) * now) / (motion.t.length - 1))];
+    const path = motion.paths[Math.round(((motion.paths.length - 1) * now) / (motion.samples - 1))];
     return Array.from({ length: path.length / 3 }, (_, i) => at(path, i));
   }
 
   function follow() {
-    const now = Number(slider.value), t = motion.t[now];
+    const now = Number(slider.value), t = (motion.time * now) / (motion.samples - 1);
     paint();
     drawn.place(motion.plane[2 * now], motion.plane[2 * now + 1]);
     readout.innerHTML = `t = ${t.toFixed(1)}` + (motion.stokes ? `, t₂ = ${(t / motion.stokes).toFixed(3)}` : "") +
@@ -146,8 +146,8 @@
 
   function take() {
     motion = motions[Number(select.value)];
-    slider.max = motion.t.length - 1;
-    slider.value = Math.round(motion.t.length / 6);
+    slider.max = motion.samples - 1;
+    slider.value = Math.round(motion.samples / 6);
     plane.querySelector("figcaption").textContent = "Solved in the form " + motion.how + ".";
     if (drawn) drawn.update(spec());
     else drawn = chart(plane, spec());
@@ -158,7 +158,7 @@
     const frame = (now) => {
       if (!playing) return;
       const share = start + (now - began) / 1000 / SECONDS;
-      slider.value = Math.round(Math.min(1, share) * (motion.t.length - 1));
+      slider.value = Math.round(Math.min(1, share) * (motion.samples - 1));
       follow();
       if (share < 1) playing = requestAnimationFrame(frame);
       else stop();
@@ -175,7 +175,7 @@
   play.addEventListener("click", () => {
     if (playing) return stop();
     play.textContent = "Pause";
-    const share = Number(slider.value) / (motion.t.length - 1);
+    const share = Number(slider.value) / (motion.samples - 1);
     run(performance.now(), share >= 1 ? 0 : share);
   });
   select.addEventListener("change", () => { stop(); take(); });

@@ -1,6 +1,6 @@
 """The motion itself: an axis on the unit sphere beside the L_z–E plane, linked in time."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from math import inf, pi
 from typing import Any
@@ -11,7 +11,7 @@ from polhode.harness.api import SceneSolution, solve
 from polhode.harness.picking.choice import simplest
 from polhode.harness.references.rotations import rotations
 from polhode.harness.site.markup import Page, missing, prose
-from polhode.models.catalogue import form
+from polhode.models.catalogue import averaged_form, form
 from polhode.models.form import FormNotValidError
 from polhode.models.scene import BodyStart, Scene
 from polhode.models.scenes import named_scene
@@ -25,14 +25,13 @@ NOTE = (
     "Black: L̂, and the path of its tip. Orange: the axis now and its path, darker where it has just been. Blue: the "
     "path that the axis would take from here on without torque, for a spheroid the Euler cone. In the plane: the full "
     "equations in blue, the averaged ones in pink; E never falls below the dotted parabola, L_z² over twice the "
-    "largest moment of inertia; dashed: over twice the smallest one."
+    "largest moment of inertia; dashed: over twice the smallest one. Times in inverse shear rates, L and E over the "
+    "largest moment of inertia. `polhode report --scene ice.toml` adds a scene of your own."
 )
-UNITS = "Times in inverse shear rates, L and E over the largest moment of inertia. Solved anew for this page."
 # Samples per rotation that make a smooth path, and the fewest and most samples of a page of moderate size.
 PER_ROTATION, FEWEST, MOST = 80, 400, 3000
 # The torque-free path, from so many moments, over so many turns, each of so many points.
 MOMENTS, TURNS, POINTS = 48, 4, 40
-AVERAGED = ("averaged", "averaged-spheroid")
 TOLERANCE = 1e-10
 STOKES, TIME = 200.0, 100.0
 
@@ -47,26 +46,28 @@ def examples() -> dict[str, Scene]:
     }
 
 
-def motion_page(own: dict[str, Scene], tell: Callable[[str], None]) -> Page:
+def motion_page(own: dict[str, Scene], say: Callable[[str], None]) -> Page:
     """The scenes of one's own first, then the examples."""
     motions = []
     for name, scene in {**own, **examples()}.items():
-        tell(f"motion: {name}")
+        say(f"motion: {name}")
         motions.append({"name": name, **motion(scene)})
-    shown = [each for each in motions if "t" in each]
+    shown = [each for each in motions if "samples" in each]
     lost = "".join(
         missing(f"The motion of {each['name']} ({each['why']}) is", "polhode solve")
         for each in motions
         if "why" in each
     )
     body = f'<div id="motion" class="motion"></div><p class=note>{prose(NOTE)}</p>{lost}'
-    commands = ("polhode report", "polhode report --scene ice.toml")
     scripts = ("tables.js", "chart.js", "motion.js")
-    return Page("motion", "See it move", LEAD, body, commands, (UNITS,), {"motion-data": shown}, scripts)
+    return Page("See it move", LEAD, body, {"motion-data": shown}, scripts)
 
 
 def motion(scene: Scene) -> dict[str, Any]:
-    """What the page draws of a scene; `why` instead if it has no orientation or cannot be solved."""
+    """What the page draws of a scene; `why` instead if it has no orientation or cannot be solved.
+
+    The axis is the symmetry axis of a spheroid, the longest one of others.
+    """
     if scene.ellipsoid.kind == "sphere":
         return {"why": "a sphere has no axis"}
     try:
@@ -76,12 +77,14 @@ def motion(scene: Scene) -> dict[str, Any]:
         return {"why": str(error)}
     if not solution.success:
         return {"why": str(solution.status)}
-    axis = shown_axis(scene)
+    symmetry = scene.ellipsoid.symmetry_axis
+    axis = int(np.argmax(scene.ellipsoid.semi_axes)) if symmetry is None else symmetry
     size = max(scene.ellipsoid.inertia)
     length = np.linalg.norm(solution.angular_momentum, axis=1, keepdims=True)
     direction = np.divide(solution.angular_momentum, length, out=np.zeros((samples, 3)), where=length > 0)
     return {
-        "t": solution.times.tolist(),
+        "time": scene.time,
+        "samples": samples,
         "axis": _rounded(solution.rotation[:, axis]),
         "L": _rounded(direction),
         "plane": _rounded(_plane(solution)),
@@ -95,17 +98,11 @@ def motion(scene: Scene) -> dict[str, Any]:
 
 
 def _follow(scene: Scene, samples: int) -> SceneSolution:
-    """The scene in its simplest form that tells an axis, far more accurate than a screen shows."""
+    """The scene in its simplest form that has an axis, far more accurate than a screen shows."""
     name = simplest(scene, "orientation")[0]
     problem = form(name).problem(scene)
     solver = "exact" if problem.closed_form else "ida" if problem.parameters is None else "taylor"
     return solve(scene, form=name, solver=solver, tolerance=TOLERANCE, samples=samples)
-
-
-def shown_axis(scene: Scene) -> int:
-    """The symmetry axis of a spheroid, the longest axis of others."""
-    symmetry = scene.ellipsoid.symmetry_axis
-    return int(np.argmax(scene.ellipsoid.semi_axes)) if symmetry is None else symmetry
 
 
 def _plane(solution: SceneSolution) -> np.ndarray:
@@ -115,13 +112,12 @@ def _plane(solution: SceneSolution) -> np.ndarray:
 
 def _averaged(scene: Scene) -> list[float]:
     """The slow path by the averaged equations; empty where there are none."""
-    for name in AVERAGED if 0 < scene.stokes < inf else ():
-        try:
-            solution = solve(scene, form=name, solver="taylor", tolerance=TOLERANCE)
-        except (FormNotValidError, SolverNotValidError):
-            continue
-        return _rounded(_plane(solution))
-    return []
+    if not 0 < scene.stokes < inf:
+        return []
+    try:
+        return _rounded(_plane(solve(scene, form=averaged_form(scene), solver="taylor", tolerance=TOLERANCE)))
+    except (FormNotValidError, SolverNotValidError):
+        return []
 
 
 def _torque_free(solution: SceneSolution, axis: int) -> list[list[float]]:
@@ -145,16 +141,3 @@ def _torque_free(solution: SceneSolution, axis: int) -> list[list[float]]:
 def _rounded(values: np.ndarray, digits: int = 4) -> list[float]:
     """Flat list; more digits than a pixel shows would only weigh."""
     return np.round(values, digits).ravel().tolist()
-
-
-def scene_names(names: Sequence[str]) -> dict[str, Scene]:
-    """Scenes of files or built-in names, by what they were called.
-
-    Raises
-    ------
-    ValueError
-        If there is no such scene, or it is none.
-    """
-    from polhode.harness.studies.scenes import find_scene
-
-    return {name: find_scene(name) for name in names}

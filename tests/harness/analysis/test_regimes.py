@@ -9,11 +9,12 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-from polhode.harness.analysis.regime_map import Method, cells, cost, front, parts, sentences, standings
+from polhode.harness.analysis.regime_map import Method, cells, cost, front, parts, scatter, sentences, standings
 from polhode.harness.commands.bench import ahead, regimes
 from polhode.harness.common.store import Store
-from polhode.harness.pages.regime_text import horizon, scatter
-from polhode.harness.pages.regimes import COLORS, draw, picture, write_page
+from polhode.harness.pages.map_picture import draw, picture
+from polhode.harness.pages.regimes import horizon, read_cells, write_page
+from polhode.harness.pages.style import LOOKS, colour
 from polhode.harness.studies.study import read_study
 from polhode.models.catalogue import form as find_form
 
@@ -112,7 +113,7 @@ def test_every_cell_is_drawn_in_its_winners_colour(table: pd.DataFrame):
     found = cells(table, "slow_error")
     draw(axes, found)
     boxes = [patch for patch in axes.patches if isinstance(patch, Rectangle)]
-    expected = [COLORS[cell.winner.label].lower() if cell.winner else None for cell in found]
+    expected = [colour(cell.winner.label).lower() if cell.winner else None for cell in found]
     assert [to_hex(box.get_facecolor()) for box in boxes] == expected
     plt.close(figure)
 
@@ -120,7 +121,7 @@ def test_every_cell_is_drawn_in_its_winners_colour(table: pd.DataFrame):
 def test_colours_are_known_for_every_method_of_the_study():
     study = read_study(None, "regimes")
     labels = {Method(form, solver).label for form in study.forms for solver in study.solvers}
-    assert labels <= set(COLORS)
+    assert labels <= set(LOOKS)
 
 
 def test_the_study_covers_the_range_within_the_horizon():
@@ -173,6 +174,8 @@ def test_the_page_is_written_from_records(table: pd.DataFrame, tmp_path):
     assert "An averaged form wins 4 of 33 cells" in page
     assert re.search(r"\| quaternion +\| cyrk-vern8 +\| +0 / 0 \|", page)
     assert {path.name for path in tmp_path.iterdir()} == {"README.md", "ellipsoid.png", "cells.csv", "runs.csv"}
+    maps = read_cells(tmp_path / "cells.csv")
+    assert str(maps["ellipsoid", "slow_error"]) == str(cells(table, "slow_error"))
 
 
 def test_a_shorter_slow_time_is_told_on_the_page_and_in_the_figure():

@@ -8,8 +8,7 @@ from html import unescape
 from pathlib import Path
 
 import pytest
-
-from polhode.harness.site.build import MENU
+from PIL import Image
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 FLAGS = (
@@ -17,6 +16,7 @@ FLAGS = (
     "--disable-component-update --disable-sync --host-resolver-rules=MAP%*%~NOTFOUND --virtual-time-budget=20000"
 )
 WIDTHS = (390, 1100)
+PAGES = ("index", "cost", "hard-cases", "own", "motion")
 
 # Put at the head of each page: keeps what goes wrong.
 WATCH = """<script>
@@ -47,7 +47,6 @@ addEventListener("load", () => {
     range.dispatchEvent(new Event("input"));
   }
   const key = (target, name) => target.dispatchEvent(new KeyboardEvent("keydown", { key: name, bubbles: true }));
-  for (const button of document.querySelectorAll(".legend button")) { button.click(); button.click(); }
   for (const svg of document.querySelectorAll(".plot svg")) {
     for (const name of ["ArrowRight", "ArrowRight", "ArrowDown"]) key(svg, name);
     const tip = svg.parentElement.querySelector(".tip");
@@ -99,13 +98,14 @@ pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium: apt-get i
 def seen(tmp_path_factory: pytest.TempPathFactory, site_pages: dict[str, str]) -> dict[tuple[str, int], dict]:
     """What every page tells at every width, all in one start of the browser."""
     folder = tmp_path_factory.mktemp("browser")
-    (folder / "site").mkdir()
+    (folder / "site" / "figures").mkdir(parents=True)
+    Image.new("RGB", (4, 4)).save(folder / "site" / "figures" / "own-drawn.png")
     for name, page in site_pages.items():
         watched = page.replace("<head>", "<head>" + WATCH).replace("</body>", WORK + "</body>")
         (folder / "site" / f"{name}.html").write_text(watched, encoding="utf-8")
     frames = "".join(
         f'<iframe src="site/{name}.html" style="width:{width}px;height:900px"></iframe>'
-        for name in MENU
+        for name in PAGES
         for width in WIDTHS
     )
     (folder / "host.html").write_text(HOST % frames, encoding="utf-8")
@@ -124,7 +124,7 @@ def seen(tmp_path_factory: pytest.TempPathFactory, site_pages: dict[str, str]) -
 
 
 @pytest.mark.parametrize("width", WIDTHS)
-@pytest.mark.parametrize("name", MENU)
+@pytest.mark.parametrize("name", PAGES)
 def test_page_works(seen: dict[tuple[str, int], dict], name: str, width: int):
     page = seen[name, width]
     assert page["wrong"] == []
@@ -132,9 +132,8 @@ def test_page_works(seen: dict[tuple[str, int], dict], name: str, width: int):
     assert not page["wide"]
 
 
-@pytest.mark.parametrize("name", ["cost", "accuracy", "laws"])
-def test_diagrams_are_read_by_keyboard(seen: dict[tuple[str, int], dict], name: str):
-    page = seen[name, 390]
+def test_diagrams_are_read_by_keyboard(seen: dict[tuple[str, int], dict]):
+    page = seen["cost", 390]
     assert page["marks"] > 3
     assert page["tips"]
     assert all(re.search(r"\d", tip) for tip in page["tips"])

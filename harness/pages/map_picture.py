@@ -1,0 +1,177 @@
+"""The regime map as a picture."""
+
+from collections.abc import Mapping, Sequence
+from math import inf, isnan
+from typing import TYPE_CHECKING, Any
+
+from polhode.harness.analysis.regime_map import Cell, Method, Side, usual_form
+from polhode.harness.analysis.winners import TIE
+from polhode.harness.common.text import duration, factor, short
+from polhode.harness.pages.style import colour, rank
+from polhode.harness.pages.work_precision import power_of_ten
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+# Colours darker than this carry white numbers.
+DARK = 0.4
+NOBODY, UNKNOWN = "#FFFFFF", "#E4E4E4"
+HEADINGS: dict[Side, tuple[str, str]] = {
+    "implicit": ("Stiff side", "implicit methods"),
+    "explicit": ("Oscillatory middle", "explicit methods"),
+    "averaged": ("Averaged side", "slow equations, any solver"),
+}
+# In inches: a cell, what stands left of the map, and the legend below it; lines of a cell, in rows of the map.
+CELL, LEFT, LEGEND, LINE = (0.74, 0.43), 0.95, 1.75, 0.36
+# The legend needs as much width as so many columns.
+LEAST_COLUMNS = 12
+# What a map is about: in sentences, and as its title.
+ERRORS = {
+    "orientation_error": ("orientation", "Full solution: orientation error, rad"),
+    "slow_error": ("slow variables", "Slow variables: error over $I_{max}$"),
+}
+
+
+def picture(panels: Sequence[Sequence[Cell]], times: Mapping[float, float]) -> Any:
+    """Two maps above each other, full solution and slow variables, with one legend.
+
+    `times` are the durations of the runs by St, in units of the inverse shear rate.
+    """
+    import matplotlib.pyplot as plt
+
+    columns, rows = (len({getattr(cell, name) for cell in panels[0]}) for name in ("stokes", "target"))
+    width = LEFT + CELL[0] * max(columns, LEAST_COLUMNS) + 0.1
+    height = 2 * (CELL[1] * rows + 0.4) + 0.9 + LEGEND
+    drawing, grid = plt.subplots(2, 1, figsize=(width, height), sharex=True)
+    for axes, found, (_, title) in zip(grid, panels, ERRORS.values(), strict=True):
+        draw(axes, found)
+        axes.set_title(title, fontsize=13, loc="left")
+        axes.set_ylabel("error asked for", fontsize=11)
+    _durations(grid[-1], sorted({cell.stokes for cell in panels[0]}), times)
+    _legend(drawing, [cell for found in panels for cell in found])
+    drawing.subplots_adjust(
+        left=LEFT / width,
+        right=1 - 0.1 / width,
+        top=1 - 0.35 / height,
+        bottom=(LEGEND + 0.9) / height,
+        hspace=0.4 / (CELL[1] * rows),
+    )
+    return drawing
+
+
+def draw(axes: "Axes", found: Sequence[Cell]) -> "Axes":
+    """Draw one map: colour tells the winner, a corner who ties with it, numbers its time and its lead."""
+    from matplotlib.patches import Polygon, Rectangle
+
+    numbers = sorted({cell.stokes for cell in found})
+    targets = sorted({cell.target for cell in found}, reverse=True)
+    at = {(cell.stokes, cell.target): cell for cell in found}
+    usual = usual_form(found)
+    for i, stokes in enumerate(numbers):
+        for j, target in enumerate(targets):
+            cell = at[stokes, target]
+            color = colour(cell.winner.label) if cell.winner else NOBODY if cell.known else UNKNOWN
+            axes.add_patch(Rectangle((i, j), 1, 1, facecolor=color, edgecolor="white", linewidth=0.8))
+            if cell.tied and cell.second:
+                corner = [(i + 0.77, j), (i + 1, j), (i + 1, j + 0.9)]
+                axes.add_patch(Polygon(corner, facecolor=colour(cell.second.label), edgecolor="none"))
+            _write_in(axes, cell, i, j, usual)
+    won = [[at[stokes, target].winner for target in targets] for stokes in numbers]
+    _borders(axes, [[winner.side if winner else None for winner in column] for column in won])
+    axes.set_xlim(0, len(numbers))
+    axes.set_ylim(len(targets), 0)
+    axes.set_xticks([i + 0.5 for i in range(len(numbers))], [power_of_ten(stokes) for stokes in numbers], fontsize=11)
+    axes.set_yticks([j + 0.5 for j in range(len(targets))], [power_of_ten(target) for target in targets], fontsize=11)
+    axes.tick_params(length=0)
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+    return axes
+
+
+def _durations(axes: "Axes", numbers: Sequence[float], times: Mapping[float, float]) -> None:
+    """Three rows below a map: St, and over what time and slow time its runs go; bold where that is less than usual."""
+    slow = [times[stokes] / stokes if stokes else inf for stokes in numbers]
+    usual = max(slow, key=slow.count)
+    rows = {
+        "St": [power_of_ten(stokes) for stokes in numbers],
+        "$t$": [short(times[stokes]) for stokes in numbers],
+        "$t_2$": ["∞" if value == inf else short(value) for value in slow],
+    }
+    axes.set_xticklabels([])
+    for k, (name, texts) in enumerate(rows.items()):
+        style = {"fontsize": 9.5 if k else 11, "va": "center", "textcoords": "offset points"}
+        below = -12 - 15 * k
+        axes.annotate(name, (0, 0), (-10, below), xycoords="axes fraction", ha="right", **style)
+        for i, text in enumerate(texts):
+            weight = "bold" if k and slow[i] < usual else "normal"
+            place = {"xycoords": ("data", "axes fraction"), "ha": "center", "annotation_clip": False}
+            axes.annotate(text, (i + 0.5, 0), (0, below), weight=weight, **place, **style)
+    note = r"St: Stokes number. $t$: duration of the runs, in shear times. $t_2 = t/\mathrm{St}$: the same in slow time"
+    note += ", bold where it is shorter." if min(slow) < usual else "."
+    axes.annotate(note, (0, 0), (0, -58), xycoords="axes fraction", textcoords="offset points", fontsize=9.5)
+
+
+def _write_in(axes: "Axes", cell: Cell, i: int, j: int, usual: str) -> None:
+    """Time and lead of the winner, and its form where that is not the usual one."""
+    if cell.winner is None:
+        axes.text(i + 0.5, j + 0.5, "–" if cell.known else "?", ha="center", va="center", fontsize=9, color="0.55")
+        return
+    ink = "white" if _luminance(colour(cell.winner.label)) < DARK else "black"
+    lead = "tie" if cell.tied else "alone" if isnan(cell.lead) else factor(cell.lead)
+    texts = [(duration(cell.seconds), 9.5), (lead, 8.5)]
+    if cell.winner.side != "averaged" and cell.winner.form != usual:
+        texts = [(texts[0][0], 8.5), (lead, 7.5), (cell.winner.form, 7.0)]
+    gap = LINE if len(texts) < 3 else 0.3
+    for k, (line, size) in enumerate(texts):
+        y = j + 0.52 + gap * (k - (len(texts) - 1) / 2)
+        axes.text(i + 0.44, y, line, ha="center", va="center", fontsize=size, color=ink)
+
+
+def _borders(axes: "Axes", sides: Sequence[Sequence[Side | None]]) -> None:
+    """Heavy lines where one kind of method hands over to another."""
+    style = {"color": "black", "linewidth": 2.2, "solid_capstyle": "round", "zorder": 3}
+    for i, column in enumerate(sides):
+        for j, side in enumerate(column):
+            if i + 1 < len(sides) and side != sides[i + 1][j]:
+                axes.plot([i + 1, i + 1], [j, j + 1], **style)
+            if j + 1 < len(column) and side != column[j + 1]:
+                axes.plot([i, i + 1], [j + 1, j + 1], **style)
+
+
+def _legend(drawing: Any, found: Sequence[Cell]) -> None:
+    from matplotlib.patches import Patch
+
+    shown: dict[Side, list[Method]] = {side: [] for side in HEADINGS}
+    for cell in found:
+        for method in (cell.winner, cell.second if cell.tied else None):
+            if method and method.label not in [other.label for other in shown[method.side]]:
+                shown[method.side].append(method)
+    columns: list[list[Any]] = []
+    for side, (heading, what) in HEADINGS.items():
+        if shown[side]:
+            title = rf"$\bf{{{heading.replace(' ', '~')}}}$"
+            own = sorted(shown[side], key=lambda method: rank(method.label))
+            patches = [Patch(facecolor=colour(method.label), label=method.label) for method in own]
+            columns.append([Patch(facecolor="none", label=f"{title}\n{what}"), *patches])
+    columns.append(
+        [
+            Patch(facecolor=NOBODY, edgecolor="0.7", label="no run measured gets there"),
+            Patch(facecolor=UNKNOWN, label="below what the\nreference can tell"),
+        ]
+    )
+    width, height = drawing.get_size_inches()
+    top, style = LEGEND / height, {"frameon": False, "fontsize": 9.5, "handlelength": 1.3, "borderaxespad": 0}
+    for k, handles in enumerate(columns):
+        place = (0.15 / width + k * (1 - 0.2 / width) / len(columns), top)
+        drawing.add_artist(drawing.legend(handles=handles, loc="upper left", bbox_to_anchor=place, **style))
+    note = (
+        f"Numbers: time of a warm run, × its lead over the next colour; alone: no other colour gets there. "
+        f"Corner: who ties, within {100 * (TIE - 1):.0f} %.\n"
+        f"Full equations in the form {usual_form(found)}, unless a cell names another."
+    )
+    drawing.text(0.2 / width, 0.1 / height, note, fontsize=9.5, va="bottom")
+
+
+def _luminance(color: str) -> float:
+    red, green, blue = (int(color[i : i + 2], 16) / 255 for i in (1, 3, 5))
+    return 0.2126 * red + 0.7152 * green + 0.0722 * blue

@@ -1,0 +1,95 @@
+"""The look of every solver and averaged form: colour, marker and rank, the same in figures and on the site."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+from polhode.models.catalogue import FORMS
+from polhode.models.catalogue import form as find_form
+from polhode.solvers.catalogue import SOLVERS
+from polhode.solvers.catalogue import solver as find_solver
+
+GREY = "#C4C4C4"
+# Okabe and Ito's hues: orange and brown for implicit methods, green and blue for explicit ones, purple for averaged
+# forms, muted tones for SciPy. Within a hue the lightness differs, so that the regime map, which has no markers, holds
+# in grey and for colour-blind readers. Markers are Matplotlib's.
+LOOKS: dict[str, tuple[str, Any]] = {
+    "taylor": ("#0FBA89", "o"),
+    "dop853": ("#5B6FA8", "<"),
+    "rk45": ("#97A3C4", ">"),
+    "radau": ("#8C7A3A", (4, 1, 0)),
+    "bdf": ("#C9B98F", (5, 0, 180)),
+    "lsoda": ("#7E5A3C", "p"),
+    "cvode-adams": ("#6FE4BA", "8"),
+    "cvode-bdf": ("#A8803C", (4, 1, 45)),
+    "ida": ("#6D2B06", (6, 1, 0)),
+    "cyrk-vern8": ("#01559B", "s"),
+    "cyrk-vern7": ("#1482C6", "D"),
+    "cyrk-dop853": ("#68A9CE", "^"),
+    "cyrk-tsit5": ("#99D1FE", "v"),
+    "cyrk-lsoda": ("#AE4202", "P"),
+    "cyrk-bdf": ("#DDCC67", "d"),
+    "cyrk-radau": ("#EB9406", "h"),
+    "exact": ("#8C8C8C", "H"),
+    "averaged": ("#B46086", "*"),
+    "averaged-spheroid": ("#B46086", "*"),
+    "averaged-second-order": ("#7B2A67", "*"),
+}
+# Solvers and forms without a look of their own, those outside the catalogue among them: markers in turn.
+OTHER, OTHER_MARKERS = "#6B3F1D", ("X", (5, 1, 180), (3, 1, 0), (7, 1, 0))
+
+
+@dataclass(frozen=True)
+class Look:
+    """A colour and a marker of Matplotlib."""
+
+    colour: str
+    marker: Any
+
+    @property
+    def outline(self) -> str:
+        """The marker as an SVG path, y downwards, of about unit size."""
+        from matplotlib.markers import MarkerStyle
+
+        style = MarkerStyle(self.marker)
+        path = style.get_path().transformed(style.get_transform())
+        parts = []
+        for values, code in path.iter_segments():
+            points = " ".join(f"{value:.2f}" for value in (values.reshape(-1, 2) * (2, -2)).ravel())
+            parts.append({1: f"M{points}", 2: f"L{points}", 4: f"C{points}"}.get(int(code), "Z"))
+        return "".join(parts)
+
+
+def looks(names: Iterable[str]) -> dict[str, Look]:
+    """Looks of solvers and averaged forms, in the order of `rank`."""
+    found, others = {}, 0
+    for name in sorted(set(names), key=rank):
+        if name in LOOKS:
+            found[name] = Look(*LOOKS[name])
+        else:
+            found[name] = Look(OTHER, OTHER_MARKERS[others % len(OTHER_MARKERS)])
+            others += 1
+    return found
+
+
+def colour(name: str) -> str:
+    """Colour of a solver or an averaged form."""
+    return LOOKS[name][0] if name in LOOKS else OTHER
+
+
+def rank(name: str) -> tuple[int, str]:
+    """Where a solver or form stands among others: solvers, then forms, each in the order of its catalogue."""
+    known = [*SOLVERS, *FORMS]
+    return (known.index(name) if name in known else len(known)), name
+
+
+def is_averaged(form: str) -> bool:
+    """Whether a form, which may have no name, is averaged."""
+    return bool(form) and find_form(form).averaged
+
+
+@cache
+def family_colour(family: str) -> str:
+    """Colour that stands for all solvers of a library: that of its first."""
+    return next((colour(name) for name in SOLVERS if find_solver(name).family == family), OTHER)

@@ -1,0 +1,65 @@
+"""What became of runs on hard cases, and the page about it."""
+
+import json
+import tomllib
+from pathlib import Path
+
+import pytest
+from commandline import STUDY
+
+from polhode.harness.analysis.outcomes import INACCURATE, limits, outcome, reasons, write_page
+from polhode.harness.studies.study import parse_study
+from polhode.models.scene_file import scene_table
+from polhode.models.scenes import named_scene
+
+RUN = {"status": "reached_end", "seconds": 0.1, "solver_slow_error": 1e-9, "model_slow_error": 0.0, "message": ""}
+
+
+@pytest.mark.parametrize(
+    ("change", "kind", "words"),
+    [
+        ({}, "reached", "solver error 1.0e-9"),
+        ({"model_slow_error": 0.5}, "reached", "the form itself is off by 5.0e-1"),
+        ({"solver_slow_error": 0.1}, "inaccurate", "solver error 1.0e-1"),
+        ({"solver_slow_error": None, "reference_failed": "no agreement"}, "unknown", "no agreement"),
+        ({"status": "time_limit"}, "stopped", "time limit"),
+        ({"status": "non_finite", "message": "at t = 3"}, "failed", "non finite: at t = 3"),
+        ({"status": "something_new"}, "failed", "something new"),
+    ],
+)
+def test_outcomes_of_hard_cases(change: dict, kind: str, words: str):
+    found = outcome({**RUN, **change})
+    assert found[0] == kind
+    assert words in found[1]
+
+
+def test_errors_of_a_fast_body_are_measured_against_it():
+    """Ω = 1e3 makes L² and E large: the limit grows with the larger of them."""
+    records = [{"scene_name": name, "scene": scene_table(named_scene(name))} for name in ("fast-spin", "rest-50")]
+    allowed = limits(records)
+    scene = named_scene("fast-spin")
+    assert allowed["rest-50"] == INACCURATE
+    assert allowed["fast-spin"] == pytest.approx(
+        INACCURATE * float(scene.initial.energy[0]) / max(scene.ellipsoid.inertia)
+    )
+    run = {**RUN, "solver_slow_error": 10.0}
+    assert outcome(run, allowed["fast-spin"])[0] == "reached"
+    assert outcome(run, allowed["rest-50"])[0] == "inaccurate"
+
+
+def test_page_of_several_scenes_has_a_sign_for_every_run(tmp_path: Path, site_reports: Path):
+    records = [json.loads(line) for line in (site_reports / "bench" / "records.jsonl").read_text().splitlines()]
+    study = parse_study(tomllib.loads(STUDY))
+    page = write_page(study, records, tmp_path, "polhode bench several.toml").read_text(encoding="utf-8")
+    rows = [line for line in page.splitlines() if line.startswith("| ") and ("✓" in line or "≈" in line or "◷" in line)]
+    signs = "".join(rows)
+    assert sum(signs.count(sign) for sign in "✓≈◷✕") == len(records)
+    assert signs.count("◷") == 1
+    assert "time limit: stopped by hand" in page
+    assert "## paper, St = 50, t = 1, tolerance 0.0001" in page
+    assert len((tmp_path / "records.jsonl").read_text().splitlines()) == len(records)
+
+
+def test_reasons_join_solvers_of_one_form():
+    cells = {"a": ("failed", "why"), "b": ("reached", ""), "c": ("failed", "why"), "d": ("stopped", "late")}
+    assert reasons({"form": cells}) == ["form, a, c: failed, why", "form, d: stopped, late"]
