@@ -5,6 +5,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 Field = Callable[[Any, Any], tuple[Any, ...]]
 
 
@@ -14,19 +16,12 @@ class Operations:
 
     A vector field is written once, as a factory ``field(ops)`` that returns ``rhs(y, p) -> tuple``
     and uses nothing but indexing, arithmetic and the names it unpacked from `ops`.
-
-    Parameters
-    ----------
-    sin, cos, sqrt : callable
-        Of one number.
-    where_positive : callable
-        ``where_positive(x, a, b)`` is a where x > 0 and b elsewhere; both are evaluated.
     """
 
     sin: Callable[[Any], Any]
     cos: Callable[[Any], Any]
     sqrt: Callable[[Any], Any]
-    where_positive: Callable[[Any, Any, Any], Any]
+    where_positive: Callable[[Any, Any, Any], Any]  # (x, a, b): a where x > 0 and b elsewhere; both are evaluated
 
     def use(self, factory: Callable[["Operations"], Callable[..., Any]]) -> Callable[..., Any]:
         """Bind the inner function that `factory` makes, ready to be called from a vector field."""
@@ -38,6 +33,4 @@ FLOAT = Operations(math.sin, math.cos, math.sqrt, lambda x, a, b: a if x > 0 els
 
 def numpy_operations() -> Operations:
     """Elementwise operations on arrays, to evaluate a field at many states at once."""
-    import numpy as np
-
     return Operations(np.sin, np.cos, np.sqrt, lambda x, a, b: np.where(x > 0, a, b))

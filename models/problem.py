@@ -2,14 +2,10 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+
+import numpy as np
 
 from polhode.models.operations import Field, Operations
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    Array = np.ndarray
 
 
 @dataclass(frozen=True)
@@ -17,17 +13,10 @@ class MassForm:
     """The same problem with its masses kept: ``mass * y' = field(y, parameters)``.
 
     Rows of mass zero are algebraic, so that the form stays valid where the explicit one does not (St = 0).
-
-    Parameters
-    ----------
-    mass : tuple of float, length d
-        The diagonal of the mass matrix.
-    parameters : tuple of float
-        What the field receives as ``p`` in this form.
     """
 
-    mass: tuple[float, ...]
-    parameters: tuple[float, ...]
+    mass: tuple[float, ...]  # the diagonal of the mass matrix
+    parameters: tuple[float, ...]  # what the field receives as ``p`` in this form
 
 
 @dataclass(frozen=True)
@@ -67,9 +56,9 @@ class Problem:
     end: float
     parameters: tuple[float, ...] | None = ()
     mass_form: MassForm | None = None
-    closed_form: "Callable[[Array], Array] | None" = None
+    closed_form: Callable[[np.ndarray], np.ndarray] | None = None
     periodic: tuple[int, ...] = ()
-    invariant: "Callable[[Array], Array] | None" = None
+    invariant: Callable[[np.ndarray], np.ndarray] | None = None
     least_steps: int = 1
     time_unit: float = 1.0
 

@@ -1,13 +1,10 @@
 """Orientation of the body axes: zxz Euler angles, unit quaternions, the matrix t_ij (`tiju`)."""
 
 from math import atan2, cos, hypot, sin
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    import numpy as np
+import numpy as np
 
-    Array = np.ndarray
-
+Array = np.ndarray
 Triple = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 
@@ -60,10 +57,8 @@ def make_third(q: Quaternion, axis: int) -> Quaternion:
     return q0 + q1 + q2 + q3, q1 - q0 - q2 + q3, q2 - q0 - q3 + q1, q3 - q0 - q1 + q2
 
 
-def matrix_from_euler(angles: "Array") -> "Array":
+def matrix_from_euler(angles: Array) -> Array:
     """Matrices t_ij, shape (..., 3, 3), of zxz Euler angles (θ, φ, ψ) in rad, shape (..., 3) (`tiju`)."""
-    import numpy as np
-
     st, sf, ss = np.moveaxis(np.sin(angles), -1, 0)
     ct, cf, cs = np.moveaxis(np.cos(angles), -1, 0)
     rows = [
@@ -74,13 +69,11 @@ def matrix_from_euler(angles: "Array") -> "Array":
     return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
 
 
-def matrix_from_quaternion(q: "Array") -> "Array":
+def matrix_from_quaternion(q: Array) -> Array:
     """Matrices t_ij, shape (..., 3, 3), of quaternions, shape (..., 4); row i is body axis i in space components.
 
     The quaternions are normalised first, so that the rows stay unit vectors where a solver let the norm drift.
     """
-    import numpy as np
-
     q = q / np.linalg.norm(q, axis=-1, keepdims=True)
     q0, q1, q2, q3 = np.moveaxis(q, -1, 0)
     rows = [

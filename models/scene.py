@@ -3,23 +3,21 @@
 from dataclasses import dataclass
 from functools import cached_property
 from math import hypot, inf, isfinite, isinf
-from typing import TYPE_CHECKING
+
+import numpy as np
 
 from polhode.models.flow import jeffery_angular_velocity, shares
+from polhode.models.observables import Observables, observe_body, observe_slow
 from polhode.models.operations import FLOAT
 from polhode.models.rotation import (
     Quaternion,
     Triple,
     angular_velocity_from_euler,
     euler_from_quaternion,
+    matrix_from_quaternion,
     quaternion_from_euler,
 )
 from polhode.models.shape import Ellipsoid
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from polhode.models.observables import Observables
 
 
 @dataclass(frozen=True)
@@ -148,13 +146,7 @@ class Scene:
 
     @cached_property
     def angular_velocity(self) -> Triple:
-        """Body angular velocity at the start in units of the shear rate; Jeffery's at St = 0.
-
-        Raises
-        ------
-        ValueError
-            For a `SlowStart`, which has none.
-        """
+        """Body angular velocity at the start in units of the shear rate: Jeffery's at St = 0, none of a `SlowStart`."""
         if isinstance(self.start, SlowStart):
             raise ValueError("start: L and E alone determine no angular velocity, expected an orientation")
         if self.stokes > 0:
@@ -163,23 +155,15 @@ class Scene:
         return jeffery_angular_velocity(FLOAT)(columns[0], columns[1], shares(self.ellipsoid))
 
     @cached_property
-    def initial_rotation(self) -> "np.ndarray":
+    def initial_rotation(self) -> np.ndarray:
         """Matrix t_ij at the start, shape (3, 3); NaN for a `SlowStart`."""
-        import numpy as np
-
-        from polhode.models.rotation import matrix_from_quaternion
-
         if isinstance(self.start, SlowStart):
             return np.full((3, 3), np.nan)
         return matrix_from_quaternion(np.array(self.start.quaternion))
 
     @cached_property
-    def initial(self) -> "Observables":
+    def initial(self) -> Observables:
         """Observables at the start, with leading dimension 1; without orientation for a `SlowStart`."""
-        import numpy as np
-
-        from polhode.models.observables import observe_body, observe_slow
-
         if isinstance(self.start, SlowStart):
             return observe_slow(np.array([[*self.start.angular_momentum, self.start.energy]]))
         return observe_body(self.ellipsoid, self.initial_rotation[None], np.array([self.angular_velocity]))

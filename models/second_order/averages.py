@@ -16,7 +16,7 @@ L⊥        n×(r₁S_n + r₂W_n)          [p₁S_n⊥ + p₂W_n + n×(p₃S_n 
 import numpy as np
 
 from polhode.models.second_order.polhodes import Polhode, Side
-from polhode.models.second_order.torus import Mask, Torus, torque
+from polhode.models.second_order.torus import Mask, Torus, skew, torque
 
 Array = np.ndarray
 
@@ -29,7 +29,7 @@ _TURNS = np.array([[[2, -1, 2], [2, 2, -1], [-1, 2, 2]], [[6, 2, 3], [-3, 6, 2],
     [[[3]], [[7]]]
 )
 FRAMES = np.concatenate([_TURNS, np.swapaxes(_TURNS, 1, 2)])
-SIZES = np.array([1.0, 2.0])
+EVERY_FRAME, SIZES = np.repeat(FRAMES, 2, axis=0), np.tile([1.0, 2.0], len(FRAMES))
 
 
 def averages(side: Side, y: Array, masks: tuple[Mask, ...] = ()) -> tuple[dict[str, Array], float]:
@@ -53,14 +53,19 @@ def phases(side: Side, y: float) -> int:
     return max(LEAST_PHASES, 2 * int(np.ceil(PHASES / nome / 2)))
 
 
+def every_pose(side: Side, y: float, nodes: int, masks: tuple[Mask, ...] = (), *, averaging: bool = False) -> Torus:
+    """The perturbation at y for `EVERY_FRAME` and `SIZES`."""
+    zero = np.zeros(len(SIZES))
+    polhode = Polhode(side, y + zero, zero, nodes)
+    return Torus(polhode, SIZES, zero, EVERY_FRAME[:, 0], EVERY_FRAME[:, 1], masks, averaging)
+
+
 def _at(side: Side, y: float, masks: tuple[Mask, ...]) -> tuple[Array, Array, float, tuple[float, float]]:
-    frames, sizes = np.repeat(FRAMES, len(SIZES), axis=0), np.tile(SIZES, len(FRAMES))
-    m = len(sizes)
-    polhode = Polhode(side, np.full(m, y), np.zeros(m), phases(side, y))
-    torus = Torus(polhode, sizes, np.zeros(m), frames[:, 0], frames[:, 1], masks, averaging=True)
+    torus = every_pose(side, y, phases(side, y), masks, averaging=True)
+    polhode = torus.polhode
     mean = np.real(torus.spectrum[:, 0, 0])
     second = second_order(torus)
-    first_rows, second_rows = _templates(frames, sizes)
+    first_rows, second_rows = _templates(EVERY_FRAME, SIZES)
     first, left = _fit(first_rows, np.concatenate([mean[:, 2], mean[:, 3], *mean[:, :2].T, mean[:, 4], mean[:, 5]]))
     higher, right = _fit(second_rows, np.concatenate([second[:, 2], second[:, 3], *second[:, :2].T]))
     return first, higher, max(left, right), (float(polhode.rate[0]), float(polhode.precession[0]))
@@ -75,7 +80,7 @@ def second_order(torus: Torus) -> Array:
     change, turn = torus.ambient
     size = torus.size[:, None, None]
     scale = 1 / (1 + np.sqrt(np.sum(change**2, axis=-1) / size**2 + np.sum(turn**2, axis=-1)))[..., None]
-    spin = scale[..., None] * _skew(turn)
+    spin = scale[..., None] * skew(turn)
     n = np.array([0.0, 0.0, 1.0])
     wide = (slice(None), None, None)
 
@@ -127,9 +132,3 @@ def _templates(frames: Array, sizes: Array) -> tuple[Array, Array]:
 def _fit(rows: Array, values: Array) -> tuple[Array, float]:
     solution = np.linalg.lstsq(rows, values, rcond=None)[0]
     return solution, float(np.max(np.abs(rows @ solution - values)) / np.max(np.abs(values)))
-
-
-def _skew(vectors: Array) -> Array:
-    x, y, z = np.moveaxis(vectors, -1, 0)
-    zero = np.zeros_like(x)
-    return np.moveaxis(np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]), (0, 1), (-2, -1))

@@ -24,23 +24,15 @@ POWER = 2**DOUBLINGS
 
 @dataclass(frozen=True)
 class SlowField:
-    """Factory of the field: rates of (L/I_max, a, e₁, σ_α, σ_β) in slow time.
+    """Factory of the field: rates of (L/I_max, a, e₁, σ_α, σ_β) in slow time."""
 
-    Parameters
-    ----------
-    nodes : int
-        Terms per series.
-    modes : int
-        Resonant modes.
-    """
-
-    nodes: int
-    modes: int = 0
+    nodes: int  # terms per series
+    modes: int = 0  # resonant ones
 
     def __call__(self, ops: Operations) -> Field:
         """Bind the operations."""
         nodes, modes, root = self.nodes, self.modes, ops.sqrt
-        four, averaged, resonant = ops.use(_four), ops.use(_averaged), ops.use(_mode)
+        four, averaged, resonant = ops.use(_four), ops.use(averaged_rates), ops.use(_mode)
         behind, each = HEAD + SERIES * nodes, MODE_HEAD + MODE_SERIES * MODE_NODES
 
         def rhs(y, p):
@@ -49,14 +41,18 @@ class SlowField:
             over = 1 / size
             nx, ny, nz = lx * over, ly * over, lz * over
             t = (a * a - p[0]) * p[1]
-            growth, rise, tx, ty, tz, alpha, beta = averaged(
-                size, nx, ny, nz, four(t, p, HEAD, nodes), four(t, p, HEAD + 4 * nodes, nodes),
-                four(t, p, HEAD + 8 * nodes, nodes), four(t, p, HEAD + 12 * nodes, nodes),
-                four(t, p, HEAD + 16 * nodes, nodes),
-            )  # fmt: skip
+            f0, f2, g0, g2 = four(t, p, HEAD, nodes)
+            r1, r2, ea, eb = four(t, p, HEAD + 4 * nodes, nodes)
+            a1, a2, b1, b2 = four(t, p, HEAD + 8 * nodes, nodes)
+            p1, p2, p3, p4 = four(t, p, HEAD + 12 * nodes, nodes)
+            p5, p6, nu1, nu2 = four(t, p, HEAD + 16 * nodes, nodes)
+            growth, rise, tx, ty, tz = averaged(
+                size, (nx, ny, nz), (f0, f2, a1, a2), (g0, g2, b1, b2), (r1, r2), (p1, p2, p3, p4, p5, p6)
+            )
+            s = nx * ny * over
+            alpha, beta = size * nu1 + ea * s, size * nu2 + eb * s
             if modes > 0:
                 fx, fy, fz = ny * ez - nz * ey, nz * ex - nx * ez, nx * ey - ny * ex
-                _, _, nu1, nu2 = four(t, p, HEAD + 16 * nodes, nodes)
                 for k in range(modes):
                     longer, higher, along, beside, ahead, turned = resonant(
                         size, (nx, ny, nz), (ex, ey), (fx, fy), a * a, nu1, nu2, y[7], y[8], p, behind + k * each
@@ -100,29 +96,23 @@ def _four(ops: Operations) -> Callable[..., Any]:
     return four
 
 
-def _averaged(ops: Operations) -> Callable[..., Any]:
-    def averaged(size, nx, ny, nz, first, second, third, fourth, fifth):
-        """Averaged rates: l'/l, (a²)'/a², L'⊥, σ_α' and σ_β', from the 20 coefficients."""
-        f0, f2, g0, g2 = first
-        r1, r2, ea, eb = second
-        a1, a2, b1, b2 = third
-        p1, p2, p3, p4 = fourth
-        p5, p6, nu1, nu2 = fifth
+def averaged_rates(ops: Operations) -> Callable[..., Any]:
+    """Averaged rates l'/l, g and L'⊥, as `averages` and `spheroid` list them, from the coefficients of these."""
+
+    def averaged(size, n, f, g, r, p):
         over = 1 / size
-        sx, sy, s0 = 0.5 * ny, 0.5 * nx, nx * ny
-        w, s = 0.5 * nz * over, s0 * over
+        sx, sy, s0 = 0.5 * n[1], 0.5 * n[0], n[0] * n[1]
+        w, s = 0.5 * n[2] * over, s0 * over
         # L'⊥ = n × (S u₁ + W u₂) + S⊥ v₁ + W v₂ with S = (sx, sy, 0) and W = (sx, -sy, 0).
-        u1, u2 = r1 + over * s * p3, r2 + over * s * p4
-        v1, v2 = over * (p1 + p5 * w), over * (p2 + p6 * w)
+        u1, u2 = r[0] + over * s * p[2], r[1] + over * s * p[3]
+        v1, v2 = over * (p[0] + p[4] * w), over * (p[1] + p[5] * w)
         ux, uy, flat = sx * (u1 + u2), sy * (u1 - u2), v1 * s0
         return (
-            f0 + f2 * w + over * s * (a1 + a2 * w),
-            g0 + g2 * w + over * s * (b1 + b2 * w),
-            sx * (v1 + v2) - nz * uy - flat * nx,
-            sy * (v1 - v2) + nz * ux - flat * ny,
-            nx * uy - ny * ux - flat * nz,
-            size * nu1 + ea * s,
-            size * nu2 + eb * s,
+            f[0] + f[1] * w + over * s * (f[2] + f[3] * w),
+            g[0] + g[1] * w + over * s * (g[2] + g[3] * w),
+            sx * (v1 + v2) - n[2] * uy - flat * n[0],
+            sy * (v1 - v2) + n[2] * ux - flat * n[1],
+            n[0] * uy - n[1] * ux - flat * n[2],
         )
 
     return averaged

@@ -64,24 +64,17 @@ class SecondOrder(Form):
         self.check(scene)
         if scene.ellipsoid.kind == "triaxial":
             run = triaxial_run.prepared(scene)
-            return Problem(
-                name=self.name,
-                field=run.field,
-                start=run.state,
-                end=scene.slow_time,
-                parameters=run.parameters,
-                invariant=frame_drift,
-                time_unit=scene.stokes,
-            )
-        start = slow_start(scene)
-        assert start is not None
+            field, start, parameters, drift = run.field, run.state, run.parameters, frame_drift
+        else:
+            field, start, drift = spheroidal.field, (*(slow_start(scene) or ()), 0.0), axis_drift
+            parameters = spheroidal.parameters(Spheroid.of(scene.ellipsoid), scene.torque_factor)
         return Problem(
             name=self.name,
-            field=spheroidal.field,
-            start=(*start, 0.0),
+            field=field,
+            start=start,
             end=scene.slow_time,
-            parameters=spheroidal.parameters(Spheroid.of(scene.ellipsoid), scene.torque_factor),
-            invariant=axis_drift,
+            parameters=parameters,
+            invariant=drift,
             time_unit=scene.stokes,
         )
 
@@ -98,24 +91,12 @@ class SecondOrder(Form):
         return Observables(spheroid.equatorial_inertia * momentum, energy, axis_rotation(spheroid.axis, axis))
 
     def estimate(self, scene: Scene) -> Estimate:
-        """Largest model errors over the run, slow and orientation, from the size of the expansion's next term.
-
-        Raises
-        ------
-        FormNotValidError
-            As `check` does.
-        """
+        """Largest model errors over the run, slow and orientation, from the size of the expansion's next term."""
         self.check(scene)
         return estimated(scene)
 
     def reach(self, scene: Scene) -> float:
-        """Slow time to which the form follows a scene: its end, or, of a triaxial one, short of L² = 2EI₂.
-
-        Raises
-        ------
-        FormNotValidError
-            If the scene cannot be followed at all.
-        """
+        """Slow time to which the form follows a scene: its end, or, of a triaxial one, short of L² = 2EI₂."""
         try:
             self.check(scene)
         except FormNotValidError:

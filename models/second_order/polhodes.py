@@ -24,12 +24,8 @@ DIFFERENCES = ((1, 3 / 4), (2, -3 / 20), (3, 1 / 60))
 class Side:
     """A triaxial body on one side of L² = 2EI₂, its axes permuted and turned so that z₃ > 0.
 
-    Parameters
-    ----------
-    axes : ndarray, shape (3, 3)
-        Rows are the permuted axes in the scene's body axes; a rotation.
-    inverse_inertia, drag, squares : ndarray, shape (3,)
-        1/I, 8πX and the squared semi-axes, in permuted order.
+    Rows of `axes` are the permuted axes in the scene's body axes; 1/I, 8πX and the squared semi-axes, shape (3,), are
+    in permuted order.
     """
 
     axes: Array
@@ -63,15 +59,7 @@ class Side:
 
 @dataclass(frozen=True)
 class Polhode:
-    """Polhodes of m values of y at a phases each, which start at `phase`.
-
-    Parameters
-    ----------
-    side : Side
-    y, phase : ndarray, shape (m,)
-    nodes : int
-        Even number a of phases.
-    """
+    """Polhodes of m values of y, shape (m,), at an even number `nodes` of phases each, from `phase`, shape (m,), on."""
 
     side: Side
     y: Array
@@ -154,17 +142,12 @@ class Polhode:
     @cached_property
     def beside(self) -> "Derivatives":
         """Derivatives with respect to y at fixed phases."""
-        total = Derivatives(0 * self.z, 0 * self.lead, 0 * self.rate, 0 * self.rate)
+        total = dict.fromkeys(("z", "lead", "rate", "precession"), np.zeros(1))
         for steps, weight in DIFFERENCES:
-            up = replace(self, y=self.y + steps * STEP)
-            down = replace(self, y=self.y - steps * STEP)
-            total = Derivatives(
-                total.z + weight / STEP * (up.z - down.z),
-                total.lead + weight / STEP * (up.lead - down.lead),
-                total.rate + weight / STEP * (up.rate - down.rate),
-                total.precession + weight / STEP * (up.precession - down.precession),
-            )
-        return total
+            up, down = (replace(self, y=self.y + sign * steps * STEP) for sign in (1, -1))
+            for name in total:
+                total[name] = total[name] + weight / STEP * (getattr(up, name) - getattr(down, name))
+        return Derivatives(**total)
 
 
 @dataclass(frozen=True)

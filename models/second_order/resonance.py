@@ -13,9 +13,10 @@ import numpy as np
 
 from polhode.models.scene import Scene
 from polhode.models.second_order import tables as triaxial
-from polhode.models.second_order.averages import FRAMES, SIZES, phases
+from polhode.models.second_order.averages import EVERY_FRAME, FRAMES, SIZES, every_pose, phases
 from polhode.models.second_order.field import MODE_NODES
 from polhode.models.second_order.polhodes import Polhode, Side
+from polhode.models.second_order.tables import Table
 from polhode.models.second_order.torus import Mask, Torus
 from polhode.models.shape import Ellipsoid
 
@@ -31,57 +32,19 @@ MODES, POINTS = (20, 3), 200
 
 @dataclass(frozen=True)
 class Resonance:
-    """A mode that comes near its resonance in a run.
-
-    Parameters
-    ----------
-    mask : Mask
-    met : bool
-        Whether the divisor passes 0.
-    slow_time, a2 : float
-        When and where the divisor is smallest.
-    share : float
-        Strength of the mode over that of the torque.
-    kick : float
-        Over I_max, what it is predicted to give L: √(2π/(St |dD/dt₂|)) · 2|P_k|.
-    """
+    """A mode that comes near its resonance in a run."""
 
     mask: Mask
-    met: bool
-    slow_time: float
+    met: bool  # whether the divisor passes 0
+    slow_time: float  # when, and at which a², the divisor is smallest
     a2: float
-    share: float
-    kick: float
-
-
-@dataclass(frozen=True)
-class ModeTable:
-    """Chebyshev series of a mode, for a² from `low` to `high`.
-
-    With A and B the parts of the flow's strain and spin that turn k₂ times about n, P_k is i(l₁A + l₂B) for l, the same
-    with y₁ and y₂ over l for (a²)'/a², (a₁A + a₂B)/l for α and the same with b₁ and b₂ for β; of L₁ + iL₂ it is
-    i(q₁A + q₂B + q₃C) with parts of k₂ - 1 turns, C being -il where there are none, and of L₁ - iL₂ iq₄A with k₂ + 1.
-
-    Parameters
-    ----------
-    low, high : float
-    series : ndarray, shape (12, MODE_NODES)
-        Rows l₁, l₂, y₁, y₂, a₁, a₂, b₁, b₂, q₁, q₂, q₃, q₄.
-    residual : float
-        Relative misfit of this structure, largest over the nodes.
-    """
-
-    low: float
-    high: float
-    series: Array
-    residual: float
+    share: float  # strength of the mode over that of the torque
+    kick: float  # over I_max, what it is predicted to give L: √(2π/(St |dD/dt₂|)) · 2|P_k|
 
 
 def resonances(scene: Scene, side: Side, path: Array, low: float, high: float) -> list[Resonance]:
     """Modes that come near their resonances for a² from `low` to `high`, the strongest first."""
-    squares = np.linspace(low, high, POINTS)
-    level = triaxial.level(squares)
-    polhode = Polhode(side, level, np.zeros(POINTS), phases(side, float(level.max())))
+    squares, polhode = _across(side, low, high)
     found = []
     for k2 in range(1, MODES[1] + 1):
         for k1 in range(-MODES[0], MODES[0] + 1):
@@ -95,6 +58,13 @@ def resonances(scene: Scene, side: Side, path: Array, low: float, high: float) -
                 if met or abs(divisor[nearest]) < sqrt(each.share) * polhode.precession[nearest]:
                     found.append(each)
     return sorted(found, key=lambda resonance: -resonance.kick)
+
+
+def _across(side: Side, low: float, high: float) -> tuple[Array, Polhode]:
+    """Equispaced a² from `low` to `high`, shape (POINTS,), and their polhodes."""
+    squares = np.linspace(low, high, POINTS)
+    level = triaxial.level(squares)
+    return squares, Polhode(side, level, np.zeros(POINTS), phases(side, float(level.max())))
 
 
 def _resonance(scene: Scene, side: Side, path: Array, a2: float, mask: Mask, met: bool) -> Resonance:
@@ -120,12 +90,10 @@ def _resonance(scene: Scene, side: Side, path: Array, a2: float, mask: Mask, met
 
 
 @lru_cache(maxsize=256)
-def mode_table(ellipsoid: Ellipsoid, longest: bool, mask: Mask, low: float, high: float) -> ModeTable:
-    """Series of a mode where its mask does not vanish, for a² from `low` to `high`."""
+def mode_table(ellipsoid: Ellipsoid, longest: bool, mask: Mask, low: float, high: float) -> Table:
+    """Series of a mode where its mask does not vanish, for a² from `low` to `high`; rows as from `mode`."""
     side = triaxial.side_of(ellipsoid, longest)
-    squares = np.linspace(low, high, POINTS)
-    level = triaxial.level(squares)
-    polhode = Polhode(side, level, np.zeros(POINTS), phases(side, float(level.max())))
+    squares, polhode = _across(side, low, high)
     divisor = mask.k1 * polhode.rate + mask.k2 * polhode.precession
     near = np.flatnonzero(np.abs(divisor) < REACH * mask.width)
     low, high = (float(squares[i]) for i in (max(near[0] - 1, 0), min(near[-1] + 1, POINTS - 1)))
@@ -133,17 +101,19 @@ def mode_table(ellipsoid: Ellipsoid, longest: bool, mask: Mask, low: float, high
     found = [mode(side, mask, float(y)) for y in triaxial.level(points)]
     rows = np.array([numbers for numbers, _ in found]).T
     rows[2:4] *= triaxial.per_square(points)
-    return ModeTable(low, high, triaxial.series_of(rows), max(residual for _, residual in found))
+    return Table(low, high, triaxial.series_of(rows), max(residual for _, residual in found))
 
 
 def mode(side: Side, mask: Mask, y: float) -> tuple[Array, float]:
-    """The twelve numbers of a mode at y, for y' in place of (a²)'/a², and the misfit over the mode's strength."""
-    frames, sizes = np.repeat(FRAMES, len(SIZES), axis=0), np.tile(SIZES, len(FRAMES))
-    m = len(sizes)
-    polhode = Polhode(side, np.full(m, y), np.zeros(m), max(phases(side, y), 2 * abs(mask.k1) + 2))
-    torus = Torus(polhode, sizes, np.zeros(m), frames[:, 0], frames[:, 1])
-    rates = torus.spectrum[:, mask.k1, mask.k2]
-    strain, spin = _turning(frames)
+    """The numbers l₁, l₂, y₁, y₂, a₁, a₂, b₁, b₂, q₁, q₂, q₃, q₄ of a mode at y, and the misfit over its strength.
+
+    With A and B the parts of the flow's strain and spin that turn k₂ times about n, P_k is i(l₁A + l₂B) for l, the same
+    with y₁ and y₂ over l for y', (a₁A + a₂B)/l for α and the same with b₁ and b₂ for β; of L₁ + iL₂ it is
+    i(q₁A + q₂B + q₃C) with parts of k₂ - 1 turns, C being -il where there are none, and of L₁ - iL₂ iq₄A with k₂ + 1.
+    """
+    torus = every_pose(side, y, max(phases(side, y), 2 * abs(mask.k1) + 2))
+    rates, sizes = torus.spectrum[:, mask.k1, mask.k2], SIZES
+    strain, spin = _turning(EVERY_FRAME)
     own = np.stack([strain[mask.k2], spin[mask.k2]], axis=1)
     down = np.stack([strain[mask.k2 - 1], spin[mask.k2 - 1], -1j * sizes * (mask.k2 == 1)], axis=1)
     up = strain[mask.k2 + 1][:, None]
@@ -175,7 +145,7 @@ def _turning(frames: Array) -> tuple[Array, Array]:
 
 
 def mode_parameters(
-    ellipsoid: Ellipsoid, torque_factor: float, mask: Mask, found: ModeTable, start: tuple[float, float]
+    ellipsoid: Ellipsoid, torque_factor: float, mask: Mask, found: Table, start: tuple[float, float]
 ) -> tuple[float, ...]:
     """Parameters of a mode in a `SlowField`, from its table and the phases α and β at the start."""
     unit = max(ellipsoid.inertia)

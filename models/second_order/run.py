@@ -57,34 +57,17 @@ class NotAveragedError(ValueError):
 
 @dataclass(frozen=True)
 class Prepared:
-    """A run ready to be solved.
-
-    Parameters
-    ----------
-    side : Side
-    table : Table
-    field : SlowField
-    parameters : tuple of float
-        What the field receives.
-    state : tuple of 9 float
-        Slow start in the field's coordinates.
-    phases : tuple of 2 float
-        α and β of the slow start.
-    path : ndarray, shape (m, 5)
-        t₂ and (L, E) along the first-order solution.
-    treated, dropped : tuple of Resonance
-        Resonant modes that the field keeps, and those that neither it nor the transformation has.
-    """
+    """A run ready to be solved."""
 
     side: Side
     table: triaxial.Table
     field: SlowField
-    parameters: tuple[float, ...]
-    state: tuple[float, ...]
-    phases: tuple[float, float]
-    path: Array
-    treated: tuple[Resonance, ...] = ()
-    dropped: tuple[Resonance, ...] = ()
+    parameters: tuple[float, ...]  # what the field receives
+    state: tuple[float, ...]  # slow start in the field's coordinates
+    phases: tuple[float, float]  # α and β of the slow start
+    path: Array  # t₂ and (L, E) along the first-order solution, shape (m, 5)
+    treated: tuple[Resonance, ...] = ()  # resonant modes that the field keeps
+    dropped: tuple[Resonance, ...] = ()  # those that neither it nor the transformation has
 
     @property
     def masks(self) -> tuple[Mask, ...]:
@@ -94,13 +77,7 @@ class Prepared:
 
 @lru_cache(maxsize=64)
 def prepared(scene: Scene) -> Prepared:
-    """Prepare a triaxial scene of finite St, with orientation and L not 0.
-
-    Raises
-    ------
-    NotAveragedError
-        If the run crosses L² = 2EI₂ or resonates, or if St is too small for its start.
-    """
+    """Prepare a triaxial scene of finite St, with orientation and L not 0; raises NotAveragedError if it cannot be."""
     ellipsoid = scene.ellipsoid
     rotation, momentum = scene.initial.rotation[0], scene.initial.angular_momentum[0]
     body = rotation @ momentum
@@ -190,13 +167,7 @@ def _resolved(ellipsoid: Ellipsoid, longest: bool, low: float, high: float, mask
 
 
 def first_order_path(scene: Scene) -> tuple[Array, Array]:
-    """First-order solution (t₂, L, E), shape (m, 5), and its a², shape (m,).
-
-    Raises
-    ------
-    NotAveragedError
-        If it crosses or comes close to L² = 2EI₂.
-    """
+    """First-order solution (t₂, L, E), shape (m, 5), and its a², shape (m,), if it keeps away from L² = 2EI₂."""
     rhs, p = averaged.field(FLOAT), averaged.coefficients(scene.ellipsoid)
     unit = max(scene.ellipsoid.inertia)
     start = scene.initial.slow[0] / unit

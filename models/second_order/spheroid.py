@@ -20,6 +20,7 @@ import numpy as np
 
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.operations import Field, Operations
+from polhode.models.second_order.field import averaged_rates
 
 Polynomial = tuple[float, ...]
 
@@ -47,13 +48,7 @@ def torque_coefficients(spheroid: Spheroid) -> dict[str, float]:
 
 
 def coefficient_polynomials(torque: dict[str, float]) -> dict[str, Polynomial]:
-    """Coefficients of the averaged equations as polynomials in h², lowest power first.
-
-    Parameters
-    ----------
-    torque : dict
-        As from `torque_coefficients`.
-    """
+    """Coefficients of the averaged equations as polynomials in h², lowest power first, from `torque_coefficients`."""
     D, d, c, k = (torque[name] for name in "Ddck")
     return {
         "f0": (-D, -d),
@@ -89,7 +84,7 @@ def parameters(spheroid: Spheroid, torque_factor: float) -> tuple[float, ...]:
 
 def field(ops: Operations) -> Field:
     """Rates of (L, q, σ) in slow time t₂ = t/St; p as from `parameters`."""
-    sqrt = ops.sqrt
+    sqrt, averaged = ops.sqrt, ops.use(averaged_rates)
 
     def rhs(y, p):
         lx, ly, lz, qx, qy, qz = y[0], y[1], y[2], y[3], y[4], y[5]
@@ -98,30 +93,18 @@ def field(ops: Operations) -> Field:
         nx, ny, nz = lx * over, ly * over, lz * over
         h = nx * qx + ny * qy + nz * qz
         x = h * h
-        sx, sy, s0 = 0.5 * ny, 0.5 * nx, nx * ny
-        w, s = 0.5 * nz * over, s0 * over
 
-        f0, f2 = p[0] + p[1] * x, p[2] + p[3] * x
-        r1, r2 = p[8] + p[9] * x, p[10] + p[11] * x
-        a1, a2 = p[12] + x * (p[13] + x * p[14]), p[15] + x * (p[16] + x * p[17])
-        b1, b2 = p[18] + x * p[19], p[20] + x * p[21]
+        f = p[0] + p[1] * x, p[2] + p[3] * x, p[12] + x * (p[13] + x * p[14]), p[15] + x * (p[16] + x * p[17])
+        g = p[4], p[5], p[18] + x * p[19], p[20] + x * p[21]
+        r = p[8] + p[9] * x, p[10] + p[11] * x
         p1, p2 = p[22] + x * (p[23] + x * p[24]), p[25] + x * (p[26] + x * p[27])
         p3, p4 = p[28] + x * (p[29] + x * p[30]), p[31] + x * (p[32] + x * p[33])
         p5, p6 = p[34] + x * (p[35] + x * p[36]), p[37] + x * (p[38] + x * p[39])
-
-        growth = f0 + f2 * w + over * s * (a1 + a2 * w)
-        # L'⊥ = n × (S u₁ + W u₂) + S' v₁ + W v₂ with S = (sx, sy, 0) and W = (sx, -sy, 0).
-        u1, u2 = r1 + over * s * p3, r2 + over * s * p4
-        v1, v2 = over * (p1 + p5 * w), over * (p2 + p6 * w)
-        ux, uy, level = sx * (u1 + u2), sy * (u1 - u2), v1 * s0
-        tx = sx * (v1 + v2) - nz * uy - level * nx
-        ty = sy * (v1 - v2) + nz * ux - level * ny
-        tz = nx * uy - ny * ux - level * nz
+        growth, rise, tx, ty, tz = averaged(size, (nx, ny, nz), f, g, r, (p1, p2, p3, p4, p5, p6))
 
         # n' carries q along: (n × n') × q = n'(n·q) - n(n'·q).
         kept, lost = h * over, (tx * qx + ty * qy + tz * qz) * over
-        fall = h * (p[4] + p[5] * w + over * s * (b1 + b2 * w))
-        turn = s * (p[6] + p[7] * x)
+        fall, turn = h * rise, nx * ny * over * (p[6] + p[7] * x)
         return (
             growth * lx + tx,
             growth * ly + ty,
@@ -138,16 +121,7 @@ def field(ops: Operations) -> Field:
 def generator(spheroid: Spheroid, momentum: np.ndarray, axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Generator u of the near-identity transformation: (L, p) is the slow (L, p) plus u of the slow one over St.
 
-    Parameters
-    ----------
-    spheroid : Spheroid
-    momentum, axis : ndarray, shape (n, 3)
-        L over I_e and the unit symmetry axis p, in space components.
-
-    Returns
-    -------
-    ndarray, shape (n, 3), twice
-        Its parts along L over I_e and along p; the latter is normal to p.
+    L is in units of I_e, p the unit symmetry axis, shape (n, 3) each; so are the parts of u, that of p normal to p.
     """
     size = np.linalg.norm(momentum, axis=1)
     n = momentum / size[:, None]
@@ -161,14 +135,7 @@ def generator(spheroid: Spheroid, momentum: np.ndarray, axis: np.ndarray) -> tup
 
 
 def torque(coefficients: dict[str, float], momentum: np.ndarray, axis: np.ndarray) -> np.ndarray:
-    """Rate in slow time of L over I_e, shape (..., 3), for the symmetry axis p, shape (..., 3) (`ultima`, `jw1`–`jw3`).
-
-    Parameters
-    ----------
-    coefficients : dict
-        As from `torque_coefficients`.
-    momentum, axis : ndarray, shape (..., 3)
-    """
+    """Rate in slow time of L over I_e for the symmetry axis p, shape (..., 3) each (`ultima`, `jw1`–`jw3`)."""
     px, py, pz = np.moveaxis(axis, -1, 0)
     strained = 0.5 * np.stack([py, px, np.zeros_like(px)], axis=-1)
     along = -coefficients["d"] * np.sum(axis * momentum, axis=-1) - 0.5 * coefficients["c"] * pz

@@ -35,21 +35,11 @@ class Estimate:
 
 @dataclass(frozen=True)
 class NextTerm:
-    """What comes after second order, at m states.
+    """What comes after second order, at m states."""
 
-    Parameters
-    ----------
-    drift : ndarray, shape (m, 5)
-        Rates in slow time of L, h and the angle s + arg q that the form does not have.
-    swing : ndarray, shape (m, k, 6)
-        Changes of L, h, the angle and t₂ that the transformation does not have, at k equal angles s.
-    ripple : ndarray, shape (m, 4)
-        Largest change per rad of s of the swing of L and h that the transformation has.
-    """
-
-    drift: Array
-    swing: Array
-    ripple: Array
+    drift: Array  # rates in slow time of L, h and the angle s + arg q that the form does not have, shape (m, 5)
+    swing: Array  # changes of L, h, the angle and t₂ that the transformation does not have, at k angles s, (m, k, 6)
+    ripple: Array  # largest change per rad of s of the swing of L and h that the transformation has, shape (m, 4)
 
 
 def estimate(spheroid: Spheroid, torque_factor: float, start: tuple[float, ...], end: float) -> Estimate:

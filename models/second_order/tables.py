@@ -8,7 +8,7 @@ import numpy as np
 
 from polhode.models.second_order.averages import FIRST, SECOND, averages, phases
 from polhode.models.second_order.polhodes import Polhode, Side
-from polhode.models.second_order.torus import Mask, Torus, least_rotation
+from polhode.models.second_order.torus import Mask, Torus, least_rotation, skew
 from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
@@ -25,21 +25,12 @@ HIGHEST_SCALE = 3
 
 @dataclass(frozen=True)
 class Table:
-    """Chebyshev coefficients of the averages on one side, for a² from `low` to `high`.
-
-    Parameters
-    ----------
-    low, high : float
-    series : ndarray, shape (20, n)
-        Rows in the order of `NAMES`, y' as (a²)'/a².
-    residual : float
-        Relative misfit of the closed structure, largest over the nodes.
-    """
+    """Chebyshev coefficients of functions of a² on one side, for a² from `low` to `high`."""
 
     low: float
     high: float
-    series: Array
-    residual: float
+    series: Array  # one row per function: of averages in the order of `NAMES`, y' as (a²)'/a²
+    residual: float  # relative misfit of the closed structure, largest over the nodes
 
 
 def depth(x: Array) -> Array:
@@ -165,10 +156,8 @@ def swung(side: Side, torque_factor: float, q: Array, torus: Torus) -> Pose:
 def rotation_by(vectors: Array) -> Array:
     """Rotations, shape (m, 3, 3), by vectors, shape (m, 3), in rad (Rodrigues)."""
     angle = np.linalg.norm(vectors, axis=1)[:, None, None]
-    x, y, z = vectors.T
-    zero = np.zeros_like(x)
-    skew = np.moveaxis(np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]), (0, 1), (-2, -1))
-    return np.eye(3) + np.sinc(angle / pi) * skew + 0.5 * np.sinc(angle / (2 * pi)) ** 2 * (skew @ skew)
+    cross = skew(vectors)
+    return np.eye(3) + np.sinc(angle / pi) * cross + 0.5 * np.sinc(angle / (2 * pi)) ** 2 * (cross @ cross)
 
 
 def relative_swing(side: Side, momentum: Array, q: Array, level: Array, masks: tuple[Mask, ...]) -> tuple[Array, Torus]:

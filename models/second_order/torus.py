@@ -29,14 +29,7 @@ SMALLEST_DIVISOR = 1e-3
 class Mask:
     """A mode and its conjugate, kept out of the generator by the share μ = (1 + d⁴/POWER)^-POWER, d = D/width.
 
-    D = k₁ν₁ + k₂ν₂ is the divisor over l. What it is divided by stays away from zero: 1 - μ falls like d⁴.
-
-    Parameters
-    ----------
-    k1, k2 : int
-        k₂ > 0.
-    width : float
-        In the units of ν.
+    D = k₁ν₁ + k₂ν₂ is the divisor over l, k₂ > 0. What it is divided by stays away from zero: 1 - μ falls like d⁴.
     """
 
     k1: int
@@ -68,30 +61,15 @@ class Mask:
 
 @dataclass(frozen=True)
 class Torus:
-    """The perturbation at m states, over all phases.
-
-    Parameters
-    ----------
-    polhode : Polhode
-    size : ndarray, shape (m,)
-        l = |L|.
-    precession : ndarray, shape (m,)
-        β of the states.
-    flow, gradient : ndarray, shape (m, 3)
-        The flow's directions x and y in the frame of L.
-    masks : tuple of Mask, optional
-        Resonant modes.
-    averaging : bool
-        Whether the generator is that of the second-order averages, which differs in masked modes.
-    """
+    """The perturbation at m states, over all phases."""
 
     polhode: Polhode
-    size: Array
-    precession: Array
-    flow: Array
+    size: Array  # l = |L|, shape (m,)
+    precession: Array  # β of the states, shape (m,)
+    flow: Array  # the flow's directions x and y in the frame of L, shape (m, 3) each
     gradient: Array
-    masks: tuple[Mask, ...] = ()
-    averaging: bool = False
+    masks: tuple[Mask, ...] = ()  # resonant modes
+    averaging: bool = False  # whether the generator is that of the second-order averages: another one in masked modes
 
     @cached_property
     def rotation(self) -> Array:
@@ -209,17 +187,9 @@ def least_rotation(z: Array) -> Array:
 
 
 def torque(side: Side, rotation: Array, momentum: Array, flow: Array, gradient: Array) -> Array:
-    """Torque in body axes, shape (..., 3) (`ultima`, `jw1`–`jw3`).
+    """Torque in body axes, shape (..., 3) (`ultima`, `jw1`–`jw3`), at L in body axes.
 
-    Parameters
-    ----------
-    side : Side
-    rotation : ndarray, shape (..., 3, 3)
-        Body to frame.
-    momentum : ndarray, shape (..., 3)
-        L in body axes.
-    flow, gradient : ndarray, shape (..., 3)
-        The flow's x and y in the frame.
+    `rotation`, shape (..., 3, 3), is from the body to a frame, in which `flow` and `gradient` are the flow's x and y.
     """
     x = np.einsum("...ij,...i->...j", rotation, flow)
     y = np.einsum("...ij,...i->...j", rotation, gradient)
@@ -229,3 +199,10 @@ def torque(side: Side, rotation: Array, momentum: Array, flow: Array, gradient: 
         for j, k in ((1, 2), (2, 0), (0, 1))
     ]
     return side.drag * (np.stack(spin, axis=-1) - side.inverse_inertia * momentum)
+
+
+def skew(vectors: Array) -> Array:
+    """Matrices, shape (..., 3, 3), of the cross products with vectors, shape (..., 3)."""
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    zero = np.zeros_like(x)
+    return np.moveaxis(np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]), (0, 1), (-2, -1))

@@ -10,20 +10,9 @@ from polhode.models.shape import Ellipsoid
 
 
 def dissipation(ellipsoid: Ellipsoid, rotation: np.ndarray, angular_velocity: np.ndarray) -> np.ndarray:
-    """St dE/dt = -8π Σ X_j (ω_j - ω_jJ) ω_j (`vispow`), without the factor 1/St.
+    """St dE/dt = -8π Σ X_j (ω_j - ω_jJ) ω_j (`vispow`), shape (n,), positive where the flow drives the body.
 
-    Parameters
-    ----------
-    ellipsoid : Ellipsoid
-    rotation : ndarray, shape (n, 3, 3)
-        t_ij: row i is body axis i in space components.
-    angular_velocity : ndarray, shape (n, 3)
-        In body axes, in units of the shear rate.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Positive where the flow drives the body, in units of E times the shear rate.
+    Of matrices t_ij, shape (n, 3, 3), and body angular velocities, shape (n, 3); in units of E times the shear rate.
     """
     jeffery = jeffery_angular_velocity(numpy_operations())
     flow, gradient = rotation[:, :, 0].T, rotation[:, :, 1].T

@@ -16,25 +16,14 @@ _BY_LENGTH: tuple[Rotation, ...] = ("longest axis", "middle axis", "shortest axi
 
 @dataclass(frozen=True)
 class FixedPoint:
-    """One fixed point of the averaged equations, where the body turns with the fluid, ω = -½ ẑ.
+    """One fixed point of the averaged equations, where the body turns with the fluid, ω = -½ ẑ."""
 
-    Parameters
-    ----------
-    rotation : str
-        The body axis along the vorticity; a spheroid spins about its symmetry axis and tumbles about another one.
-    variables : tuple of str, length d
-        Slow variables in which the point is given: E of a triaxial ellipsoid, η of a spheroid (`lxmain`–`emain`,
-        `lxsmain`–`nsmain`), L alone of a sphere.
-    state : tuple of float, length d
-        Where it lies, in the units of `Observables`.
-    eigenvalues : tuple of float
-        Of the linearised equations, per unit of slow time, in the order of the paper: those along L_x and L_y first.
-        A singular point has these two alone.
-    """
-
-    rotation: Rotation
-    variables: tuple[str, ...]
-    state: tuple[float, ...]
+    rotation: Rotation  # the body axis along the vorticity; a spheroid tumbles about an equatorial axis
+    variables: tuple[
+        str, ...
+    ]  # with E of a triaxial ellipsoid (`lxmain`–`emain`), η of a spheroid (`lxsmain`–`nsmain`)
+    state: tuple[float, ...]  # in the units of `Observables`
+    # Per unit of slow time, in the order of the paper: along L_x and L_y first. A singular point has these two alone.
     eigenvalues: tuple[float, ...]
 
     @property
@@ -84,11 +73,8 @@ def eigenvalues(ellipsoid: Ellipsoid, axis: int) -> tuple[float, float, float, f
     the tumbling spheroid (section `lsds`) are one formula. About the middle axis of a triaxial ellipsoid only the
     first two hold, as limits that are approached like 1/log.
     """
-    squares, inertia, resistance = (
-        [length * length for length in ellipsoid.scaled_axes],
-        ellipsoid.inertia,
-        ellipsoid.resistance,
-    )
+    squares = [length * length for length in ellipsoid.scaled_axes]
+    inertia, resistance = ellipsoid.inertia, ellipsoid.resistance
     along_x, along_y, wobble = 0.0, 0.0, 0.0
     for other in ((axis + 1) % 3, (axis + 2) % 3):
         third = 3 - axis - other

@@ -20,18 +20,8 @@ class Separatrix:
     """Local solution on one side of L² = 2EI₂.
 
     Every run that passes goes from the "long" side, where the polhodes encircle the longest axis (L² < 2EI₂), to the
-    "short" side (L² > 2EI₂). One on each side, the critical trajectory, meets the singular point.
-
-    Parameters
-    ----------
-    ellipsoid : Ellipsoid
-        Triaxial.
-    side : {"long", "short"}
-
-    Raises
-    ------
-    ValueError
-        If the ellipsoid is not triaxial or the side neither of the two.
+    "short" side (L² > 2EI₂). One on each side, the critical trajectory, meets the singular point. Other sides, and
+    ellipsoids that are not triaxial, raise ValueError.
     """
 
     ellipsoid: Ellipsoid
@@ -39,10 +29,8 @@ class Separatrix:
 
     def __post_init__(self) -> None:
         if self.ellipsoid.kind != "triaxial":
-            raise ValueError(
-                f"semi_axes: {self.ellipsoid.semi_axes} are those of a {self.ellipsoid.kind}, "
-                "expected a triaxial ellipsoid"
-            )
+            kind = f"{self.ellipsoid.semi_axes} are those of a {self.ellipsoid.kind}"
+            raise ValueError(f"semi_axes: {kind}, expected a triaxial ellipsoid")
         if self.side not in ("long", "short"):
             raise ValueError(f"side: got {self.side!r}, expected 'long' or 'short'")
 

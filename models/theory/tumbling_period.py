@@ -19,18 +19,7 @@ def tumbling_period(ellipsoid: Ellipsoid, stokes: float, axis: int) -> float:
     collocation, not by waiting for the transient to decay, and T = 2∫dφ/w over half a turn. It is 2π(κ + 1/κ),
     κ = a/b, at St = 0 and tends to 4π as St → ∞.
 
-    Parameters
-    ----------
-    ellipsoid : Ellipsoid
-    stokes : float
-        Stokes number, finite.
-    axis : {0, 1, 2}
-        Body axis along the vorticity.
-
-    Returns
-    -------
-    float
-        Within about 1e-13, relative.
+    Body axis `axis` (0, 1, 2) stays along the vorticity. The result is good to about 1e-13, relative.
 
     Raises
     ------
