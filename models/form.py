@@ -7,24 +7,14 @@ import numpy as np
 
 from polhode.models.catalogue import averaged_form, full_form
 from polhode.models.observables import Observables
-from polhode.models.problem import Problem
+from polhode.models.problem import Factory, Floats, Invariant, Problem
 from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart
 
 Orientation = Literal["full", "axis", "none"]
 
 
 class FormNotValidError(ValueError):
-    """A scene lies outside a form's validity.
-
-    Parameters
-    ----------
-    condition : str
-        What failed.
-    form : str, optional
-        The form's name.
-    instead : str, optional
-        The name of the form to use instead.
-    """
+    """A scene lies outside a form's validity: the `condition` that failed, the `form`, the one to use `instead`."""
 
     def __init__(self, condition: str, form: str = "", instead: str = "") -> None:
         super().__init__(condition, form, instead)
@@ -61,36 +51,18 @@ class Form(ABC):
 
     @abstractmethod
     def check(self, scene: Scene) -> None:
-        """Refuse a scene that this form does not describe.
-
-        Raises
-        ------
-        FormNotValidError
-            Naming the condition that fails and the form to use instead.
-        """
+        """Raise FormNotValidError for a scene that this form does not describe."""
 
     @abstractmethod
     def problem(self, scene: Scene) -> Problem:
-        """Initial value problem of a scene that `check` accepts.
-
-        Raises
-        ------
-        FormNotValidError
-            As `check` does.
-        """
+        """Initial value problem of a scene that `check` accepts; raises as `check` does."""
 
     @abstractmethod
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         """Observables of the states, shape (n, d), of a solution of `problem`."""
 
     def reach(self, scene: Scene) -> float:
-        """Slow time to which the form follows a scene: its end, unless the form is one that stops short.
-
-        Raises
-        ------
-        FormNotValidError
-            If the scene cannot be followed at all.
-        """
+        """Slow time to which the form follows a scene: its end, unless the form stops short; raises as `check` does."""
         self.check(scene)
         return scene.slow_time
 
@@ -122,6 +94,13 @@ class Form(ABC):
             raise self.refuse("at St = inf the slow variables are constant", "euler-top")
         if not np.any(scene.initial.angular_momentum):
             raise self.refuse("the start has L = 0, where averaging does not apply", full_form(scene))
+
+    def slow_problem(
+        self, scene: Scene, field: Factory, start: Floats, parameters: Floats, invariant: Invariant | None = None
+    ) -> Problem:
+        """Initial value problem in slow time t₂ = t/St."""
+        unit = scene.stokes
+        return Problem(self.name, field, start, scene.slow_time, parameters, invariant=invariant, time_unit=unit)
 
     def refuse(self, condition: str, instead: str) -> FormNotValidError:
         """Make the error that says which condition failed and which form to use instead."""

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polhode.models.rotation import matrix_from_quaternion
 from polhode.models.shape import Ellipsoid
 
 
@@ -44,11 +43,6 @@ def observe_body(ellipsoid: Ellipsoid, rotation: np.ndarray, angular_velocity: n
         energy=0.5 * np.sum(body_momentum * angular_velocity, axis=1),
         rotation=rotation,
     )
-
-
-def observe_quaternion(ellipsoid: Ellipsoid, quaternion: np.ndarray, angular_velocity: np.ndarray) -> Observables:
-    """Observables of quaternions, shape (n, 4), and body angular velocities, shape (n, 3)."""
-    return observe_body(ellipsoid, matrix_from_quaternion(quaternion), angular_velocity)
 
 
 def observe_slow(slow: np.ndarray) -> Observables:

@@ -7,6 +7,10 @@ import numpy as np
 
 from polhode.models.operations import Field, Operations
 
+Floats = tuple[float, ...]
+Factory = Callable[[Operations], Field]
+Invariant = Callable[[np.ndarray], np.ndarray]
+
 
 @dataclass(frozen=True)
 class MassForm:
@@ -15,8 +19,8 @@ class MassForm:
     Rows of mass zero are algebraic, so that the form stays valid where the explicit one does not (St = 0).
     """
 
-    mass: tuple[float, ...]  # the diagonal of the mass matrix
-    parameters: tuple[float, ...]  # what the field receives as ``p`` in this form
+    mass: Floats  # the diagonal of the mass matrix
+    parameters: Floats  # what the field receives as ``p`` in this form
 
 
 @dataclass(frozen=True)
@@ -51,14 +55,14 @@ class Problem:
     """
 
     name: str
-    field: Callable[[Operations], Field]
-    start: tuple[float, ...]
+    field: Factory
+    start: Floats
     end: float
-    parameters: tuple[float, ...] | None = ()
+    parameters: Floats | None = ()
     mass_form: MassForm | None = None
     closed_form: Callable[[np.ndarray], np.ndarray] | None = None
     periodic: tuple[int, ...] = ()
-    invariant: Callable[[np.ndarray], np.ndarray] | None = None
+    invariant: Invariant | None = None
     least_steps: int = 1
     time_unit: float = 1.0
 

@@ -36,13 +36,7 @@ class Catalogue(dict[str, str], Generic[T]):
         self._made: dict[str, T] = {}
 
     def find(self, name: str) -> T:
-        """The instance of a catalogue name, or of a ``"module:class"`` outside the catalogue.
-
-        Raises
-        ------
-        ValueError
-            If there is no class of that name, or one of another kind.
-        """
+        """The instance of a catalogue name, or of a ``"module:class"`` outside; raises ValueError if there is none."""
         if name not in self._made:
             self._made[name] = self._class(name)()
         return self._made[name]

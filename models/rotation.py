@@ -4,8 +4,9 @@ from math import atan2, cos, hypot, sin
 
 import numpy as np
 
+from polhode.models.shape import Triple
+
 Array = np.ndarray
-Triple = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 
 

@@ -6,17 +6,11 @@ from math import hypot, inf, isfinite, isinf
 
 import numpy as np
 
+from polhode.models import rotation
 from polhode.models.flow import jeffery_angular_velocity, shares
 from polhode.models.observables import Observables, observe_body, observe_slow
 from polhode.models.operations import FLOAT
-from polhode.models.rotation import (
-    Quaternion,
-    Triple,
-    angular_velocity_from_euler,
-    euler_from_quaternion,
-    matrix_from_quaternion,
-    quaternion_from_euler,
-)
+from polhode.models.rotation import Quaternion, Triple
 from polhode.models.shape import Ellipsoid
 
 
@@ -34,12 +28,12 @@ class EulerStart:
     @property
     def quaternion(self) -> Quaternion:
         """Orientation."""
-        return quaternion_from_euler(self.angles)
+        return rotation.quaternion_from_euler(self.angles)
 
     @property
     def angular_velocity(self) -> Triple:
         """Body angular velocity in units of the shear rate."""
-        return angular_velocity_from_euler(self.angles, self.rates)
+        return rotation.angular_velocity_from_euler(self.angles, self.rates)
 
 
 @dataclass(frozen=True)
@@ -62,7 +56,7 @@ class BodyStart:
     @property
     def angles(self) -> Triple:
         """Euler angles (θ, φ, ψ) in rad."""
-        return euler_from_quaternion(self.quaternion)
+        return rotation.euler_from_quaternion(self.quaternion)
 
 
 @dataclass(frozen=True)
@@ -159,7 +153,7 @@ class Scene:
         """Matrix t_ij at the start, shape (3, 3); NaN for a `SlowStart`."""
         if isinstance(self.start, SlowStart):
             return np.full((3, 3), np.nan)
-        return matrix_from_quaternion(np.array(self.start.quaternion))
+        return rotation.matrix_from_quaternion(np.array(self.start.quaternion))
 
     @cached_property
     def initial(self) -> Observables:

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ValidationError
 from polhode.models.registry import hint, near
 
 Made = TypeVar("Made")
-Table = TypeVar("Table", bound=BaseModel)
+Model = TypeVar("Model", bound=BaseModel)
 
 
 def read_toml(source: Path | Traversable, parse: Callable[[dict[str, Any]], Made], where: str | None = None) -> Made:
@@ -36,14 +36,8 @@ def read_toml(source: Path | Traversable, parse: Callable[[dict[str, Any]], Made
         raise ValueError(f"{where}: {error}") from None
 
 
-def checked(model: type[Table], contents: dict[str, Any]) -> Table:
-    """The contents of a file as a `model`.
-
-    Raises
-    ------
-    ValueError
-        In one line: the key, the value and what was expected.
-    """
+def checked(model: type[Model], contents: dict[str, Any]) -> Model:
+    """The contents of a file as a `model`; raises ValueError, in one line: the key, the value and what was expected."""
     try:
         return model.model_validate(contents)
     except ValidationError as error:
@@ -97,12 +91,10 @@ def _keys(model: Any, path: list[int | str]) -> list[str]:
 
 
 _OUR_WORDS = (
-    ("Input should be a valid number", "expected a number"),
     ("Input should be a valid integer", "expected a whole number"),
-    ("Input should be a valid string", "expected a string"),
     ("Input should be a valid boolean", "expected true or false"),
-    ("Input should be a valid list", "expected a list"),
     ("Input should be a valid dictionary", "expected a table"),
+    ("Input should be a valid", "expected a"),
     ("Input should be a finite number", "expected a finite number"),
     ("Input should be '", "expected '"),
     ("Input should be", "expected a number"),

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from enum import IntEnum
 from math import ceil, floor, inf, log10
 
-import numpy as np
-
 from polhode.harness.common.text import in_full
 from polhode.harness.picking.laws import ErrorLaw, Sensitivity
 from polhode.models.form import Form, FormNotValidError
@@ -137,8 +135,7 @@ def why_unreached(form: Form, scene: Scene, refusal: FormNotValidError) -> str:
     Of a run that meets L² = 2EI₂ that says no more than that it does: why the shortest part that `reach` tries will not
     do either is added.
     """
-    moves = 0 < scene.stokes < inf and bool(np.any(scene.initial.angular_momentum))
-    parts = list(shorter(scene)) if moves and scene.ellipsoid.kind == "triaxial" else []
+    parts = list(shorter(scene))
     if not parts:
         return refusal.condition
     try:

@@ -134,16 +134,10 @@ class Averaged(Form):
     def problem(self, scene: Scene) -> Problem:
         """Initial value problem in slow time t₂ = t/St."""
         self.check(scene)
-        start = scene.initial.slow[0] / max(scene.ellipsoid.inertia)
-        return Problem(
-            name=self.name,
-            field=field,
-            start=tuple(start.tolist()),
-            end=scene.slow_time,
-            parameters=coefficients(scene.ellipsoid),
-            invariant=partial(range_excess, least=min(scene.ellipsoid.inertia) / max(scene.ellipsoid.inertia)),
-            time_unit=scene.stokes,
-        )
+        unit = max(scene.ellipsoid.inertia)
+        start = tuple((scene.initial.slow[0] / unit).tolist())
+        excess = partial(range_excess, least=min(scene.ellipsoid.inertia) / unit)
+        return self.slow_problem(scene, field, start, coefficients(scene.ellipsoid), excess)
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         """Observables without orientation."""

@@ -72,15 +72,9 @@ class AveragedSpheroid(Form):
         self.check(scene)
         spheroid = Spheroid.of(scene.ellipsoid)
         momentum = scene.initial.angular_momentum[0] / spheroid.equatorial_inertia
-        return Problem(
-            name=self.name,
-            field=field,
-            start=(*momentum.tolist(), initial_spin(scene)),
-            end=scene.slow_time,
-            parameters=(spheroid.inertia_ratio, spheroid.axial_damping, spheroid.equatorial_damping),
-            invariant=partial(range_excess, ratio=spheroid.inertia_ratio),
-            time_unit=scene.stokes,
-        )
+        parameters = spheroid.inertia_ratio, spheroid.axial_damping, spheroid.equatorial_damping
+        excess = partial(range_excess, ratio=spheroid.inertia_ratio)
+        return self.slow_problem(scene, field, (*momentum.tolist(), initial_spin(scene)), parameters, excess)
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         """Observables without orientation."""

@@ -5,11 +5,11 @@ from math import sin
 import numpy as np
 
 from polhode.models.form import Form
-from polhode.models.forms.motion import angular_acceleration, body_parameters, explicit_parameters, mass_form
+from polhode.models.forms.motion import angular_acceleration, body_parameters, full_problem
 from polhode.models.observables import Observables, observe_body
 from polhode.models.operations import Field, Operations
 from polhode.models.problem import Problem
-from polhode.models.rotation import Triple, euler_rates_from_angular_velocity, matrix_from_euler
+from polhode.models.rotation import euler_rates_from_angular_velocity, matrix_from_euler
 from polhode.models.scene import EulerStart, Scene
 
 # A passage at this distance costs 1e-10 rad (median of random tops), at most 1e-9, whatever the tolerance.
@@ -55,13 +55,6 @@ def field(ops: Operations) -> Field:
     return rhs
 
 
-def start_rates(scene: Scene, angles: Triple, omega: Triple) -> Triple:
-    """Rates of the Euler angles at the start: as given, else from the angular velocity."""
-    if isinstance(scene.start, EulerStart) and scene.stokes > 0:
-        return scene.start.rates
-    return euler_rates_from_angular_velocity(angles, omega)
-
-
 def require_distance_from_pole(form: Form, theta: float, instead: str) -> None:
     """Raise FormNotValidError if a start is too close to θ = 0 or π: |sin θ| < `POLE_LIMIT`."""
     sine = abs(sin(theta))
@@ -95,17 +88,13 @@ class EulerAngles(Form):
     def problem(self, scene: Scene) -> Problem:
         """Initial value problem in time t."""
         self.check(scene)
-        angles = self.require_orientation(scene).angles
-        shape = body_parameters(scene.ellipsoid)
-        return Problem(
-            name=self.name,
-            field=field,
-            start=(*angles, *start_rates(scene, angles, scene.angular_velocity)),
-            end=scene.time,
-            parameters=explicit_parameters(scene, shape),
-            mass_form=mass_form(scene, (False,) * 3 + (True,) * 3, shape),
-            periodic=(1, 2),
-        )
+        start = self.require_orientation(scene)
+        rates = euler_rates_from_angular_velocity(start.angles, scene.angular_velocity)
+        if isinstance(start, EulerStart) and scene.stokes > 0:
+            rates = start.rates
+        start = *start.angles, *rates
+        inertial, shape = (False,) * 3 + (True,) * 3, body_parameters(scene.ellipsoid)
+        return full_problem(self, scene, field, start, inertial, shape, periodic=(1, 2))
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         """Observables."""

@@ -143,15 +143,9 @@ class Jeffery(Form):
         """Initial value problem in time t."""
         self.check(scene)
         start = self.require_orientation(scene).quaternion
-        return Problem(
-            name=self.name,
-            field=field,
-            start=start,
-            end=scene.time,
-            parameters=shares(scene.ellipsoid),
-            closed_form=None if scene.ellipsoid.kind == "triaxial" else _orbit(scene, start).at,
-            invariant=norm_drift,
-        )
+        closed_form = None if scene.ellipsoid.kind == "triaxial" else _orbit(scene, start).at
+        parameters = shares(scene.ellipsoid)
+        return Problem(self.name, field, start, scene.time, parameters, closed_form=closed_form, invariant=norm_drift)
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         """Observables; L and E are those of Jeffery's angular velocity, quaternions are normalised first."""

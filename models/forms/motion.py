@@ -6,29 +6,25 @@ implicit one.
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from polhode.models.flow import jeffery_angular_velocity, shares
+from polhode.models.form import Form
 from polhode.models.operations import Operations
-from polhode.models.problem import MassForm
+from polhode.models.problem import Factory, Floats, MassForm, Problem
 from polhode.models.scene import Scene
 from polhode.models.shape import Ellipsoid
 
 
-def gyroscopic_coefficients(ellipsoid: Ellipsoid) -> tuple[float, float, float]:
-    """Coefficients (I₂ - I₃)/I₁ = (c² - b²)/(b² + c²) and cyclic of Euler's equations (`eulg`)."""
-    a, b, c = ellipsoid.scaled_axes
-    return (
-        (c - b) * (c + b) / (b * b + c * c),
-        (a - c) * (a + c) / (c * c + a * a),
-        (b - a) * (b + a) / (a * a + b * b),
-    )
-
-
 def body_parameters(ellipsoid: Ellipsoid) -> tuple[float, ...]:
-    """Shape parameters of `angular_acceleration`: gyroscopic coefficients, damping rates, shares."""
-    return *gyroscopic_coefficients(ellipsoid), *ellipsoid.damping, *shares(ellipsoid)
+    """Shape parameters of `angular_acceleration`: (I₂ - I₃)/I₁ and cyclic (`eulg`), damping rates, shares."""
+    a, b, c = ellipsoid.scaled_axes
+    gyro1 = (c - b) * (c + b) / (b * b + c * c)
+    gyro2 = (a - c) * (a + c) / (c * c + a * a)
+    gyro3 = (b - a) * (b + a) / (a * a + b * b)
+    return gyro1, gyro2, gyro3, *ellipsoid.damping, *shares(ellipsoid)
 
 
 def explicit_parameters(scene: Scene, shape: tuple[float, ...]) -> tuple[float, ...] | None:
@@ -44,6 +40,14 @@ def mass_form(scene: Scene, inertial: tuple[bool, ...], shape: tuple[float, ...]
         return None
     mass = tuple(scene.stokes if row else 1.0 for row in inertial)
     return MassForm(mass, (scene.stokes, 1.0, *shape))
+
+
+def full_problem(
+    form: Form, scene: Scene, field: Factory, start: Floats, inertial: tuple[bool, ...], shape: Floats, **known: Any
+) -> Problem:
+    """Initial value problem in time t of a form of the full equations; `known` is what else there is to a `Problem`."""
+    parameters, masses = explicit_parameters(scene, shape), mass_form(scene, inertial, shape)
+    return Problem(form.name, field, start, scene.time, parameters, masses, **known)
 
 
 def angular_acceleration(ops: Operations) -> Callable:

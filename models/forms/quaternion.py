@@ -3,27 +3,21 @@
 import numpy as np
 
 from polhode.models.form import Form
-from polhode.models.forms.motion import (
-    angular_acceleration,
-    body_parameters,
-    directions,
-    explicit_parameters,
-    mass_form,
-    norm_drift,
-    quaternion_rates,
-)
-from polhode.models.observables import Observables, observe_quaternion
+from polhode.models.forms import motion
+from polhode.models.observables import Observables, observe_body
 from polhode.models.operations import Field, Operations
 from polhode.models.problem import Problem
+from polhode.models.rotation import matrix_from_quaternion
 from polhode.models.scene import Scene
 
 
 def field(ops: Operations) -> Field:
     """q̇ = ½ q∘(0, ω) and the vector equation `ultima` in body axes; p as in `polhode.models.forms.motion`."""
-    directions_of, rates, acceleration = ops.use(directions), ops.use(quaternion_rates), ops.use(angular_acceleration)
+    directions, rates = ops.use(motion.directions), ops.use(motion.quaternion_rates)
+    acceleration = ops.use(motion.angular_acceleration)
 
     def rhs(y, p):
-        flow, gradient = directions_of(y[0], y[1], y[2], y[3])
+        flow, gradient = directions(y[0], y[1], y[2], y[3])
         a1, a2, a3 = acceleration(flow, gradient, (y[4], y[5], y[6]), p)
         r0, r1, r2, r3 = rates(y[0], y[1], y[2], y[3], y[4], y[5], y[6])
         return r0, r1, r2, r3, a1, a2, a3
@@ -53,18 +47,10 @@ class Quaternion(Form):
 
     def problem(self, scene: Scene) -> Problem:
         """Initial value problem in time t."""
-        start = self.require_orientation(scene)
-        shape = body_parameters(scene.ellipsoid)
-        return Problem(
-            name=self.name,
-            field=field,
-            start=(*start.quaternion, *scene.angular_velocity),
-            end=scene.time,
-            parameters=explicit_parameters(scene, shape),
-            mass_form=mass_form(scene, (False,) * 4 + (True,) * 3, shape),
-            invariant=norm_drift,
-        )
+        start = *self.require_orientation(scene).quaternion, *scene.angular_velocity
+        inertial, shape = (False,) * 4 + (True,) * 3, motion.body_parameters(scene.ellipsoid)
+        return motion.full_problem(self, scene, field, start, inertial, shape, invariant=motion.norm_drift)
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         """Observables; quaternions are normalised first."""
-        return observe_quaternion(scene.ellipsoid, states[:, :4], states[:, 4:])
+        return observe_body(scene.ellipsoid, matrix_from_quaternion(states[:, :4]), states[:, 4:])

@@ -4,7 +4,7 @@ import numpy as np
 
 from polhode.models.form import Form
 from polhode.models.forms.euler_angles import POLE_LIMIT, guarded_sine, require_distance_from_pole
-from polhode.models.forms.motion import explicit_parameters, mass_form
+from polhode.models.forms.motion import full_problem
 from polhode.models.forms.spheroid import Spheroid, axis_rotation, require_spheroid
 from polhode.models.observables import Observables
 from polhode.models.operations import Field, Operations
@@ -65,15 +65,8 @@ class SpheroidAngles(Form):
         spheroid = Spheroid.of(scene.ellipsoid)
         damping = spheroid.axial_damping, spheroid.equatorial_damping
         shape = (spheroid.inertia_ratio, *damping, spheroid.anisotropy)
-        return Problem(
-            name=self.name,
-            field=field,
-            start=_start(scene, self.require_orientation(scene)),
-            end=scene.time,
-            parameters=explicit_parameters(scene, shape),
-            mass_form=mass_form(scene, (False, False, True, True, True), shape),
-            periodic=(1,),
-        )
+        start, inertial = _start(scene, self.require_orientation(scene)), (False, False, True, True, True)
+        return full_problem(self, scene, field, start, inertial, shape, periodic=(1,))
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         """Observables; of the rotation, the symmetry axis alone."""
@@ -100,8 +93,8 @@ def _start(scene: Scene, start: EulerStart | BodyStart) -> tuple[float, float, f
     """(θ, φ, θ̇, φ̇, ω₃) of the symmetry axis at the start."""
     axis = Spheroid.of(scene.ellipsoid).axis
     w1, w2, w3 = (scene.angular_velocity[(axis + shift) % 3] for shift in (1, 2, 3))
-    angles = _angles(scene, start)
+    theta, phi, psi = _angles(scene, start)
+    dtheta, dphi, _ = euler_rates_from_angular_velocity((theta, phi, psi), (w1, w2, w3))
     if axis == 2 and isinstance(start, EulerStart) and scene.stokes > 0:
-        return angles[0], angles[1], start.rates[0], start.rates[1], w3
-    dtheta, dphi, _ = euler_rates_from_angular_velocity(angles, (w1, w2, w3))
-    return angles[0], angles[1], dtheta, dphi, w3
+        dtheta, dphi, _ = start.rates
+    return theta, phi, dtheta, dphi, w3

@@ -3,7 +3,7 @@
 import numpy as np
 
 from polhode.models.form import Form
-from polhode.models.forms.motion import explicit_parameters, mass_form
+from polhode.models.forms.motion import full_problem
 from polhode.models.forms.spheroid import Spheroid, axis_rotation, require_spheroid
 from polhode.models.observables import Observables
 from polhode.models.operations import Field, Operations
@@ -78,17 +78,10 @@ class SpheroidAxis(Form):
         """Initial value problem in time t."""
         self.check(scene)
         spheroid = Spheroid.of(scene.ellipsoid)
-        shape = parameters(spheroid)
         momentum = scene.initial.angular_momentum[0] / spheroid.equatorial_inertia
-        return Problem(
-            name=self.name,
-            field=field,
-            start=(*momentum.tolist(), *scene.initial_rotation[spheroid.axis].tolist()),
-            end=scene.time,
-            parameters=explicit_parameters(scene, shape),
-            mass_form=mass_form(scene, (True,) * 3 + (False,) * 3, shape),
-            invariant=norm_drift,
-        )
+        start = *momentum.tolist(), *scene.initial_rotation[spheroid.axis].tolist()
+        inertial, shape = (True,) * 3 + (False,) * 3, parameters(spheroid)
+        return full_problem(self, scene, field, start, inertial, shape, invariant=norm_drift)
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         """Observables; p̂ is normalised first, and is all that is known of the rotation."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from polhode.models.catalogue import full_form
 from polhode.models.form import Form
-from polhode.models.forms.motion import explicit_parameters, mass_form
+from polhode.models.forms.motion import full_problem
 from polhode.models.observables import Observables
 from polhode.models.operations import Field, Operations
 from polhode.models.problem import Problem
@@ -64,16 +64,8 @@ class Tumbling(Form):
         """Initial value problem in time t."""
         self.check(scene)
         plane = self._plane(scene)
-        shape = plane.damping, plane.anisotropy
-        return Problem(
-            name=self.name,
-            field=field,
-            start=(plane.angle, plane.rate),
-            end=scene.time,
-            parameters=explicit_parameters(scene, shape),
-            mass_form=mass_form(scene, (False, True), shape),
-            periodic=(0,),
-        )
+        start, shape = (plane.angle, plane.rate), (plane.damping, plane.anisotropy)
+        return full_problem(self, scene, field, start, (False, True), shape, periodic=(0,))
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         """Observables: the start turned about z."""

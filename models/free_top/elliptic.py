@@ -48,16 +48,8 @@ def carlson_rf(x: Long, y: Long, z: Long) -> Long:
     z = -x - y
     e2, e3 = x * y - z * z, x * y * z
     # DLMF (19.36.1), whose first neglected terms have degree 8.
-    series = (
-        1
-        - e2 / 10
-        + e3 / 14
-        + e2 * e2 / 24
-        - 3 * e2 * e3 / 44
-        - 5 * e2**3 / 208
-        + 3 * e3 * e3 / 104
-        + e2 * e2 * e3 / 16
-    )
+    low = 1 - e2 / 10 + e3 / 14 + e2 * e2 / 24 - 3 * e2 * e3 / 44
+    series = low - 5 * e2**3 / 208 + 3 * e3 * e3 / 104 + e2 * e2 * e3 / 16
     return series / np.sqrt(mean)
 
 

@@ -7,8 +7,7 @@ from typing import Self
 import numpy as np
 
 from polhode.models.free_top.elliptic import PI, Long, complete_cel, complete_k, exact, rounded
-
-Triple = tuple[float, float, float]
+from polhode.models.rotation import Triple
 
 
 @dataclass(frozen=True)

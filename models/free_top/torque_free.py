@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from polhode.models.free_top.elliptic import PI, Long, LongArray, carlson_rf, exact, jacobi, rounded, theta4_phase
-from polhode.models.free_top.polhode import Polhode, Triple, positive_inertia
-
-Quaternion = tuple[float, float, float, float]
+from polhode.models.free_top.polhode import Polhode, positive_inertia
+from polhode.models.rotation import Quaternion, Triple
 
 
 @dataclass(frozen=True)
@@ -32,14 +31,9 @@ class TorqueFree:
     inertia : (I₁, I₂, I₃)
         Moments of inertia about the body axes, positive, in any order.
     quaternion : (q₀, q₁, q₂, q₃)
-        Unit quaternion of the start, q̇ = ½ q∘(0, ω); what its norm lacks by rounding is made up for.
+        Unit quaternion of the start, q̇ = ½ q∘(0, ω); its norm may be off by 1e-6.
     angular_velocity : (ω₁, ω₂, ω₃)
-        Start, in body axes and units of the shear rate (any inverse unit of the times asked for).
-
-    Raises
-    ------
-    ValueError
-        If an entry is not finite, a moment of inertia not positive, or the quaternion's norm off by more than 1e-6.
+        Start, in body axes and any inverse unit of the times asked for.
     """
 
     inertia: Triple
@@ -81,32 +75,10 @@ class TorqueFree:
         """Period T' of the mean precession about L in t; see `Polhode.periods`."""
         return self._polhode.periods[1]
 
-    @property
-    def complementary_parameter(self) -> float:
-        """Distance from the separatrix, 1−m = 1−k²: 0 on it, 1 for a symmetric top and a stable permanent rotation."""
-        return float(self._polhode.m1)
-
     def at(self, times: ArrayLike, *, dtype: DTypeLike = np.float64) -> tuple[NDArray, NDArray]:
-        """Orientation and body angular velocity.
+        """Unit quaternions, shape (n, 4), continuous from the start, and body angular velocities, shape (n, 3).
 
-        Parameters
-        ----------
-        times : array_like, shape (n,)
-            Finite times since the start, of either sign.
-        dtype : dtype
-            Floating-point type of the results, to which they are rounded from long double.
-
-        Returns
-        -------
-        quaternion : ndarray, shape (n, 4)
-            Unit quaternions, continuous in time from the start.
-        angular_velocity : ndarray, shape (n, 3)
-            In body axes.
-
-        Raises
-        ------
-        ValueError
-            If the times are not one-dimensional and finite.
+        At finite times since the start, shape (n,), of either sign; rounded from long double to `dtype`.
         """
         t = np.asarray(times, dtype=Long)
         if t.ndim != 1 or not np.all(np.isfinite(t)):

@@ -15,7 +15,7 @@ L⊥        n×(r₁S_n + r₂W_n)          [p₁S_n⊥ + p₂W_n + n×(p₃S_n 
 
 import numpy as np
 
-from polhode.models.second_order.polhodes import Polhode, Side
+from polhode.models.second_order.polhodes import Polhodes, SidedBody
 from polhode.models.second_order.torus import Mask, Torus, skew, torque
 
 Array = np.ndarray
@@ -32,7 +32,7 @@ FRAMES = np.concatenate([_TURNS, np.swapaxes(_TURNS, 1, 2)])
 EVERY_FRAME, SIZES = np.repeat(FRAMES, 2, axis=0), np.tile([1.0, 2.0], len(FRAMES))
 
 
-def averages(side: Side, y: Array, masks: tuple[Mask, ...] = ()) -> tuple[dict[str, Array], float]:
+def averages(side: SidedBody, y: Array, masks: tuple[Mask, ...] = ()) -> tuple[dict[str, Array], float]:
     """Coefficients by name, each shape (m,), at y, shape (m,), and the largest relative residual of their fit."""
     found: dict[str, list[float]] = {name: [] for name in (*FIRST, *SECOND, "nu1", "nu2")}
     residual = 0.0
@@ -44,23 +44,25 @@ def averages(side: Side, y: Array, masks: tuple[Mask, ...] = ()) -> tuple[dict[s
     return {name: np.array(values) for name, values in found.items()}, residual
 
 
-def phases(side: Side, y: float) -> int:
+def phases(side: SidedBody, y: float) -> int:
     """Even number of polhode phases that resolves a polhode."""
     from scipy.special import ellipk, ellipkm1
 
-    _, _, complement = Polhode(side, np.array([y]), np.zeros(1), 2).moduli
+    _, _, complement = Polhodes(side, np.array([y]), np.zeros(1), 2).moduli
     nome = np.pi * ellipk(complement[0]) / ellipkm1(complement[0])
     return max(LEAST_PHASES, 2 * int(np.ceil(PHASES / nome / 2)))
 
 
-def every_pose(side: Side, y: float, nodes: int, masks: tuple[Mask, ...] = (), *, averaging: bool = False) -> Torus:
+def every_pose(
+    side: SidedBody, y: float, nodes: int, masks: tuple[Mask, ...] = (), *, averaging: bool = False
+) -> Torus:
     """The perturbation at y for `EVERY_FRAME` and `SIZES`."""
     zero = np.zeros(len(SIZES))
-    polhode = Polhode(side, y + zero, zero, nodes)
+    polhode = Polhodes(side, y + zero, zero, nodes)
     return Torus(polhode, SIZES, zero, EVERY_FRAME[:, 0], EVERY_FRAME[:, 1], masks, averaging)
 
 
-def _at(side: Side, y: float, masks: tuple[Mask, ...]) -> tuple[Array, Array, float, tuple[float, float]]:
+def _at(side: SidedBody, y: float, masks: tuple[Mask, ...]) -> tuple[Array, Array, float, tuple[float, float]]:
     torus = every_pose(side, y, phases(side, y), masks, averaging=True)
     polhode = torus.polhode
     mean = np.real(torus.spectrum[:, 0, 0])

@@ -58,11 +58,9 @@ class SlowField:
                         size, (nx, ny, nz), (ex, ey), (fx, fy), a * a, nu1, nu2, y[7], y[8], p, behind + k * each
                     )
                     growth, rise = growth + longer, rise + higher
-                    tx, ty, tz = (
-                        tx + along * ex + beside * fx,
-                        ty + along * ey + beside * fy,
-                        tz + along * ez + beside * fz,
-                    )
+                    tx = tx + along * ex + beside * fx
+                    ty = ty + along * ey + beside * fy
+                    tz = tz + along * ez + beside * fz
                     alpha, beta = alpha + ahead, beta + turned
             lost = (ex * tx + ey * ty + ez * tz) * over
             return (

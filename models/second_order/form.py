@@ -1,7 +1,7 @@
 """Form `averaged-second-order`: slow variables to O(1/St²) and orientation to O(1/St), at a cost free of St."""
 
 from functools import lru_cache
-from math import inf
+from itertools import chain
 
 import numpy as np
 
@@ -64,19 +64,9 @@ class SecondOrder(Form):
         self.check(scene)
         if scene.ellipsoid.kind == "triaxial":
             run = triaxial_run.prepared(scene)
-            field, start, parameters, drift = run.field, run.state, run.parameters, frame_drift
-        else:
-            field, start, drift = spheroidal.field, (*(slow_start(scene) or ()), 0.0), axis_drift
-            parameters = spheroidal.parameters(Spheroid.of(scene.ellipsoid), scene.torque_factor)
-        return Problem(
-            name=self.name,
-            field=field,
-            start=start,
-            end=scene.slow_time,
-            parameters=parameters,
-            invariant=drift,
-            time_unit=scene.stokes,
-        )
+            return self.slow_problem(scene, run.field, run.state, run.parameters, frame_drift)
+        parameters = spheroidal.parameters(Spheroid.of(scene.ellipsoid), scene.torque_factor)
+        return self.slow_problem(scene, spheroidal.field, (*(slow_start(scene) or ()), 0.0), parameters, axis_drift)
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         """Observables, the fast motion and the O(1/St) swing put back; of a spheroid with the axis' row alone."""
@@ -97,22 +87,19 @@ class SecondOrder(Form):
 
     def reach(self, scene: Scene) -> float:
         """Slow time to which the form follows a scene: its end, or, of a triaxial one, short of L² = 2EI₂."""
-        try:
-            self.check(scene)
-        except FormNotValidError:
-            if scene.ellipsoid.kind == "triaxial" and 0 < scene.stokes < inf and np.any(scene.initial.angular_momentum):
-                for part in triaxial_run.shorter(scene):
-                    try:
-                        self.check(part)
-                    except FormNotValidError:
-                        continue
-                    return part.slow_time
-            raise
-        return scene.slow_time
+        refusals = []
+        for part in chain((scene,), triaxial_run.shorter(scene)):
+            try:
+                self.check(part)
+            except FormNotValidError as refusal:
+                refusals.append(refusal)
+            else:
+                return part.slow_time
+        raise refusals[0]
 
     def demands(self, scene: Scene) -> str:
         """Partial averaging of resonances: seconds to prepare and to compile."""
-        if scene.ellipsoid.kind != "triaxial" or not triaxial_run.resonates(scene):
+        if not triaxial_run.resonates(scene):
             return ""
         return "the run comes near resonances of polhode and precession, whose treatment takes seconds to prepare"
 

@@ -21,7 +21,7 @@ DIFFERENCES = ((1, 3 / 4), (2, -3 / 20), (3, 1 / 60))
 
 
 @dataclass(frozen=True)
-class Side:
+class SidedBody:
     """A triaxial body on one side of L² = 2EI₂, its axes permuted and turned so that z₃ > 0.
 
     Rows of `axes` are the permuted axes in the scene's body axes; 1/I, 8πX and the squared semi-axes, shape (3,), are
@@ -34,7 +34,7 @@ class Side:
     squares: Array
 
     @classmethod
-    def of(cls, ellipsoid: Ellipsoid, momentum: Array) -> "Side":
+    def of(cls, ellipsoid: Ellipsoid, momentum: Array) -> "SidedBody":
         """The side on which a body angular momentum, shape (3,), lies."""
         inertia = np.array(ellipsoid.inertia)
         order = list(ellipsoid.order)
@@ -58,10 +58,10 @@ class Side:
 
 
 @dataclass(frozen=True)
-class Polhode:
+class Polhodes:
     """Polhodes of m values of y, shape (m,), at an even number `nodes` of phases each, from `phase`, shape (m,), on."""
 
-    side: Side
+    side: SidedBody
     y: Array
     phase: Array
     nodes: int
@@ -152,7 +152,7 @@ class Polhode:
 
 @dataclass(frozen=True)
 class Derivatives:
-    """Derivatives with respect to y of z, χ, ν₁ and ν₂, shapes as in `Polhode`."""
+    """Derivatives with respect to y of z, χ, ν₁ and ν₂, shapes as in `Polhodes`."""
 
     z: Array
     lead: Array

@@ -15,7 +15,7 @@ from polhode.models.scene import Scene
 from polhode.models.second_order import tables as triaxial
 from polhode.models.second_order.averages import EVERY_FRAME, FRAMES, SIZES, every_pose, phases
 from polhode.models.second_order.field import MODE_NODES
-from polhode.models.second_order.polhodes import Polhode, Side
+from polhode.models.second_order.polhodes import Polhodes, SidedBody
 from polhode.models.second_order.tables import Table
 from polhode.models.second_order.torus import Mask, Torus
 from polhode.models.shape import Ellipsoid
@@ -42,7 +42,7 @@ class Resonance:
     kick: float  # over I_max, what it is predicted to give L: √(2π/(St |dD/dt₂|)) · 2|P_k|
 
 
-def resonances(scene: Scene, side: Side, path: Array, low: float, high: float) -> list[Resonance]:
+def resonances(scene: Scene, side: SidedBody, path: Array, low: float, high: float) -> list[Resonance]:
     """Modes that come near their resonances for a² from `low` to `high`, the strongest first."""
     squares, polhode = _across(side, low, high)
     found = []
@@ -60,14 +60,14 @@ def resonances(scene: Scene, side: Side, path: Array, low: float, high: float) -
     return sorted(found, key=lambda resonance: -resonance.kick)
 
 
-def _across(side: Side, low: float, high: float) -> tuple[Array, Polhode]:
+def _across(side: SidedBody, low: float, high: float) -> tuple[Array, Polhodes]:
     """Equispaced a² from `low` to `high`, shape (POINTS,), and their polhodes."""
     squares = np.linspace(low, high, POINTS)
     level = triaxial.level(squares)
-    return squares, Polhode(side, level, np.zeros(POINTS), phases(side, float(level.max())))
+    return squares, Polhodes(side, level, np.zeros(POINTS), phases(side, float(level.max())))
 
 
-def _resonance(scene: Scene, side: Side, path: Array, a2: float, mask: Mask, met: bool) -> Resonance:
+def _resonance(scene: Scene, side: SidedBody, path: Array, a2: float, mask: Mask, met: bool) -> Resonance:
     """Strength over all orientations of L at the point of the path where a² is nearest; rate of passage there."""
     h = 2 * path[:, 4] / np.sum(path[:, 1:4] ** 2, axis=1)
     passed = triaxial.depth(np.clip(side.share(h), 0, 1 - 1e-12))
@@ -75,7 +75,7 @@ def _resonance(scene: Scene, side: Side, path: Array, a2: float, mask: Mask, met
     size, unit = float(np.linalg.norm(path[i, 1:4])), max(scene.ellipsoid.inertia)
     m = len(FRAMES)
     level = np.full(m, float(triaxial.level(np.array(a2))))
-    polhode = Polhode(side, level, np.zeros(m), max(phases(side, level[0]), 2 * abs(mask.k1) + 2))
+    polhode = Polhodes(side, level, np.zeros(m), max(phases(side, level[0]), 2 * abs(mask.k1) + 2))
     spectrum = Torus(polhode, np.full(m, size), np.zeros(m), FRAMES[:, 0], FRAMES[:, 1]).spectrum[..., :3]
     strength = float(np.abs(spectrum[:, mask.k1, mask.k2]).max())
     j = min(max(i, 1), len(path) - 2)
@@ -104,7 +104,7 @@ def mode_table(ellipsoid: Ellipsoid, longest: bool, mask: Mask, low: float, high
     return Table(low, high, triaxial.series_of(rows), max(residual for _, residual in found))
 
 
-def mode(side: Side, mask: Mask, y: float) -> tuple[Array, float]:
+def mode(side: SidedBody, mask: Mask, y: float) -> tuple[Array, float]:
     """The numbers l₁, l₂, y₁, y₂, a₁, a₂, b₁, b₂, q₁, q₂, q₃, q₄ of a mode at y, and the misfit over its strength.
 
     With A and B the parts of the flow's strain and spin that turn k₂ times about n, P_k is i(l₁A + l₂B) for l, the same

@@ -14,10 +14,10 @@ import numpy as np
 from polhode.models.forms import averaged
 from polhode.models.observables import Observables
 from polhode.models.operations import FLOAT
-from polhode.models.scene import Scene
+from polhode.models.scene import Scene, SlowStart
 from polhode.models.second_order import tables as triaxial
 from polhode.models.second_order.field import SlowField
-from polhode.models.second_order.polhodes import Side
+from polhode.models.second_order.polhodes import SidedBody
 from polhode.models.second_order.resonance import Resonance, mode_parameters, mode_table, resonances
 from polhode.models.second_order.slow_path import slow_path
 from polhode.models.second_order.tables import Pose
@@ -41,8 +41,6 @@ START_PASSES, START_CLOSE = 60, 1e-14
 ESTIMATES = 40
 # Times whose tori are held in memory together.
 CHUNK = 128
-
-
 # Shares of the time to L² = 2EI₂ at which a run is tried to be stopped.
 STOPS = (0.97, 0.94, 0.9, 0.85, 0.8, 0.7, 0.6, 0.5)
 
@@ -59,7 +57,7 @@ class NotAveragedError(ValueError):
 class Prepared:
     """A run ready to be solved."""
 
-    side: Side
+    side: SidedBody
     table: triaxial.Table
     field: SlowField
     parameters: tuple[float, ...]  # what the field receives
@@ -81,7 +79,7 @@ def prepared(scene: Scene) -> Prepared:
     ellipsoid = scene.ellipsoid
     rotation, momentum = scene.initial.rotation[0], scene.initial.angular_momentum[0]
     body = rotation @ momentum
-    side = Side.of(ellipsoid, body)
+    side = SidedBody.of(ellipsoid, body)
     path, squares = first_order_path(scene)
     low, high, met = _met(scene, side, path, squares)
     treated, dropped = _sorted_out(scene, side, path, squares, met)
@@ -103,21 +101,25 @@ def prepared(scene: Scene) -> Prepared:
     return Prepared(side, averages, field, tuple(p), state, (alpha, beta), path, treated, dropped)
 
 
+def _moves(scene: Scene) -> bool:
+    """Whether there is a slow motion of a triaxial ellipsoid to be followed."""
+    motion = 0 < scene.stokes < inf and np.any(scene.initial.angular_momentum)
+    return scene.ellipsoid.kind == "triaxial" and bool(motion)
+
+
 @lru_cache(maxsize=256)
 def resonates(scene: Scene) -> bool:
     """Whether a run comes near resonances; False where it cannot be followed at all."""
-    if not (0 < scene.stokes < inf and np.any(scene.initial.angular_momentum)):
+    if not _moves(scene) or isinstance(scene.start, SlowStart):
         return False
     body = scene.initial.rotation[0] @ scene.initial.angular_momentum[0]
-    if not np.all(np.isfinite(body)):
-        return False
     try:
-        return bool(_met(scene, Side.of(scene.ellipsoid, body), *first_order_path(scene))[2])
+        return bool(_met(scene, SidedBody.of(scene.ellipsoid, body), *first_order_path(scene))[2])
     except NotAveragedError:
         return False
 
 
-def _met(scene: Scene, side: Side, path: Array, squares: Array) -> tuple[float, float, list[Resonance]]:
+def _met(scene: Scene, side: SidedBody, path: Array, squares: Array) -> tuple[float, float, list[Resonance]]:
     """Bounds of a² for tables, and the resonances between them."""
     if squares.min() < LEAST:
         raise NotAveragedError("the body rotates about a principal axis, where the polhode has no phase")
@@ -126,7 +128,9 @@ def _met(scene: Scene, side: Side, path: Array, squares: Array) -> tuple[float, 
 
 
 def shorter(scene: Scene) -> Iterator[Scene]:
-    """The same triaxial run, ended ever shorter of L² = 2EI₂; nothing if it does not meet it."""
+    """The same run, ended ever shorter of L² = 2EI₂; nothing if it is not triaxial or does not meet it."""
+    if not _moves(scene):
+        return
     try:
         first_order_path(scene)
     except NotAveragedError as error:
@@ -135,7 +139,7 @@ def shorter(scene: Scene) -> Iterator[Scene]:
 
 
 def _sorted_out(
-    scene: Scene, side: Side, path: Array, squares: Array, met: list[Resonance]
+    scene: Scene, side: SidedBody, path: Array, squares: Array, met: list[Resonance]
 ) -> tuple[tuple[Resonance, ...], tuple[Resonance, ...]]:
     """Of the resonances of a run, those to be treated and those that it may do without."""
     few = path[np.unique(np.linspace(0, len(path) - 1, ESTIMATES).astype(int))]
@@ -199,7 +203,7 @@ def _first(momentum: Array) -> Array:
 
 
 def _slow_start(
-    side: Side, torque_factor: float, exact: Pose, masks: tuple[Mask, ...]
+    side: SidedBody, torque_factor: float, exact: Pose, masks: tuple[Mask, ...]
 ) -> tuple[Pose, float, float, float]:
     """Slow pose whose image is the exact one, with its y, α and β in the frame of `_first`."""
     slow = exact

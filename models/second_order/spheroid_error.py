@@ -99,13 +99,8 @@ def next_term(spheroid: Spheroid, torque_factor: float, states: Array) -> NextTe
     exact = transform(slow)
     exact_size = np.linalg.norm(exact[:, :3], axis=1)[:, None]
     clock = torque_factor / exact_size
-    rate = np.concatenate(
-        [
-            clock * spheroidal.torque(coefficients, exact[:, :3], exact[:, 3:]),
-            np.cross(exact[:, :3], exact[:, 3:]) / exact_size,
-        ],
-        axis=1,
-    )
+    pull = clock * spheroidal.torque(coefficients, exact[:, :3], exact[:, 3:])
+    rate = np.concatenate([pull, np.cross(exact[:, :3], exact[:, 3:]) / exact_size], axis=1)
     derivative = _derivative(transform, slow, np.repeat([1.0, 0.0], 3) * size + np.repeat([0.0, 1.0], 3))
     per_turn = _reduced(slow, np.linalg.solve(derivative, rate[:, :, None])[:, :, 0])
     rates = np.concatenate([per_turn, clock], axis=1).reshape(m, k, 6)

@@ -7,7 +7,7 @@ from math import pi
 import numpy as np
 
 from polhode.models.second_order.averages import FIRST, SECOND, averages, phases
-from polhode.models.second_order.polhodes import Polhode, Side
+from polhode.models.second_order.polhodes import Polhodes, SidedBody
 from polhode.models.second_order.torus import Mask, Torus, least_rotation, skew
 from polhode.models.shape import Ellipsoid
 
@@ -61,10 +61,10 @@ def per_square(a2: Array) -> Array:
     return -np.expm1(-a2) / a2
 
 
-def side_of(ellipsoid: Ellipsoid, longest: bool) -> Side:
+def side_of(ellipsoid: Ellipsoid, longest: bool) -> SidedBody:
     """The side around the longest or the shortest semi-axis."""
     axis = ellipsoid.order[0 if longest else 2]
-    return Side.of(ellipsoid, np.eye(3)[axis])
+    return SidedBody.of(ellipsoid, np.eye(3)[axis])
 
 
 def parameters(ellipsoid: Ellipsoid, torque_factor: float, averaged: Table) -> tuple[float, ...]:
@@ -114,15 +114,15 @@ def frame(momentum: Array, first: Array) -> Array:
 
 
 def torus_at(
-    side: Side, momentum: Array, q: Array, y: Array, alpha: Array, beta: Array, masks: tuple[Mask, ...] = ()
+    side: SidedBody, momentum: Array, q: Array, y: Array, alpha: Array, beta: Array, masks: tuple[Mask, ...] = ()
 ) -> Torus:
     """The perturbation around states given by their torus coordinates, each shape (m,) or with frames (m, 3, 3)."""
     nodes = max(phases(side, float(np.max(y))), 2)
-    polhode = Polhode(side, y, alpha, nodes)
+    polhode = Polhodes(side, y, alpha, nodes)
     return Torus(polhode, np.linalg.norm(momentum, axis=1), beta, q[:, 0], q[:, 1], masks)
 
 
-def coordinates(side: Side, pose: Pose, q: Array) -> tuple[Array, Array, Array]:
+def coordinates(side: SidedBody, pose: Pose, q: Array) -> tuple[Array, Array, Array]:
     """y, α and β, each shape (m,), of poses in frames Q; NaN if any of them lies on the other side of L² = 2EI₂."""
     from scipy.special import ellipkinc, ellipkm1
 
@@ -135,17 +135,17 @@ def coordinates(side: Side, pose: Pose, q: Array) -> tuple[Array, Array, Array]:
         nothing = np.full(len(z), np.nan)
         return nothing, nothing, nothing
     y = np.log(below / above)
-    a2, _, complement = Polhode(side, y, np.zeros_like(y), 2).moduli
+    a2, _, complement = Polhodes(side, y, np.zeros_like(y), 2).moduli
     share = 1 / (1 + np.exp(-y))
     amplitude = np.arctan2(np.sign(i2 - i3) * z[:, 1] / np.sqrt(share), z[:, 0] / np.sqrt(a2))
     alpha = pi / 2 * ellipkinc(amplitude, 1 - complement) / ellipkm1(complement)
     nodes = phases(side, float(np.max(y)))
-    lead = Polhode(side, y, alpha, nodes).lead[:, 0]
+    lead = Polhodes(side, y, alpha, nodes).lead[:, 0]
     turn = np.einsum("mji,mjk,mlk->mil", q, pose.rotation, least_rotation(z))
     return y, alpha, np.arctan2(turn[:, 1, 0], turn[:, 0, 0]) - lead
 
 
-def swung(side: Side, torque_factor: float, q: Array, torus: Torus) -> Pose:
+def swung(side: SidedBody, torque_factor: float, q: Array, torus: Torus) -> Pose:
     """Exact poses of slow ones: the generator's flow over 1/St."""
     change, turn = torus.ambient_here
     m = np.concatenate([np.zeros((len(change), 2)), torus.size[:, None]], axis=1) + torque_factor * change
@@ -160,7 +160,9 @@ def rotation_by(vectors: Array) -> Array:
     return np.eye(3) + np.sinc(angle / pi) * cross + 0.5 * np.sinc(angle / (2 * pi)) ** 2 * (cross @ cross)
 
 
-def relative_swing(side: Side, momentum: Array, q: Array, level: Array, masks: tuple[Mask, ...]) -> tuple[Array, Torus]:
+def relative_swing(
+    side: SidedBody, momentum: Array, q: Array, level: Array, masks: tuple[Mask, ...]
+) -> tuple[Array, Torus]:
     """Largest change of L over l and turn of R by the generator, shape (m,), over all phases; their torus."""
     torus = torus_at(side, momentum, q, level, 0 * level, 0 * level, masks)
     change, turn = torus.ambient

@@ -15,7 +15,7 @@ from math import pi
 import numpy as np
 
 from polhode.models.second_order.field import POWER
-from polhode.models.second_order.polhodes import Polhode, Side
+from polhode.models.second_order.polhodes import Polhodes, SidedBody
 
 Array = np.ndarray
 
@@ -63,7 +63,7 @@ class Mask:
 class Torus:
     """The perturbation at m states, over all phases."""
 
-    polhode: Polhode
+    polhode: Polhodes
     size: Array  # l = |L|, shape (m,)
     precession: Array  # β of the states, shape (m,)
     flow: Array  # the flow's directions x and y in the frame of L, shape (m, 3) each
@@ -186,7 +186,7 @@ def least_rotation(z: Array) -> Array:
     return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
 
 
-def torque(side: Side, rotation: Array, momentum: Array, flow: Array, gradient: Array) -> Array:
+def torque(side: SidedBody, rotation: Array, momentum: Array, flow: Array, gradient: Array) -> Array:
     """Torque in body axes, shape (..., 3) (`ultima`, `jw1`–`jw3`), at L in body axes.
 
     `rotation`, shape (..., 3, 3), is from the body to a frame, in which `flow` and `gradient` are the flow's x and y.

@@ -35,29 +35,27 @@ class Separatrix:
             raise ValueError(f"side: got {self.side!r}, expected 'long' or 'short'")
 
     @cached_property
-    def _inertia(self) -> tuple[float, ...]:
-        return tuple(self.ellipsoid.inertia[axis] for axis in self.ellipsoid.order)
-
-    @cached_property
-    def _resistance(self) -> tuple[float, ...]:
-        return tuple(self.ellipsoid.resistance[axis] for axis in self.ellipsoid.order)
+    def _sorted(self) -> tuple[list[float], list[float]]:
+        """Inertia and resistance, from the longest axis to the shortest."""
+        body, order = self.ellipsoid, self.ellipsoid.order
+        return [body.inertia[axis] for axis in order], [body.resistance[axis] for axis in order]
 
     @cached_property
     def growth(self) -> float:
         """Rate 2W of y ln(16/y) + y, per unit of slow time: negative on the long side, positive on the short one."""
-        (i1, i2, i3), (x1, _, x3) = self._inertia, self._resistance
+        (i1, i2, i3), (x1, _, x3) = self._sorted
         size = 32 * pi / i2 * (x1 * (i2 - i1) / i1 + x3 * (i3 - i2) / i3)
         return size if self.side == "short" else -size
 
     @cached_property
     def decay(self) -> float:
         """Rate 8πX₂/I₂ at which L_z' decays, per unit of slow time."""
-        return 8 * pi * self._resistance[1] / self._inertia[1]
+        return self.ellipsoid.damping[self.ellipsoid.order[1]]
 
     @cached_property
     def push(self) -> float:
         """Ŵ of `lzassol`: -Ŵ/ln(16/y) drives L_z'. The same on both sides, as the exchange 1 ↔ 3 leaves it alone."""
-        (i1, i2, i3), (x1, _, x3) = self._inertia, self._resistance
+        (i1, i2, i3), (x1, _, x3) = self._sorted
         return 8 * pi * (x3 - x1) * (i3 - i2) * (i2 - i1) / (i2 * (i3 - i1))
 
     def rates(self, complement: float, shift: float) -> tuple[float, float]:
@@ -106,7 +104,7 @@ class Separatrix:
 
     def slow_state(self, complement: float, shift: float) -> tuple[float, float, float, float]:
         """Slow variables (L_x, L_y, L_z, E) with L_x = L_y = 0 of y and L_z', without approximation."""
-        i1, i2, i3 = self._inertia
+        i1, i2, i3 = self._sorted[0]
         near, far = (i3, i1) if self.side == "short" else (i1, i3)
         share = complement * (near - i2) / (near - far)
         momentum = shift - i2 / 2

@@ -61,14 +61,7 @@ class CorrectedSpheroid(Form):
         averaged = AveragedSpheroid().problem(scene)
         lz, spin = averaged.start[2:]
         shift = float(_correction(scene, np.array([lz]), np.array([spin]), np.array([0.0]))[0])
-        return Problem(
-            name=self.name,
-            field=field,
-            start=(lz - shift, spin, 0.0),
-            end=scene.slow_time,
-            parameters=averaged.parameters,
-            time_unit=scene.stokes,
-        )
+        return self.slow_problem(scene, field, (lz - shift, spin, 0.0), averaged.parameters or ())
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         """Observables with L_z corrected, without orientation."""

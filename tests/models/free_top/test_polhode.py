@@ -73,7 +73,7 @@ def test_periods_where_they_are_infinite_or_limits():
     unstable = TorqueFree(inertia, UNTURNED, (0.0, 2.0, 0.0))
     assert (unstable.period, unstable.precession_period) == (np.inf, pytest.approx(np.pi))
     separatrix = TorqueFree((6.0, 3.0, 4.0), UNTURNED, (-1.0, 2.0, 0.3))
-    assert (separatrix.complementary_parameter, separatrix.period) == (0, np.inf)
+    assert (separatrix._polhode.m1, separatrix.period) == (0, np.inf)
     for axis in (0, 2):
         still, wobbling = (np.eye(3)[axis] + shift for shift in (0.0, 1e-9))
         limit, near = (TorqueFree(inertia, UNTURNED, tuple(omega)) for omega in (still, wobbling))

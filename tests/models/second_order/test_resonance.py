@@ -16,7 +16,7 @@ from polhode.models.second_order import run as second_order_run
 from polhode.models.second_order import tables as second_order_triaxial
 from polhode.models.second_order.averages import second_order
 from polhode.models.second_order.field import SlowField
-from polhode.models.second_order.polhodes import Polhode, Side
+from polhode.models.second_order.polhodes import Polhodes, SidedBody
 from polhode.models.second_order.tables import Pose
 from polhode.models.second_order.torus import Mask, Torus
 from polhode.models.shape import Ellipsoid
@@ -42,7 +42,7 @@ def test_field_holds_the_modes_share_of_the_torque(longest, k):
     side, y, unit, stokes = second_order_triaxial.side_of(PAPER, longest), 0.5, max(PAPER.inertia), 100.0
     a2 = float(np.log1p(np.exp(y)))
     alpha, beta, size = 0.7, -1.1, 0.8
-    polhode = Polhode(side, np.array([y]), np.array([alpha]), 64)
+    polhode = Polhodes(side, np.array([y]), np.array([alpha]), 64)
     torus = Torus(polhode, np.array([size]), np.array([beta]), FRAME[:1], FRAME[1:2])
     divisor = k[0] * polhode.rate[0] + k[1] * polhode.precession[0]
     mask = Mask(*k, abs(divisor) / 0.8)
@@ -72,7 +72,7 @@ def test_field_holds_the_modes_share_of_the_torque(longest, k):
 def test_masked_average_is_that_of_the_exact_bracket(k):
     """F₂ = ⟨U·∂P - F₁·∂U⟩ with F₁ = μP in the masked mode, by differences of U along F₁, here of a strong mode."""
     side, y, size, step = second_order_triaxial.side_of(PAPER, longest=False), 0.3, 1.2, 1e-3
-    polhode = Polhode(side, np.array([y]), np.zeros(1), 48)
+    polhode = Polhodes(side, np.array([y]), np.zeros(1), 48)
     divisor = k[0] * polhode.rate[0] + k[1] * polhode.precession[0]
     mask = Mask(*k, abs(divisor) / 0.9)
     torus = Torus(polhode, np.array([size]), np.zeros(1), FRAME[:1], FRAME[1:2], (mask,))
@@ -161,7 +161,7 @@ def test_predicted_kick_falls_like_the_root_of_stokes():
     kicks = []
     for stokes in (1e4, 1e6):
         scene = scene_of((1.0, 0.6, 0.4), (0.5, -0.4, -1.2), stokes, 0.05)
-        side = Side.of(scene.ellipsoid, np.array([0.5, -0.4, -1.2]) * scene.ellipsoid.inertia)
+        side = SidedBody.of(scene.ellipsoid, np.array([0.5, -0.4, -1.2]) * scene.ellipsoid.inertia)
         path, squares = second_order_run.first_order_path(scene)
         found = resonance.resonances(scene, side, path, squares.min(), squares.max())
         kicks.append(next(each.kick for each in found if (each.mask.k1, each.mask.k2) == (-4, 2)))

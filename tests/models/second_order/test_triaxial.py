@@ -14,7 +14,7 @@ from polhode.models.operations import FLOAT
 from polhode.models.scene import BodyStart, EulerStart, Scene
 from polhode.models.second_order import tables as second_order_triaxial
 from polhode.models.second_order.averages import averages
-from polhode.models.second_order.polhodes import Polhode
+from polhode.models.second_order.polhodes import Polhodes
 from polhode.models.second_order.torus import Torus
 from polhode.models.shape import Ellipsoid
 
@@ -40,7 +40,7 @@ def test_averages_agree_with_an_independent_implementation():
     side = second_order_triaxial.side_of(PAPER, longest=False)
     y = np.log([0.3 / 0.7])
     found, residual = averages(side, y)
-    slope = Polhode(side, y, np.zeros(1), 2).slope[0]
+    slope = Polhodes(side, y, np.zeros(1), 2).slope[0]
     assert residual < 1e-12
     for letter, values in PUBLISHED.items():
         for i, value in enumerate(values):
@@ -61,7 +61,7 @@ def test_averages_are_functions_of_the_polhode_alone(longest, y):
 def test_first_order_is_the_averaged_form(longest, y):
     side = second_order_triaxial.side_of(PAPER, longest)
     found = {name: value[0] for name, value in averages(side, np.array([y]))[0].items()}
-    polhode = Polhode(side, np.array([y]), np.zeros(1), 2)
+    polhode = Polhodes(side, np.array([y]), np.zeros(1), 2)
     unit, momentum = max(PAPER.inertia), np.array([0.3, -0.2, 0.25])
     size = np.linalg.norm(momentum)
     energy = 0.5 * polhode.h[0] * size**2
@@ -79,7 +79,7 @@ def test_first_order_is_the_averaged_form(longest, y):
 @SIDES
 def test_torque_does_not_turn_the_body(longest):
     side = second_order_triaxial.side_of(PAPER, longest)
-    polhode = Polhode(side, np.array([-0.4]), np.array([0.7]), 48)
+    polhode = Polhodes(side, np.array([-0.4]), np.array([0.7]), 48)
     flow = np.array([[2.0, -1, 2], [2, 2, -1]]) / 3
     torus = Torus(polhode, np.array([1.3]), np.array([0.2]), flow[:1], flow[1:])
     rates, size = torus.perturbation, 1.3
