@@ -96,14 +96,16 @@ class SceneSolution:
         """t_ij, shape (n, 3, 3): row i is body axis i in space components; NaN where the form does not know it."""
         return self.observables.rotation
 
+    def table(self) -> np.ndarray:
+        """`frame` as an array, shape (n, 15)."""
+        rotation = self.rotation.reshape(len(self.times), 9)
+        return np.column_stack([self.times, self.slow_times, self.observables.slow, rotation])
+
     def frame(self) -> "pd.DataFrame":
         """One row per time, with the columns of `polhode solve`'s CSV: t, t2, Lx, Ly, Lz, E, R11 … R33."""
         import pandas as pd
 
-        rotation = self.rotation.reshape(len(self.times), 9)
-        return pd.DataFrame(
-            np.column_stack([self.times, self.slow_times, self.observables.slow, rotation]), columns=COLUMNS
-        )
+        return pd.DataFrame(self.table(), columns=COLUMNS)
 
 
 @dataclass(frozen=True)

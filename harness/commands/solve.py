@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from polhode.harness.common.progress import Progress
     from polhode.solvers.contract import Record
 
-# Rows of the table on the terminal, and its columns: the orientation is for files.
+# Rows of the table on the terminal, and its columns, the CSV's first ones: the orientation is for files.
 FEW, SHOWN = 11, ["t", "t2", "Lx", "Ly", "Lz", "E"]
 
 
@@ -114,7 +114,7 @@ def _run(what: "Plan", target: "PartialFile | None", progress: "Progress") -> "S
                 solution, how = what.observed(interruption.solution), "interrupted"
             progress.begin("writing")
             if file:
-                write_csv(file, solution.frame(), progress.advance)
+                write_csv(file, solution.table(), progress.advance)
             if how or not solution.success:
                 where = f"in {target.partial}" if target else "finished"
                 rows = f"{len(solution.times)} of {what.samples} rows are {where}"
@@ -131,8 +131,8 @@ def _table(solution: "SceneSolution") -> str:
 
     from polhode.harness.common.text import aligned
 
-    frame = solution.frame()
-    some = frame[SHOWN].iloc[np.linspace(0, len(frame) - 1, min(FEW, len(frame))).round().astype(int)]
-    rows = [["–" if value != value else f"{value:.6g}" for value in row] for row in some.to_numpy().tolist()]
-    note = f"{len(rows)} of {len(frame)} rows; --out FILE.csv writes all, in full and with the rotation matrix"
+    table = solution.table()[:, : len(SHOWN)]
+    some = table[np.linspace(0, len(table) - 1, min(FEW, len(table))).round().astype(int)]
+    rows = [["–" if value != value else f"{value:.6g}" for value in row] for row in some.tolist()]
+    note = f"{len(rows)} of {len(table)} rows; --out FILE.csv writes all, in full and with the rotation matrix"
     return f"{aligned(SHOWN, rows)}\n\n{note}"
