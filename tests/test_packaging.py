@@ -1,18 +1,26 @@
 """The package as it is built, imported and committed."""
 
+import os
 import re
 import shutil
 import subprocess
 import sys
+import sysconfig
+import tarfile
 import tomllib
+import zipfile
 from pathlib import Path
 
 import pytest
+from commandline import STUDY
 
 from polhode.harness.cli import COMMANDS
 
 ROOT = Path(__file__).parents[1]
 ROOMS = ("harness", "models", "solvers")
+PACKAGES = ("polhode", *ROOMS)
+# What a test of the checkout adds is not there where the package is installed.
+BARE = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 # What belongs to the one who works here, not to the project.
 WORKPLACE = re.compile(r"(?<![\w.$}{)/-])/(?:work|tmp|home|root|mnt|Users)/[\w.-]")
@@ -30,17 +38,93 @@ def imported(code: str) -> set[str]:
     return set(done.stdout.splitlines()[-1].split())
 
 
-def test_every_module_lies_in_a_package():
-    modules = [path for room in ROOMS for path in (ROOT / room).rglob("*.py")]
-    assert [path for path in modules if not (path.parent / "__init__.py").exists()] == []
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """Source distribution, and the wheel made from it."""
+    folder = tmp_path_factory.mktemp("built")
+    tree = folder / "tree"
+    tree.mkdir()
+    for name in ("CITATION.cff", "LICENSE", "MANIFEST.in", "Makefile", "README.md", "bootstrap.sh", "constraints.txt"):
+        shutil.copy(ROOT / name, tree)
+    for name in ("CONTRIBUTING.md", "pyproject.toml", "setup.py"):
+        shutil.copy(ROOT / name, tree)
+    for name in (*PACKAGES, "docs", "tests"):
+        shutil.copytree(ROOT / name, tree / name, ignore=shutil.ignore_patterns("__pycache__"))
+    words = [sys.executable, "-P", "-m", "build", "--no-isolation", "--outdir", str(folder), "."]
+    done = subprocess.run(words, cwd=tree, env=BARE, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return next(folder.glob("*.tar.gz")), next(folder.glob("*.whl"))
 
 
-def test_data_files_are_packaged():
-    patterns = PROJECT["tool"]["setuptools"]["package-data"]["*"]
-    data = [path for room in ROOMS for path in (ROOT / room).rglob("*") if path.is_file()]
-    others = [path for path in data if path.suffix not in (".py", ".pyc")]
-    assert others
-    assert [path for path in others if not any(path.match(pattern) for pattern in patterns)] == []
+def in_tree(*folders: str) -> set[str]:
+    files = [path for folder in folders for path in (ROOT / folder).rglob("*") if path.is_file()]
+    return {str(path.relative_to(ROOT)) for path in files if path.suffix != ".pyc"}
+
+
+def test_the_wheel_holds_every_file_of_the_packages(built: tuple[Path, Path]):
+    with zipfile.ZipFile(built[1]) as wheel:
+        held = {name for name in wheel.namelist() if ".dist-info/" not in name}
+    inside = {name if name.startswith("polhode/") else f"polhode/{name}" for name in in_tree(*PACKAGES)}
+    assert held == inside
+    assert {"polhode/py.typed", "polhode/harness/studies/bench.toml", "polhode/harness/picking/laws.json"} <= held
+
+
+def test_the_source_holds_docs_tests_and_constraints_too(built: tuple[Path, Path]):
+    with tarfile.open(built[0]) as source:
+        held = {member.name.partition("/")[2] for member in source if member.isfile()}
+    assert in_tree(*PACKAGES, "docs", "tests") <= held
+    assert {"constraints.txt", "setup.py", "pyproject.toml", "Makefile", "bootstrap.sh", "LICENSE", "README.md"} <= held
+
+
+@pytest.fixture(scope="module")
+def installed(built: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of the commands of a fresh environment, where the wheel and what it depends on are installed."""
+    folder = tmp_path_factory.mktemp("installed")
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", folder], timeout=60, check=True)
+    words = ["install", "--quiet", "--no-deps", "--no-index", "--no-warn-script-location", str(built[1])]
+    subprocess.run(
+        [sys.executable, "-m", "pip", "--python", str(folder / "bin" / "python"), *words], timeout=60, check=True
+    )
+    (there,) = (folder / "lib").glob("python*/site-packages")
+    # The folder's own .pth files, the checkout's among them, are not read from here.
+    (there / "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n", encoding="utf-8")
+    return folder / "bin"
+
+
+def test_the_wheel_works_from_another_folder(installed: Path, tmp_path: Path):
+    def polhode(*words: str) -> str:
+        environment = {**BARE, "POLHODE_CACHE": str(tmp_path / "cache")}
+        done = subprocess.run(
+            [installed / "polhode", *words],
+            cwd=tmp_path,
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    code = (
+        "import polhode; from polhode.harness.studies.study import read_study; read_study(None, 'regimes')\n"
+        "print(polhode.__version__, *polhode.__path__)"
+    )
+    done = subprocess.run(
+        [installed / "python", "-P", "-c", code], cwd=tmp_path, env=BARE, capture_output=True, text=True, check=True
+    )
+    version, *path = done.stdout.split()
+    assert version == PROJECT["project"]["version"]
+    assert [Path(each).is_relative_to(installed.parent) for each in path] == [True]
+    (tmp_path / "small.toml").write_text(STUDY, encoding="utf-8")
+    assert "README.md" in polhode(
+        "bench", "small.toml", "--quick", "--quiet", "--solver", "taylor", "--out", "reports/bench"
+    )
+    assert "averaged" in polhode("pick", "paper")
+    assert "11 of 201 rows" in polhode(
+        "solve", "paper", "--form", "quaternion", "--solver", "taylor", "--tolerance", "1e-8"
+    )
+    assert "reports/site/index.html" in polhode("report", "--quiet")
 
 
 def test_the_command_is_declared():
@@ -134,6 +218,6 @@ def test_module_sizes():
         str(path.relative_to(ROOT)): lines
         for room in ROOMS
         for path in (ROOT / room).rglob("*.py")
-        if (lines := len(path.read_text(encoding="utf-8").splitlines())) > 400
+        if (lines := len(path.read_text(encoding="utf-8").splitlines())) > 300
     }
     assert long == {}
