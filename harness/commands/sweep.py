@@ -41,7 +41,6 @@ def sweep(
     numbers. Several runs with --resume may share one store.
     """
     from polhode.harness.common.store import DamagedStoreError
-    from polhode.harness.ensembles.results import write_results
     from polhode.harness.ensembles.sweep import StoreFailedError, open_store, read_sweep, run_sweep
 
     with bad_input():
@@ -64,6 +63,8 @@ def sweep(
             tally = run_sweep(what, store, engine, quiet=quiet, spread=resume)
             if tally.failed:
                 raise RunFailed(f"{tally.failed} of {what.size} tasks failed, --resume tries again: {tally.message}")
+            from polhode.harness.ensembles.results import write_results
+
             page, ensembles = write_results(what, store, folder)
         except ValueError as error:
             raise RunFailed(str(error)) from None

@@ -11,41 +11,19 @@ from polhode.models.theory.fixed_points import Rotation, fixed_points
 
 @dataclass(frozen=True)
 class Attractor:
-    """A stable state of the slow variables.
+    """A stable state of the slow variables; the two senses of a spheroid's spin are one."""
 
-    Parameters
-    ----------
-    rotation : str
-        The body axis along the vorticity, in the words of `polhode.models.theory.fixed_points`; the two senses of a
-        spheroid's spin are one.
-    state : ndarray, shape (4,)
-        (L_x, L_y, L_z, E) over the largest moment of inertia.
-    reach : float
-        Distance, in the same units, within which a particle counts as arrived.
-    """
-
-    rotation: Rotation
-    state: np.ndarray
-    reach: float
+    rotation: Rotation  # the body axis along the vorticity
+    state: np.ndarray  # (L_x, L_y, L_z, E) over the largest moment of inertia
+    reach: float  # distance, in the same units, within which a particle counts as arrived
 
 
 def attractors(ellipsoid: Ellipsoid, stokes: float, radius: float, *, circling: bool) -> tuple[Attractor, ...]:
-    """Attractors that can be told from the other fixed points.
+    """Attractors that are distinct from the other fixed points.
 
-    Parameters
-    ----------
-    ellipsoid : Ellipsoid
-    stokes : float
-    radius : float
-        Distance beyond `circle` that still counts as arrived.
-    circling : bool
-        Whether the equations hold the motion about the fixed point; averaged ones do not.
-
-    Returns
-    -------
-    tuple of Attractor
-        None at St = 0 and inf. Nor any whose reach is half the distance of another fixed point or more: a shape close
-        to a sphere, or a small St.
+    `radius` is the distance beyond `circle` that still counts as arrived; `circling` says whether the equations hold
+    the motion about the fixed point, which averaged ones do not. None at St = 0 and inf, nor any whose reach is half
+    the distance of another fixed point or more: a shape close to a sphere, or a small St.
     """
     if stokes in (0, inf):
         return ()

@@ -3,17 +3,20 @@
 import logging
 import multiprocessing
 import os
-import queue
 import re
 import signal
-import threading
 from collections.abc import Callable, Iterable, Iterator
+from concurrent import futures
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
+from itertools import islice
 from multiprocessing.connection import wait
-from typing import Any, Protocol, TypeVar
+from queue import SimpleQueue
+from threading import Event, Thread
+from typing import Any, NamedTuple, Protocol
 
 from polhode.harness.common.worker import Failure, Reply, Worker
 from polhode.solvers.contract import installed
@@ -26,12 +29,8 @@ CONNECT_SECONDS = 30
 # Host and port as Dask reads them.
 ADDRESS = re.compile(r"((tcp|tls|ws|wss|ucx)://)?(\[[0-9a-fA-F:.]+\]|[^\s:/\[\]]+):\d{1,5}")
 
-T = TypeVar("T")
-_NO_MORE = object()
 
-
-@dataclass(frozen=True)
-class Outcome:
+class Finished(NamedTuple):
     """What became of a task: its value, or else a message."""
 
     task: Any
@@ -49,7 +48,7 @@ class Engine(Protocol):
     5. Closing the iterator (Ctrl-C does) stops everything under way at once.
     """
 
-    def run(self, function: Callable[[Any], Any], tasks: Iterable[Any]) -> Iterator[Outcome]:
+    def run(self, function: Callable[[Any], Any], tasks: Iterable[Any]) -> Iterator[Finished]:
         """Run the function on each task."""
         ...
 
@@ -57,25 +56,20 @@ class Engine(Protocol):
 class Serial:
     """One task after another in this very process."""
 
-    def run(self, function: Callable[[Any], Any], tasks: Iterable[Any]) -> Iterator[Outcome]:
+    def run(self, function: Callable[[Any], Any], tasks: Iterable[Any]) -> Iterator[Finished]:
         """Run the function on each task."""
         for task in tasks:
             try:
-                yield Outcome(task, function(task))
+                yield Finished(task, function(task))
             except Exception as error:
-                yield Outcome(task, None, f"{type(error).__name__}: {error}")
+                yield Finished(task, None, f"{type(error).__name__}: {error}")
 
 
 @dataclass(frozen=True)
 class Processes:
     """Spawned processes on this machine, each with a thread here that feeds it; they end when this process does.
 
-    Parameters
-    ----------
-    workers : int
-        One per core; more gain nothing.
-    max_seconds : float
-        Limit of a task; a process that takes twice as long is killed.
+    One worker per core; more gain nothing. A process that takes twice `max_seconds` for a task is killed.
     """
 
     workers: int
@@ -85,47 +79,40 @@ class Processes:
         if self.workers < 1:
             raise ValueError(f"workers: got {self.workers}, expected a whole number from 1 on")
 
-    def run(self, function: Callable[[Any], Any], tasks: Iterable[Any]) -> Iterator[Outcome]:
+    def run(self, function: Callable[[Any], Any], tasks: Iterable[Any]) -> Iterator[Finished]:
         """Run the function on each task."""
-        todo: queue.SimpleQueue[Any] = queue.SimpleQueue()
-        results: queue.SimpleQueue[Outcome | Exception] = queue.SimpleQueue()
-        stop = threading.Event()
-        workers = [Worker() for _ in range(self.workers)]
+        workers, stop = [Worker() for _ in range(self.workers)], Event()
+        idle: SimpleQueue[Worker] = SimpleQueue()
+        for worker in workers:
+            idle.put(worker)
 
-        def feed(worker: Worker) -> None:
-            with worker:
-                while (task := todo.get()) is not _NO_MORE and not stop.is_set():
-                    try:
-                        results.put(self._attempt(worker, function, task, stop))
-                    except Exception as error:
-                        results.put(error)
+        def attempt(task: Any) -> Finished:
+            worker = idle.get()
+            try:
+                return self._attempt(worker, function, task, stop)
+            finally:
+                idle.put(worker)
 
-        threads = [threading.Thread(target=feed, args=(worker,), daemon=True) for worker in workers]
-        for thread in threads:
-            thread.start()
+        threads, remaining, pending = ThreadPoolExecutor(self.workers), iter(tasks), set()
         try:
-            remaining, under_way = iter(tasks), 0
             while True:
-                for task in _take(remaining, (1 + AHEAD) * self.workers - under_way):
-                    todo.put(task)
-                    under_way += 1
-                if not under_way:
+                room = (1 + AHEAD) * self.workers - len(pending)
+                pending |= {threads.submit(attempt, task) for task in islice(remaining, room)}
+                if not pending:
                     return
-                result = results.get()
-                under_way -= 1
-                if isinstance(result, Exception):
-                    raise result
-                yield result
+                done, pending = futures.wait(pending, return_when=FIRST_COMPLETED)
+                for future in done:
+                    yield future.result()
         finally:
             stop.set()
-            for _ in workers:
-                todo.put(_NO_MORE)
-            for thread in threads:
-                while thread.is_alive():
-                    _kill(workers)
-                    thread.join(timeout=0.1)
+            threads.shutdown(wait=False, cancel_futures=True)
+            while not all(future.done() for future in pending):
+                _kill(workers)
+                futures.wait(pending, timeout=0.1)
+            for worker in workers:
+                worker.close()
 
-    def _attempt(self, worker: Worker, function: Callable[[Any], Any], task: Any, stop: threading.Event) -> Outcome:
+    def _attempt(self, worker: Worker, function: Callable[[Any], Any], task: Any, stop: Event) -> Finished:
         reply = Reply(None, Failure.CRASHED, "", 0.0)
         for _ in range(ATTEMPTS):
             try:
@@ -135,7 +122,7 @@ class Processes:
                 reply = Reply(None, Failure.CRASHED, f"no worker: {error}", 0.0)
             if stop.is_set() or reply.failure is not Failure.CRASHED:
                 break
-        return Outcome(task, reply.value, reply.message.strip().rpartition("\n")[2] if reply.failure else "")
+        return Finished(task, reply.value, reply.message.strip().rpartition("\n")[2] if reply.failure else "")
 
 
 def _call(function: Callable[[Any], Any], task: Any) -> Any:
@@ -152,7 +139,7 @@ def _end_with_parent() -> None:
 
     parent = multiprocessing.parent_process()
     if parent is not None:
-        threading.Thread(target=watch, args=(parent.sentinel,), daemon=True).start()
+        Thread(target=watch, args=(parent.sentinel,), daemon=True).start()
 
 
 def _kill(workers: list[Worker]) -> None:
@@ -165,18 +152,7 @@ def _kill(workers: list[Worker]) -> None:
 
 @dataclass(frozen=True)
 class Dask:
-    """Workers of a Dask scheduler, wherever they are; polhode is installed there in the same version.
-
-    Parameters
-    ----------
-    address : str
-        Of the scheduler, such as ``tcp://host:8786``.
-
-    Raises
-    ------
-    ValueError
-        If the address is none, or Dask is not installed.
-    """
+    """Workers of a Dask scheduler at an address such as ``tcp://host:8786``; polhode is there in the same version."""
 
     address: str
 
@@ -187,13 +163,7 @@ class Dask:
             raise ValueError("dask: distributed is not installed: pip install 'polhode[dask]'")
 
     def check(self) -> None:
-        """Connect and leave again.
-
-        Raises
-        ------
-        ValueError
-            If no scheduler answers.
-        """
+        """Connect and leave again; raises ValueError if no scheduler answers."""
         try:
             with self._client():
                 pass
@@ -214,7 +184,7 @@ class Dask:
             for name, level in levels.items():
                 logging.getLogger(name).setLevel(level)
 
-    def run(self, function: Callable[[Any], Any], tasks: Iterable[Any]) -> Iterator[Outcome]:
+    def run(self, function: Callable[[Any], Any], tasks: Iterable[Any]) -> Iterator[Finished]:
         """Run the function on each task; `task.key` is Dask's key, so that two clients share what is under way."""
         distributed = import_module("distributed")
         with self._client() as client:
@@ -222,8 +192,9 @@ class Dask:
             pending = distributed.as_completed(loop=client.loop)
             try:
                 while True:
-                    room = _room(client) - pending.count()
-                    for task in _take(remaining, room):
+                    # Workers come and go.
+                    room = (1 + AHEAD) * max(1, sum(client.nthreads().values())) - pending.count()
+                    for task in islice(remaining, max(0, room)):
                         future = client.submit(function, task, key=f"polhode-{task.key}", pure=True)
                         tasks_of[future.key] = task, future
                         pending.add(future)
@@ -232,23 +203,9 @@ class Dask:
                     future = next(pending)
                     task, _ = tasks_of.pop(future.key)
                     if future.status == "finished":
-                        yield Outcome(task, future.result())
+                        yield Finished(task, future.result())
                     else:
                         error = future.exception() if future.status == "error" else None
-                        yield Outcome(task, None, f"{type(error).__name__}: {error}" if error else future.status)
+                        yield Finished(task, None, f"{type(error).__name__}: {error}" if error else future.status)
             finally:
                 client.cancel([future for _, future in tasks_of.values()])
-
-
-def _room(client: Any) -> int:
-    """Number of tasks to keep with the scheduler; workers come and go."""
-    threads = sum(client.nthreads().values())
-    return (1 + AHEAD) * max(1, threads)
-
-
-def _take(remaining: Iterator[T], most: int) -> Iterator[T]:
-    for _ in range(most):
-        task = next(remaining, None)
-        if task is None:
-            return
-        yield task

@@ -1,16 +1,16 @@
 """Ensembles: many particles of one shape and Stokes number, run in tasks that are pure functions of plain data."""
 
-import hashlib
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import isfinite
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from polhode.harness.common.machine import package_version
+from polhode.harness.common.plain_json import digest
+from polhode.harness.common.store import Record
 from polhode.harness.ensembles.attractors import Attractor, attractors
 from polhode.harness.ensembles.starts import Drawn, Starts
 from polhode.harness.ensembles.statistics import Layout, Statistics
@@ -32,57 +32,29 @@ OBSERVED = 20_000
 LEAST_LIMIT, MARGIN = 1.0, 1.05
 
 Equations = Literal["full", "averaged"]
-Record = dict[str, Any]
 
 
 @dataclass(frozen=True)
 class Ensemble:
-    """Many starts of one shape and Stokes number.
+    """Many starts of one shape and Stokes number; raises ValueError if a value is out of range.
 
-    Parameters
-    ----------
-    ellipsoid : Ellipsoid
-    stokes : float
-    time : float
-        Duration in units of the inverse shear rate.
-    starts : Starts
-    particles : int
-    seed : int
-        Not negative. The starts depend on it and on `block` alone: neither on shape and St nor on who runs what.
-    equations : {"full", "averaged"}
-        Full equations in the fewest variables without angles, or the averaged ones.
-    tolerance : float
-        Of the integrator: `run_batches` for full equations, `run_vectorised` for averaged ones.
-    block : int
-        Particles of one task.
-    samples : int
-        Equispaced times at which particles are looked at for their arrival, start and end included.
-    snapshots : int
-        Times, out of those, at which moments and distributions are kept; samples - 1 is a multiple of snapshots - 1.
-    bins : int
-        Of each histogram.
-    radius : float
-        A particle has arrived when its L and E, over the largest moment of inertia, stay up to the end within this
-        distance of the motion on an attractor.
-
-    Raises
-    ------
-    ValueError
-        If a value is out of range, or the equations do not apply.
+    The starts depend on `seed` and the block's index alone: neither on shape and St nor on who runs what. A particle
+    has arrived when its L and E, over the largest moment of inertia, stay up to the end within `radius` of the motion
+    on an attractor.
     """
 
     ellipsoid: Ellipsoid
     stokes: float
-    time: float
+    time: float  # in units of the inverse shear rate
     starts: Starts = field(default_factory=Starts)
     particles: int = 10_000
     seed: int = 1
-    equations: Equations = "full"
-    tolerance: float = 1e-9
-    block: int = 10_000
-    samples: int = 101
-    snapshots: int = 11
-    bins: int = 64
+    equations: Equations = "full"  # in the fewest variables without angles; "averaged" ones
+    tolerance: float = 1e-9  # of `run_batches` for full equations, of `run_vectorised` for averaged ones
+    block: int = 10_000  # particles of one task
+    samples: int = 101  # equispaced times at which arrival is looked for, start and end included
+    snapshots: int = 11  # those of them at which moments and distributions are kept; divides them evenly
+    bins: int = 64  # of each histogram
     radius: float = 0.05
 
     def __post_init__(self) -> None:
@@ -125,14 +97,8 @@ class Ensemble:
     def layout(self) -> Layout:
         """What is counted."""
         shape, given = self.ellipsoid, self.starts.angular_momentum
-        if self.equations == "averaged":
-            axes = ()
-        else:
-            axes = (
-                shape.order
-                if shape.kind == "triaxial"
-                else (2 if shape.symmetry_axis is None else shape.symmetry_axis,)
-            )
+        axes = shape.order if shape.kind == "triaxial" else (2 if shape.symmetry_axis is None else shape.symmetry_axis,)
+        axes = axes if self.equations == "full" else ()
         momentum = max(LEAST_LIMIT, 0.0 if given is None else float(np.linalg.norm(given)))
         energy = max(LEAST_LIMIT / 2, momentum**2 / 2 * max(shape.inertia) / min(shape.inertia) if given else 0.0)
         return Layout(
@@ -249,8 +215,3 @@ def run_task(task: Task) -> Record:
     if digest(task.content) != task.key:
         raise RuntimeError(f"got a task of other versions, expected {task.content['versions']}")
     return task.ensemble.run(task.index).as_record()
-
-
-def digest(content: Record) -> str:
-    """Hash of plain data in canonical form."""
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

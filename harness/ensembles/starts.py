@@ -24,27 +24,11 @@ MOTIONS: dict[str, str] = {
 
 @dataclass(frozen=True)
 class Starts:
-    """A distribution of starts: orientations isotropic, or all the same; motions as `MOTIONS` says.
-
-    Parameters
-    ----------
-    motion : str
-        One of `MOTIONS`.
-    angular_momentum : tuple of 3 float, optional
-        L over the largest moment of inertia, in units of the shear rate: needed by the two motions of given momentum,
-        refused by the others.
-    quaternion : tuple of 4 float, optional
-        One orientation for all particles; isotropic orientations if absent.
-
-    Raises
-    ------
-    ValueError
-        If a value is out of range, missing, or not used.
-    """
+    """A distribution of starts; raises ValueError if a value is out of range, missing, or not used."""
 
     motion: Motion = "rest"
-    angular_momentum: Triple | None = None
-    quaternion: tuple[float, float, float, float] | None = None
+    angular_momentum: Triple | None = None  # L over the largest moment of inertia, for the motions of given momentum
+    quaternion: tuple[float, float, float, float] | None = None  # of all particles; isotropic orientations if absent
 
     def __post_init__(self) -> None:
         if self.motion not in MOTIONS:

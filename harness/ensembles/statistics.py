@@ -15,30 +15,15 @@ SLOW_NAMES = ("Lx", "Ly", "Lz", "L", "E")
 
 @dataclass(frozen=True)
 class Layout:
-    """What is counted, and in which bins.
+    """What is counted, and in which bins: of each histogram `bins` lie between its limits, two hold what is beyond."""
 
-    Parameters
-    ----------
-    axes : tuple of int
-        Body axes whose orientation moments are kept.
-    snapshots : int
-        Times at which moments and distributions are kept.
-    samples : int
-        Times at which particles are looked at for their arrival.
-    attractors : int
-    bins : int
-        Of each histogram between its limits; two more hold what lies below and above.
-    largest_momentum, largest_energy : float
-        Limits, over the largest moment of inertia: of |L| and its components (± for these), and of E.
-    """
-
-    axes: tuple[int, ...]
-    snapshots: int
-    samples: int
+    axes: tuple[int, ...]  # body axes whose orientation moments are kept
+    snapshots: int  # times at which moments and distributions are kept
+    samples: int  # times at which particles are looked at for their arrival
     attractors: int
     bins: int
-    largest_momentum: float
-    largest_energy: float
+    largest_momentum: float  # limit of |L| and ± its components, over the largest moment of inertia
+    largest_energy: float  # limit of E, over the same
 
     def edges(self, name: str) -> np.ndarray:
         """Inner bin edges of a slow variable, shape (bins + 1,)."""
@@ -48,34 +33,17 @@ class Layout:
 
 @dataclass
 class Statistics:
-    """Sums over particles, with S snapshots, A axes, M samples.
+    """Sums over the particles that did not fail, with S snapshots, A axes, M samples; `SLOW_NAMES` over I_max."""
 
-    Parameters
-    ----------
-    particles : int
-        All that were started.
-    failures : dict
-        Number of particles by the status of their failure; the sums leave them out.
-    second : ndarray, shape (S, A, 6)
-        Σ p_i p_j in the order of `SECOND`.
-    fourth, fourth_squares : ndarray, shape (S, A, 15)
-        Σ p_i p_j p_k p_l in the order of `FOURTH`, and the sum of their squares.
-    slow, slow_squares : ndarray, shape (S, 5)
-        Sums of `SLOW_NAMES` over the largest moment of inertia, and of their squares.
-    histograms : ndarray of int, shape (S, 5, bins + 2)
-    arrivals : ndarray of int, shape (attractors, M)
-        Particles by the sample at which they came close to an attractor and stayed to the end.
-    """
-
-    particles: int
-    failures: dict[str, int]
-    second: np.ndarray
-    fourth: np.ndarray
+    particles: int  # all that were started
+    failures: dict[str, int]  # particles by the status of their failure
+    second: np.ndarray  # Σ p_i p_j in the order of `SECOND`, shape (S, A, 6)
+    fourth: np.ndarray  # Σ p_i p_j p_k p_l in the order of `FOURTH`, shape (S, A, 15)
     fourth_squares: np.ndarray
-    slow: np.ndarray
+    slow: np.ndarray  # shape (S, 5)
     slow_squares: np.ndarray
-    histograms: np.ndarray
-    arrivals: np.ndarray
+    histograms: np.ndarray  # of int, shape (S, 5, bins + 2)
+    arrivals: np.ndarray  # particles by the sample from which on they stayed close, shape (attractors, M)
 
     @classmethod
     def empty(cls, layout: Layout) -> Self:

@@ -1,20 +1,22 @@
 """What the statistics of an ensemble say: means with standard errors, fractions and quantiles with intervals."""
 
 from dataclasses import dataclass
-from math import sqrt
+from itertools import product
+from typing import Any
 
 import numpy as np
+from scipy.stats import binom, binomtest
 
 from polhode.harness.ensembles.ensemble import Ensemble
 from polhode.harness.ensembles.statistics import FOURTH, SECOND, SLOW_NAMES, Statistics
 
-# Two-sided coverage of every interval here, and the normal distribution's quantile that belongs to it.
-CONFIDENCE, NORMAL_QUANTILE = 0.95, 1.959963984540054
+# Two-sided coverage of every interval here.
+CONFIDENCE = 0.95
 QUANTILES = (0.1, 0.5, 0.9)
 
 
 @dataclass(frozen=True)
-class Interval:
+class Estimate:
     """A value with the ends of its 95 % confidence interval; None is beyond the end of the run."""
 
     value: float | None
@@ -49,32 +51,27 @@ def _means(count: int, sums: np.ndarray, squares: np.ndarray) -> tuple[np.ndarra
     return mean, np.sqrt(variance / max(count - 1, 1))
 
 
-def fraction(count: int, of: int) -> Interval:
+def fraction(count: int, of: int) -> Estimate:
     """A fraction with Wilson's score interval (Wilson, J. Am. Stat. Assoc. 22 (1927) 209), which holds at 0 and 1."""
     if of == 0:
-        return Interval(None, 0.0, 1.0)
-    share, z2 = count / of, NORMAL_QUANTILE**2
-    middle = (share + z2 / (2 * of)) / (1 + z2 / of)
-    half = NORMAL_QUANTILE / (1 + z2 / of) * sqrt(share * (1 - share) / of + z2 / (4 * of * of))
-    low, high = middle - half, middle + half
-    return Interval(share, low if count > 0 else 0.0, high if count < of else 1.0)
+        return Estimate(None, 0.0, 1.0)
+    interval = binomtest(count, of).proportion_ci(CONFIDENCE, method="wilson")
+    return Estimate(count / of, float(interval.low), float(interval.high))
 
 
-def arrived(statistics: Statistics, attractor: int) -> list[Interval]:
+def arrived(statistics: Statistics, attractor: int) -> list[Estimate]:
     """Fraction of the finished particles that have come to an attractor for good, at each sample."""
     counts = np.cumsum(statistics.arrivals[attractor])
     return [fraction(int(count), statistics.finished) for count in counts]
 
 
-def transient_quantile(ensemble: Ensemble, statistics: Statistics, share: float) -> Interval:
+def transient_quantile(ensemble: Ensemble, statistics: Statistics, share: float) -> Estimate:
     """Quantile of the time, in units of the inverse shear rate, after which a particle has arrived anywhere.
 
     Without assumption on the distribution: the interval lies between the order statistics whose ranks bound a
     binomial variable (Conover, Practical Nonparametric Statistics, section 3.2). Particles that have not arrived by
     the end count as later; times are known to one sample, and rounded up.
     """
-    from scipy.stats import binom
-
     n = statistics.finished
     reached = np.cumsum(np.sum(statistics.arrivals, axis=0))
     times = np.linspace(0.0, ensemble.time, ensemble.samples)
@@ -84,48 +81,40 @@ def transient_quantile(ensemble: Ensemble, statistics: Statistics, share: float)
         return float(times[place]) if rank <= n and place < len(times) else None
 
     if n == 0 or len(reached) == 0:
-        return Interval(None, None, None)
+        return Estimate(None, None, None)
     tail = (1 - CONFIDENCE) / 2
     low, high = int(binom.ppf(tail, n, share)), int(binom.ppf(1 - tail, n, share)) + 1
-    return Interval(
+    return Estimate(
         order_statistic(max(1, round(share * n))), order_statistic(low) if low > 0 else 0.0, order_statistic(high)
     )
 
 
 def moment_rows(ensemble: Ensemble, statistics: Statistics) -> list[dict[str, object]]:
     """Orientation moments, one row per snapshot, body axis and component."""
-    rows = []
-    for order, (mean, error) in ((SECOND, second_moments(statistics)), (FOURTH, fourth_moments(statistics))):
-        for s, time in enumerate(snapshot_times(ensemble)):
-            for a, axis in enumerate(ensemble.layout.axes):
-                for k, component in enumerate(order):
-                    name = "".join("xyz"[i] for i in component)
-                    rows.append(
-                        {
-                            **ensemble_columns(ensemble),
-                            "time": time,
-                            "body_axis": axis + 1,
-                            "moment": name,
-                            "mean": float(mean[s, a, k]),
-                            "standard_error": float(error[s, a, k]),
-                        }
-                    )
-    return rows
+    axes = {"time": snapshot_times(ensemble), "body_axis": [axis + 1 for axis in ensemble.layout.axes]}
+    moments = ((SECOND, second_moments(statistics)), (FOURTH, fourth_moments(statistics)))
+    names = [["".join("xyz"[i] for i in component) for component in order] for order, _ in moments]
+    return [
+        row
+        for (_, means), components in zip(moments, names, strict=True)
+        for row in _mean_rows(ensemble, {**axes, "moment": components}, *means)
+    ]
 
 
 def slow_rows(ensemble: Ensemble, statistics: Statistics) -> list[dict[str, object]]:
     """Means of the slow variables, one row per snapshot and variable."""
-    mean, error = slow_means(statistics)
+    variables = [f"{name}/Imax" for name in SLOW_NAMES]
+    return _mean_rows(ensemble, {"time": snapshot_times(ensemble), "variable": variables}, *slow_means(statistics))
+
+
+def _mean_rows(
+    ensemble: Ensemble, axes: dict[str, list[Any]], mean: np.ndarray, error: np.ndarray
+) -> list[dict[str, object]]:
+    """One row for each place in the arrays, whose axes are named with their values."""
+    values = zip(product(*axes.values()), mean.ravel().tolist(), error.ravel().tolist(), strict=True)
     return [
-        {
-            **ensemble_columns(ensemble),
-            "time": time,
-            "variable": f"{name}/Imax",
-            "mean": float(mean[s, k]),
-            "standard_error": float(error[s, k]),
-        }
-        for s, time in enumerate(snapshot_times(ensemble))
-        for k, name in enumerate(SLOW_NAMES)
+        {**ensemble_columns(ensemble), **dict(zip(axes, place, strict=True)), "mean": one, "standard_error": other}
+        for place, one, other in values
     ]
 
 

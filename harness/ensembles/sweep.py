@@ -13,9 +13,10 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_valida
 from tqdm import tqdm
 
 from polhode.harness.common.machine import machine
-from polhode.harness.common.store import DamagedStoreError, Store
+from polhode.harness.common.plain_json import digest
+from polhode.harness.common.store import DamagedStoreError, Record, Store
 from polhode.harness.ensembles.engines import Engine
-from polhode.harness.ensembles.ensemble import Ensemble, Record, Task, digest, run_task
+from polhode.harness.ensembles.ensemble import Ensemble, Task, run_task
 from polhode.harness.ensembles.starts import Starts
 from polhode.harness.ensembles.statistics import Statistics, merged
 from polhode.harness.studies.study import Name, Stokes
@@ -28,8 +29,8 @@ NO_TIMES = "no times: tasks may run side by side"
 # Seconds after which the store is asked again what another run has added.
 REFRESH = 5.0
 DEFAULT_TOLERANCE = {"full": 1e-9, "averaged": 1e-6}
-
-Whole = Annotated[int, Field(ge=1)]
+# Keys of a sweep file that an ensemble takes as they are.
+SHARED = {"equations", "particles", "block", "seed", "samples", "snapshots", "bins", "radius"}
 
 
 class StartTable(BaseModel):
@@ -61,14 +62,15 @@ class SweepTable(BaseModel):
     time: Positive | None = None
     start: StartTable = StartTable()
     equations: Literal["full", "averaged"] = "full"
-    particles: Whole = 10_000
-    block: Whole = 10_000
-    seed: Annotated[int, Field(ge=0)] = 1
     tolerance: Positive | None = None
-    samples: Annotated[int, Field(ge=2)] = 101
-    snapshots: Annotated[int, Field(ge=2)] = 11
-    bins: Whole = 64
-    radius: Positive = 0.05
+    # Their ranges and defaults are those of `Ensemble`.
+    particles: int = 0
+    block: int = 0
+    seed: int = 0
+    samples: int = 0
+    snapshots: int = 0
+    bins: int = 0
+    radius: float = 0.0
 
     @model_validator(mode="after")
     def _one_duration(self) -> "SweepTable":
@@ -111,15 +113,7 @@ class StoreFailedError(RuntimeError):
 
 
 def open_store(path: Path) -> Store:
-    """Open a store.
-
-    Raises
-    ------
-    DamagedStoreError
-        If the file is no store, or a damaged one.
-    StoreFailedError
-        If the disk is full, or the file cannot be written for another reason.
-    """
+    """Open a store; raises DamagedStoreError if the file is none, StoreFailedError if it cannot be written."""
     try:
         return Store(path)
     except DamagedStoreError as error:
@@ -136,23 +130,10 @@ def perform(task: Task) -> Record:
 
 
 def run_sweep(sweep: Sweep, store: Store, engine: Engine, *, quiet: bool = False, spread: bool = False) -> Tally:
-    """Run what the store does not hold yet.
+    """Run what the store does not hold yet; several runs may share it, at the same time too.
 
-    Parameters
-    ----------
-    sweep : Sweep
-    store : Store
-        Several runs may share it, at the same time too.
-    engine : Engine
-    quiet : bool
-        Whether to show no progress on stderr.
-    spread : bool
-        Take the tasks in random order, so that runs that share a store seldom work on the same one.
-
-    Raises
-    ------
-    StoreFailedError
-        If the disk is full, or the store cannot be written for another reason.
+    With `spread` the tasks are taken in random order, so that such runs seldom work on the same one. Raises
+    StoreFailedError if the disk is full, or the store cannot be written for another reason.
     """
     finished, failed, message = 0, 0, ""
     with tqdm(total=sweep.size, disable=quiet, unit="task", desc=sweep.name, leave=False) as progress:
@@ -200,12 +181,7 @@ def _unwritable(path: Path, error: sqlite3.Error) -> StoreFailedError:
 def gather(ensemble: Ensemble, store: Store) -> Statistics:
     """Statistics of an ensemble from the store, merged in the order of its tasks, whatever order they were run in.
 
-    Raises
-    ------
-    ValueError
-        If the store lacks a task.
-    DamagedStoreError
-        If a task's numbers are not those that were written.
+    Raises ValueError if the store lacks a task, DamagedStoreError if a task's numbers are not those that were written.
     """
     return merged(ensemble.layout, (_statistics(task, store) for task in ensemble.tasks()))
 
@@ -236,7 +212,7 @@ def parse_sweep(contents: dict[str, Any]) -> Sweep:
     """Make a sweep of the contents of a sweep file; raises ValueError as `checked` does."""
     table = checked(SweepTable, contents)
     ensembles = tuple(_ensemble(table, shape, stokes) for shape in table.shapes for stokes in table.stokes)
-    if len({task.key for ensemble in ensembles for task in (Task(ensemble, 0),)}) < len(ensembles):
+    if len({Task(ensemble, 0).key for ensemble in ensembles}) < len(ensembles):
         raise ValueError("shapes, stokes: got the same twice, expected each once")
     return Sweep(table.name, table.title, ensembles)
 
@@ -250,13 +226,6 @@ def _ensemble(table: SweepTable, shape: list[float], stokes: float) -> Ensemble:
         stokes,
         table.time if table.time is not None else (table.slow_time or 0.0) * stokes,
         table.start.starts(),
-        particles=table.particles,
-        seed=table.seed,
-        equations=table.equations,
         tolerance=table.tolerance or DEFAULT_TOLERANCE[table.equations],
-        block=table.block,
-        samples=table.samples,
-        snapshots=table.snapshots,
-        bins=table.bins,
-        radius=table.radius,
+        **table.model_dump(include=SHARED, exclude_unset=True),
     )

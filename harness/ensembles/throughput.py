@@ -16,7 +16,7 @@ import numpy as np
 from polhode.harness.common.machine import machine, versions
 from polhode.harness.common.timing import Patience, collector_off, sentinel
 from polhode.harness.common.worker import Worker
-from polhode.harness.ensembles.engines import Outcome, Processes, Serial
+from polhode.harness.ensembles.engines import Finished, Processes, Serial
 from polhode.harness.ensembles.ensemble import Ensemble, Task, run_task
 from polhode.harness.ensembles.starts import Starts
 from polhode.models.catalogue import form as find_form
@@ -34,10 +34,9 @@ ROUNDS = 21
 # Seconds of a task whose engine overhead is measured, and how many of them.
 TASK_SECONDS, TASKS = 1.0, 10
 LIMIT = 3600.0
-Row = dict[str, Any]
 
 
-def measure() -> Row:
+def measure() -> dict[str, Any]:
     """Everything that `polhode.harness.pages.ensembles` shows."""
     steady = sentinel()
     return {
@@ -61,7 +60,7 @@ def measure() -> Row:
     }
 
 
-def full_throughput(name: str, shape: Ellipsoid, particles: int = 2048) -> Row:
+def full_throughput(name: str, shape: Ellipsoid, particles: int = 2048) -> dict[str, Any]:
     """Particles per second in SIMD lanes and one by one, by one method at one tolerance, and both errors."""
     scene, problem, starts = _problem(shape, "full", particles)
     slow_starts = find_form(problem.name).observe(scene, starts).slow
@@ -93,7 +92,7 @@ def full_throughput(name: str, shape: Ellipsoid, particles: int = 2048) -> Row:
     }
 
 
-def averaged_throughput(name: str, shape: Ellipsoid, particles: int = 20_000) -> Row:
+def averaged_throughput(name: str, shape: Ellipsoid, particles: int = 20_000) -> dict[str, Any]:
     """Particles per second of the averaged equations by how much is kept of them, and what bounds them.
 
     With the end alone, with 101 samples, and in whole tasks, statistics included; the share of the first that the
@@ -137,7 +136,7 @@ def averaged_throughput(name: str, shape: Ellipsoid, particles: int = 20_000) ->
     }
 
 
-def task_throughput(equations: Any) -> Row:
+def task_throughput(equations: Any) -> dict[str, Any]:
     """Particles per second of whole tasks, statistics at 101 samples and 11 snapshots included; bytes of a record."""
     ensemble = _ensemble(SHAPES["1 : 0.8 : 0.5"], equations, 2000 if equations == "full" else 20_000)
     ((seconds, record),) = _alternate(lambda: run_task(Task(ensemble, 0)))
@@ -148,7 +147,7 @@ def task_throughput(equations: Any) -> Row:
     }
 
 
-def memory(particles: int = 100_000) -> Row:
+def memory(particles: int = 100_000) -> dict[str, Any]:
     """Largest memory of a process that runs 10⁵ particles of the full equations, in ten tasks."""
     ensemble = replace(_ensemble(SHAPES["1 : 0.8 : 0.5"], "full", particles), block=particles // 10)
     with Worker() as worker:
@@ -163,7 +162,7 @@ def _run_all(ensemble: Ensemble) -> int:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * kibibyte
 
 
-def overhead() -> list[Row]:
+def overhead() -> list[dict[str, Any]]:
     """What engines add to tasks of a second that use the processor, the start of processes left out."""
     rows = []
     for name, engine in (("serial", Serial()), ("one process", Processes(1))):
@@ -179,7 +178,7 @@ def _busy(_: int) -> None:
         pass
 
 
-def two_processes(particles: int = 40_000) -> Row:
+def two_processes(particles: int = 40_000) -> dict[str, Any]:
     """Wall time of the same tasks by one process and by two, both warm: from the first task's end on."""
     ensemble = replace(_ensemble(SHAPES["1 : 0.8 : 0.5"], "full", particles), block=2000)
     seconds = {workers: _warm_seconds(Processes(workers), ensemble) for workers in (1, 2)}
@@ -200,7 +199,7 @@ def _warm_seconds(engine: Processes, ensemble: Ensemble) -> float:
     return (done[-1] - done[0]) / (len(done) - 1) * len(tasks)
 
 
-def _good(outcome: Outcome) -> bool:
+def _good(outcome: Finished) -> bool:
     if outcome.message:
         raise RuntimeError(outcome.message)
     return True

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from polhode.harness.common.files import PartialFile
+from polhode.harness.common.files import write_file
 from polhode.harness.common.text import markdown, scientific
 
 # Sweeps whose cost is laid out: equations, particles, St; the first two are 10⁹ particle·St.
@@ -21,9 +21,8 @@ Found = dict[str, Any]
 
 def write_page(found: Found, folder: Path) -> Path:
     """Write ``throughput.json`` and ``README.md`` into a folder; returns the page's path."""
-    for name, text in (("throughput.json", json.dumps(found, indent=1) + "\n"), ("README.md", page(found))):
-        with PartialFile(folder / name) as file:
-            file.write(text)
+    write_file(folder / "throughput.json", json.dumps(found, indent=1) + "\n")
+    write_file(folder / "README.md", page(found))
     return folder / "README.md"
 
 
@@ -38,51 +37,52 @@ def page(found: Found) -> str:
             "the numbers are in [throughput.json](throughput.json). Processor time, the least of "
             f"{settings['rounds']} runs in turns, one process at a time.\n",
             f"## Full equations, Taylor at tolerance {settings['tolerance']:g}, particles per second and core\n",
-            _full(found),
+            _table(found["full"], FULL),
             f"## Averaged equations at tolerance {settings['averaged_tolerance']:g}, particles per second and core\n",
-            _averaged(found),
+            _table(found["averaged"], AVERAGED),
             "Where their time goes, in microseconds a particle:\n",
             _shares(found),
             "## Whole tasks, statistics at 101 samples and 11 snapshots included\n",
-            _tasks(found),
+            _table(found["tasks"], TASKS),
             f"## What large sweeps to t₂ = {settings['slow_time']:g} take, in tasks of up to {BLOCK:,} particles\n",
             _plan(found),
             f"## What an engine adds to tasks of {settings['task_seconds']:g} s\n",
-            _engines(found),
+            _table(found["overhead"], ENGINES),
             "## Memory and processes\n",
             _memory(found),
         ]
     )
 
 
-def _full(found: Found) -> str:
-    rows = [
-        (
-            row["shape"],
-            f"{row['scalar_per_second']:,.0f}",
-            f"{row['lanes_per_second']:,.0f}",
-            f"{row['speedup']:.2f}",
-            scientific(row["scalar_error"]),
-            scientific(row["lanes_error"]),
-        )
-        for row in found["full"]
-    ]
-    header = ("shape", "one by one", "in lanes", "ratio", "error", "error in lanes")
-    return markdown(header, rows, right=(1, 2, 3, 4, 5))
+def _table(rows: list[Found], columns: dict[str, str]) -> str:
+    """A table of rows whose errors read as 1.2e-7: header to the format of a row's cell."""
+    rows = [{name: scientific(row[name]) if "error" in name else row[name] for name in row} for row in rows]
+    cells = [[text.format(**row) for text in columns.values()] for row in rows]
+    return markdown(list(columns), cells, right=range(1, len(columns)))
 
 
-def _averaged(found: Found) -> str:
-    rows = [
-        (
-            row["shape"],
-            *(f"{row[name]:,.0f}" for name in ("per_second", "sampled_per_second", "task_per_second")),
-            scientific(row["median_error"]),
-            scientific(row["error_of_99_percent"]),
-        )
-        for row in found["averaged"]
-    ]
-    header = ("shape", "end alone", "101 samples", "whole tasks", "median error", "error of 99 %")
-    return markdown(header, rows, right=(1, 2, 3, 4, 5))
+FULL = {
+    "shape": "{shape}",
+    "one by one": "{scalar_per_second:,.0f}",
+    "in lanes": "{lanes_per_second:,.0f}",
+    "ratio": "{speedup:.2f}",
+    "error": "{scalar_error}",
+    "error in lanes": "{lanes_error}",
+}
+AVERAGED = {
+    "shape": "{shape}",
+    "end alone": "{per_second:,.0f}",
+    "101 samples": "{sampled_per_second:,.0f}",
+    "whole tasks": "{task_per_second:,.0f}",
+    "median error": "{median_error}",
+    "error of 99 %": "{error_of_99_percent}",
+}
+TASKS = {
+    "equations": "{equations}",
+    "particles per second and core": "{per_second:,.0f}",
+    "bytes of a record": "{record_bytes:,}",
+}
+ENGINES = {"engine": "{engine}", "overhead": "{share:.2%}"}
 
 
 def _shares(found: Found) -> str:
@@ -95,11 +95,6 @@ def _shares(found: Found) -> str:
         rows.append((row["shape"], f"{row['evaluations_per_particle']:.0f}", *(f"{part:.1f}" for part in parts)))
     header = ("shape", "evaluations", "these", "the steps' arithmetic", "101 samples", "drawing and statistics")
     return markdown(header, rows, right=(1, 2, 3, 4, 5))
-
-
-def _tasks(found: Found) -> str:
-    rows = [(row["equations"], f"{row['per_second']:,.0f}", f"{row['record_bytes']:,}") for row in found["tasks"]]
-    return markdown(("equations", "particles per second and core", "bytes of a record"), rows, right=(1, 2))
 
 
 def _plan(found: Found) -> str:
@@ -121,11 +116,6 @@ def _plan(found: Found) -> str:
             )
         )
     return markdown(("equations", "particles", "St", "tasks", "store", "core hours"), rows, right=(1, 2, 3, 4, 5))
-
-
-def _engines(found: Found) -> str:
-    rows = [(row["engine"], f"{100 * row['share']:.2f} %") for row in found["overhead"]]
-    return markdown(("engine", "overhead"), rows, right=(1,))
 
 
 def _memory(found: Found) -> str:

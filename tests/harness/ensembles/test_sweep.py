@@ -291,7 +291,7 @@ def test_dask_gives_the_same_numbers(polhode: Run, cluster, sweep_file: Path, tm
 @pytest.mark.parametrize(
     ("change", "line"),
     [
-        ({"particles": 0}, "particles: got 0, expected a number greater than or equal to 1"),
+        ({"particles": 0}, "particles: got 0, expected a whole number from 1 on"),
         ({"slow_time": 1.0}, "got both of slow_time and time, expected exactly one"),
         ({"grid": 1}, "grid: unknown key, expected one of name, title"),
         ({"start": {"motion": "spin"}}, "start.motion: got 'spin', expected one of rest, fluid"),
