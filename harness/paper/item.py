@@ -75,14 +75,14 @@ class Number:
         return cls(what, value, expected - tolerance, expected + tolerance, unit)
 
 
-@dataclass(frozen=True)
 class Verdict:
-    """What the data say about a claim, and the words below their figure."""
+    """What the data say about a claim, and the caption of their figure.
 
-    earned: Word  # if every number lies in its range
-    sentence: str
-    numbers: tuple[Number, ...]
-    caption: str
+    The word is the one earned if every number lies in its range.
+    """
+
+    def __init__(self, earned: Word, sentence: str, caption: str, *numbers: Number) -> None:
+        self.earned, self.sentence, self.caption, self.numbers = earned, sentence, caption, numbers
 
     @property
     def word(self) -> Word:

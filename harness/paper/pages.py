@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from polhode.harness.common.files import PartialFile
-from polhode.harness.common.text import markdown
+from polhode.harness.common.text import markdown, short
 from polhode.harness.paper import store
 from polhode.harness.paper.item import Data, Grid, Item, Number, Section, Verdict, Word
 
@@ -61,10 +61,10 @@ def _cells(*texts: str) -> list[str]:
 
 def measured(number: Number) -> str:
     """The value with its interval and unit."""
-    text = f"{number.value:.4g}"
+    text = _digits(number.value)
     if number.interval is not None:
         low, high = number.interval
-        text += f" (95 %: {low:.3g} … {high:.3g})"
+        text += f" (95 %: {_digits(low, 3)} … {_digits(high, 3)})"
     return f"{text} {number.unit}".rstrip()
 
 
@@ -72,8 +72,12 @@ def allowed(number: Number) -> str:
     """The range in which the verdict holds."""
     low, high = number.low, number.high
     if low == -float("inf"):
-        return "any value" if high == float("inf") else f"≤ {high:.4g}"
-    return f"≥ {low:.4g}" if high == float("inf") else f"{low:.4g} … {high:.4g}"
+        return "any value" if high == float("inf") else f"≤ {_digits(high)}"
+    return f"≥ {_digits(low)}" if high == float("inf") else f"{_digits(low)} … {_digits(high)}"
+
+
+def _digits(value: float, count: int = 4) -> str:
+    return short(float(f"{value:.{count}g}"))
 
 
 def _index(sections: Sequence[Section], found: Mapping[str, Judged | None], grid: Grid) -> list[str]:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import cos, pi, sqrt
+from math import cos, pi
 
 import numpy as np
 from scipy import stats
@@ -129,18 +129,12 @@ def power_law(x: np.ndarray, y: np.ndarray) -> tuple[float, tuple[float, float]]
 
 def mean_interval(values: np.ndarray) -> tuple[float, float, float]:
     """Mean and its 95 % interval by Student's distribution."""
-    mean, width = float(np.mean(values)), np.inf
-    if len(values) > 1:
-        width = float(stats.t.ppf(0.975, len(values) - 1) * np.std(values, ddof=1) / sqrt(len(values)))
-    return mean, mean - width, mean + width
+    mean = float(np.mean(values))
+    low, high = stats.t.interval(0.95, len(values) - 1, mean, stats.sem(values))
+    return mean, float(low), float(high)
 
 
 def share_interval(count: int, total: int) -> tuple[float, float]:
     """Wilson's 95 % interval of a share."""
     interval = stats.binomtest(count, total).proportion_ci(method="wilson")
     return float(interval.low), float(interval.high)
-
-
-def largest_difference(first: np.ndarray, second: np.ndarray) -> float:
-    """Largest absolute difference of slow variables along a run."""
-    return float(np.max(np.abs(first - second)))

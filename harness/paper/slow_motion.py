@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from polhode.harness.paper.drawing import BLUE, draw_law, label, logarithmic, panels, styled_runs
 from polhode.harness.paper.item import Data, Grid, Number, Table, Verdict, Word
 from polhode.harness.paper.planes import distance_from_node, fixed_point
-from polhode.harness.paper.runs import averaged_run, axes_of, full_run, largest_difference, power_law
+from polhode.harness.paper.runs import averaged_run, axes_of, full_run, power_law
 from polhode.harness.paper.tables import groups, path_table
 from polhode.models.scene import EulerStart, Scene
 from polhode.models.shape import Ellipsoid
@@ -45,7 +45,7 @@ class SlowMotion:
         for stokes in sorted({*self.shown, *measured}):
             scene = Scene(self.ellipsoid, stokes, self.start, stokes * self.slow_time)
             full = full_run(scene, stokes * slow_times).slow
-            errors.append((stokes, largest_difference(full, averaged), self._end(full)))
+            errors.append((stokes, np.max(np.abs(full - averaged)), self._end(full)))
             if stokes in self.shown:
                 paths.append((stokes, slow_times[::dense], full[::dense]))
         stokes, error, distance = np.array(errors).T
@@ -99,31 +99,26 @@ class SlowMotion:
         constant = float(found["error"][-1] * found["stokes"][-1])
         at_100 = float(found["error"][found["stokes"] == 100.0][0])
         settled = found["stokes"] >= 500
-        numbers = (
+        momentum, energy = fixed_point(self.ellipsoid, "stable node")
+        shown = [pair for pair in zip(found["stokes"], found["error"], strict=True) if pair[0] in self.shown]
+        angles = ", ".join(f"{value:.4g}" for value in (*self.start.angles, *self.start.rates))
+        crossing = data["averaged"]["crossing"][0]
+        return Verdict(
+            self.earned,
+            f"Averaged run and full runs from St = 500 on end at (L_z, E)/I_max = ({momentum:.3g}, {energy:.3g}). The "
+            f"largest slow error along the run is {constant:.2g}/St at large St, and "
+            f"{', '.join(f'{error:.2g} at St = {stokes:g}' for stokes, error in shown)}."
+            + (self._leaving(data[""]) if self.lingers else ""),
+            f"Slow variables of the ellipsoid with semi-axes {axes_of(self.ellipsoid)} from (θ, φ, ψ, θ̇, φ̇, ψ̇) = "
+            f"({angles}), full at St = {', '.join(f'{stokes:g}' for stokes in self.shown)} and averaged; right, the "
+            "largest difference along the run."
+            + (f" L² = 2EI₂ at t₂ = {crossing:.3g}." if np.isfinite(crossing) else ""),
             Number(f"exponent of the slow error in St, St ≥ {self.asymptotic:g}", exponent, -1.3, -0.8, "", interval),
             Number(f"slow error × St at St = {found['stokes'][-1]:g}", constant, *self.constant, unit="I_max"),
             Number("slow error at St = 100", at_100, *self.at_100, unit="I_max"),
             Number("distance of the averaged end from the node", float(data["averaged"]["end"][0]), high=2e-3),
             Number("the same of the mean full end, St ≥ 500", float(found["end"][settled].max()), high=1e-2),
         )
-        momentum, energy = fixed_point(self.ellipsoid, "stable node")
-        shown = [pair for pair in zip(found["stokes"], found["error"], strict=True) if pair[0] in self.shown]
-        sentence = (
-            f"Averaged run and full runs from St = 500 on end at (L_z, E)/I_max = ({momentum:.3g}, {energy:.3g}). The "
-            f"largest slow error along the run is {constant:.2g}/St at large St, and "
-            f"{', '.join(f'{error:.2g} at St = {stokes:g}' for stokes, error in shown)}."
-        )
-        if self.lingers:
-            sentence += " " + self._leaving(data[""])
-        angles = ", ".join(f"{value:.4g}" for value in (*self.start.angles, *self.start.rates))
-        text = (
-            f"Slow variables of the ellipsoid with semi-axes {axes_of(self.ellipsoid)} from (θ, φ, ψ, θ̇, φ̇, ψ̇) = "
-            f"({angles}), full at St = {', '.join(f'{stokes:g}' for stokes in self.shown)} and averaged; right, the "
-            "largest difference along the run."
-        )
-        crossing = data["averaged"]["crossing"][0]
-        caption = text + (f" L² = 2EI₂ at t₂ = {crossing:.3g}." if np.isfinite(crossing) else "")
-        return Verdict(self.earned, sentence, numbers, caption)
 
     def _leaving(self, table: Table) -> str:
         """When E is halfway from its plateau to the node's, averaged and full."""
@@ -136,4 +131,4 @@ class SlowMotion:
             gone = part["t2"][below] < 0.95 * self.slow_time
             times[name] = f"at t₂ = {part['t2'][below]:.2f}" if gone else "not yet at the end"
         found = ", ".join(f"{time} ({name})" for name, time in times.items())
-        return f"The plateau at the saddle is left, E halfway to its end, {found}."
+        return f" The plateau at the saddle is left, E halfway to its end, {found}."

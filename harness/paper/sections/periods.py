@@ -5,6 +5,7 @@ from math import pi
 
 import numpy as np
 from matplotlib.figure import Figure
+from scipy.interpolate import CubicHermiteSpline
 
 from polhode.harness.paper.drawing import BLACK, CYCLE, common_legend, draw_groups, label, logarithmic, panels
 from polhode.harness.paper.item import Data, Grid, Item, Number, Section, Verdict, Word
@@ -69,24 +70,20 @@ def verdict_change(data: Data) -> Verdict:
     worst = float(np.max(np.abs(ratio - 1)))
     validity = {kappa: _validity(part) for kappa, part in groups(table, "kappa")}
     least, most = validity[KAPPAS[0]], validity[KAPPAS[-1]]
-    numbers = (
+    count = len(np.unique(data[""]["stokes"]))
+    return Verdict(
+        Word.CORRECTED,
+        f"Value and sign of `vivtp` hold, but the period decreases where the text says that it increases. The law is "
+        f"10 % off at St = {', '.join(f'{value:.2g}' for value in validity.values())} for κ = "
+        f"{', '.join(f'{kappa:g}' for kappa in validity)}, not at order unity, and the later the slenderer the "
+        f"spheroid from κ = {_rising(validity):g} on.",
+        f"Left: decrease of the tumbling period below Jeffery's, at {count} Stokes numbers from a collocated limit "
+        "cycle; dotted, the law of order St². Right: the ratio of the two against St/κ².",
         Number(f"ΔT over the law, less one, at St = {table['stokes'].min():g}, worst κ", worst, high=2e-3),
         Number("largest ΔT", float(np.max(table["change"])), high=0.0, unit="1/γ̇"),
         Number(f"St at which the law is 10 % off, κ = {KAPPAS[0]:g}", least, 10, 30),
         Number(f"the same over that, κ = {KAPPAS[-1]:g}", most / least, low=1),
     )
-    sentence = (
-        f"Value and sign of `vivtp` hold, but the period decreases where the text says that it increases. The law is "
-        f"10 % off at St = {', '.join(f'{value:.2g}' for value in validity.values())} for κ = "
-        f"{', '.join(f'{kappa:g}' for kappa in validity)}, not at order unity, and the later the slenderer the "
-        f"spheroid from κ = {_rising(validity):g} on."
-    )
-    count = len(np.unique(data[""]["stokes"]))
-    caption = (
-        f"Left: decrease of the tumbling period below Jeffery's, at {count} Stokes numbers from a collocated limit "
-        "cycle; dotted, the law of order St². Right: the ratio of the two against St/κ²."
-    )
-    return Verdict(Word.CORRECTED, sentence, numbers, caption)
 
 
 def _rising(values: dict[float, float]) -> float:
@@ -127,8 +124,6 @@ def _integrated_period(kappa: float, stokes: float) -> float:
 
 def _crossing(times: np.ndarray, angle: np.ndarray, rate: np.ndarray, goal: float) -> float:
     """Time at which a decreasing angle passes a value, by Newton's method on the cubic of one sampling interval."""
-    from scipy.interpolate import CubicHermiteSpline
-
     i = int(np.searchsorted(-angle, -goal)) - 1
     cubic = CubicHermiteSpline(times[i : i + 2], angle[i : i + 2] - goal, rate[i : i + 2])
     return float(cubic.roots(extrapolate=False)[0])
@@ -163,21 +158,17 @@ def verdict_period(data: Data) -> Verdict:
     largest = float(np.max(np.abs(found["difference"])))
     # Rounding of the tables alone makes the period rise.
     rise = max(float(np.max(np.diff(part["period"]) / part["period"][1:])) for _, part in groups(table, "kappa"))
-    numbers = (
+    return Verdict(
+        Word.CONFIRMED,
+        f"Between the limits the period falls monotonically; at St = {table['stokes'].min():g} it is Jeffery's to "
+        f"{small:.1g}, at St = {table['stokes'].max():g} it is 4π to {large:.1g} for every κ up to {KAPPAS[-1]:g}.",
+        f"Period of a tumbling prolate spheroid on its limit cycle, κ = {', '.join(f'{kappa:g}' for kappa in KAPPAS)}, "
+        "with Jeffery's period (dotted) and 4π (dashed); crosses: turns of runs in time.",
         Number(f"|T/4π - 1| at St = {table['stokes'].max():g}, worst κ", float(large), high=1e-6),
         Number(f"|T/2π(κ+1/κ) - 1| at St = {table['stokes'].min():g}, worst κ", float(small), high=1e-6),
         Number("collocated against integrated period, relative", largest, high=1e-8),
         Number("largest relative rise of the period from one St to the next", rise, high=1e-7),
     )
-    sentence = (
-        f"Between the limits the period falls monotonically; at St = {table['stokes'].min():g} it is Jeffery's to "
-        f"{small:.1g}, at St = {table['stokes'].max():g} it is 4π to {large:.1g} for every κ up to {KAPPAS[-1]:g}."
-    )
-    caption = (
-        f"Period of a tumbling prolate spheroid on its limit cycle, κ = {', '.join(f'{kappa:g}' for kappa in KAPPAS)}, "
-        "with Jeffery's period (dotted) and 4π (dashed); crosses: turns of runs in time."
-    )
-    return Verdict(Word.CONFIRMED, sentence, numbers, caption)
 
 
 SECTION = Section(

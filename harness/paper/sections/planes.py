@@ -128,7 +128,15 @@ class Planes:
         low, high = STOKES
         ratios = [worst[name, low] / worst[name, high] for name in self.bodies]
         largest = max(worst[name, high] for name in self.bodies)
-        numbers = (
+        found = ", ".join(f"{worst[name, low]:.2g} {_bracketed(body)}" for name, body in self.bodies.items())
+        starts = ", ".join(f"({momentum:g}, {theta:g})" for momentum, theta in STARTS)
+        return Verdict(
+            Word.SHARPENED,
+            f"Largest difference at St = {low:g}: {found} I_max; at St = {high:g} it is {min(ratios):.2g} to "
+            f"{max(ratios):.2g} times less.",
+            f"Slow (black) and full trajectories from (L_z0/I_max, θ₀) = {starts}, ψ₀ = π/2, with L along the "
+            f"vorticity. Differences of starts with L_z > 0 count as far as L_z = {ABOVE_PINCH:g} I_max; slow "
+            "trajectories end at the pinch point.",
             Number(f"largest difference at St = {high:g}, worst {self.kind}", largest, 0, 0.02, "I_max"),
             Number(f"difference at St = {low:g} over that at {high:g}, smallest", min(ratios), 5.0, 20.0),
             *(
@@ -136,18 +144,6 @@ class Planes:
                 for text, pairs, least in self.orders
             ),
         )
-        found = ", ".join(f"{worst[name, low]:.2g} {_bracketed(body)}" for name, body in self.bodies.items())
-        sentence = (
-            f"Largest difference at St = {low:g}: {found} I_max; at St = {high:g} it is {min(ratios):.2g} to "
-            f"{max(ratios):.2g} times less."
-        )
-        starts = ", ".join(f"({momentum:g}, {theta:g})" for momentum, theta in STARTS)
-        caption = (
-            f"Slow (black) and full trajectories from (L_z0/I_max, θ₀) = {starts}, ψ₀ = π/2, with L along the "
-            f"vorticity. Differences of starts with L_z > 0 count as far as L_z = {ABOVE_PINCH:g} I_max; slow "
-            "trajectories end at the pinch point."
-        )
-        return Verdict(Word.SHARPENED, sentence, numbers, caption)
 
 
 def _name(body: Ellipsoid) -> str:

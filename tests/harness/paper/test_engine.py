@@ -39,7 +39,7 @@ def made_up(calls, slope=-1.0):
 
     def verdict(data):
         number = Number.near("slope", power_law(data[""]["x"], data[""]["y"])[0], -1.0, 1e-3)
-        return Verdict(Word.CONFIRMED, "It falls.", (number,), "A line.")
+        return Verdict(Word.CONFIRMED, "It falls.", "A line.", number)
 
     return Item("made-up", "Made up", "It falls.", compute, figure, verdict)
 

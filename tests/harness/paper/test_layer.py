@@ -5,8 +5,14 @@ from math import cosh, log, pi
 import numpy as np
 import pytest
 
-from polhode.harness.paper.sections.limits.poincare import half_turn, orbit, stretched_orbit
-from polhode.harness.paper.sections.limits.stochastic_layer import Layer, measure_layer, saddle_growth
+from polhode.harness.paper.sections.limits.poincare import (
+    Layer,
+    half_turn,
+    measure_layer,
+    orbit,
+    saddle_growth,
+    stretched_orbit,
+)
 from polhode.models.shape import Ellipsoid
 
 BODY = Ellipsoid((1.0, 0.9, 0.5))

@@ -6,6 +6,7 @@ from math import pi
 import numpy as np
 from matplotlib.figure import Figure
 
+from polhode.harness.common.text import in_two_digits
 from polhode.harness.paper.drawing import BLUE, VERMILLION, common_legend, label, logarithmic, panels
 from polhode.harness.paper.item import Data, Grid, Item, Number, Verdict, Word
 from polhode.harness.paper.sections.appendix.tables import Entry, ellipsoid_entries, spheroid_entries
@@ -126,21 +127,21 @@ def verdict_averages(data: Data) -> Verdict:
         Number.near(f"printed entries of {entries} that deviate", failed, int(mixed.sum()), 0),
     ]
     if not wrong.any():
-        sentence = f"All {entries} entries agree with the average to {largest:.0e}."
-        return Verdict(Word.CONFIRMED, sentence, tuple(numbers), CAPTION)
-    numbers += [
-        Number.near("the same among the mixed third moments", int(np.sum(wrong & mixed)), int(mixed.sum()), 0),
-        Number("general formulas that deviate", int(np.sum(wrong & general)), 3, 3),
-    ]
+        sentence = f"All {entries} entries agree with the average to {in_two_digits(largest)}."
+        return Verdict(Word.CONFIRMED, sentence, CAPTION, *numbers)
     names = [name.removeprefix("general ") for name in table["entry"][wrong & general]]
     others = " and ".join(name for name in names if name != MIXED)
-    sentence = (
+    return Verdict(
+        Word.CORRECTED,
         f"{entries - failed} of {entries} entries hold as printed. The {failed} mixed third moments do not: they, and "
         f"the general formula for {MIXED} above them, lack α₃₃/2. Of the {int(general.sum()) - 1} other general "
         f"formulas those for {others} contradict the entries below them, which are right. Corrected, all agree to "
-        f"{largest:.0e}."
+        f"{in_two_digits(largest)}.",
+        CAPTION,
+        *numbers,
+        Number.near("the same among the mixed third moments", int(np.sum(wrong & mixed)), int(mixed.sum()), 0),
+        Number("general formulas that deviate", int(np.sum(wrong & general)), 3, 3),
     )
-    return Verdict(Word.CORRECTED, sentence, tuple(numbers), CAPTION)
 
 
 def _mixed(name: str) -> bool:

@@ -68,22 +68,18 @@ def verdict_first_order(data: Data) -> Verdict:
     }
     leading, printed = fits["averaged"][0], fits["printed"][0]
     constant = float(found["corrected"][-1] * found["stokes"][-1] ** 2)
-    numbers = (
+    return Verdict(
+        Word.CORRECTED,
+        f"With the local, signed frequency and a shifted start the corrected error is {constant:.3g}/St² (the averaged "
+        f"one falls like St^({leading:.2f})); as printed, with the mean frequency and the start unshifted, it "
+        f"falls like St^({printed:.2f}).",
+        f"κ = {KAPPA:g}, L along the vorticity, L_z0 = {MOMENTUM:g} I_e, θ₀ = {THETA:g}, φ₀ = {PHI:g}. Left: L_z at "
+        f"St = {SHOWN:g}; right: largest errors up to t₂ = {SLOW_TIME:g}.",
         Number("order in St of the corrected error", fits["corrected"][0], -2.1, -1.9, "", fits["corrected"][1]),
         Number("order of the averaged error", leading, -1.1, -0.9, "", fits["averaged"][1]),
         Number("order with the correction as printed", printed, -1.1, -0.9, "", fits["printed"][1]),
         Number("corrected error × St², largest St", constant, 10.0, 2e3, "I_e"),
     )
-    sentence = (
-        f"With the local, signed frequency and a shifted start the corrected error is {constant:.3g}/St² (the averaged "
-        f"one falls like St^({leading:.2f})); as printed, with the mean frequency and the start unshifted, it "
-        f"falls like St^({printed:.2f})."
-    )
-    caption = (
-        f"κ = {KAPPA:g}, L along the vorticity, L_z0 = {MOMENTUM:g} I_e, θ₀ = {THETA:g}, φ₀ = {PHI:g}. Left: L_z at "
-        f"St = {SHOWN:g}; right: largest errors up to t₂ = {SLOW_TIME:g}."
-    )
-    return Verdict(Word.CORRECTED, sentence, numbers, caption)
 
 
 SECTION = Section(

@@ -6,8 +6,7 @@ from itertools import permutations, product
 
 import numpy as np
 
-Mean = Callable[[np.ndarray, np.ndarray], float]
-Formula = Callable[[np.ndarray, np.ndarray], float]
+Formula = Callable[[np.ndarray, np.ndarray], float | np.ndarray]
 LETTERS = "xyz"
 ROWS = tuple(permutations(range(3)))
 
@@ -16,20 +15,15 @@ ROWS = tuple(permutations(range(3)))
 class Entry:
     """An entry of a table: a mean over the motion, and formulas for it.
 
-    Parameters
-    ----------
-    name : str
-    mean : callable
-        ``mean(t, u)`` of rotations t_ij in space axes and u = t_ij,LO in axes aligned with L, both of shape (n, 3, 3).
-        A general formula stands for many means and gives an array of them; its formulas do the same.
-    printed, corrected : callable
-        ``formula(n, z)`` of L̂ = α_i3 and ⟨z_i²⟩, both of shape (3,).
+    The mean is one of rotations t_ij in space axes and u = t_ij,LO in axes aligned with L, both of shape (n, 3, 3); the
+    formulas are functions of L̂ = α_i3 and ⟨z_i²⟩, both of shape (3,). A general formula stands for many means and
+    gives an array of them.
     """
 
     name: str
-    mean: Callable[[np.ndarray, np.ndarray], float | np.ndarray]
-    printed: Callable[[np.ndarray, np.ndarray], float | np.ndarray]
-    corrected: Callable[[np.ndarray, np.ndarray], float | np.ndarray]
+    mean: Formula
+    printed: Formula
+    corrected: Formula
 
     def deviations(self, t: np.ndarray, u: np.ndarray, n: np.ndarray, z: np.ndarray) -> tuple[float, float]:
         """Largest deviation of the printed and of the corrected formula from the mean."""
@@ -47,7 +41,7 @@ def _name(words: str) -> str:
     return f"⟨{words}⟩"
 
 
-def _mean(words: str) -> Mean:
+def _mean(words: str) -> Formula:
     factors = [(LETTERS.index(word[0]), int(word[-1]) - 1, "'" in word) for word in words.split()]
 
     def mean(t: np.ndarray, u: np.ndarray) -> float:

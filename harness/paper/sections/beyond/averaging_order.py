@@ -5,9 +5,10 @@ from math import sqrt
 import numpy as np
 from matplotlib.figure import Figure
 
+from polhode.harness.common.text import in_two_digits
 from polhode.harness.paper.drawing import CYCLE, draw_groups, draw_law, label, logarithmic, panels
 from polhode.harness.paper.item import Data, Grid, Item, Number, Table, Verdict, Word
-from polhode.harness.paper.runs import averaged_run, full_run, largest_difference, mean_interval, power_law
+from polhode.harness.paper.runs import averaged_run, full_run, mean_interval, power_law
 from polhode.harness.paper.tables import columns, groups
 from polhode.models.free_top.torque_free import TorqueFree
 from polhode.models.scene import BodyStart, Scene
@@ -60,12 +61,8 @@ def compute_order(grid: Grid) -> Data:
                 raise RuntimeError(f"start {index} does not cross L² = 2EI₂ by t₂ = {ORDER_TIME:g}")
             starts = [same_slow_start(start, generator) for _ in range(grid.of(3, 2))]
             for stokes in numbers:
-                errors = [
-                    largest_difference(
-                        full_run(Scene(ELLIPSOID, stokes, own, stokes * ORDER_TIME), stokes * slow_times).slow, averaged
-                    )
-                    for own in starts
-                ]
+                scenes = [Scene(ELLIPSOID, stokes, own, stokes * ORDER_TIME) for own in starts]
+                errors = [np.max(np.abs(full_run(scene, stokes * slow_times).slow - averaged)) for scene in scenes]
                 rows.append((side, index, stokes, sqrt(np.mean(np.square(errors)))))
     return {"": columns("side start stokes error", rows)}
 
@@ -117,7 +114,19 @@ def verdict_order(data: Data) -> Verdict:
     alone, crossing = (_start_exponents(part) for _, part in groups(data[""], "side"))
     (free, *free_range), (crossed, *crossed_range) = mean_interval(alone), mean_interval(crossing)
     single, inverse = float(alone.max()), int(np.sum(np.abs(alone + 1) < 0.05))
-    numbers = (
+    count = len(np.unique(data[""]["start"]))
+    return Verdict(
+        Word.MEASURED,
+        f"From St = {in_two_digits(ASYMPTOTIC)} on the largest error falls like St^({free:.3f}) without and "
+        f"St^({crossed:.3f}) with a crossing: υ = {1 + free:.3f} ({1 + free_range[0]:.3f} … {1 + free_range[1]:.3f}) "
+        f"and {1 + crossed:.3f} ({1 + crossed_range[0]:.3f} … {1 + crossed_range[1]:.3f}) at 95 % over starts, in this "
+        "range of St. With a crossing the exponent still changes: from neighbouring St it is "
+        f"{', '.join(f'{value:.2f}' for value in local[1.0][:, 0])}, as for a/St + b/St^½, and at the end υ = "
+        f"{1 + last:.3f} ({1 + low:.3f} … {1 + high:.3f}). Without a crossing {inverse} of {len(alone)} starts fall "
+        f"like 1/St to 0.05 in the exponent, but others, which meet low resonances, do not (the slowest like "
+        f"St^({single:.2f})).",
+        f"Largest slow error of the averaged form up to t₂ = {ORDER_TIME:g}, root mean square over starts of the same "
+        f"L and E; {count} random starts with |ω| = 0.8 on either side.",
         Number("exponent without a crossing", free, -1.1, -0.8, "", (free_range[0], free_range[1])),
         Number("exponent with a crossing", crossed, -1.1, -0.45, "", (crossed_range[0], crossed_range[1])),
         Number("exponent with a crossing between the two largest St", last, -1.1, -0.3, "", (low, high)),
@@ -125,22 +134,6 @@ def verdict_order(data: Data) -> Verdict:
         Number("υ = 1 + exponent, without", 1 + free),
         Number("υ = 1 + exponent, with", 1 + crossed),
     )
-    sentence = (
-        f"From St = {ASYMPTOTIC:.0e} on the largest error falls like St^({free:.3f}) without and St^({crossed:.3f}) "
-        f"with a crossing: υ = {1 + free:.3f} ({1 + free_range[0]:.3f} … {1 + free_range[1]:.3f}) and "
-        f"{1 + crossed:.3f} ({1 + crossed_range[0]:.3f} … {1 + crossed_range[1]:.3f}) at 95 % over starts, in this "
-        "range of St. With a crossing the exponent still changes: from neighbouring St it is "
-        f"{', '.join(f'{value:.2f}' for value in local[1.0][:, 0])}, as for a/St + b/St^½, and at the end υ = "
-        f"{1 + last:.3f} ({1 + low:.3f} … {1 + high:.3f}). Without a crossing {inverse} of {len(alone)} starts fall "
-        f"like 1/St to 0.05 in the exponent, but others, which meet low resonances, do not (the slowest like "
-        f"St^({single:.2f}))."
-    )
-    count = len(np.unique(data[""]["start"]))
-    caption = (
-        f"Largest slow error of the averaged form up to t₂ = {ORDER_TIME:g}, root mean square over starts of the same "
-        f"L and E; {count} random starts with |ω| = 0.8 on either side."
-    )
-    return Verdict(Word.MEASURED, sentence, numbers, caption)
 
 
 ORDER = Item(

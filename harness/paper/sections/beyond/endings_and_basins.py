@@ -114,7 +114,20 @@ def verdict_endings(data: Data) -> Verdict:
     runs = 2 * int(count[-1]) // len(late)
     flips = share_interval(round(other[-1] * count[-1]), int(count[-1]))
     far, close = NEAR[0], NEAR[-1]
-    numbers = (
+    shares = "; ".join(
+        f"{', '.join(f'{100 * share:.0f}' for share in own)} % from {near:g} of the saddle"
+        for near, own in late.items()
+    )
+    count = len(np.unique(data[""]["start"]))
+    return Verdict(
+        Word.MEASURED,
+        "All full runs end at the node, but those that start next to the saddle may reach it at a time more than a "
+        f"fifth off the averaged one. At St = {', '.join(f'{number:g}' for number in stokes)} so do {shares}. In which "
+        "of its two mirror images they end, z' up or down, depends on the fast phase, which averaging does not know: "
+        f"it differs for {100 * other[-1]:.0f} % of the pairs of starts with the same L and E at St = {stokes[-1]:g}.",
+        f"{count} random starts at each of the distances {', '.join(f'{near:g}' for near in NEAR)} (tilts in rad, and "
+        "angular velocities) from the rotation of (1, 0.8, 0.5) about its longest axis, each at two fast phases. Left: "
+        f"slow time from which L and E stay within {ARRIVED:g} I_max of the node; right: shares.",
         *(
             Number(
                 f"share of arrivals off by a fifth, St = {stokes[-1]:g}, {near:g} from the saddle",
@@ -131,23 +144,6 @@ def verdict_endings(data: Data) -> Verdict:
         Number("share of full runs that reach the node", float(np.mean(table["full"] < 0.999 * ENDING_TIME)), 1, 1),
         Number("share of full runs that end with z' up", float(np.mean(table["up"])), 0.2, 0.8),
     )
-    shares = "; ".join(
-        f"{', '.join(f'{100 * share:.0f}' for share in own)} % from {near:g} of the saddle"
-        for near, own in late.items()
-    )
-    sentence = (
-        "All full runs end at the node, but those that start next to the saddle may reach it at a time more than a "
-        f"fifth off the averaged one. At St = {', '.join(f'{number:g}' for number in stokes)} so do {shares}. In which "
-        "of its two mirror images they end, z' up or down, depends on the fast phase, which averaging does not know: "
-        f"it differs for {100 * other[-1]:.0f} % of the pairs of starts with the same L and E at St = {stokes[-1]:g}."
-    )
-    count = len(np.unique(data[""]["start"]))
-    caption = (
-        f"{count} random starts at each of the distances {', '.join(f'{near:g}' for near in NEAR)} (tilts in rad, and "
-        "angular velocities) from the rotation of (1, 0.8, 0.5) about its longest axis, each at two fast phases. Left: "
-        f"slow time from which L and E stay within {ARRIVED:g} I_max of the node; right: shares."
-    )
-    return Verdict(Word.MEASURED, sentence, numbers, caption)
 
 
 BASIN_STOKES, BASIN_TIME = 1e3, 0.6
@@ -176,22 +172,22 @@ def compute_basins(grid: Grid) -> Data:
     return {"transients": columns("cosine share t2", transients), "ends": columns("theta psi z", ends)}
 
 
-def _map(table: Table, names: str) -> list[np.ndarray]:
-    """Coordinates and values of a map, the latter of shape (rows, columns)."""
-    x, y, z = (table[name] for name in names.split())
-    first, second = np.unique(x), np.unique(y)
-    return [first, second, z.reshape(len(first), len(second)).T]
+def _map(table: Table, names: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Coordinates of a table's rows, the second running fastest, and its values, shape (first, second)."""
+    first, second, values = (table[name] for name in names.split())
+    return np.unique(first), np.unique(second), values.reshape(len(np.unique(first)), -1)
 
 
 def figure_basins(data: Data) -> Figure:
     """Two maps."""
     figure, (left, right) = panels(1, 2, 4.3, 3.4)
-    times = left.pcolormesh(*_map(data["transients"], "cosine share t2"), cmap="cividis", rasterized=True)
+    cosine, share, slow_times = _map(data["transients"], "cosine share t2")
+    times = left.pcolormesh(cosine, share, slow_times.T, cmap="cividis", rasterized=True)
     figure.colorbar(times, ax=left, label="slow time to the node")
     label(left, "$L_z/|L|$", "share of $E$ between its bounds")
     both = ListedColormap((BLUE, YELLOW))
-    psi, theta, _ = _map(data["ends"], "psi theta z")
-    ends = right.pcolormesh(psi, theta, _grid_of_ends(data["ends"]), cmap=both, vmin=-1, vmax=1, rasterized=True)
+    theta, psi, up = _map(data["ends"], "theta psi z")
+    ends = right.pcolormesh(psi, theta, up, cmap=both, vmin=-1, vmax=1, rasterized=True)
     bar = figure.colorbar(ends, ax=right, label="$z'$ at the end, along the vorticity axis $z$", ticks=(-0.5, 0.5))
     bar.ax.set_yticklabels(["down", "up"], rotation="vertical", va="center")
     label(right, "$\\psi_0$, rad", "$\\theta_0$, rad", f"St = {BASIN_STOKES:g}")
@@ -200,15 +196,10 @@ def figure_basins(data: Data) -> Figure:
     return figure
 
 
-def _grid_of_ends(table: Table) -> np.ndarray:
-    """z'·z at the end, shape (θ, ψ)."""
-    return table["z"].reshape(len(np.unique(table["theta"])), -1)
-
-
 def verdict_basins(data: Data) -> Verdict:
     """Transient times, shares of the ends, and how mixed they are."""
     times = data["transients"]["t2"]
-    ends = _grid_of_ends(data["ends"]) > 0
+    ends = _map(data["ends"], "theta psi z")[2] > 0
     mixed = float(np.mean(np.concatenate([(ends[1:] != ends[:-1]).ravel(), (ends[:, 1:] != ends[:, :-1]).ravel()])))
     up = int(ends.sum())
     settled = float(np.mean(np.abs(data["ends"]["z"]) > 0.9))
@@ -216,7 +207,16 @@ def verdict_basins(data: Data) -> Verdict:
         value for point in fixed_points(ELLIPSOID) if point.stability == "stable node" for value in point.eigenvalues
     )
     median = float(np.median(times))
-    numbers = (
+    side = len(np.unique(data["ends"]["theta"]))
+    return Verdict(
+        Word.MEASURED,
+        f"The transient takes t₂ = {median:.2g} in the median, {median * slowest:.2g} times the slowest relaxation "
+        f"time, and up to {times.max():.2g} next to the saddle's stable manifold. At St = {BASIN_STOKES:g} the two "
+        f"ends of z' share the starts {100 * up / ends.size:.0f} : {100 - 100 * up / ends.size:.0f}, and "
+        f"{100 * mixed:.0f} % of neighbours on the map end differently.",
+        f"(1, 0.8, 0.5). Left: slow time until the averaged run stays within {NEAR_NODE:g} I_max of the node, from "
+        f"|L| = I_max/2, L_x = L_y. Right: where z' points at t₂ = {BASIN_TIME:g}, {side}×{side} starts with the "
+        "paper's rates.",
         Number("median transient, slow time", median, 0.05, 0.6),
         Number("the same times the slowest rate at the node", median * slowest, 1.0, 10.0),
         Number("longest transient of the map, slow time", float(times.max()), median, 2.0),
@@ -224,19 +224,6 @@ def verdict_basins(data: Data) -> Verdict:
         Number("share of neighbours on the map that end differently", mixed, 0.0, 0.6),
         Number("share of full runs with z' within 0.45 rad of the vorticity axis at the end", settled, low=0.8),
     )
-    sentence = (
-        f"The transient takes t₂ = {median:.2g} in the median, {median * slowest:.2g} times the slowest relaxation "
-        f"time, and up to {times.max():.2g} next to the saddle's stable manifold. At St = {BASIN_STOKES:g} the two "
-        f"ends of z' share the starts {100 * up / ends.size:.0f} : {100 - 100 * up / ends.size:.0f}, and "
-        f"{100 * mixed:.0f} % of neighbours on the map end differently."
-    )
-    side = len(np.unique(data["ends"]["theta"]))
-    caption = (
-        f"(1, 0.8, 0.5). Left: slow time until the averaged run stays within {NEAR_NODE:g} I_max of the node, from "
-        f"|L| = I_max/2, L_x = L_y. Right: where z' points at t₂ = {BASIN_TIME:g}, {side}×{side} starts with the "
-        "paper's rates."
-    )
-    return Verdict(Word.MEASURED, sentence, numbers, caption)
 
 
 SECTION = Section(

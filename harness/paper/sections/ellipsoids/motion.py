@@ -5,6 +5,7 @@ from math import pi
 import numpy as np
 from matplotlib.figure import Figure
 
+from polhode.harness.common.text import in_two_digits
 from polhode.harness.paper.drawing import AVERAGED, BLACK, draw_groups, label, logarithmic, panels
 from polhode.harness.paper.item import Data, Grid, Item, Number, Verdict, Word
 from polhode.harness.paper.runs import slow_run, slow_scene
@@ -151,24 +152,21 @@ def verdict_singular(data: Data) -> Verdict:
     along = float(np.max(np.abs(passage["local_y"] - passage["averaged_y"])))
     drift = float(np.max(np.abs(passage["local_shift"] - passage["averaged_shift"])))
     slowest = np.abs(rates["averaged_y"][rates["y"] == rates["y"].min()])
-    numbers = (
+    smallest = in_two_digits(rates["y"].min())
+    return Verdict(
+        Word.CORRECTED,
+        f"The point is reached in t₂ = {times[0]:.2g} from y = 0.1 and left in {times[1]:.2g}; the rates fall like "
+        f"1/log(16/y), so slowly that dy/dt₂ is still {slowest.min():.2g} at y = {smallest}. `muassol` as "
+        "printed keeps y log(16/y) alone; with y log(16/y) + y the local solution is good to powers of y.",
+        "The ellipsoid (1, 0.8, 0.5) near the rotation about its middle axis: above, the critical trajectory before "
+        "and after the singular point; below, the rates along it. Dotted: local solution; lines: averaged equations.",
         Number(f"local over averaged rate of y, worst, y ≤ {NEAR:g}", agreement, high=1e-2),
         Number("slow time from y = 0.1 to the singular point", times[0], 1e-4, 1e-1),
         Number("slow time from the singular point to y = 0.1", times[1], 1e-4, 1e-1),
         Number("local against averaged y along the passage", along, high=1e-2),
         Number("local against averaged L_z' along the passage", drift, high=1e-3, unit="I_max"),
-        Number(f"rate of y at y = {rates['y'].min():.0e}, smaller side", float(slowest.min()), low=1.0),
+        Number(f"rate of y at y = {smallest}, smaller side", float(slowest.min()), low=1.0),
     )
-    sentence = (
-        f"The point is reached in t₂ = {times[0]:.2g} from y = 0.1 and left in {times[1]:.2g}; the rates fall like "
-        f"1/log(16/y), so slowly that dy/dt₂ is still {slowest.min():.2g} at y = {rates['y'].min():.0e}. `muassol` as "
-        "printed keeps y log(16/y) alone; with y log(16/y) + y the local solution is good to powers of y."
-    )
-    caption = (
-        "The ellipsoid (1, 0.8, 0.5) near the rotation about its middle axis: above, the critical trajectory before "
-        "and after the singular point; below, the rates along it. Dotted: local solution; lines: averaged equations."
-    )
-    return Verdict(Word.CORRECTED, sentence, numbers, caption)
 
 
 ITEMS = (

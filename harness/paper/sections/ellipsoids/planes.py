@@ -1,17 +1,29 @@
 """Section "Triaxial ellipsoids" in the phase space: L_z–E planes, the critical trajectory, 3-D projections."""
 
+from math import sqrt
+
 import numpy as np
 from matplotlib.figure import Figure
 
-from polhode.harness.paper.drawing import ORANGE, VERMILLION, common_legend, panels
+from polhode.harness.paper.drawing import BLACK, BLUE, BOUND, NODE, ORANGE, VERMILLION, common_legend, panels
 from polhode.harness.paper.item import Data, Grid, Item, Number, Section, Table, Verdict, Word
-from polhode.harness.paper.planes import draw_frame, draw_paths, fixed_point, name_lines, name_points, plane_steps
-from polhode.harness.paper.runs import graded
+from polhode.harness.paper.planes import (
+    distance_from_node,
+    draw_frame,
+    draw_paths,
+    energy_at,
+    fixed_point,
+    name_lines,
+    name_points,
+    place_of,
+    plane_steps,
+)
+from polhode.harness.paper.runs import graded, slow_run
 from polhode.harness.paper.sections.ellipsoids.motion import ELLIPSOID, ITEMS, critical_after, critical_before
-from polhode.harness.paper.sections.ellipsoids.space import ITEM as SPACE
 from polhode.harness.paper.sections.planes import NAMES, Planes, end_numbers, plane_tables
-from polhode.harness.paper.tables import groups, stacked
+from polhode.harness.paper.tables import SLOW, groups, path_table, stacked
 from polhode.models.shape import Ellipsoid
+from polhode.models.theory.fixed_points import fixed_points
 from polhode.models.theory.separatrix import Separatrix
 
 UNIT = max(ELLIPSOID.inertia)
@@ -107,7 +119,14 @@ def verdict_plane(data: Data) -> Verdict:
         misfits.append(float(np.max(np.min(gap, axis=1))))
         end = np.hypot(*(local[name][-1] - averaged[name] for name in ("Lz", "E")))
         far.append(float(np.min(end)))
-    numbers = (
+    count = len(np.unique(data[""]["path"]))
+    return Verdict(
+        Word.CORRECTED,
+        "All starts with L_z < 0 off the upper parabola reach the node, passing the singular point without a trace, "
+        "one on it reaches the saddle; those with L_z > 0 meet the pinch point in a finite slow time, not an infinite "
+        f"one. The local critical trajectory agrees with the averaged equations to {max(misfits):.1g} I_max while L_z "
+        f"is within {CLOSE:g} I_max of the point, and is off by {max(far):.1g} I_max at y = 0.5.",
+        f"L_z–E plane of the ellipsoid (1, 0.8, 0.5) with {count} slow trajectories of L_x = L_y = 0.",
         reached,
         Number(
             "distance from the saddle where a start on the upper parabola ends", from_saddle, high=5e-3, unit="I_max"
@@ -117,15 +136,55 @@ def verdict_plane(data: Data) -> Verdict:
         Number("the same after the point", misfits[1], high=2e-3, unit="I_max"),
         Number("the same at the end of the local one, y = 0.5, worse side", max(far), low=1e-3, unit="I_max"),
     )
-    sentence = (
-        "All starts with L_z < 0 off the upper parabola reach the node, passing the singular point without a trace, "
-        "one on it reaches the saddle; those with L_z > 0 meet the pinch point in a finite slow time, not an infinite "
-        f"one. The local critical trajectory agrees with the averaged equations to {max(misfits):.1g} I_max while L_z "
-        f"is within {CLOSE:g} I_max of the point, and is off by {max(far):.1g} I_max at y = 0.5."
+
+
+def compute_space(grid: Grid) -> Data:
+    """One slow trajectory with L_x = 0 throughout and one with L_y = 0, and the fixed points."""
+    slow_times = graded(1.0, grid.of(401, 101))
+    paths = []
+    for zero in (1, 0):
+        slow = np.array([0.0, 0.0, -0.2, energy_at(ELLIPSOID, 1.0, 0.7)])
+        slow[1 - zero] = sqrt(1 - 0.2**2)
+        paths.append((zero, slow_times, slow_run(ELLIPSOID, slow.tolist(), slow_times).slow))
+    return {"": path_table(paths)}
+
+
+def figure_space(data: Data) -> Figure:
+    """Two three-dimensional views with their projections."""
+    figure, axes = panels(1, 2, 4.4, 3.5, subplot_kw={"projection": "3d"})
+    for own, (zero, part) in zip(axes, groups(data[""], "path"), strict=True):
+        name = "Lx" if zero == 1 else "Ly"
+        u, v = np.meshgrid(np.linspace(0.0, 1.0, 16), np.linspace(-0.6, 0.6, 16))
+        own.plot_wireframe(u, v, (u**2 + v**2) / 2, color=BOUND, linewidth=0.4)
+        across, along, energy = part[name], part["Lz"], part["E"]
+        own.plot(across, along, energy, color=BLUE, linewidth=1.6)
+        bound, wall = (across**2 + along**2) / 2, np.full_like(energy, 0.6)
+        for projection in ((across, along, bound), (0 * across, along, energy), (across, wall, energy)):
+            own.plot(*projection, color=BLACK, linewidth=0.8)
+        for point in fixed_points(ELLIPSOID):
+            own.scatter(0.0, *place_of(ELLIPSOID, point), color=NODE, edgecolor=BLACK, s=25)
+        own.set(xlabel=f"$L_{name[1]}/I_{{max}}$", ylabel="$L_z/I_{max}$", zlabel="$E/I_{max}$", ylim=(-0.6, 0.6))
+        own.set_title(f"$L_{'xy'[int(zero)]} = 0$", y=1.0)
+        own.view_init(22, 35)
+        own.set_box_aspect((1, 1, 0.8), zoom=1.0)
+    return figure
+
+
+def verdict_space(data: Data) -> Verdict:
+    """The subspaces are invariant; the trajectories end at the node."""
+    paths = dict(groups(data[""], "path"))
+    kept = [float(np.max(np.abs(part[SLOW[int(zero)]]))) for zero, part in paths.items()]
+    last = np.array([[part[name][-1] for name in SLOW] for part in paths.values()])
+    ends = distance_from_node(ELLIPSOID, last)
+    return Verdict(
+        Word.CORRECTED,
+        "A component L_x or L_y that is zero stays zero. The (L_x, L_z, E) space belongs to L_y = 0 and the other one "
+        "to L_x = 0: the paper's text names them the other way round.",
+        "Slow trajectories of (1, 0.8, 0.5) (blue) in the invariant subspaces L_y = 0 and L_x = 0, with projections "
+        "(black) on the bounding surfaces, the paraboloid L² = 2EI₃ among them, and the fixed points.",
+        Number("largest |L_x| or |L_y| that starts at zero", max(kept), high=1e-14, unit="I_max"),
+        Number("distance from the node at the end", float(ends.max()), high=1e-3, unit="I_max"),
     )
-    count = len(np.unique(data[""]["path"]))
-    caption = f"L_z–E plane of the ellipsoid (1, 0.8, 0.5) with {count} slow trajectories of L_x = L_y = 0."
-    return Verdict(Word.CORRECTED, sentence, numbers, caption)
 
 
 SECTION = Section(
@@ -150,6 +209,14 @@ SECTION = Section(
             "Full and slow trajectories of six ellipsoids",
             "The agreement is good for St ≳ 1000; deviations grow with eccentricity and shrink with growing St.",
         ),
-        SPACE,
+        Item(
+            "ellipsoid-space",
+            "Projections on three dimensions",
+            "If L_x or L_y is zero at the start it is zero for all times; starts with L_x = 0 move in (L_x, L_z, E), "
+            "those with L_y = 0 in (L_y, L_z, E).",
+            compute_space,
+            figure_space,
+            verdict_space,
+        ),
     ),
 )

@@ -62,7 +62,12 @@ def verdict_general(data: Data) -> Verdict:
     numbers, table = data["numbers"], data[""]
     ratio = float(numbers["precession_period"][0] / numbers["period"][0])
     band = np.degrees([table["nutation"].min(), table["nutation"].max()])
-    found = (
+    return Verdict(
+        Word.CONFIRMED,
+        f"The axis nutates between {band[0]:.1f}° and {band[1]:.1f}° from L with T = {numbers['period'][0]:.5g} and "
+        f"precesses with T' = {numbers['precession_period'][0]:.5g}; T'/T = {ratio:.5f} is no simple fraction, so that "
+        "the band fills.",
+        CAPTION,
         Number("width of the band of nutation", float(band[1] - band[0]), low=1.0, unit="degrees"),
         Number("precession period T' over polhode period T", ratio, 0.01, 100.0),
         Number(
@@ -71,12 +76,6 @@ def verdict_general(data: Data) -> Verdict:
         Number("closed form against integration, largest |Δt_ij|", float(numbers["difference"][0]), high=1e-10),
         Number("drift of L and E, relative", float(numbers["drift"][0]), high=1e-12),
     )
-    sentence = (
-        f"The axis nutates between {band[0]:.1f}° and {band[1]:.1f}° from L with T = {numbers['period'][0]:.5g} and "
-        f"precesses with T' = {numbers['precession_period'][0]:.5g}; T'/T = {ratio:.5f} is no simple fraction, so that "
-        "the band fills."
-    )
-    return Verdict(Word.CONFIRMED, sentence, found, CAPTION)
 
 
 def _commensurability(ratio: float) -> float:
@@ -92,13 +91,14 @@ def verdict_symmetric(data: Data) -> Verdict:
     turns = float((azimuth[-1] - azimuth[0]) / (2 * pi))
     period = float(data[""]["t"][-1] / abs(turns))
     expected = 2 * pi * SYMMETRIC.inertia[0] / float(numbers["momentum"][0])
-    found = (
+    return Verdict(
+        Word.CONFIRMED,
+        f"The axis describes a circle {angle:.1f}° from L, once in {period:.5g} = 2πI_e/L.",
+        CAPTION,
         Number("variation of the nutation angle", float(np.ptp(nutation)), high=1e-6, unit="rad"),
         Number("relative difference of the measured period from 2πI_e/L", abs(period / expected - 1), high=1e-6),
         Number("closed form against integration, largest |Δt_ij|", float(numbers["difference"][0]), high=1e-10),
     )
-    sentence = f"The axis describes a circle {angle:.1f}° from L, once in {period:.5g} = 2πI_e/L."
-    return Verdict(Word.CONFIRMED, sentence, found, CAPTION)
 
 
 def _azimuth(data: Data) -> np.ndarray:

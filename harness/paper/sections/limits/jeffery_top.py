@@ -7,11 +7,18 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from polhode.harness.common.text import in_two_digits
 from polhode.harness.paper.drawing import BLACK, BLUE, VERMILLION, label, panels
 from polhode.harness.paper.item import Data, Grid, Item, Number, Table, Verdict, Word
 from polhode.harness.paper.runs import axes_of, share_interval
-from polhode.harness.paper.sections.limits.poincare import chaos_border, half_turn, stretched_orbit
-from polhode.harness.paper.sections.limits.stochastic_layer import Layer, measure_layer, saddle_growth
+from polhode.harness.paper.sections.limits.poincare import (
+    Layer,
+    chaos_border,
+    half_turn,
+    measure_layer,
+    saddle_growth,
+    stretched_orbit,
+)
 from polhode.harness.paper.tables import columns
 from polhode.models.shape import Ellipsoid
 
@@ -111,59 +118,47 @@ class Sections:
         wild = float(np.median(exponents[chaotic])) if np.any(chaotic) else 0.0
         turns = float(data["settings"]["turns"][0])
         limit = chaos_border(turns) / turns
-        numbers = (
+        layer, numbers = self._layer(data)
+        return Verdict(
+            self.earned,
+            f"{count} of {total} orbits from isotropic starts are chaotic"
+            + _beside_a_half(interval)
+            + (f", with a median exponent of {wild:.2g} per half turn" if count else "")
+            + f" (regular ones: {regular:.1g}); {int(np.sum(chaotic & beside))} of {int(np.sum(beside))} that "
+            "start within 0.02 rad of the saddle are." + layer,
+            f"Section φ = nπ of the inertialess ellipsoid with semi-axes {axes_of(self.ellipsoid)} along x', y', z', "
+            f"{int(np.sum(data['orbits']['kind'] != ABOUT))} orbits over {data['settings']['duration'][0]:.3g} inverse "
+            "shear rates; ψ modulo π; crosses: saddles, one of them magnified on the right"
+            + (", with more orbits about its separatrix." if self.width else "."),
             Number("share of chaotic orbits, isotropic starts", count / total, *self.chaotic, "", interval),
             Number("the same, starts uniform in (θ, ψ)", by_area),
             Number("median exponent of the chaotic orbits, per half turn", wild, low=limit if np.any(chaotic) else 0.0),
             Number("the same of the regular ones", regular, high=limit),
             Number("chaotic share of starts next to the saddle", float(np.mean(chaotic[beside]))),
-            *self._layer_numbers(data),
-        )
-        sentence = (
-            f"{count} of {total} orbits from isotropic starts are chaotic"
-            + _beside_a_half(interval)
-            + (f", with a median exponent of {wild:.2g} per half turn" if count else "")
-            + f" (regular ones: {regular:.1g}); {int(np.sum(chaotic & beside))} of {int(np.sum(beside))} that "
-            "start within 0.02 rad of the saddle are." + self._layer_sentence(data)
-        )
-        caption = (
-            f"Section φ = nπ of the inertialess ellipsoid with semi-axes {axes_of(self.ellipsoid)} along x', y', z', "
-            f"{int(np.sum(data['orbits']['kind'] != ABOUT))} orbits over {data['settings']['duration'][0]:.3g} inverse "
-            "shear rates; ψ modulo π; crosses: saddles, one of them magnified on the right"
-            + (", with more orbits about its separatrix." if self.width else ".")
-        )
-        return Verdict(self.earned, sentence, numbers, caption)
-
-    def _layer_numbers(self, data: Data) -> tuple[Number, ...]:
-        if self.width is None:
-            return ()
-        layer = data["layer"]
-        return (
-            Number(
-                f"width of the layer at ψ = 0 over {layer['turns'][-1]:g} half turns",
-                float(layer["width"][-1]),
-                *self.width,
-                "rad",
-            ),
-            Number("exponent of the saddle itself, per half turn", float(data["saddle"]["growth"][0]), low=0.0),
+            *numbers,
         )
 
-    def _layer_sentence(self, data: Data) -> str:
+    def _layer(self, data: Data) -> tuple[str, tuple[Number, ...]]:
+        """Sentence and numbers on the layer of chaos, where one is looked for."""
         if self.width is None:
-            return ""
-        layer, growth = data["layer"], float(data["saddle"]["growth"][0])
-        place, width, turns = (float(layer[name][-1]) for name in ("librating", "width", "turns"))
-        if width > ROUNDING:
-            return (
-                " Between orbits that librate and orbits that circulate lies a layer of chaos at least "
-                f"{width:.1g} rad wide, {place:.3f} rad from the plane θ = π/2 at ψ = 0 ({turns:g} half turns)."
-            )
-        return (
+            return "", ()
+        growth = float(data["saddle"]["growth"][0])
+        place, width, turns = (float(data["layer"][name][-1]) for name in ("librating", "width", "turns"))
+        numbers = (
+            Number(f"width of the layer at ψ = 0 over {turns:g} half turns", width, *self.width, "rad"),
+            Number("exponent of the saddle itself, per half turn", growth, low=0.0),
+        )
+        found = (
+            " Between orbits that librate and orbits that circulate lies a layer of chaos at least "
+            f"{width:.1g} rad wide, {place:.3f} rad from the plane θ = π/2 at ψ = 0 ({turns:g} half turns)."
+        )
+        none = (
             f" No layer of chaos is there: at ψ = 0 libration changes to circulation at {place:.3f} rad from θ = π/2 "
-            f"within {abs(width):.0e} rad, which is rounding, over {turns:g} half turns. The saddle repels by no "
-            f"more than {growth:.2g} per half turn, and a separatrix splits by what is exponentially small in the "
-            "inverse of that."
+            f"within {in_two_digits(abs(width))} rad, which is rounding, over {turns:g} half turns. The saddle repels "
+            f"by no more than {growth:.2g} per half turn, and a separatrix splits by what is exponentially small in "
+            "the inverse of that."
         )
+        return found if width > ROUNDING else none, numbers
 
 
 def _beside_a_half(interval: tuple[float, float]) -> str:

@@ -1,10 +1,13 @@
-"""Poincaré sections of the Jeffery top (St = 0), and how neighbouring orbits part."""
+"""Poincaré sections of the Jeffery top (St = 0), how neighbouring orbits part, and the layer of chaos at the saddle."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache
-from math import log, pi
+from math import acosh, log, pi
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from polhode.harness.paper.runs import TOLERANCE, full_run
 from polhode.models.flow import jeffery_angular_velocity, shares
@@ -20,6 +23,12 @@ STEP = 0.2
 # The tangent is brought back to unit length after so many steps.
 PIECE = 100
 TANGENT = (0.5, -0.5, 0.5, -0.5)
+# Beside ψ = 0, which some orbits never leave.
+PSI = 1e-9
+# Halvings down to the last digit.
+HALVINGS = 52
+# Distance, in rad, from the saddle at which its growth is measured.
+BESIDE = 1e-4
 
 
 def section_points(ellipsoid: Ellipsoid, times: np.ndarray, orientation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -27,34 +36,18 @@ def section_points(ellipsoid: Ellipsoid, times: np.ndarray, orientation: np.ndar
 
     φ = nπ is where the flow component t₃₁ of z' vanishes; ψ is given from -π/2 to π/2, its symmetry taken out.
     """
-    q0, q1, q2, q3 = orientation.T
-    height = q1 * q3 + q0 * q2
-    before = np.flatnonzero(height[:-1] * height[1:] < 0)
-    step = (times[before + 1] - times[before])[:, None]
-    values, slopes = zip(*(_with_rates(ellipsoid, orientation[index]) for index in (before, before + 1)), strict=True)
-
-    def at(place: np.ndarray, row: int | slice, column: int) -> np.ndarray:
-        u = place[:, None]
-        ends = [array[:, row, column].reshape(len(u), -1) for array in (*values, *slopes)]
-        value = (1 + 2 * u) * (1 - u) ** 2 * ends[0] + u * (1 - u) ** 2 * step * ends[2]
-        return value + u * u * (3 - 2 * u) * ends[1] + u * u * (u - 1) * step * ends[3]
-
-    place = height[before] / (height[before] - height[before + 1])
-    for _ in range(4):
-        shift, nudge = at(place, 2, 0)[:, 0], at(place + 1e-6, 2, 0)[:, 0]
-        place = np.clip(place - 1e-6 * shift / (nudge - shift), 0.0, 1.0)
-    vorticity = at(place, slice(None), 2)
-    theta = np.arccos(np.clip(vorticity[:, 2] / np.linalg.norm(vorticity, axis=1), -1, 1))
-    psi = np.arctan2(vorticity[:, 0], vorticity[:, 1])
-    return theta, (psi + pi / 2) % pi - pi / 2
-
-
-def _with_rates(ellipsoid: Ellipsoid, orientation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """t_ij and its rates, shape (n, 3, 3): each column c of t_ij, a space axis in body axes, obeys c' = c × ω."""
     rotation = matrix_from_quaternion(orientation)
     jeffery = jeffery_angular_velocity(numpy_operations())
     omega = np.stack(jeffery(rotation[:, :, 0].T, rotation[:, :, 1].T, shares(ellipsoid)), axis=1)
-    return rotation, np.cross(rotation, omega[:, :, None], axis=1)
+    # Each column c of t_ij, a space axis in body axes, obeys c' = c × ω.
+    rates = np.cross(rotation, omega[:, :, None], axis=1)
+    crossings = CubicHermiteSpline(times, rotation[:, 2, 0], rates[:, 2, 0]).roots(extrapolate=False)
+    # The start, where φ = 0, is not one of them.
+    crossings = crossings[crossings > times[1] / 2]
+    vorticity = CubicHermiteSpline(times, rotation[:, :, 2], rates[:, :, 2])(crossings)
+    theta = np.arccos(np.clip(vorticity[:, 2] / np.linalg.norm(vorticity, axis=1), -1, 1))
+    psi = np.arctan2(vorticity[:, 0], vorticity[:, 1])
+    return theta, (psi + pi / 2) % pi - pi / 2
 
 
 def chaos_border(turns: float) -> float:
@@ -103,3 +96,58 @@ def orbit(ellipsoid: Ellipsoid, theta: float, psi: float, duration: float) -> tu
     times = np.linspace(0.0, duration, int(duration / (2 * STEP)) + 2)
     scene = Scene(ellipsoid, 0.0, EulerStart((theta, 0.0, psi)), duration)
     return section_points(ellipsoid, times, full_run(scene, times, 1e-15).states)
+
+
+@dataclass(frozen=True)
+class Layer:
+    """Values of θ - π/2 at ψ = 0, in rad, between libration and circulation.
+
+    Up to the one every orbit stays between the saddles, from the other on every orbit stays on one side of θ = π/2.
+    """
+
+    turns: int  # half turns that the orbits were followed
+    librating: float
+    circulating: float
+
+    @property
+    def width(self) -> float:
+        """In rad; below zero while orbits next to a sharp separatrix have not yet left the saddle."""
+        return self.circulating - self.librating
+
+
+def measure_layer(ellipsoid: Ellipsoid, turns: int) -> Layer:
+    """Bisect, along θ at ψ = 0, for the ends of pure libration and of pure circulation.
+
+    The section's own symmetry makes ψ = 0 a line that all of these orbits cross. A sharp separatrix gives two equal
+    ends; orbits between them do both. Where the edge of a layer is frayed the bisection finds a place in the fringe, so
+    that the width is a lower bound.
+    """
+    duration = turns * half_turn(ellipsoid)
+
+    def circulates(offset: float) -> bool:
+        _, psi = orbit(ellipsoid, pi / 2 + offset, PSI, duration)
+        return bool(np.any(np.abs(np.diff(psi)) > 2))
+
+    def librates(offset: float) -> bool:
+        theta, _ = orbit(ellipsoid, pi / 2 + offset, PSI, duration)
+        return bool(np.any((theta[1:] - pi / 2) * (theta[:-1] - pi / 2) < 0))
+
+    return Layer(turns, _last(lambda offset: not circulates(offset)), _last(librates))
+
+
+def _last(holds: Callable[[float], bool]) -> float:
+    """Where a property that holds close to θ = π/2 is lost."""
+    low, high = 0.0, 1.2
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return (low + high) / 2
+
+
+def saddle_growth(ellipsoid: Ellipsoid) -> float:
+    """Exponent of the saddle (π/2, π/2) of the section, per half turn.
+
+    The map next to it has determinant one and, by the reversal φ → -φ, equal diagonal elements cosh λ.
+    """
+    _, psi = orbit(ellipsoid, pi / 2, pi / 2 - BESIDE, 1.5 * half_turn(ellipsoid))
+    return acosh((pi / 2 - abs(psi[0])) / BESIDE)

@@ -89,7 +89,18 @@ class Transient:
         root = found["stokes"] ** 0.5
         turned, wiggle = (power_law(found["stokes"], found[name] * root)[0] for name in ("turned", "wiggle"))
         speed, _ = power_law(found["stokes"], found["speed"])
-        numbers = (
+        angles = ", ".join(f"{value:g}" for value in self.start.angles)
+        return Verdict(
+            Word.SHARPENED,
+            f"At large St the particle has turned by one radian at t = {found['turned'][-1]:.2f} √St, and L_z wiggles "
+            f"first, its torque weakest, at {found['wiggle'][-1]:.2f} √St. {between[0].upper() + between[1:]} these "
+            f"times are nearly the same, {_range(shown['turned'])} √St and {_range(shown['wiggle'])} √St, later at "
+            f"small St. At t = √St the angular velocity is still of order St^({speed:.2f}), not of order one as an "
+            "earlier sentence of the paper has it.",
+            f"Slow variables of {axes_of(self.ellipsoid)} from rest at (θ, φ, ψ) = ({angles}) against t/√St; below, "
+            "early and scaled by √St and St, from St = 5000 on; dotted, where the particle has turned by one radian at "
+            "the largest St; dashed, where the torque along the vorticity is weakest for the first time; right, both "
+            "against St.",
             Number.near(f"exponent in St of the time of the first radian, St ≥ {LARGE:g}", turned, 0.5, 0.02),
             Number.near("exponent of the time of the first wiggle", wiggle, 0.5, 0.05),
             Number.near("exponent of the angular velocity at t = √St", speed, -0.5, 0.05),
@@ -100,21 +111,6 @@ class Transient:
                 for name, text in (("turned", "first radian"), ("wiggle", "first wiggle"))
             ),
         )
-        sentence = (
-            f"At large St the particle has turned by one radian at t = {found['turned'][-1]:.2f} √St, and L_z wiggles "
-            f"first, its torque weakest, at {found['wiggle'][-1]:.2f} √St. {between[0].upper() + between[1:]} these "
-            f"times are nearly the same, {_range(shown['turned'])} √St and {_range(shown['wiggle'])} √St, later at "
-            f"small St. At t = √St the angular velocity is still of order St^({speed:.2f}), not of order one as an "
-            "earlier sentence of the paper has it."
-        )
-        angles = ", ".join(f"{value:g}" for value in self.start.angles)
-        caption = (
-            f"Slow variables of {axes_of(self.ellipsoid)} from rest at (θ, φ, ψ) = ({angles}) against t/√St; below, "
-            "early and scaled by √St and St, from St = 5000 on; dotted, where the particle has turned by one radian at "
-            "the largest St; dashed, where the torque along the vorticity is weakest for the first time; right, both "
-            "against St."
-        )
-        return Verdict(Word.SHARPENED, sentence, numbers, caption)
 
 
 def _onset_of(run: Run, scaled: np.ndarray) -> tuple[float, float, float]:

@@ -77,7 +77,15 @@ def verdict_collapse(data: Data) -> Verdict:
     apart = float(np.max(np.abs(np.diff(late[prolate], axis=0))))
     waves = np.max(np.abs(late[prolate] + 0.5), axis=1)
     rates = [_frequency(part) for kappa, part in groups(data[""], "path") if kappa > 1]
-    numbers = (
+    return Verdict(
+        Word.CORRECTED,
+        f"The relaxation rates of L_z at the node differ by a factor of {plain:.2g} per St and {star:.2g} per St*: St* "
+        "takes out part of the shape. It is the damping about the symmetry axis, while prolate spheroids end tumbling "
+        f"about another: they go on oscillating twice a turn, by {' and '.join(f'{wave:.2g}' for wave in waves)} "
+        "I_max, and oblate ones do not oscillate at all. The late curves are not one: the two prolate ones, of equal "
+        f"frequency, differ in phase and so by {apart:.2g}.",
+        f"Full runs of spheroids at St* = {STOKES_STAR:g} from L = (0, 0, {MOMENTUM:g}) I_max, E = {ENERGY:g} I_max; "
+        "I_max is I_e for prolate and I_a for oblate ones.",
         Number("largest over smallest relaxation rate of L_z at the node, per St*", star, 1.3, 2.0),
         Number("the same per St", plain, 3.0, 4.0),
         Number(f"oscillation of L_z after t/St* = {LATE:g}, prolate", float(waves.min()), low=0.05, unit="I_max"),
@@ -88,18 +96,6 @@ def verdict_collapse(data: Data) -> Verdict:
         Number("difference of the two prolate curves there", apart, low=0.05, unit="I_max"),
         Number("oscillation there, oblate", float(np.max(np.abs(late[~prolate] + 0.5))), high=0.01, unit="I_max"),
     )
-    sentence = (
-        f"The relaxation rates of L_z at the node differ by a factor of {plain:.2g} per St and {star:.2g} per St*: St* "
-        "takes out part of the shape. It is the damping about the symmetry axis, while prolate spheroids end tumbling "
-        f"about another: they go on oscillating twice a turn, by {' and '.join(f'{wave:.2g}' for wave in waves)} "
-        "I_max, and oblate ones do not oscillate at all. The late curves are not one: the two prolate ones, of equal "
-        f"frequency, differ in phase and so by {apart:.2g}."
-    )
-    caption = (
-        f"Full runs of spheroids at St* = {STOKES_STAR:g} from L = (0, 0, {MOMENTUM:g}) I_max, E = {ENERGY:g} I_max; "
-        "I_max is I_e for prolate and I_a for oblate ones."
-    )
-    return Verdict(Word.CORRECTED, sentence, numbers, caption)
 
 
 def _frequency(run: Table) -> float:

@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.optimize import brentq
 
+from polhode.harness.common.text import short
 from polhode.harness.paper.drawing import CYCLE, draw_law, label, logarithmic, panels, styled_runs
 from polhode.harness.paper.item import Data, Grid, Item, Number, Table, Verdict, Word
 from polhode.harness.paper.planes import aligned_scene, draw_frame
@@ -140,8 +141,23 @@ def verdict_pinch(data: Data) -> Verdict:
     end, largest = float(data["end"]["t2"][0]), max(STOKES)
     agreement = float(np.max(np.abs(tilted[largest]["Lz"] - tilted[np.inf]["Lz"])))
     crossed = max(float(aligned[number]["Lz"][-1]) for number in STOKES)
-    at = f"at St = {data['crossing']['stokes'].max():.0e}"
-    numbers = (
+    at = f"at St = {short(data['crossing']['stokes'].max())}"
+    widths = ", ".join(
+        f"St^({found:.3f}) for κ = {kappa:g} (predicted {pinch_exponent(kappa):.3f})" for kappa, found in local.items()
+    )
+    # The largest aspect ratio with the width St^-1/2.
+    widest = float(brentq(lambda kappa: growth_exponent(kappa) + 1, 1.1, 3.0))  # pyright: ignore[reportArgumentType]
+    phases = len(np.unique(data["crossing"]["phi"]))
+    return Verdict(
+        Word.CORRECTED,
+        f"Full runs pass at |L| ∝ {widths}: on the way the slow equations amplify the small L_y that the fast "
+        f"oscillation leaves, which makes the neighbourhood wider than St^-1/2 for κ > {widest:.3f} and leaves the "
+        "paper's law to rounder spheroids. The slow trajectory does not grind to a halt: it runs into the pinch point "
+        f"at a finite speed and ends there at t₂ = {end:.3g}. With a small L_y it passes, and agrees with the full "
+        f"run to {agreement:.1g} I_max at St = {largest:g}.",
+        f"κ = {KAPPA:g} from L_z = {MOMENTUM:g} I_e, θ₀ = {THETA:g}. Above: L along the vorticity; below left: L "
+        f"turned by {TILT:.2g} rad; below right: smallest |L| of full runs with L along the vorticity (dots: {phases} "
+        "azimuths φ₀, lines: their root mean square, dotted: predicted exponents).",
         *(
             Number.near(f"exponent of the smallest |L| in St {at}, κ = {kappa:g}", found, pinch_exponent(kappa), 0.1)
             for kappa, found in local.items()
@@ -150,25 +166,6 @@ def verdict_pinch(data: Data) -> Verdict:
         Number("last L_z of the full runs, largest", crossed, high=-0.3, unit="I_max"),
         Number(f"averaged against full L_z with L_y ≠ 0, St = {largest:g}", agreement, high=0.02, unit="I_max"),
     )
-    widths = ", ".join(
-        f"St^({found:.3f}) for κ = {kappa:g} (predicted {pinch_exponent(kappa):.3f})" for kappa, found in local.items()
-    )
-    # The largest aspect ratio with the width St^-1/2.
-    widest = float(brentq(lambda kappa: growth_exponent(kappa) + 1, 1.1, 3.0))  # pyright: ignore[reportArgumentType]
-    sentence = (
-        f"Full runs pass at |L| ∝ {widths}: on the way the slow equations amplify the small L_y that the fast "
-        f"oscillation leaves, which makes the neighbourhood wider than St^-1/2 for κ > {widest:.3f} and leaves the "
-        "paper's law to rounder spheroids. The slow trajectory does not grind to a halt: it runs into the pinch point "
-        f"at a finite speed and ends there at t₂ = {end:.3g}. With a small L_y it passes, and agrees with the full "
-        f"run to {agreement:.1g} I_max at St = {largest:g}."
-    )
-    phases = len(np.unique(data["crossing"]["phi"]))
-    caption = (
-        f"κ = {KAPPA:g} from L_z = {MOMENTUM:g} I_e, θ₀ = {THETA:g}. Above: L along the vorticity; below left: L "
-        f"turned by {TILT:.2g} rad; below right: smallest |L| of full runs with L along the vorticity (dots: {phases} "
-        "azimuths φ₀, lines: their root mean square, dotted: predicted exponents)."
-    )
-    return Verdict(Word.CORRECTED, sentence, numbers, caption)
 
 
 ITEM = Item(

@@ -54,19 +54,17 @@ def verdict_plane(data: Data) -> Verdict:
     on_edge = data["ends"]["share"] == 1.0
     last = [part["Lz"][-1] for number, part in groups(data[""], "path") if on_edge[int(number)]]
     from_saddle = float(np.max(np.abs(np.array(last) - fixed_point(PROLATE, "saddle")[0])))
-    numbers = (
+    count = len(np.unique(data[""]["path"]))
+    return Verdict(
+        Word.CORRECTED,
+        "Every start with L_z < 0 off the upper parabola reaches the node, those on it reach the saddle. Starts with "
+        f"L_z > 0 meet the pinch point in a finite slow time, at most {pinch.value:.2g} of the bound L_z/(4π min X). "
+        "The saddle lies at (I_a/I_e)(-1/2, 1/8); the caption prints the node's place for it.",
+        f"L_z–E plane of a prolate spheroid, κ = 2, with {count} slow trajectories of L_x = L_y = 0; I_max = I_e.",
         reached,
         Number("distance from the saddle where starts on the upper parabola end", from_saddle, high=2e-3, unit="I_max"),
         pinch,
     )
-    sentence = (
-        "Every start with L_z < 0 off the upper parabola reaches the node, those on it reach the saddle. Starts with "
-        f"L_z > 0 meet the pinch point in a finite slow time, at most {pinch.value:.2g} of the bound L_z/(4π min X). "
-        "The saddle lies at (I_a/I_e)(-1/2, 1/8); the caption prints the node's place for it."
-    )
-    count = len(np.unique(data[""]["path"]))
-    caption = f"L_z–E plane of a prolate spheroid, κ = 2, with {count} slow trajectories of L_x = L_y = 0; I_max = I_e."
-    return Verdict(Word.CORRECTED, sentence, numbers, caption)
 
 
 SECTION = Section(

@@ -77,19 +77,15 @@ def _thinned(values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 def verdict_l_planes(data: Data) -> Verdict:
     """All of them reach the node."""
     distance = data["ends"]["distance"]
-    numbers = (
+    return Verdict(
+        Word.CONFIRMED,
+        "Whatever the ratio of L_xy to L_z, its sign, and which of L_x and L_y is zero, every slow trajectory ends at "
+        "the node: those with L_z > 0 pass the neighbourhood of L = 0 and come back.",
+        "L–E planes of κ = 2 from |L| = I_e with L_x = 0 (left) and L_y = 0 (right); colours tell L_xy/L_z, dashed "
+        "lines start with L_z > 0.",
         Number(f"share of the {len(distance)} starts that reach the node", float(np.mean(distance < REACHED)), 1, 1),
         Number("largest distance at the end", float(np.max(distance)), high=REACHED, unit="I_max"),
     )
-    sentence = (
-        "Whatever the ratio of L_xy to L_z, its sign, and which of L_x and L_y is zero, every slow trajectory ends at "
-        "the node: those with L_z > 0 pass the neighbourhood of L = 0 and come back."
-    )
-    caption = (
-        "L–E planes of κ = 2 from |L| = I_e with L_x = 0 (left) and L_y = 0 (right); colours tell L_xy/L_z, dashed "
-        "lines start with L_z > 0."
-    )
-    return Verdict(Word.CONFIRMED, sentence, numbers, caption)
 
 
 ENERGIES = (2 / 9, 0.305, 0.472)
@@ -153,18 +149,16 @@ def verdict_projections(data: Data) -> Verdict:
     """They all end at the node; those of L_x0 = L_y0 run between the two others."""
     distance, share = data["ends"]["distance"], data["between"]["share"]
     within = float(np.mean(share))
-    numbers = (
+    cosines = ", ".join(f"{value:g}" for value in np.unique(data["ends"]["cosine"]))
+    return Verdict(
+        Word.SHARPENED,
+        "Every start ends at the node, whatever L_x0/L_y0 and the cone angle. In time, the trajectory of L_x0 = L_y0 "
+        f"keeps its L_xy between those of L_x0 = 0 and L_y0 = 0 for {100 * within:.0f} % of the run.",
+        f"Slow trajectories of κ = 2 from |L| = 2I_e/3, L_z/|L| = {cosines}, at three energies (I_aη₀/L₀ grows).",
         Number(f"share of the {len(distance)} starts that reach the node", float(np.mean(distance < REACHED)), 1, 1),
         Number("share of the time in which L_xy of L_x0 = L_y0 lies between the limiting cases", within, 0.5, 1.0),
         Number("the same, least start", float(np.min(share)), 0.5, 1.0),
     )
-    sentence = (
-        "Every start ends at the node, whatever L_x0/L_y0 and the cone angle. In time, the trajectory of L_x0 = L_y0 "
-        f"keeps its L_xy between those of L_x0 = 0 and L_y0 = 0 for {100 * within:.0f} % of the run."
-    )
-    cosines = ", ".join(f"{value:g}" for value in np.unique(data["ends"]["cosine"]))
-    caption = f"Slow trajectories of κ = 2 from |L| = 2I_e/3, L_z/|L| = {cosines}, at three energies (I_aη₀/L₀ grows)."
-    return Verdict(Word.SHARPENED, sentence, numbers, caption)
 
 
 ITEMS = (
