@@ -81,18 +81,6 @@ def _require_finite(name: str, numbers: tuple[float, ...], length: int) -> None:
 
 # L² / 2E may lie outside by roundoff.
 SLACK = 1e-12
-
-
-def _require_possible(ellipsoid: Ellipsoid, start: SlowStart) -> None:
-    """Refuse L and E that no rotation of an ellipsoid has: L² / 2E lies between the extreme moments of inertia."""
-    momentum, low, high = hypot(*start.angular_momentum), min(ellipsoid.inertia), max(ellipsoid.inertia)
-    if momentum == 0 and start.energy == 0:
-        return
-    ratio = momentum / (2 * start.energy) * momentum if start.energy > 0 else inf
-    if not low * (1 - SLACK) <= ratio <= high * (1 + SLACK):
-        raise ValueError(f"start: got L² / 2E = {ratio!r}, expected a value from {low!r} to {high!r}")
-
-
 Start = EulerStart | BodyStart | SlowStart
 
 
@@ -126,7 +114,14 @@ class Scene:
         if not (isfinite(self.time) and self.time > 0):
             raise ValueError(f"time: got {self.time!r}, expected a finite positive number")
         if isinstance(self.start, SlowStart):
-            _require_possible(self.ellipsoid, self.start)
+            self._require_possible(hypot(*self.start.angular_momentum), 2 * self.start.energy)
+
+    def _require_possible(self, momentum: float, twice_energy: float) -> None:
+        """Refuse L and E that no rotation of the ellipsoid has: L² / 2E lies between the extreme moments of inertia."""
+        low, high = min(self.ellipsoid.inertia), max(self.ellipsoid.inertia)
+        ratio = momentum / twice_energy * momentum if twice_energy > 0 else inf
+        if not low * (1 - SLACK) <= ratio <= high * (1 + SLACK) and (momentum, twice_energy) != (0, 0):
+            raise ValueError(f"start: got L² / 2E = {ratio!r}, expected a value from {low!r} to {high!r}")
 
     @property
     def slow_time(self) -> float:

@@ -18,9 +18,8 @@ def field(ops: Operations) -> Field:
 
     def rhs(y, p):
         flow, gradient = directions(y[0], y[1], y[2], y[3])
-        a1, a2, a3 = acceleration(flow, gradient, (y[4], y[5], y[6]), p)
-        r0, r1, r2, r3 = rates(y[0], y[1], y[2], y[3], y[4], y[5], y[6])
-        return r0, r1, r2, r3, a1, a2, a3
+        turning = rates(y[0], y[1], y[2], y[3], y[4], y[5], y[6])
+        return *turning, *acceleration(flow, gradient, (y[4], y[5], y[6]), p)
 
     return rhs
 

@@ -9,8 +9,7 @@ def turning_field(ops: Operations) -> Field:
     full, sqrt = ops.use(quaternion.field), ops.sqrt
 
     def rhs(y, p):
-        r0, r1, r2, r3, a1, a2, a3 = full(y, p)
-        return r0, r1, r2, r3, a1, a2, a3, sqrt(y[4] * y[4] + y[5] * y[5] + y[6] * y[6])
+        return *full(y, p), sqrt(y[4] * y[4] + y[5] * y[5] + y[6] * y[6])
 
     return rhs
 
@@ -20,7 +19,7 @@ def jeffery_turning_field(ops: Operations) -> Field:
     turning, sqrt = ops.use(jeffery.turning), ops.sqrt
 
     def rhs(y, p):
-        (r0, r1, r2, r3), (w1, w2, w3) = turning(y, p)
-        return r0, r1, r2, r3, sqrt(w1 * w1 + w2 * w2 + w3 * w3)
+        rates, (w1, w2, w3) = turning(y, p)
+        return *rates, sqrt(w1 * w1 + w2 * w2 + w3 * w3)
 
     return rhs

@@ -32,7 +32,7 @@ class SlowField:
     def __call__(self, ops: Operations) -> Field:
         """Bind the operations."""
         nodes, modes, root = self.nodes, self.modes, ops.sqrt
-        four, averaged, resonant = ops.use(_four), ops.use(averaged_rates), ops.use(_mode)
+        averaged, resonant = ops.use(averaged_rates), ops.use(_mode)
         behind, each = HEAD + SERIES * nodes, MODE_HEAD + MODE_SERIES * MODE_NODES
 
         def rhs(y, p):
@@ -41,11 +41,7 @@ class SlowField:
             over = 1 / size
             nx, ny, nz = lx * over, ly * over, lz * over
             t = (a * a - p[0]) * p[1]
-            f0, f2, g0, g2 = four(t, p, HEAD, nodes)
-            r1, r2, ea, eb = four(t, p, HEAD + 4 * nodes, nodes)
-            a1, a2, b1, b2 = four(t, p, HEAD + 8 * nodes, nodes)
-            p1, p2, p3, p4 = four(t, p, HEAD + 12 * nodes, nodes)
-            p5, p6, nu1, nu2 = four(t, p, HEAD + 16 * nodes, nodes)
+            f0, f2, g0, g2, r1, r2, ea, eb, a1, a2, b1, b2, p1, p2, p3, p4, p5, p6, nu1, nu2 = series(t, p, HEAD, nodes)
             growth, rise, tx, ty, tz = averaged(
                 size, (nx, ny, nz), (f0, f2, a1, a2), (g0, g2, b1, b2), (r1, r2), (p1, p2, p3, p4, p5, p6)
             )
@@ -78,20 +74,18 @@ class SlowField:
         return rhs
 
 
-def _four(ops: Operations) -> Callable[..., Any]:
-    def four(t, p, at, nodes):
-        """Four Chebyshev series of `nodes` terms each, from p[at] on, at t."""
-        second, third, fourth = at + nodes, at + 2 * nodes, at + 3 * nodes
-        before, now = 1 + 0 * t, t
-        a, b = p[at] + p[at + 1] * t, p[second] + p[second + 1] * t
-        c, d = p[third] + p[third + 1] * t, p[fourth] + p[fourth + 1] * t
+def series(t, p, at: int, nodes: int, count: int = SERIES) -> list[Any]:
+    """Chebyshev series of `nodes` terms each, behind each other from p[at] on, at t."""
+    polynomials = [1 + 0 * t, t]
+    for _ in range(2, nodes):
+        polynomials.append(2 * t * polynomials[-1] - polynomials[-2])
+    found = []
+    for first in range(at, at + count * nodes, nodes):
+        total = p[first] + p[first + 1] * t
         for k in range(2, nodes):
-            before, now = now, 2 * t * now - before
-            a, b = a + p[at + k] * now, b + p[second + k] * now
-            c, d = c + p[third + k] * now, d + p[fourth + k] * now
-        return a, b, c, d
-
-    return four
+            total = total + p[first + k] * polynomials[k]
+        found.append(total)
+    return found
 
 
 def averaged_rates(ops: Operations) -> Callable[..., Any]:
@@ -117,7 +111,6 @@ def averaged_rates(ops: Operations) -> Callable[..., Any]:
 
 
 def _mode(ops: Operations) -> Callable[..., Any]:
-    four = ops.use(_four)
     sin, cos, where_positive = ops.sin, ops.cos, ops.where_positive
 
     def mode(size, n, e, f, a2, nu1, nu2, alpha, beta, p, at):
@@ -135,10 +128,7 @@ def _mode(ops: Operations) -> Callable[..., Any]:
         re, im = -2 * mask * sin(phase), 2 * mask * cos(phase)
         t = (a2 - p[at + 5]) * p[at + 6]
         t = where_positive(1 - t * t, t, 0 * t)
-        first = at + MODE_HEAD
-        l1, l2, y1, y2 = four(t, p, first, MODE_NODES)
-        a1, a2, b1, b2 = four(t, p, first + 4 * MODE_NODES, MODE_NODES)
-        q1, q2, q3, q4 = four(t, p, first + 8 * MODE_NODES, MODE_NODES)
+        l1, l2, y1, y2, a1, a2, b1, b2, q1, q2, q3, q4 = series(t, p, at + MODE_HEAD, MODE_NODES, MODE_SERIES)
         c1, c2, c3 = p[at + 7], p[at + 8], p[at + 9]
 
         # Parts of the flow of one, two and no turns about n; x and y of it are (e₁ - ie₂, n)'s components.

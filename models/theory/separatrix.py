@@ -74,10 +74,7 @@ class Separatrix:
     def complement(self, time: float) -> float:
         """The y at a slow time since the separatrix, the inverse of `time`, by Lambert's function (DLMF 4.13).
 
-        Raises
-        ------
-        ValueError
-            If the time has the wrong sign for the side, or lies beyond y = 1.
+        Raises ValueError if the time has the wrong sign for the side, or lies beyond y = 1.
         """
         from scipy.special import lambertw
 

@@ -19,12 +19,8 @@ def tumbling_period(ellipsoid: Ellipsoid, stokes: float, axis: int) -> float:
     collocation, not by waiting for the transient to decay, and T = 2∫dφ/w over half a turn. It is 2π(κ + 1/κ),
     κ = a/b, at St = 0 and tends to 4π as St → ∞.
 
-    Body axis `axis` (0, 1, 2) stays along the vorticity. The result is good to about 1e-13, relative.
-
-    Raises
-    ------
-    ValueError
-        If St is not finite or negative, or a/b too far from one to be resolved (1000 still is, in seconds).
+    Body axis `axis` (0, 1, 2) stays along the vorticity. The result is good to about 1e-13, relative. Raises ValueError
+    if St is not finite or negative, or a/b too far from one to be resolved (1000 still is, in seconds).
     """
     if not (isfinite(stokes) and stokes >= 0):
         raise ValueError(f"stokes: got {stokes!r}, expected a finite number from 0 on")

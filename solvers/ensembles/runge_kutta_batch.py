@@ -175,7 +175,7 @@ def _compiled(factory: FieldFactory, dimension: int, parameters: int) -> Any:
 
 
 @cache
-def _loops(dimension: int, stages: int, degree: int) -> tuple[Callable[..., None], ...]:
+def _loops(dimension: int, stages: int, degree: int) -> tuple[Callable[..., None], ...]:  # noqa: C901, three in one
     """The arithmetic of a step in compiled loops, which need none of NumPy's temporaries.
 
     States have shape (d, n), slopes (stages, d, n), steps h (n,). ``advance(y, h, slopes, weights, out)`` puts
