@@ -26,3 +26,8 @@ def frame(records: Sequence[Record]) -> pd.DataFrame:
 def where(table: pd.DataFrame, condition: Any) -> pd.DataFrame:
     """Rows of a frame that meet a condition on its columns."""
     return cast("pd.DataFrame", table.loc[condition])
+
+
+def by_stokes(table: pd.DataFrame) -> list[tuple[float, pd.DataFrame]]:
+    """Each St, in growing order, and its rows."""
+    return [(float(str(stokes)), runs) for stokes, runs in table.groupby("stokes")]

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
-from polhode.harness.analysis.frames import where
+from polhode.harness.analysis.frames import by_stokes, where
 from polhode.harness.analysis.pareto import pareto_front
 from polhode.harness.analysis.winners import TIE
 from polhode.harness.common.text import in_two_digits, short
@@ -116,8 +116,7 @@ def cells(records: pd.DataFrame, error: str, targets: Sequence[float] = TARGETS)
     targets : sequence of float
     """
     found = []
-    for stokes in sorted(set(records["stokes"].astype(float))):
-        runs = where(records, records["stokes"] == stokes)
+    for stokes, runs in by_stokes(records):
         uncertainty = runs[uncertainty_of(error)].dropna()
         limit = least_known(float(uncertainty.iloc[0]) if len(uncertainty) else None)
         fronts = {method: front(own, error) for method, own in methods(runs)}

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
 import click
 
@@ -119,11 +119,13 @@ def equal_error(out: Path, quick: bool, resume: bool, quiet: bool) -> None:
 
     About ten minutes; an interrupted run goes on with --resume.
     """
-    from polhode.harness.pages.footing import Measured, rhs_costs, write_page
+    from polhode.harness.pages.footing import Measured, write_page
+    from polhode.harness.studies.cost import rhs_seconds, startup_seconds
     from polhode.harness.studies.first_runs import first_runs
     from polhode.harness.studies.overhead import measure, paper_problem
     from polhode.harness.studies.runner import Runner
     from polhode.harness.studies.study import quick_study, read_study
+    from polhode.solvers.contract import Backend
 
     store = open_store(out, resume)
     problem = paper_problem()
@@ -134,5 +136,6 @@ def equal_error(out: Path, quick: bool, resume: bool, quiet: bool) -> None:
         for name in ("solvers", "spheroid", "backends"):
             study = read_study(None, name)
             found[name] = Runner(store, quiet).run(quick_study(study) if quick else study)
-    measured = Measured(**found, overheads=overheads, first_runs=firsts, rhs_costs=rhs_costs(problem))
+    costs = {name: rhs_seconds(problem, name) for name in get_args(Backend)}
+    measured = Measured(**found, overheads=overheads, first_runs=firsts, rhs_costs=costs, startup=startup_seconds())
     click.echo(f"{write_page(measured, out, command_line())}")

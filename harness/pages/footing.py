@@ -1,35 +1,33 @@
 """Every solver on equal footing: speed at equal error, what the interpreter costs, what `solve` itself costs."""
 
-import subprocess
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import isnan, nan
 from pathlib import Path
 
 import pandas as pd
 
-from polhode.harness.analysis.frames import frame, where
+from polhode.harness.analysis.frames import by_stokes, frame, where
 from polhode.harness.analysis.pareto import crossing, fastest, times_at_error
+from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record, export
-from polhode.harness.common.text import bracketed, duration, markdown, scientific
-from polhode.harness.common.timing import seconds_of
+from polhode.harness.common.text import duration, markdown, scientific, short
+from polhode.harness.pages.bench import error_of, whole
 from polhode.harness.pages.work_precision import save, work_precision_panels
-from polhode.harness.studies.cost import FirstRun, rhs_seconds
+from polhode.harness.studies.cost import STARTS, FirstRun
 from polhode.harness.studies.overhead import Overhead
-from polhode.models.problem import Problem
 from polhode.solvers.catalogue import SOLVERS
 from polhode.solvers.contract import Backend
 
 ERRORS = (1e-4, 1e-6, 1e-8)
 STIFF, OSCILLATORY_FROM = 1e-4, 1.0
-STARTS = 5
 STIFF_SOLVERS = ("cyrk-radau", "cvode-bdf", "ida")
 
 
 @dataclass(frozen=True)
 class Measured:
-    """Records of the three studies, the overheads, and the cold and warm first runs, and right-hand sides' costs."""
+    """Records of the three studies, overheads, cold and warm first runs, seconds of right-hand sides and of a start."""
 
     solvers: Sequence[Record]
     spheroid: Sequence[Record]
@@ -37,6 +35,7 @@ class Measured:
     overheads: Sequence[Overhead]
     first_runs: Mapping[str, tuple[FirstRun, FirstRun]]
     rhs_costs: Mapping[Backend, float]
+    startup: float
 
 
 def write_page(measured: Measured, folder: Path, command: str) -> Path:
@@ -93,28 +92,16 @@ def write_page(measured: Measured, folder: Path, command: str) -> Path:
         "and with the cache of the process before (warm). heyoka alone keeps compiled code on disk.",
         "",
         _first_runs(measured.first_runs),
-        f"`polhode --help` takes {duration(startup_seconds())} from the shell, the minimum of {STARTS} starts.",
+        f"`polhode --help` takes {duration(measured.startup)} from the shell, the minimum of {STARTS} starts.",
         "",
     ]
-    page = folder / "README.md"
-    page.write_text("\n".join(lines), encoding="utf-8")
-    return page
+    write_file(folder / "README.md", "\n".join(lines))
+    return folder / "README.md"
 
 
-def rhs_costs(problem: Problem) -> dict[Backend, float]:
-    """Wall time of one right-hand side by every back end."""
-    names: tuple[Backend, ...] = ("python", "numba", "compiled")
-    return {name: rhs_seconds(problem, name) for name in names}
-
-
-def startup_seconds() -> float:
-    """Wall time, in seconds, of `polhode --help` in a process of its own: the minimum of some starts."""
-    code = "from polhode.harness.cli import main; main(['--help'])"
-
-    def start() -> None:
-        subprocess.run([sys.executable, "-c", code], check=True, stdout=subprocess.DEVNULL)
-
-    return min(seconds_of(start) for _ in range(STARTS))
+def _times_by_stokes(table: pd.DataFrame, target: float) -> dict[float, dict[tuple[str, str], float]]:
+    """Time of each form and solver at a slow error, by St."""
+    return {stokes: times_at_error(runs, target) for stokes, runs in by_stokes(table)}
 
 
 def _claims(table: pd.DataFrame) -> list[str]:
@@ -123,79 +110,78 @@ def _claims(table: pd.DataFrame) -> list[str]:
     lines = []
     if winner and taylor:
         lines.append(
-            f"- Stiff side, St = {STIFF:g}, slow error 1e-6: {winner[0]} takes {duration(winner[1])}, Taylor's method "
-            f"{duration(taylor)}: {taylor / winner[1]:.0f} times as long."
+            f"- Stiff side, St = {short(STIFF)}, slow error 1e-6: {winner[0]} takes {duration(winner[1])}, Taylor's "
+            f"method {duration(taylor)}: {taylor / winner[1]:.0f} times as long."
         )
-    for stokes in sorted({value for value in table["stokes"].astype(float) if value >= OSCILLATORY_FROM}):
-        times = times_at_error(where(table, table["stokes"] == stokes), 1e-8)
+    for stokes, times in _times_by_stokes(where(table, table["stokes"] >= OSCILLATORY_FROM), 1e-8).items():
+        side = f"- Oscillatory side, St = {short(stokes)}"
         callback = fastest(times, "quaternion", libraries=("SciPy", "SUNDIALS"))
         if callback is None:
-            lines.append(f"- Oscillatory side, St = {stokes:g}: no SciPy or SUNDIALS solver reaches 1e-8 in its time.")
+            lines.append(f"{side}: no SciPy or SUNDIALS solver reaches 1e-8 in its time.")
             continue
         ratios = [
-            f"{name} {callback[1] / times['quaternion', name]:.0f} times faster ({duration(times['quaternion', name])})"
+            f"{name} {callback[1] / seconds:.0f} times faster ({duration(seconds)})"
             for name in ("taylor", "cyrk-vern8", "cyrk-dop853", "cyrk-lsoda")
-            if ("quaternion", name) in times
+            if (seconds := times.get(("quaternion", name)))
         ]
         lines.append(
-            f"- Oscillatory side, St = {stokes:g}, slow error 1e-8: the fastest of SciPy and SUNDIALS is {callback[0]} "
+            f"{side}, slow error 1e-8: the fastest of SciPy and SUNDIALS is {callback[0]} "
             f"with {duration(callback[1])}; {', '.join(ratios)}."
         )
     return lines
 
 
 def _crossings(table: pd.DataFrame) -> str:
+    taylor, verner = ("quaternion", "taylor"), ("quaternion", "cyrk-vern8")
+    ratios = _ratios(table, taylor, verner, ERRORS)
     rows = []
-    for stokes in sorted(set(table["stokes"].astype(float))):
-        runs = where(table, table["stokes"] == stokes)
+    for stokes, runs in by_stokes(table):
         error = crossing(runs, "quaternion", "taylor", "cyrk-vern8")
-        ratios = []
-        for target in ERRORS:
-            times = times_at_error(runs, target)
-            taylor, verner = times.get(("quaternion", "taylor")), times.get(("quaternion", "cyrk-vern8"))
-            ratios.append(f"{taylor / verner:.2f}" if taylor and verner else "–")
-        rows.append([f"{stokes:g}", scientific(error) if error else "none", *ratios])
-    header = ["St", "they cross at", *(f"taylor / cyrk-vern8 at {target:g}" for target in ERRORS)]
+        rows.append([short(stokes), scientific(error) if error else "none", *ratios[stokes]])
+    header = ["St", "they cross at", *(f"taylor / cyrk-vern8 at {short(target)}" for target in ERRORS)]
     return markdown(header, rows, right=range(1, 5))
 
 
+def _ratios(
+    table: pd.DataFrame, first: tuple[str, str], second: tuple[str, str], targets: Sequence[float]
+) -> dict[float, list[str]]:
+    """Time of one form and solver over that of another at each slow error, by St."""
+    found: dict[float, list[str]] = {}
+    for target in targets:
+        for stokes, times in _times_by_stokes(table, target).items():
+            ratio = times.get(first, nan) / times.get(second, nan)
+            found.setdefault(stokes, []).append("–" if isnan(ratio) else f"{ratio:.2f}")
+    return found
+
+
 def _forms(table: pd.DataFrame) -> str:
-    rows = []
-    for stokes in sorted(set(table["stokes"].astype(float))):
-        runs = where(table, table["stokes"] == stokes)
-        row = [f"{stokes:g}"]
-        for target in (1e-6, 1e-8, 1e-10, 1e-12):
-            times = times_at_error(runs, target)
-            slow, quick = times.get(("quaternion", "taylor")), times.get(("spheroid-axis", "taylor"))
-            row.append(f"{slow / quick:.2f}" if slow and quick else "–")
-        rows.append(row)
-    return markdown(["St", "1e-6", "1e-8", "1e-10", "1e-12"], rows, right=range(1, 5))
+    targets = (1e-6, 1e-8, 1e-10, 1e-12)
+    ratios = _ratios(table, ("quaternion", "taylor"), ("spheroid-axis", "taylor"), targets)
+    rows = [[short(stokes), *row] for stokes, row in ratios.items()]
+    return markdown(["St", *map(short, targets)], rows, right=range(1, 5))
 
 
 def _times(table: pd.DataFrame) -> list[str]:
-    numbers = sorted(set(table["stokes"].astype(float)))
     lines = []
     for target in ERRORS:
-        times = {stokes: times_at_error(where(table, table["stokes"] == stokes), target) for stokes in numbers}
+        times = _times_by_stokes(table, target)
         rows = [
-            [solver, *(duration(times[stokes].get(("quaternion", solver))) for stokes in numbers)]
+            [solver, *(duration(found.get(("quaternion", solver))) for found in times.values())]
             for solver in SOLVERS
             if any(("quaternion", solver) in found for found in times.values())
         ]
-        header = ["solver", *(f"St = {stokes:g}" for stokes in numbers)]
-        lines += [f"Slow error {target:g}:", "", markdown(header, rows, right=range(1, len(header)))]
+        header = ["solver", *(f"St = {short(stokes)}" for stokes in times)]
+        lines += [f"Slow error {short(target)}:", "", markdown(header, rows, right=range(1, len(header)))]
     return lines
 
 
 def _backends(table: pd.DataFrame) -> str:
     rows = []
     for run in table.sort_values(by=["stokes", "solver", "backend", "jacobian"]).to_dict("records"):
-        work = [("–" if value is pd.NA or value is None else str(int(value))) for value in (run["work.rhs_calls"],)]
-        jacobian = "" if run["jacobian"] is pd.NA or run["jacobian"] is None else run["jacobian"]
-        row = [f"{run['stokes']:g}", run["solver"], run["backend"], jacobian, duration(run["seconds"]), *work]
-        error = run["slow_error"]
-        size = scientific(error) if pd.isna(error) else bracketed(error, bool(run["slow_known"]))
-        rows.append([*row, size, str(run["status"]).replace("_", " ")])
+        jacobian = "" if pd.isna(run["jacobian"]) else run["jacobian"]
+        row = [short(run["stokes"]), run["solver"], run["backend"], jacobian, duration(run["seconds"])]
+        row += [whole(run["work.rhs_calls"]), error_of(run, "slow"), str(run["status"]).replace("_", " ")]
+        rows.append(row)
     header = ["St", "solver", "right-hand side", "Jacobian", "time", "calls", "slow error", "status"]
     return markdown(header, rows, right=(4, 5, 6))
 

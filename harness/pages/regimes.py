@@ -11,6 +11,7 @@ import pandas as pd
 from polhode.harness.analysis.frames import frame, where
 from polhode.harness.analysis.regime_map import Cell, Method, cells, scatter, sentences, standings
 from polhode.harness.analysis.winners import TIE
+from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record
 from polhode.harness.common.text import duration, markdown, short
@@ -41,9 +42,8 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     runs = table[[column for column in RUN_COLUMNS if column in table]]
     runs.to_csv(folder / "runs.csv", index=False, float_format="%.7g")
     _write_cells(maps, folder / "cells.csv")
-    page = folder / "README.md"
-    page.write_text("\n".join(_lines(study, table, records, maps, command)), encoding="utf-8")
-    return page
+    write_file(folder / "README.md", "\n".join(_lines(study, table, records, maps, command)))
+    return folder / "README.md"
 
 
 def _write_cells(maps: Maps, path: Path) -> None:

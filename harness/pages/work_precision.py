@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from polhode.harness.analysis.frames import where
+from polhode.harness.analysis.frames import by_stokes, where
 from polhode.harness.analysis.pareto import pareto_front
 from polhode.harness.common.text import short
 from polhode.harness.pages.style import GREY, is_averaged, looks, rank
@@ -148,15 +148,15 @@ def work_precision_panels(records: pd.DataFrame, error: str, label: str) -> "Fig
     """One panel of `work_precision` per St, with a common legend."""
     import matplotlib.pyplot as plt
 
-    groups = list(records.groupby("stokes", sort=True))
+    groups = by_stokes(records)
     columns = 2 if len(groups) > 1 else 1
     lines = -(-len(groups) // columns)
     size = PANEL[0] * columns + LEGEND_WIDTH, PANEL[1] * lines
     figure, grid = plt.subplots(lines, columns, figsize=size, sharex=True, sharey=True, squeeze=False)
-    for axes, (_, runs) in zip(grid.flat, groups, strict=False):
+    for axes, (stokes, runs) in zip(grid.flat, groups, strict=False):
         work_precision(axes, runs, error)
         mark_failures(axes, runs)
-        axes.set_title(f"St = {power_of_ten(float(runs['stokes'].iloc[0]))}", fontsize=10)
+        axes.set_title(f"St = {power_of_ten(stokes)}", fontsize=10)
     for axes in grid.flat[len(groups) :]:
         axes.set_visible(False)
     _limits(grid[0, 0], [runs for _, runs in groups], error)

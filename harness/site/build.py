@@ -1,7 +1,6 @@
 """Build the site: render the pages that the reports hold, add the interactive ones, write them."""
 
 import re
-import shutil
 from collections.abc import Callable
 from datetime import UTC, datetime
 from html import escape
@@ -11,7 +10,6 @@ from PIL import Image
 
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import machine, versions
-from polhode.harness.paper.drawing import with_palette
 from polhode.harness.site.cost import cost_page
 from polhode.harness.site.markdown import FIGURES, page_name, render, section
 from polhode.harness.site.markup import Page, document, missing, prose
@@ -33,6 +31,7 @@ REPORTS = {
 }
 # The map of this report is shown on the opening page; what these pictures show is on the page of costs.
 MAP = "regimes"
+OVERWRITTEN = " Do not edit: the next run overwrites this page."
 ON_COSTS = re.compile(r"(slow|orientation)(-[\w-]+)?\.png")
 
 
@@ -56,12 +55,9 @@ def build(reports: Path, out: Path, scenes: dict[str, Scene], say: Callable[[str
         If the folder cannot be written.
     """
     files = {page_name(path): path for path in sorted(reports.glob("*/*.md"))}
+    texts = {name: path.read_text(encoding="utf-8").replace(OVERWRITTEN, "") for name, path in files.items()}
     known = {path.resolve(): f"{'index' if name == MAP else name}.html" for name, path in files.items()}
-    rendered = {
-        name: render(path.read_text(encoding="utf-8"), path, known, _as_costs)
-        for name, path in files.items()
-        if name != MAP
-    }
+    rendered = {name: render(texts[name], path, known, _as_costs) for name, path in files.items() if name != MAP}
     folders = [name for name in [*REPORTS, *files] if name in rendered and files[name].stem == "README"]
     menu = {name: REPORTS.get(name, (name.capitalize(), ""))[0] for name in dict.fromkeys(folders)}
     menu = {"index": "Verdict", "cost": "Cost", **menu, "motion": "Motion"}
@@ -72,7 +68,7 @@ def build(reports: Path, out: Path, scenes: dict[str, Scene], say: Callable[[str
         say(page.title)
         write_file(out / f"{name}.html", document(name, page, menu, foot))
 
-    write("index", Page(TITLE, LEAD, _verdict(reports, files, known)))
+    write("index", Page(TITLE, LEAD, _verdict(files, texts, known)))
     write("cost", cost_page(reports))
     write("motion", motion_page(scenes, say))
     for name, found in rendered.items():
@@ -82,15 +78,15 @@ def build(reports: Path, out: Path, scenes: dict[str, Scene], say: Callable[[str
     return out / "index.html"
 
 
-def _verdict(reports: Path, files: dict[str, Path], known: dict[Path, str]) -> str:
+def _verdict(files: dict[str, Path], texts: dict[str, str], known: dict[Path, str]) -> str:
     """Body of the opening page."""
     body = []
     if MAP in files:
-        drawn = maps(reports / MAP / "cells.csv")
-        found = render(files[MAP].read_text(encoding="utf-8"), files[MAP], known, drawn)
+        drawn = maps(files[MAP].with_name("cells.csv"))
+        found = render(texts[MAP], files[MAP], known, drawn)
         body.append(f"<h2>{prose(found.title)}</h2>{found.body}")
     if "bench" in files:
-        text = section(files["bench"].read_text(encoding="utf-8"), "Verdict")
+        text = section(texts["bench"], "Verdict")
         body.append(f"<h2>When averaging pays</h2>{render(text, files['bench'], known).body}")
     body += [missing(f"reports/{name} is", command) for name, (_, command) in REPORTS.items() if name not in files]
     return "".join(body)
@@ -101,12 +97,9 @@ def _as_costs(picture: str) -> str:
 
 
 def _copy(source: Path, target: Path) -> None:
-    """Copy a picture, in 256 colours if it has more: the site stays small."""
+    """Copy a picture without loss in a format that keeps the site small."""
     with Image.open(source) as image:
-        if image.mode == "P":
-            shutil.copyfile(source, target)
-        else:
-            with_palette(image.convert("RGB")).save(target, optimize=True)
+        image.convert("RGB").save(target, lossless=True, quality=50, method=2)
 
 
 def _foot() -> str:

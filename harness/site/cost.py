@@ -6,7 +6,7 @@ from typing import Any
 
 import pandas as pd
 
-from polhode.harness.analysis.frames import where
+from polhode.harness.analysis.frames import by_stokes, where
 from polhode.harness.pages.style import is_averaged, looks
 from polhode.harness.pages.work_precision import LARGEST_ERROR
 from polhode.harness.site.markup import Page, missing
@@ -44,11 +44,11 @@ def cost_page(reports: Path) -> Page:
     for study, table in studies.items():
         for scene in dict.fromkeys(table["scene_name"]):
             own = where(table, table["scene_name"] == scene)
-            for stokes, runs in own.groupby("stokes"):
+            for stokes, runs in by_stokes(own):
                 # A line goes from the loosest tolerance to the tightest.
                 ordered = runs.sort_values(by=["tolerance"], ascending=False, kind="stable")
                 rows += [[len(groups), *_row(run)] for run in ordered.to_dict("records")]
-                groups.append([study, scene, float(str(stokes)), _scene_tags(runs)])
+                groups.append([study, scene, stokes, _scene_tags(runs)])
     forms = looks(str(row[1]) for row in rows)
     solvers = _solvers({str(row[2]) for row in rows})
     # Words stand once: rows hold their places.

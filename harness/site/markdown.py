@@ -96,7 +96,7 @@ def _figure(picture: Token, path: Path, found: Rendered) -> str:
     source = path.parent / PurePosixPath(str(picture.attrs["src"]))
     if not source.is_file():
         return f"<p>{escape(picture.content)}</p>"
-    name = f"{page_name(path)}-{source.name}"
+    name = f"{page_name(path)}-{source.stem}.webp"
     found.pictures[name] = source
     return f'<figure><img src="{FIGURES}/{name}" alt="{escape(picture.content)}"></figure>'
 

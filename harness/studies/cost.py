@@ -2,6 +2,8 @@
 
 import ctypes
 import os
+import subprocess
+import sys
 import time
 from dataclasses import dataclass
 from functools import cache
@@ -9,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from polhode.harness.common.timing import seconds_of
 from polhode.models.problem import Problem
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.compile import CACHE_VARIABLE, array_callback, c_callback, parameter_array
@@ -19,6 +22,7 @@ from polhode.solvers.solve import solve
 # A measurement repeats until it takes this long, in seconds, and is the best of `ROUNDS`.
 ENOUGH = 2e-3
 ROUNDS = 5
+STARTS = 5
 
 
 def rhs_seconds(problem: Problem, backend: Backend) -> float:
@@ -130,3 +134,13 @@ def first_run(problem: Problem, solver: str, tolerance: float, cache_folder: str
     prepared = time.perf_counter()
     solution = solve(problem, solver, tolerance)
     return FirstRun(imported - began, prepared - imported, solution.seconds)
+
+
+def startup_seconds() -> float:
+    """Wall time of `polhode --help` in a process of its own: the minimum of some starts."""
+    code = "from polhode.harness.cli import main; main(['--help'])"
+
+    def start() -> None:
+        subprocess.run([sys.executable, "-c", code], check=True, stdout=subprocess.DEVNULL)
+
+    return min(seconds_of(start) for _ in range(STARTS))

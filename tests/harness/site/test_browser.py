@@ -99,7 +99,7 @@ def seen(tmp_path_factory: pytest.TempPathFactory, site_pages: dict[str, str]) -
     """What every page tells at every width, all in one start of the browser."""
     folder = tmp_path_factory.mktemp("browser")
     (folder / "site" / "figures").mkdir(parents=True)
-    Image.new("RGB", (4, 4)).save(folder / "site" / "figures" / "own-drawn.png")
+    Image.new("RGB", (4, 4)).save(folder / "site" / "figures" / "own-drawn.webp")
     for name, page in site_pages.items():
         watched = page.replace("<head>", "<head>" + WATCH).replace("</body>", WORK + "</body>")
         (folder / "site" / f"{name}.html").write_text(watched, encoding="utf-8")

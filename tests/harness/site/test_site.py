@@ -36,7 +36,7 @@ def test_pages_load_nothing_and_link_to_each_other_alone(site_pages: dict[str, s
     page = site_pages[name]
     within = {f"#{place}" for place in re.findall(r'id="([^"]*)"', page)}
     links = set(re.findall(r'(?:src|href|action)="([^"]*)"', page))
-    pages = {f"{other}.html" for other in PAGES} | {"own.html#lx-of-1", "figures/own-drawn.png", "data:,"}
+    pages = {f"{other}.html" for other in PAGES} | {"own.html#lx-of-1", "figures/own-drawn.webp", "data:,"}
     assert links <= pages | within
     assert set(re.findall(r"https?://[^\s\"']*", page)) <= {"http://www.w3.org/2000/svg"}
     assert "@import" not in page
@@ -57,7 +57,7 @@ def test_markdown_becomes_a_page(site_pages: dict[str, str]):
     assert '<h2 id="lx-of-1">L<sub>x</sub> of 1</h2>' in page
     text = 'Text of 170 &lt; I<sub>max</sub>, <a href="own-more.html">more</a>, data and docs.'
     assert f"<p>{text}</p>" in page
-    assert '<figure><img src="figures/own-drawn.png" alt="A picture"></figure>' in page
+    assert '<figure><img src="figures/own-drawn.webp" alt="A picture"></figure>' in page
     assert "<p>Nowhere</p>" in page
     assert re.search(r'<div class="scroll" [^>]*>\s*<table class="sort">', page)
     assert '<td class="r">1.0e-9</td>' in page
