@@ -13,7 +13,7 @@ from polhode.harness.averaging.data import (
     Slope,
 )
 from polhode.harness.averaging.orders import LEAST_POINTS, Law, first_order, laws, slopes
-from polhode.harness.averaging.second_order import COMPARED, SAMPLES, TARGET
+from polhode.harness.averaging.second_order import COMPARED, TARGET
 from polhode.harness.common.text import duration, in_two_digits, scientific, short
 from polhode.models.second_order.form import SecondOrder
 
@@ -106,7 +106,6 @@ def findings(study: SecondOrderStudy) -> list[str]:
         _gains("Through resonances", study.resonances),
         _gains("Up to L² = 2EI₂", study.crossings),
         _estimates("there", [*study.resonances, *study.crossings]),
-        _share([*study.resonances, *study.crossings]),
         _steady([each for each in study.cost if each.form == SecondOrder.name]),
         _compared([each for each in study.cost if each.stokes == COMPARED]),
     ]
@@ -144,16 +143,6 @@ def _gains(where: str, rows: Sequence[Passage]) -> str:
     return (
         f"{where}, at St = {short(GAIN_AT)}: a slow error {gains[0]:.0f} to {gains[-1]:.0f} times smaller than first "
         f"order's ({len(gains)} starts). Refused at all St: {refused} of {len(rows)} runs."
-    )
-
-
-def _share(rows: Sequence[Passage]) -> str:
-    shares = [100 * row.integration / row.seconds for row in rows if row.integration > 0]
-    if not shares:
-        return ""
-    return (
-        f"The integration takes {_span(shares)} % of the time of these runs; the rest goes into the observables at "
-        f"{SAMPLES} times."
     )
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from math import nan
 from time import perf_counter
 from typing import Any
@@ -33,6 +34,8 @@ TOLERANCE = 1e-14
 # Resonances want many small steps of these runs; each time is the fastest of so many.
 PASSAGE_SOLVER, PASSAGE_REPEATS = "cyrk-vern8", 3
 QUICK_CASES, QUICK_POINTS = 1, 2
+# What may be measured alone.
+PARTS = ("orders", "resonances", "cost")
 
 # The cost of a spheroid's run against St: duration, output times, and the powers of ten of St.
 SLOW_TIME, FEW, EXPONENTS = 0.5, 11, tuple(range(3, 9))
@@ -119,7 +122,8 @@ def measure_passage(case: Subject, stokes: float, whole: bool = True) -> Passage
         reason = refusal.condition if whole else why_unreached(form, scene, refusal)
         return Passage(case.axes, case.name, case.slow_time, stokes, "", nan, nan, nan, nan, nan, nan, nan, nan, reason)
     true, _ = true_observables(scene)
-    found = _timed_passage(scene)
+    repeats = range(PASSAGE_REPEATS)
+    found = fastest(timed_run(scene, form.name, TOLERANCE, SAMPLES, PASSAGE_SOLVER) for _ in repeats)
     first = timed_run(scene, averaged_form(scene), TOLERANCE, SAMPLES).observables
     error = errors(scene.ellipsoid, found.observables, true)
     return Passage(
@@ -138,15 +142,6 @@ def measure_passage(case: Subject, stokes: float, whole: bool = True) -> Passage
         seconds=found.seconds,
         refused="",
     )
-
-
-def time_again(cases: Sequence[Subject], row: Passage) -> Passage:
-    """The same row with its times measured anew; its errors, or its refusal, stay as they are."""
-    if row.refused:
-        return row
-    case = next(case for case in cases if (case.axes, case.name) == (row.shape, row.start))
-    run = _timed_passage(replace(case, slow_time=row.slow_time).scene(row.stokes))
-    return replace(row, integration=run.integration, seconds=run.seconds)
 
 
 def costs(exponents: Sequence[int] = EXPONENTS, compared: float = COMPARED) -> Iterator[Cost]:
@@ -177,43 +172,24 @@ def costs(exponents: Sequence[int] = EXPONENTS, compared: float = COMPARED) -> I
                 break
 
 
-def measure_study(*, quick: bool = False, quiet: bool = False) -> SecondOrderStudy:
-    """All that the study asks; quick: one case of each kind, and no cost."""
+def measure_study(
+    old: SecondOrderStudy | None = None, part: str = "", *, quick: bool = False, quiet: bool = False
+) -> SecondOrderStudy:
+    """All that the study asks, or one of `PARTS` measured anew; quick: one case of each kind, and no cost."""
+    study = old or SecondOrderStudy([], [], [], [], {})
     cases, points = (QUICK_CASES, QUICK_POINTS) if quick else (None, None)
-    resonances, crossings = _passages(cases, points, quiet)
-    return SecondOrderStudy(
-        orders=_rows("orders", AWAY[:cases], quiet, measure_away, points and points + 1),
-        resonances=resonances,
-        crossings=crossings,
-        cost=[] if quick else list(tqdm(costs(), "cost", leave=False, disable=quiet)),
-        timed={"passages": _here(PASSAGE_REPEATS)} | ({} if quick else {"cost": _here(REPEATS)}),
-    )
-
-
-def measure_passages_again(old: SecondOrderStudy, *, quiet: bool = False) -> SecondOrderStudy:
-    """Runs through resonances and up to L² = 2EI₂ measured anew."""
-    resonances, crossings = _passages(None, None, quiet)
-    timed = {**old.timed, "passages": _here(PASSAGE_REPEATS)}
-    return replace(old, resonances=resonances, crossings=crossings, timed=timed)
-
-
-def measure_times_again(old: SecondOrderStudy, *, quiet: bool = False) -> SecondOrderStudy:
-    """All times measured anew, no errors but those of the costs."""
-    return SecondOrderStudy(
-        orders=old.orders,
-        resonances=[time_again(RESONANT, row) for row in tqdm(old.resonances, leave=False, disable=quiet)],
-        crossings=[time_again(CROSSING, row) for row in tqdm(old.crossings, leave=False, disable=quiet)],
-        cost=list(tqdm(costs(), "cost", leave=False, disable=quiet)),
-        timed={"passages": _here(PASSAGE_REPEATS), "cost": _here(REPEATS)},
-    )
-
-
-def _passages(cases: int | None, points: int | None, quiet: bool) -> tuple[list[Passage], list[Passage]]:
-    def part(case: Subject, stokes: float) -> Passage:
-        return measure_passage(case, stokes, whole=False)
-
-    resonances = _rows("resonances", RESONANT[:cases], quiet, measure_passage, points)
-    return resonances, _rows("crossings", CROSSING[:cases], quiet, part, points)
+    if part in ("", "orders"):
+        orders = _rows("orders", AWAY[:cases], quiet, measure_away, points and points + 1)
+        study = replace(study, orders=orders)
+    if part in ("", "resonances"):
+        resonances = _rows("resonances", RESONANT[:cases], quiet, measure_passage, points)
+        crossings = _rows("crossings", CROSSING[:cases], quiet, partial(measure_passage, whole=False), points)
+        timed = {**study.timed, "passages": _here(PASSAGE_REPEATS)}
+        study = replace(study, resonances=resonances, crossings=crossings, timed=timed)
+    if part in ("", "cost") and not quick:
+        cost = list(tqdm(costs(), "cost", leave=False, disable=quiet))
+        study = replace(study, cost=cost, timed={**study.timed, "cost": _here(REPEATS)})
+    return study
 
 
 def _rows(
@@ -221,11 +197,6 @@ def _rows(
 ) -> list[Any]:
     tasks = [(case, stokes) for case in cases for stokes in case.stokes[:points]]
     return [take(*task) for task in tqdm(tasks, what, leave=False, disable=quiet)]
-
-
-def _timed_passage(scene: Scene) -> TimedRun:
-    name = SecondOrder.name
-    return fastest(timed_run(scene, name, TOLERANCE, SAMPLES, PASSAGE_SOLVER) for _ in range(PASSAGE_REPEATS))
 
 
 def _here(repeats: int) -> Record:

@@ -1,13 +1,17 @@
 """The held-out test, judged: whether the first choices met the error and how dear they were, and how laws predicted."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf, log
+from typing import Any
+
+import numpy as np
+import pandas as pd
 
 from polhode.harness.calibration.fit import pilot_of
 from polhode.harness.calibration.scenes import Question
 from polhode.harness.common.store import Record
-from polhode.harness.picking.laws import Interval, Laws
+from polhode.harness.picking.laws import Laws
 from polhode.harness.picking.load import load_of
 from polhode.harness.picking.pilot import PilotFailedError, form_sensitivity
 from polhode.harness.picking.ranking import Recommendation
@@ -17,6 +21,9 @@ from polhode.solvers.contract import Status
 # Targets: shares of the scenes, of the scenes, and of the runs; and the factor that counts as close.
 MEETS, CHEAP, PREDICTED = 0.95, 0.9, 0.9
 FACTOR = 1.5
+# Columns of the runs; what is not known is NaN.
+RUN_COLUMNS = ("scene", "form", "solver", "tolerance", "seconds", "seconds_at_usual_pace", "seconds_predicted")
+RUN_COLUMNS += ("slow_error", "slow_error_predicted", "slow_error_high")
 
 
 @dataclass(frozen=True)
@@ -37,88 +44,37 @@ class Answer:
 
 
 @dataclass(frozen=True)
-class HeldOutScene:
-    """One scene measured: records of the first choice, and of the cheapest run that meets the error."""
-
-    answer: Answer
-    first: Record | None
-    best: Record | None
-
-    @property
-    def error(self) -> float:
-        """Error of the first choice; inf if it failed."""
-        return inf if self.first is None else error_of(self.first, self.answer.question.want)
-
-    @property
-    def met(self) -> bool:
-        """Whether the first choice meets the error; a refusal does if nothing measured meets it either."""
-        return self.best is None if self.answer.recommendation is None else self.error <= self.answer.question.error
-
-    @property
-    def factor(self) -> float:
-        """Time of the first choice over that of the best one; 1 where nothing meets the error."""
-        if self.best is None:
-            return 1.0
-        return (self.first or {}).get("seconds", inf) / self.best["seconds"]
-
-
-@dataclass(frozen=True)
-class Prediction:
-    """A measured run and what the laws say of its time and of its solver's slow error, where they do."""
-
-    record: Record
-    measured: float  # wall time in s, at the pace that the machine had when the laws were fitted
-    seconds: Interval
-    error: Interval | None
-    measured_error: float | None
-
-    @property
-    def close(self) -> bool:
-        """Whether the time was predicted within the factor."""
-        return self._within(self.measured)
-
-    @property
-    def close_as_timed(self) -> bool:
-        """The same without regard to the machine's pace."""
-        return self._within(self.record["seconds"])
-
-    def _within(self, seconds: float) -> bool:
-        return abs(log(seconds / self.seconds.predicted)) <= log(FACTOR)
-
-
-@dataclass(frozen=True)
 class Evaluation:
-    """The held-out scenes, and predictions of the runs that reached their end by a method with a law."""
+    """A row for each held-out scene (`judged`), and one for each run that the laws predicted (`predicted_runs`)."""
 
-    scenes: tuple[HeldOutScene, ...]
-    predictions: tuple[Prediction, ...]
+    scenes: pd.DataFrame
+    runs: pd.DataFrame
 
     @property
     def met(self) -> float:
         """Share of the scenes on which the first choice meets the error."""
-        return _share(scene.met for scene in self.scenes)
+        return _share(self.scenes["met"])
 
     @property
     def cheap(self) -> float:
         """Share of the scenes on which it costs at most `FACTOR` times the best choice measured."""
-        return _share(scene.factor <= FACTOR for scene in self.scenes)
+        return _share(self.scenes["factor"] <= FACTOR)
 
     @property
     def predicted(self) -> float:
-        """Share of the runs whose time was predicted within `FACTOR`."""
-        return _share(prediction.close for prediction in self.predictions)
+        """Share of the runs whose time was predicted within `FACTOR`, at the pace that the laws were fitted at."""
+        return _share(close(self.runs["seconds_at_usual_pace"], self.runs))
 
     @property
     def predicted_as_timed(self) -> float:
         """The same without regard to the machine's pace."""
-        return _share(prediction.close_as_timed for prediction in self.predictions)
+        return _share(close(self.runs["seconds"], self.runs))
 
     @property
     def bounded(self) -> float:
         """Share of the runs whose solver error stays below the end of its interval."""
-        return _share(
-            p.measured_error <= p.error.high for p in self.predictions if p.error and p.measured_error is not None
-        )
+        known = self.runs.dropna(subset=["slow_error", "slow_error_high"])
+        return _share(known["slow_error"] <= known["slow_error_high"])
 
     @property
     def reached(self) -> bool:
@@ -126,21 +82,53 @@ class Evaluation:
         return self.met >= MEETS and self.cheap >= CHEAP and self.predicted >= PREDICTED
 
 
-def evaluation(
-    answers: Sequence[Answer], finals: Sequence[Sequence[Record]], records: Sequence[Record], laws: Laws
-) -> Evaluation:
-    """Compare answers with the records of their finals, and the laws with all others."""
-    scenes = []
-    for answer, mine in zip(answers, finals, strict=True):
-        question = answer.question
-        good = [r for r in mine if "seconds" in r and error_of(r, question.want) <= question.error]
-        best = min(good, key=lambda record: record["seconds"], default=None)
-        scenes.append(HeldOutScene(answer, answer.first_choice(mine), best))
-    return Evaluation(tuple(scenes), tuple(predictions(records, laws)))
+def close(seconds: pd.Series, runs: pd.DataFrame) -> pd.Series:
+    """Whether measured times of runs were predicted within `FACTOR`."""
+    return np.abs(np.log(seconds / runs["seconds_predicted"])) <= log(FACTOR)
 
 
-def predictions(records: Sequence[Record], laws: Laws) -> list[Prediction]:
-    """Predictions of all records of runs that reached their end, by the laws."""
+def judged(answer: Answer, finals: Sequence[Record]) -> Record:
+    """What the last runs of a scene say of the answer.
+
+    The error is met if the first choice meets it; a refusal does if nothing measured meets it either. The factor is
+    the time of the first choice over that of the cheapest run that meets the error; 1 where none does.
+    """
+    question, found, first = answer.question, answer.recommendation, answer.first_choice(finals) or {}
+    row: Any = found.ranking[0] if found else None
+    good = [r for r in finals if "seconds" in r and error_of(r, question.want) <= question.error]
+    best = min(good, key=lambda record: record["seconds"], default={})
+    error = error_of(first, question.want) if first else inf
+    return {
+        "scene": question.name,
+        "stokes": question.scene.stokes,
+        "time": question.scene.time,
+        "semi_axes": " ".join(f"{axis:.6g}" for axis in question.scene.ellipsoid.semi_axes),
+        "kind": question.scene.ellipsoid.kind,
+        "rotations": found.rotations if found else None,
+        "damping_times": found.damping_times if found else None,
+        "samples": question.samples,
+        "want": question.want,
+        "error_asked": question.error,
+        "form": row and row.form,
+        "solver": row and row.solver,
+        "tolerance": row and row.tolerance,
+        "error_predicted": row and row.error.predicted,
+        "error_high": row and row.error.high,
+        "error": error if error < inf else None,
+        "seconds_predicted": row and row.seconds.predicted,
+        "seconds": first.get("seconds"),
+        "met": error <= question.error if found else not best,
+        "factor": first.get("seconds", inf) / best["seconds"] if best else 1.0,
+        "best_form": best.get("form"),
+        "best_solver": best.get("solver"),
+        "best_tolerance": best.get("tolerance"),
+        "best_seconds": best.get("seconds"),
+        "refusal": answer.refusal,
+    }
+
+
+def predicted_runs(records: Sequence[Record], laws: Laws) -> pd.DataFrame:
+    """What the laws say of every run that reached its end, by a method with a law, beside what was measured."""
     found = []
     for record in records:
         law = laws.methods.get((record["form"], record["solver"]))
@@ -156,9 +144,12 @@ def predictions(records: Sequence[Record], laws: Laws) -> list[Prediction]:
         sensitivity = form_sensitivity(form, known)[0]
         slow = law.error_law("slow", sensitivity) if sensitivity.error < inf else None
         error = slow.predict(sensitivity, tolerance) if slow else None
-        seconds, measured = law.cost.predict(load, tolerance), laws.pace.seconds(record)
-        found.append(Prediction(record, measured, seconds, error, record.get("solver_slow_error")))
-    return found
+        head = record["scene_name"], record["form"], record["solver"], tolerance
+        times = record["seconds"], laws.pace.seconds(record), law.cost.predict(load, tolerance).predicted
+        errors = record.get("solver_slow_error"), error and error.predicted, error and error.high
+        found.append((*head, *times, *errors))
+    frame = pd.DataFrame(found, columns=list(RUN_COLUMNS))
+    return frame.astype(dict.fromkeys(RUN_COLUMNS[3:], float))
 
 
 def error_of(record: Record, want: str) -> float:
@@ -167,6 +158,5 @@ def error_of(record: Record, want: str) -> float:
     return inf if error is None or record["status"] != Status.REACHED_END else float(error)
 
 
-def _share(flags: Iterable[bool]) -> float:
-    known = list(flags)
-    return sum(known) / len(known) if known else 1.0
+def _share(flags: pd.Series) -> float:
+    return float(flags.mean()) if len(flags) else 1.0

@@ -3,7 +3,9 @@
 from collections.abc import Sequence
 from math import log10
 
-from polhode.harness.calibration.evaluation import Answer, Evaluation, error_of, evaluation
+import pandas as pd
+
+from polhode.harness.calibration.evaluation import Answer, Evaluation, error_of, judged, predicted_runs
 from polhode.harness.calibration.scenes import HELD_OUT_SCENES, HELD_OUT_SEED, Question, questions
 from polhode.harness.calibration.training import CaseGroups, fast_solvers, forms_for, solvers_for, study
 from polhode.harness.common.store import Record, Store
@@ -31,7 +33,7 @@ def evaluate(
     records = runner.run(CaseGroups.of("held-out", (each for answer in answers for each in studies(answer))))
     last = runner.run(CaseGroups("finals", tuple(finalists(answer, records) for answer in answers)))
     finals = [[record for record in last if record["scene_name"] == answer.question.name + FINAL] for answer in answers]
-    return evaluation(answers, finals, records, laws)
+    return Evaluation(pd.DataFrame(map(judged, answers, finals)), predicted_runs(records, laws))
 
 
 def ask(question: Question, laws: Laws) -> Answer:

@@ -6,6 +6,8 @@ import click
 
 from polhode.harness.cli import RunFailed, bad_input
 
+# Again in `averaging.second_order`, so that `--help` needs no numerics.
+PARTS = ("orders", "resonances", "cost")
 FOLDERS = {"1": Path("reports/accuracy"), "2": Path("reports/second-order")}
 
 
@@ -20,7 +22,7 @@ FOLDERS = {"1": Path("reports/accuracy"), "2": Path("reports/second-order")}
 @click.option("--out", type=click.Path(path_type=Path), help="Folder; by default reports/accuracy or second-order.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @click.option("--quick", is_flag=True, help="St up to 1000 or a few cases alone: a look, not a result.")
-@click.option("--part", type=click.Choice(["resonances", "times"]), help="Of order 2, measure that alone anew.")
+@click.option("--part", type=click.Choice(PARTS), help="Of order 2, measure that alone anew.")
 @click.option("--page-only", is_flag=True, help="Measure nothing: write the page anew from the data in --out.")
 @click.option("--quiet", is_flag=True, help="No progress.")
 def accuracy(
@@ -69,21 +71,15 @@ def _first_order(out: Path, as_json: bool, quick: bool, page_only: bool, quiet: 
 def _second_order(out: Path, as_json: bool, quick: bool, part: str | None, page_only: bool, quiet: bool) -> str:
     from dataclasses import asdict
 
-    from polhode.harness.averaging import second_order as study
     from polhode.harness.averaging.data import read_second_order
     from polhode.harness.averaging.findings import findings
+    from polhode.harness.averaging.second_order import measure_study
     from polhode.harness.common.plain_json import dumps
     from polhode.harness.pages.second_order import write_page
 
     with bad_input():
         old = read_second_order(out) if part or page_only else None
         out.mkdir(parents=True, exist_ok=True)
-    if old is None:
-        found = study.measure_study(quick=quick, quiet=quiet)
-    elif part:
-        again = study.measure_passages_again if part == "resonances" else study.measure_times_again
-        found = again(old, quiet=quiet)
-    else:
-        found = old
+    found = old if old and not part else measure_study(old, part or "", quick=quick, quiet=quiet)
     write_page(found, out)
     return dumps(asdict(found)) if as_json else "\n".join(findings(found))

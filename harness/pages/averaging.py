@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import asdict
 from itertools import cycle
-from math import isnan
+from math import isnan, nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,15 +11,7 @@ from polhode.harness.averaging.cases import paper_cases
 from polhode.harness.averaging.data import VARIABLES, Absent, AveragingErrors, write_data
 from polhode.harness.averaging.findings import statements
 from polhode.harness.averaging.measure import SAMPLES, SOLVER, TOLERANCE, UNCERTIFIED
-from polhode.harness.averaging.orders import (
-    FITTED_FROM,
-    LEAST_POINTS,
-    SAME_HORIZON,
-    TARGETS,
-    Law,
-    first_order,
-    laws,
-)
+from polhode.harness.averaging.orders import FITTED_FROM, LEAST_POINTS, SAME_HORIZON, TARGETS, Law, first_order, laws
 from polhode.harness.common.machine import versions
 from polhode.harness.common.text import aligned, in_two_digits, markdown, scientific, short
 from polhode.harness.pages.work_precision import save
@@ -28,16 +20,8 @@ from polhode.models.shape import Ellipsoid
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-ERRORS_HEADER = [
-    "case",
-    "form",
-    "St",
-    "to t₂",
-    *(f"model {name}" for name in VARIABLES),
-    "model",
-    "solver",
-    "reference",
-]
+ERRORS_HEADER = ["case", "form", "St", "to t₂", *(f"model {name}" for name in VARIABLES)]
+ERRORS_HEADER += ["model", "solver", "reference"]
 LAWS_HEADER = ["case", "form", "to t₂", "St measured", "St fitted"]
 LAWS_HEADER += [*(f"order {name}" for name in VARIABLES), "order", "95 % interval"]
 LAWS_HEADER += [f"St for {target:g}" for target in TARGETS]
@@ -50,13 +34,9 @@ COLORS = ("#000000", "#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56
 
 def as_text(rows: Sequence[AveragingErrors], absent: Sequence[Absent] = ()) -> str:
     """All tables and the statements, for a terminal."""
-    parts = [
-        aligned(ERRORS_HEADER, [_error_row(row) for row in rows]),
-        aligned(LAWS_HEADER, law_rows(rows)),
-        *([aligned(ABSENT_HEADER, absent_rows(absent))] if absent else []),
-        "\n".join(statements(rows)),
-    ]
-    return "\n\n".join(parts)
+    tables = [(ERRORS_HEADER, list(map(_error_row, rows))), (LAWS_HEADER, law_rows(rows))]
+    tables += [(ABSENT_HEADER, absent_rows(absent))] if absent else []
+    return "\n\n".join([*(aligned(*table) for table in tables), "\n".join(statements(rows))])
 
 
 def as_json(rows: Sequence[AveragingErrors], absent: Sequence[Absent] = ()) -> dict[str, Any]:
@@ -70,7 +50,11 @@ def as_json(rows: Sequence[AveragingErrors], absent: Sequence[Absent] = ()) -> d
                 "fitted_stokes": law.fitted[0].tolist(),
                 "order": _number(law.order),
                 "order_interval": [_number(end) for end in law.order_interval],
-                "stokes_for": {f"{target:g}": _need(law, target) for target in TARGETS},
+                "stokes_for": {
+                    f"{target:g}": {"stokes": _number(stokes), "from": source}
+                    for target in TARGETS
+                    for stokes, source in [law.needed(target)]
+                },
             }
             for law in laws(rows)
         ],
@@ -118,15 +102,8 @@ def _panel(axes: "Axes", own: Sequence[Law]) -> None:
             markersize=4,
         )
     if any(not first_order(law.form) for law in own):
-        axes.plot(
-            [],
-            [],
-            color="0.3",
-            linestyle="--",
-            marker="s",
-            markersize=4,
-            label="the same, second order" + (" up to $L^2=2EI_2$" if own[0].family == "ellipsoid" else ""),
-        )
+        label = "the same, second order" + (" up to $L^2=2EI_2$" if own[0].family == "ellipsoid" else "")
+        axes.plot([], [], color="0.3", linestyle="--", marker="s", markersize=4, label=label)
     x = [1e2, 1e6]
     axes.loglog(x, [3e1 / s for s in x], color="0.6", linewidth=0.9, linestyle=":", label="30/St")
     for target in TARGETS:
@@ -136,26 +113,16 @@ def _panel(axes: "Axes", own: Sequence[Law]) -> None:
 
 def law_rows(rows: Sequence[AveragingErrors]) -> list[list[str]]:
     """One row per case and form: the orders per variable and of the slow error, and the St that errors need."""
-    each = {name: {(law.subject, law.form): law for law in laws(rows, name)} for name in VARIABLES}
+    each = {(law.subject, law.form, name): law.order for name in VARIABLES for law in laws(rows, name)}
     table = []
     for law in laws(rows):
-        orders = [each[name].get((law.subject, law.form)) for name in VARIABLES]
+        first, last = (_stokes(law.alike[0][end]) for end in (0, -1))
         low, high = law.order_interval
-        interval = "too few points" if isnan(low) else f"{low:.2f} to {high:.2f}"
-        needs = [_need(law, target) for target in TARGETS]
-        table.append(
-            [
-                law.subject,
-                law.form,
-                f"{law.horizon:.3g}",
-                _span(law.alike[0].tolist()),
-                f"{len(law.fitted[0])}",
-                *(_order(each_law.order if each_law else None) for each_law in orders),
-                _order(law.order),
-                interval,
-                *map(_needed, needs),
-            ]
-        )
+        orders = [*(each.get((law.subject, law.form, name), nan) for name in VARIABLES), law.order]
+        table.append([law.subject, law.form, f"{law.horizon:.3g}", first if first == last else f"{first} to {last}"])
+        table[-1] += [f"{len(law.fitted[0])}", *("–" if isnan(order) else f"{order:.2f}" for order in orders)]
+        table[-1] += ["too few points" if isnan(low) else f"{low:.2f} to {high:.2f}"]
+        table[-1] += [_needed(*law.needed(target)) for target in TARGETS]
     return table
 
 
@@ -280,30 +247,16 @@ def _error_row(row: AveragingErrors) -> list[str]:
     return [row.subject, row.form, _stokes(row.stokes), f"{row.until:.3g}", *(scientific(number) for number in numbers)]
 
 
-def _need(law: Law, target: float) -> dict[str, Any]:
-    stokes, source = law.needed(target)
-    return {"stokes": _number(stokes), "from": source}
-
-
-def _needed(need: dict[str, Any]) -> str:
-    if need["stokes"] is None:
+def _needed(stokes: float, source: str) -> str:
+    if isnan(stokes):
         return "–"
-    if need["from"] == "at most":
-        return f"< {_stokes(need['stokes'])}"
-    return ("~ " if need["from"] == "extrapolated" else "") + in_two_digits(need["stokes"])
-
-
-def _span(numbers: Sequence[float]) -> str:
-    first, last = _stokes(numbers[0]), _stokes(numbers[-1])
-    return first if first == last else f"{first} to {last}"
+    if source == "at most":
+        return f"< {_stokes(stokes)}"
+    return ("~ " if source == "extrapolated" else "") + in_two_digits(stokes)
 
 
 def _stokes(stokes: float) -> str:
     return short(float(f"{stokes:.3g}"))
-
-
-def _order(order: float | None) -> str:
-    return "–" if order is None or isnan(order) else f"{order:.2f}"
 
 
 def _number(value: float) -> float | None:

@@ -91,12 +91,8 @@ def choose(
 def simplest(scene: Scene, want: str) -> tuple[str, str]:
     """The full form of the fewest equations that answers a question about a scene, and why, in words.
 
-    Averaged forms are approximations: whether one is good enough depends on the error asked for.
-
-    Raises
-    ------
-    ValueError
-        If `want` is neither "slow" nor "orientation", or if the start has no orientation.
+    Averaged forms are approximations: whether one is good enough depends on the error asked for. Raises ValueError if
+    `want` is neither "slow" nor "orientation", or if the start has no orientation.
     """
     if want not in WANTS:
         raise ValueError(f"want: got {want!r}, expected 'slow' or 'orientation'")
@@ -123,13 +119,7 @@ def _simplest(scene: Scene) -> tuple[str, str]:
 
 
 def check_tolerance(tolerance: float) -> None:
-    """Refuse a tolerance for which there is no use in double precision.
-
-    Raises
-    ------
-    ValueError
-        Naming it and the range.
-    """
+    """Raise ValueError for a tolerance that is of no use in double precision."""
     if not LEAST_TOLERANCE <= tolerance <= LARGEST_TOLERANCE:
         expected = f"a number from {LEAST_TOLERANCE:g}, the rounding of double precision, to {LARGEST_TOLERANCE:g}"
         raise ValueError(f"tolerance: got {tolerance!r}, expected {expected}")

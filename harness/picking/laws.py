@@ -206,15 +206,7 @@ class OtherSchemaError(ValueError):
 
 
 def parse_laws(text: str) -> Laws:
-    """Laws from JSON.
-
-    Raises
-    ------
-    OtherSchemaError
-        If they are those of another version.
-    ValueError
-        If the text holds no laws.
-    """
+    """Laws from JSON; raises OtherSchemaError if they are those of another version, ValueError if there are none."""
     content = json.loads(text)
     if content.get("schema") != SCHEMA:
         raise OtherSchemaError(f"laws: got schema {content.get('schema')!r}, expected {SCHEMA}")

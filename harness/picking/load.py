@@ -58,12 +58,7 @@ def load_of(form: Form, solver: str, pilot: Pilot, samples: int) -> Load:
     """Load of a run of a form by a solver.
 
     Rotations, the flow's own time and damping times count by the steps that they cost, as against the usual. Averaged
-    forms know nothing of rotations, and count by their steps.
-
-    Raises
-    ------
-    PilotFailedError
-        If the form's own pilot does not reach its end.
+    forms know nothing of rotations, and count by their steps. Raises PilotFailedError if the form's own pilot fails.
     """
     scene, damped, gauge = pilot.scene, pilot.damping_times, gauge_of(solver)
     if form.averaged:
@@ -82,12 +77,9 @@ def load_of(form: Form, solver: str, pilot: Pilot, samples: int) -> Load:
 
 
 def held_back(form: Form, solver: str, pilot: Pilot) -> bool:
-    """Whether stability sets so many of a solver's steps that its error says little about its tolerance.
+    """Whether stability sets so many of a solver's steps that its error does not follow its tolerance.
 
-    Raises
-    ------
-    PilotFailedError
-        If the form's own pilot does not reach its end.
+    Raises PilotFailedError if the form's own pilot fails.
     """
     if find_solver(solver).implicit or find_solver(solver).closed_form:
         return False
@@ -103,10 +95,7 @@ def held_back(form: Form, solver: str, pilot: Pilot) -> bool:
 def steps(form: Form, scene: Scene, gauge: Gauge) -> tuple[float, float]:
     """Steps of a form's pilot run: those that accuracy asks for, and those that stability does.
 
-    Raises
-    ------
-    PilotFailedError
-        If the run does not reach its end.
+    Raises PilotFailedError if the run does not reach its end.
     """
     if gauge is not EXPLICIT:
         return _count(form, scene, gauge.solver, gauge.tolerance), 0.0

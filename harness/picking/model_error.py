@@ -7,13 +7,7 @@ from math import log
 import numpy as np
 
 from polhode.harness.picking.laws import Interval
-from polhode.harness.picking.pilot import (
-    Pilot,
-    PilotFailedError,
-    follow,
-    form_ladder,
-    pilot_form,
-)
+from polhode.harness.picking.pilot import Pilot, PilotFailedError, follow, form_ladder, pilot_form
 from polhode.harness.picking.refusals import apart
 from polhode.harness.references.errors import Errors, errors
 from polhode.models.form import Form
@@ -39,10 +33,7 @@ class NotApplicableError(ValueError):
 def model_errors(form: Form, pilot: Pilot) -> dict[str, Interval | None]:
     """Slow and orientation error of an averaged form's exact solution against the full one.
 
-    Raises
-    ------
-    NotApplicableError
-        If there is nothing to average over, or no pilot can tell.
+    Raises NotApplicableError if there is nothing to average over, or no pilot shows the error.
     """
     if pilot.scene.ellipsoid.kind == "sphere":
         # L obeys the averaged equation itself.
@@ -90,10 +81,7 @@ def causes(form: Form, pilot: Pilot) -> list[str]:
 def _measured(form: Form, pilot: Pilot) -> dict[str, Interval | None]:
     found = errors(pilot.scene.ellipsoid, form_ladder(form, pilot.scene)[-1][1], pilot.observables)
     intervals: dict[str, Interval | None] = {}
-    for want, value, gain in (
-        ("slow", found.slow, pilot.slow),
-        ("orientation", found.orientation, pilot.orientation),
-    ):
+    for want, value, gain in (("slow", found.slow, pilot.slow), ("orientation", found.orientation, pilot.orientation)):
         if value is None or gain is None:
             intervals[want] = None
             continue

@@ -111,25 +111,17 @@ def oriented(scene: Scene) -> Scene:
     helper = np.eye(3)[int(np.argmin(np.abs(direction)))]
     side = np.cross(direction, helper)
     side /= np.linalg.norm(side)
-    # Columns of the two frames correspond: L, the middle axis, and what completes them.
-    own = np.column_stack([body, across, np.cross(body, across)])
-    space = np.column_stack([direction, side, np.cross(direction, side)])
     from scipy.spatial.transform import Rotation
 
-    x, y, z, w = Rotation.from_matrix(space @ own.T).as_quat().tolist()
+    turn, _ = Rotation.align_vectors([direction, side], [body, across])
+    x, y, z, w = turn.as_quat().tolist()
     velocity = size * body / np.array(ellipsoid.inertia)
     v1, v2, v3 = velocity.tolist()
     return replace(scene, start=BodyStart((w, x, y, z), (v1, v2, v3)))
 
 
 def pilot(scene: Scene) -> Pilot:
-    """Follow a scene loosely.
-
-    Raises
-    ------
-    PilotFailedError
-        If no run at any tolerance comes far enough.
-    """
+    """Follow a scene loosely; raises PilotFailedError if no run at any tolerance comes far enough."""
     whole = oriented(scene)
     try:
         count = rotations(whole)

@@ -6,11 +6,13 @@ from math import isnan, nan
 
 from click.testing import CliRunner
 
+from polhode.harness.averaging import second_order
 from polhode.harness.averaging.cases import RESONANT
 from polhode.harness.averaging.data import Cost, Passage, SecondOrderErrors, SecondOrderStudy, read_second_order
 from polhode.harness.averaging.findings import findings
-from polhode.harness.averaging.second_order import costs, measure_passage, time_again
+from polhode.harness.averaging.second_order import REPEATS, costs, measure_passage, measure_study
 from polhode.harness.cli import polhode
+from polhode.harness.commands.accuracy import PARTS
 from polhode.harness.pages.second_order import page, write_page
 
 ROWS = [
@@ -70,7 +72,7 @@ def test_the_page_shows_every_kind_of_row(tmp_path):
 
 
 def test_findings_are_those_of_the_numbers():
-    orders, estimates, gains, crossings, there, share, steady, compared = findings(
+    orders, estimates, gains, crossings, there, steady, compared = findings(
         replace(STUDY, crossings=[replace(PASSED, slow=3.5e-5), REFUSED])
     )
     assert orders.startswith("Spheroids, 1 starts: the slow error falls like St^-2.00 to St^-2.00")
@@ -79,23 +81,29 @@ def test_findings_are_those_of_the_numbers():
     assert "10 to 10 times smaller" in crossings
     assert "Refused at all St: 1 of 2 runs" in crossings
     assert "0.57 to 2.9 times the slow error" in there
-    assert "The integration takes 2 to 2 %" in share
     assert "500 µs to 600 µs at St from 1000 to 1e6: at the largest St 1.20 times" in steady
     assert "210 ms for a slow error of at most 1e-6 (`cyrk-vern8`, the fastest of 2 solvers), 350 times" in compared
     assert findings(SecondOrderStudy([], [], [], [], {})) == []
 
 
-def test_the_times_alone_are_measured_anew():
+def test_a_run_through_a_resonance_is_measured():
     row = measure_passage(RESONANT[1], 1e4)
     assert row.modes == "(-4, 2)"
     assert row.slow < row.estimated_slow < row.first_order_slow / 20
     assert row.orientation < row.estimated_orientation
     assert 0 < row.integration < row.seconds
-    old = replace(row, integration=nan, seconds=1e9)
-    new = time_again(RESONANT, old)
-    assert 0 < new.integration < new.seconds < 1e9
-    assert replace(new, integration=row.integration, seconds=row.seconds) == row
-    assert time_again(RESONANT, REFUSED) is REFUSED
+
+
+def test_one_part_is_measured_and_the_others_stay(monkeypatch):
+    monkeypatch.setattr(second_order, "costs", lambda: iter(COST[:2]))
+    found = measure_study(STUDY, "cost", quiet=True)
+    assert found.cost == COST[:2]
+    assert found.timed["cost"]["repeats"] == REPEATS
+    assert replace(found, cost=COST, timed=TIMED) == STUDY
+
+
+def test_the_commands_parts_are_the_studys():
+    assert PARTS == second_order.PARTS
 
 
 def test_costs_have_one_row_for_each_form_solver_and_st():
@@ -119,12 +127,12 @@ def test_options_that_make_no_sense_are_one_line(tmp_path):
         return outcome.output
 
     assert "orders.csv: No such file or directory, expected a table of shape" in told("--order", "2", "--page-only")
-    assert "--quick, --part, --page-only: got several" in told("--order", "2", "--page-only", "--part", "times")
-    assert "--part: got --order 1, expected --order 2" in told("--part", "times")
+    assert "--quick, --part, --page-only: got several" in told("--order", "2", "--page-only", "--part", "cost")
+    assert "--part: got --order 1, expected --order 2" in told("--part", "cost")
     write_page(STUDY, tmp_path)
     (tmp_path / "cost.csv").write_text("form,solver\n")
     assert "cost.csv: got the columns form, solver, expected form, solver, tol" in told(
-        "--order", "2", "--part", "times"
+        "--order", "2", "--part", "cost"
     )
 
 

@@ -1,11 +1,11 @@
 """How good `pick` is held to be: outcomes of scenes held out, their judgement, and the page about them."""
 
-from dataclasses import replace
 from math import inf
 
+import pandas as pd
 import pytest
 
-from polhode.harness.calibration.evaluation import Answer, Evaluation, HeldOutScene, Prediction, evaluation
+from polhode.harness.calibration.evaluation import RUN_COLUMNS, Answer, Evaluation, judged
 from polhode.harness.calibration.heldout import FINAL, FINALISTS, ask, finalists
 from polhode.harness.calibration.heldout import studies as held_out_studies
 from polhode.harness.calibration.scenes import HELD_OUT_SCENES, HELD_OUT_SEED, TRAINING_SCENES, questions
@@ -44,18 +44,25 @@ def test_held_out_judgement(own_error, own_seconds, met, factor):
         a_record(question, "cyrk-vern8", 1e-9, 2.0, 0.9 * question.error),
         a_record(question, "cyrk-vern8", 1e-6, 0.1, 90 * question.error),
     ]
-    lawless = replace(load_laws(), methods={})
-    (outcome,) = evaluation([told], [records], [], lawless).scenes
-    assert outcome.met is met
-    assert outcome.factor == pytest.approx(factor)
+    found = judged(told, records)
+    assert found["met"] is met
+    assert found["factor"] == pytest.approx(factor)
 
 
 @pytest.mark.parametrize(("error", "met"), [(0.5, False), (2.0, True)])
 def test_refusal_counts_as_met_only_if_nothing_meets_the_error(error, met):
     question = questions(HELD_OUT_SEED, 1)[0]
     best = a_record(question, "taylor", 1e-9, 1.0, error * question.error)
-    outcome = HeldOutScene(Answer(question, None, "not attainable"), None, None if error > 1 else best)
-    assert outcome.met is met
+    assert judged(Answer(question, None, "not attainable"), [best])["met"] is met
+
+
+def runs_of(*seconds_and_errors):
+    """Runs whose time and error were predicted to be 1 and 1e-7, on a machine twice as slow as usual."""
+    rows = [
+        ("s", "quaternion", "taylor", 1e-9, 2 * seconds, seconds, 1.0, error, 1e-7, 1e-6)
+        for seconds, error in seconds_and_errors
+    ]
+    return pd.DataFrame(rows, columns=list(RUN_COLUMNS))
 
 
 def test_held_out_shares_and_pages(tmp_path):
@@ -65,18 +72,15 @@ def test_held_out_shares_and_pages(tmp_path):
     interval = Interval(1.0, 0.5, 2.0)
     row = Way("quaternion", "taylor", 1e-9, interval, interval, 1.0, False, "")
     told = Answer(question, Recommendation(question.want, question.error, 1.0, 1.0, (row,), ()), "")
-    outcomes = HeldOutScene(told, good, good), HeldOutScene(told, None, good)
-    predictions = tuple(
-        Prediction({**good, "seconds": 2 * seconds}, seconds, interval, Interval(1e-7, 1e-8, 1e-6), error)
-        for seconds, error in ((1.4, 1e-7), (0.7, 1e-5), (1.6, 1e-9))
-    )
-    found = Evaluation(outcomes, predictions)
+    other = {**good, "solver": "radau"}
+    scenes = pd.DataFrame([judged(told, [good]), judged(told, [other])])
+    found = Evaluation(scenes, runs_of((1.4, 1e-7), (0.7, 1e-5), (1.6, 1e-9)))
     assert (found.met, found.cheap) == (0.5, 0.5)
     assert found.predicted == pytest.approx(2 / 3)
     assert found.predicted_as_timed == pytest.approx(1 / 3)
     assert found.bounded == pytest.approx(2 / 3)
     assert not found.reached
-    assert outcomes[1].factor == inf
+    assert scenes["factor"][1] == inf
     page = write_pages(tmp_path, load_laws(), found, "polhode validate").read_text(encoding="utf-8")
     assert all(sentence in page for sentence in summary(found))
     assert (tmp_path / "predicted.png").stat().st_size > 10_000
@@ -92,10 +96,10 @@ def test_what_is_not_known_is_a_dash_that_the_page_explains(tmp_path):
     row = Way("quaternion", "taylor", 1e-9, interval, interval, 1.0, False, "")
     told = Answer(question, Recommendation(question.want, question.error, 7.0, 1.0, (row,), ()), "")
     refused = Answer(question, None, "not attainable")
-    outcomes = HeldOutScene(told, None, good), HeldOutScene(told, unjudged, good), HeldOutScene(refused, None, good)
-    outcomes += (HeldOutScene(told, good, good),)
-    predictions = (Prediction(good, 1.0, interval, interval, 1e-7),)
-    page = write_pages(tmp_path, load_laws(), Evaluation(outcomes, predictions), "x").read_text(encoding="utf-8")
+    other = {**good, "solver": "radau"}
+    answers = ((told, [other]), (told, [unjudged, other]), (refused, [other]), (told, [good]))
+    found = Evaluation(pd.DataFrame([judged(*answer) for answer in answers]), runs_of((1.0, 1e-7)))
+    page = write_pages(tmp_path, load_laws(), found, "x").read_text(encoding="utf-8")
     explained, _, table = page.partition("## The scenes")[2].partition("|")
     assert "– stands for what is not known" in explained
     cells = [[cell.strip() for cell in line.split("|")[1:-1]] for line in table.splitlines()[2:6]]

@@ -49,15 +49,7 @@ COST = CostLaw(
     records=1,
 )
 ERROR = ErrorLaw(
-    offset=-0.5,
-    order=1.1,
-    gain=1.0,
-    growth=0.1,
-    stiffness=-0.2,
-    floor=3.0,
-    floor_growth=0.8,
-    stray=SHARP,
-    records=1,
+    offset=-0.5, order=1.1, gain=1.0, growth=0.1, stiffness=-0.2, floor=3.0, floor_growth=0.8, stray=SHARP, records=1
 )
 
 

@@ -178,16 +178,7 @@ def test_json_is_the_contract(capsys):
     assert list(found) == ["want", "error", "ranking", "excluded"]
     assert (found["want"], found["error"]) == ("slow", 1e-6)
     for row in found["ranking"]:
-        assert set(row) == {
-            "form",
-            "solver",
-            "tolerance",
-            "error",
-            "seconds",
-            "first_run_seconds",
-            "tied",
-            "reason",
-        }
+        assert set(row) == {"form", "solver", "tolerance", "error", "seconds", "first_run_seconds", "tied", "reason"}
         assert set(row["error"]) == set(row["seconds"]) == {"predicted", "low", "high"}
     for row in found["excluded"]:
         assert set(row) == {"form", "solver", "reason"}
