@@ -82,7 +82,7 @@ class Evaluation:
         return self.met >= MEETS and self.cheap >= CHEAP and self.predicted >= PREDICTED
 
 
-def close(seconds: pd.Series, runs: pd.DataFrame) -> pd.Series:
+def close(seconds: Any, runs: pd.DataFrame) -> Any:
     """Whether measured times of runs were predicted within `FACTOR`."""
     return np.abs(np.log(seconds / runs["seconds_predicted"])) <= log(FACTOR)
 
@@ -141,7 +141,7 @@ def predicted_runs(records: Sequence[Record], laws: Laws) -> pd.DataFrame:
             load = load_of(form, record["solver"], known, record["samples"])
         except PilotFailedError:
             continue
-        sensitivity = form_sensitivity(form, known)[0]
+        sensitivity = form_sensitivity(form, known)["slow"]
         slow = law.error_law("slow", sensitivity) if sensitivity.error < inf else None
         error = slow.predict(sensitivity, tolerance) if slow else None
         head = record["scene_name"], record["form"], record["solver"], tolerance
@@ -158,5 +158,5 @@ def error_of(record: Record, want: str) -> float:
     return inf if error is None or record["status"] != Status.REACHED_END else float(error)
 
 
-def _share(flags: pd.Series) -> float:
+def _share(flags: Any) -> float:
     return float(flags.mean()) if len(flags) else 1.0

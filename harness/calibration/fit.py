@@ -93,8 +93,8 @@ def sample_of(record: Record, pace: Pace) -> Sample | None:
         return None
     with suppress(PilotFailedError):
         if not held_back(form, solver, pilot):
-            pairs = zip(WANTS, form_sensitivity(form, pilot), strict=True)
-            known = {want: (at, error) for want, at in pairs if at and (error := _error(record, want, at)) is not None}
+            pairs = form_sensitivity(form, pilot).items()
+            known = {want: (at, error) for want, at in pairs if (error := _error(record, want, at)) is not None}
     return Sample(record["scene_name"], record["tolerance"], load, pace.seconds(record), known)
 
 
@@ -207,15 +207,6 @@ def robust_fit(
     return least_squares(residuals, start, **options).x
 
 
-@dataclass(frozen=True)
-class Bootstrap:
-    """Parameters by name, their 95 % intervals, and how far measurements strayed from fits that had left them out."""
-
-    values: dict[str, float]
-    intervals: dict[str, tuple[float, float]]
-    stray: Stray
-
-
 def bootstrap(
     scenes: Sequence[str],
     predicted: Callable[[Array], Array],
@@ -223,8 +214,8 @@ def bootstrap(
     prior: Prior,
     soft: float,
     readable: dict[str, Callable[[float], float]],
-) -> Bootstrap:
-    """Fit a law, and fit it again to scenes drawn with replacement.
+) -> dict[str, Any]:
+    """Fit a law, and fit it again to scenes drawn with replacement: its parameters, their intervals, and its stray.
 
     What one scene says of another is what a prediction is worth: strays are those of the scenes left out, wider where
     there are few, by Student's t over the normal distribution. `readable` turns parameters into those of the law.
@@ -239,15 +230,14 @@ def bootstrap(
         weights = np.bincount(random.integers(count, size=count), minlength=count)[group].astype(float)
         replicates.append(robust_fit(predicted, measured, prior, soft, weights, x))
         strays.append((measured - predicted(replicates[-1]))[weights == 0])
-    values, intervals = {}, {}
-    for name, value, low, high in zip(prior, x, *np.quantile(replicates, (LOW, HIGH), axis=0), strict=True):
-        plain = readable.get(name, float)
-        values[name], intervals[name] = plain(value), (plain(low), plain(high))
     low, middle, high = np.quantile(np.concatenate(strays), (LOW, MIDDLE, HIGH)).tolist()
     wider = float(stdtrit(count - 1, HIGH) * np.sqrt(1 + 1 / count) / ndtri(HIGH))
-    return Bootstrap(
-        values, intervals, Stray(middle + wider * (low - middle), middle, middle + wider * (high - middle))
-    )
+    stray = Stray(middle + wider * (low - middle), middle, middle + wider * (high - middle))
+    law: dict[str, Any] = {"stray": stray, "records": len(group), "intervals": {}}
+    for name, value, *ends in zip(prior, x, *np.quantile(replicates, (LOW, HIGH), axis=0), strict=True):
+        plain = readable.get(name, float)
+        law[name], law["intervals"][name] = plain(value), tuple(map(plain, ends))
+    return law
 
 
 def fit_cost(runs: Sequence[Sample]) -> CostLaw:
@@ -264,8 +254,7 @@ def fit_cost(runs: Sequence[Sample]) -> CostLaw:
 
     scenes = [run.scene for run in runs]
     readable: dict[str, Callable[[float], float]] = dict.fromkeys(list(COST_PRIOR)[:6], exp)
-    fit = bootstrap(scenes, predicted, measured, COST_PRIOR, SOFT_COST, readable)
-    return CostLaw(**fit.values, stray=fit.stray, records=len(runs), intervals=fit.intervals)
+    return CostLaw(**bootstrap(scenes, predicted, measured, COST_PRIOR, SOFT_COST, readable))
 
 
 def fit_errors(runs: Sequence[Sample], closed_form: bool = False) -> dict[str, ErrorLaw]:
@@ -294,5 +283,4 @@ def fit_error(runs: Sequence[Sample], want: str, closed_form: bool = False) -> E
 
     prior = ERROR_PRIOR | {"floor_growth": FLOOR_GROWTH[want]} | (NO_TRUNCATION if closed_form else {})
     readable: dict[str, Callable[[float], float]] = {"offset": lambda x: float(x / log(10)), "floor": exp}
-    fit = bootstrap([run.scene for run in runs], predicted, measured, prior, SOFT_ERROR, readable)
-    return ErrorLaw(**fit.values, stray=fit.stray, records=len(runs), intervals=fit.intervals)
+    return ErrorLaw(**bootstrap([run.scene for run in runs], predicted, measured, prior, SOFT_ERROR, readable))

@@ -26,17 +26,7 @@ SAMPLES = (51, 201, 501)
 
 @dataclass(frozen=True)
 class Question:
-    """A scene, and what is asked of it.
-
-    Parameters
-    ----------
-    name : str
-    scene : Scene
-    samples : int
-        Equispaced times of the output.
-    error : float
-    want : {"slow", "orientation"}
-    """
+    """A scene, and what is asked of it: output at so many equispaced times, within an error."""
 
     name: str
     scene: Scene

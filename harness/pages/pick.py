@@ -40,7 +40,7 @@ def write_pages(folder: Path, laws: Laws, evaluation: Evaluation, command: str) 
 def summary(evaluation: Evaluation) -> list[str]:
     """The evaluation in sentences, each with its target."""
     count = len(evaluation.scenes)
-    refused = int(evaluation.scenes["form"].isna().sum())
+    refused = sum(scene["refusal"] != "" for scene in evaluation.scenes.to_dict("records"))
     lines = [
         f"The first choice met the error on {evaluation.met:.1%} of {count} held-out scenes (target: {MEETS:.0%}).",
         f"It cost at most {FACTOR:g} times the best measured choice on {evaluation.cheap:.1%} (target: {CHEAP:.0%}).",
@@ -59,7 +59,7 @@ def summary(evaluation: Evaluation) -> list[str]:
 
 def _lines(laws: Laws, evaluation: Evaluation, command: str) -> list[str]:
     source = laws.source
-    scenes = [_scene_cells(row) for _, row in evaluation.scenes.iterrows()]
+    scenes = list(map(_scene_cells, evaluation.scenes.to_dict("records")))
     machine = source.get("machine", {})
     return [
         "# What `pick` promises, and what measuring showed",
@@ -110,7 +110,7 @@ def _lines(laws: Laws, evaluation: Evaluation, command: str) -> list[str]:
     ]
 
 
-def _scene_cells(row: "pd.Series[Any]") -> list[str]:
+def _scene_cells(row: Any) -> list[str]:
     def method(head: str) -> str:
         return f"{row[f'{head}form']}, {row[f'{head}solver']}, {row[f'{head}tolerance']:g}"
 
@@ -148,11 +148,11 @@ def _law_cells(law: MethodLaws) -> list[str]:
     ]
 
 
-def _by_method(runs: pd.DataFrame) -> list[list[str]]:
+def _by_method(runs: Any) -> list[list[str]]:
     table = []
     for (form, solver), mine in runs.groupby(["form", "solver"]):
         measured = mine["seconds_at_usual_pace"]
-        middle = (measured / mine["seconds_predicted"]).quantile(0.5, "higher")
+        middle = (measured / mine["seconds_predicted"]).quantile(0.5, interpolation="higher")
         table.append([form, solver, str(len(mine)), f"{close(measured, mine).mean():.0%}", f"{middle:.2f}"])
     return table
 
@@ -171,7 +171,8 @@ def _write_figures(folder: Path, evaluation: Evaluation) -> None:
     import matplotlib.pyplot as plt
 
     figure, (left, right) = plt.subplots(1, 2, figsize=(11.0, 5.0))
-    runs, scenes = evaluation.runs, evaluation.scenes
+    runs: Any = evaluation.runs
+    scenes: Any = evaluation.scenes
     _against(left, runs, "seconds_at_usual_pace", "seconds_predicted", FACTOR)
     left.set(xlabel=f"measured time of a warm run, s (dotted: factor {FACTOR:g})", ylabel="predicted, s")
     _against(right, runs[runs["slow_error"] > 0], "slow_error", "slow_error_predicted", 10.0)
@@ -189,7 +190,7 @@ def _write_figures(folder: Path, evaluation: Evaluation) -> None:
     save(figure, folder, "choices")
 
 
-def _against(axes: "Axes", runs: pd.DataFrame, measured: str, predicted: str, band: float) -> None:
+def _against(axes: "Axes", runs: Any, measured: str, predicted: str, band: float) -> None:
     """Draw what was predicted over what was measured, a colour for each library, with lines at a factor `band`."""
     known = runs.dropna(subset=[measured, predicted])
     for library, mine in known.groupby(known["solver"].map(lambda name: find_solver(name).family), sort=False):
@@ -204,7 +205,7 @@ def _against(axes: "Axes", runs: pd.DataFrame, measured: str, predicted: str, ba
     axes.grid(True, which="major", linewidth=0.4, alpha=0.5)
 
 
-def _sorted(axes: "Axes", values: "pd.Series[Any]", limit: float, what: str) -> None:
+def _sorted(axes: "Axes", values: Any, limit: float, what: str) -> None:
     known = values[values < float("inf")].sort_values()
     axes.plot(range(1, len(known) + 1), known, "o", markersize=4, color="#0072B2")
     axes.axhline(limit, color="#D55E00", linewidth=1.0)

@@ -118,7 +118,7 @@ def _passages(resonances: Sequence[Passage], crossings: Sequence[Passage], repea
         "leaves it out. A dash: no mode treated passes its resonance in the run, though one may come near it.",
         "- *Gain*: first order's slow error over the second's.",
         f"- *Time*: integration by `{PASSAGE_SOLVER}` to {short(TOLERANCE)} and the observables at {SAMPLES} times; "
-        f"*integration*: that part alone{_unknown([*resonances, *crossings])}. {_often(repeats)}; tables and "
+        f"*integration*: that part alone. The fastest of {repeats} runs; tables and "
         "compilation, seconds once per shape and mode, are left out. Fewer output times take less: see *Cost*.",
         "",
         *_table(resonances),
@@ -164,7 +164,7 @@ def _costs(cost: Sequence[Cost], repeats: int) -> list[str]:
         "## Cost",
         "",
         f"Axes 1:1:2, start *paper*, t₂ = {SLOW_TIME:g}, {FEW} output times. *Time* is integration and observables; "
-        f"*integration* that part alone{_unknown(cost)}. {_often(repeats)}, {FULL_REPEATS} of the full form; "
+        f"*integration* that part alone. The fastest of {repeats} runs, {FULL_REPEATS} of the full form; "
         "compilation is left out.",
         "",
         f"The second order at every St, by `{second[0].solver}` at tolerance {short(second[0].tolerance)}:",
@@ -189,15 +189,6 @@ def _costs(cost: Sequence[Cost], repeats: int) -> list[str]:
             right=range(2, 7),
         ),
     ]  # fmt: skip
-
-
-def _often(repeats: int) -> str:
-    return f"The fastest of {repeats} runs" if repeats > 1 else "One run"
-
-
-def _unknown(rows: Sequence[Passage] | Sequence[Cost]) -> str:
-    """What a dash in the column of the integration means, where there is one."""
-    return " (a dash: not measured apart)" if any(isnan(row.integration) and row.seconds > 0 for row in rows) else ""
 
 
 def _stokes(stokes: float) -> str:

@@ -61,8 +61,10 @@ def choose(
     for name, value in (("error", error), ("tolerance", tolerance)):
         if value is not None and not (isfinite(value) and value > 0):
             raise ValueError(f"{name}: got {value!r}, expected a finite positive number")
-    if form and want == "orientation":
-        _require_orientation(form, scene)
+    if form and want == "orientation" and find_form(form).orientation_of(scene) == "none":
+        raise ValueError(
+            f"want: got 'orientation' for form {form!r}, which gives none, expected 'slow' or another form"
+        )
     if form and solver and tolerance:
         return Choice(form, solver, tolerance)
     from polhode.harness.picking.ranking import LOOSEST, TIGHTEST, NotAttainableError, pick
@@ -123,13 +125,6 @@ def check_tolerance(tolerance: float) -> None:
     if not LEAST_TOLERANCE <= tolerance <= LARGEST_TOLERANCE:
         expected = f"a number from {LEAST_TOLERANCE:g}, the rounding of double precision, to {LARGEST_TOLERANCE:g}"
         raise ValueError(f"tolerance: got {tolerance!r}, expected {expected}")
-
-
-def _require_orientation(form: str, scene: Scene) -> None:
-    if find_form(form).orientation_of(scene) == "none":
-        raise ValueError(
-            f"want: got 'orientation' for form {form!r}, which gives none, expected 'slow' or another form"
-        )
 
 
 def _first_solver(problem: "Problem") -> str:

@@ -195,8 +195,8 @@ class Laws:
 
     def save(self, path: Path) -> None:
         """Write as JSON, a line for each method."""
-        lines = ",\n".join(json.dumps(_rounded(asdict(law))) for law in self.methods.values())
-        head = f'"schema": {SCHEMA}, "source": {json.dumps(_rounded(self.source))}'
+        lines = ",\n".join(_json(asdict(law)) for law in self.methods.values())
+        head = f'"schema": {SCHEMA}, "source": {_json(self.source)}'
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(f'{{{head}, "methods": [\n{lines}\n]}}\n', encoding="utf-8")
 
@@ -233,10 +233,7 @@ def load_laws() -> Laws:
     return parse_laws((files("polhode.harness.picking") / "laws.json").read_text(encoding="utf-8"))
 
 
-def _rounded(content: Any) -> Any:
-    """Numbers at six digits: more would be noise."""
-    if isinstance(content, float):
-        return float(f"{content:.6g}")
-    if isinstance(content, dict):
-        return {key: _rounded(value) for key, value in content.items()}
-    return [_rounded(value) for value in content] if isinstance(content, list | tuple) else content
+def _json(content: Any) -> str:
+    """JSON with numbers at six digits: more would be noise."""
+    rounded = json.loads(json.dumps(content), parse_float=lambda digits: float(f"{float(digits):.6g}"))
+    return json.dumps(rounded)

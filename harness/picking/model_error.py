@@ -6,7 +6,7 @@ from math import log
 
 import numpy as np
 
-from polhode.harness.picking.laws import Interval
+from polhode.harness.picking.laws import WANTS, Interval
 from polhode.harness.picking.pilot import Pilot, PilotFailedError, follow, form_ladder, pilot_form
 from polhode.harness.picking.refusals import apart
 from polhode.harness.references.errors import Errors, errors
@@ -40,7 +40,7 @@ def model_errors(form: Form, pilot: Pilot) -> dict[str, Interval | None]:
         return {"slow": Interval(0.0, 0.0, 0.0), "orientation": None}
     if unfit := unfit_to_average(pilot):
         raise NotApplicableError(unfit)
-    if pilot.slow.error == np.inf:
+    if pilot.gains["slow"].error == np.inf:
         raise NotApplicableError("trial runs lost the motion, so that the model error is unknown")
     if pilot.direct:
         return _measured(form, pilot)
@@ -80,14 +80,12 @@ def causes(form: Form, pilot: Pilot) -> list[str]:
 
 def _measured(form: Form, pilot: Pilot) -> dict[str, Interval | None]:
     found = errors(pilot.scene.ellipsoid, form_ladder(form, pilot.scene)[-1][1], pilot.observables)
-    intervals: dict[str, Interval | None] = {}
-    for want, value, gain in (("slow", found.slow, pilot.slow), ("orientation", found.orientation, pilot.orientation)):
-        if value is None or gain is None:
-            intervals[want] = None
-            continue
-        # The pilot's last run is a hundred times tighter than the one whose error is known.
-        own = gain.error / 10
-        intervals[want] = Interval(value, max(0.0, MISSED * (value - own)), MET * value + own)
+    intervals: dict[str, Interval | None] = dict.fromkeys(WANTS)
+    for want, gain in pilot.gains.items():
+        if (value := getattr(found, want)) is not None:
+            # The pilot's last run is a hundred times tighter than the one whose error is known.
+            own = gain.error / 10
+            intervals[want] = Interval(value, max(0.0, MISSED * (value - own)), MET * value + own)
     return intervals
 
 
@@ -98,7 +96,7 @@ def _carried_on(form: Form, pilot: Pilot) -> dict[str, Interval | None]:
     at_near = errors(ellipsoid, form_ladder(form, near)[-1][1], pilot.observables)
     at_far = errors(ellipsoid, form_ladder(form, far)[-1][1], _tight(far))
     gap = pilot.scene.stokes / near.stokes
-    return {want: _interval(want, at_near, at_far, gap) for want in ("slow", "orientation")}
+    return {want: _interval(want, at_near, at_far, gap) for want in WANTS}
 
 
 def _interval(want: str, near: Errors, far: Errors, gap: float) -> Interval | None:

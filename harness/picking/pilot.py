@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from itertools import pairwise
 from math import inf, isfinite, isinf, pi
+from typing import NamedTuple
 
 import numpy as np
 
@@ -44,8 +45,7 @@ class PilotFailedError(ValueError):
     """The pilot of a scene did not come far enough to say anything about it."""
 
 
-@dataclass(frozen=True)
-class Gain:
+class Gain(NamedTuple):
     """The pilot's own error, slow over I_max or orientation in rad, at a tolerance; inf if lost at every one."""
 
     tolerance: float
@@ -60,8 +60,7 @@ class Pilot:
     followed: Scene  # the scene itself, its twin at a smaller St, or its beginning
     rotations: float  # N = ∫|ω|dt/2π of the scene
     observables: Observables  # of what was followed, at the tightest tolerance
-    slow: Gain
-    orientation: Gain | None  # None for a sphere
+    gains: dict[str, Gain]  # by what is wanted: "slow", and "orientation" but for spheres
 
     @property
     def direct(self) -> bool:
@@ -113,7 +112,7 @@ def oriented(scene: Scene) -> Scene:
     side /= np.linalg.norm(side)
     from scipy.spatial.transform import Rotation
 
-    turn, _ = Rotation.align_vectors([direction, side], [body, across])
+    turn = Rotation.align_vectors([direction, side], [body, across])[0]
     x, y, z, w = turn.as_quat().tolist()
     velocity = size * body / np.array(ellipsoid.inertia)
     v1, v2, v3 = velocity.tolist()
@@ -129,15 +128,13 @@ def pilot(scene: Scene) -> Pilot:
         raise PilotFailedError(f"pilot: {error}") from None
     followed = _within_reach(whole, count)
     found = _ladder(pilot_form(followed), followed)
-    slow, orientation = _grown(*gains(followed.ellipsoid, found), whole.time / followed.time)
-    return Pilot(whole, followed, count, found[-1][1], slow, orientation)
+    own = _grown(gains(followed.ellipsoid, found), whole.time / followed.time)
+    return Pilot(whole, followed, count, found[-1][1], own)
 
 
-def _grown(slow: Gain, orientation: Gain | None, gap: float) -> tuple[Gain, Gain | None]:
+def _grown(own: dict[str, Gain], gap: float) -> dict[str, Gain]:
     """Gains over `gap` times as many rotations."""
-    if orientation is not None:
-        orientation = replace(orientation, error=orientation.error * gap ** GROWTH["orientation"])
-    return replace(slow, error=slow.error * gap ** GROWTH["slow"]), orientation
+    return {want: gain._replace(error=gain.error * gap ** GROWTH[want]) for want, gain in own.items()}
 
 
 def pilot_solver(scene: Scene) -> str:
@@ -152,13 +149,13 @@ def follow(form: Form, scene: Scene, tolerance: float, solver: str | None = None
     return solve(problem, solver or pilot_solver(scene), tolerance, times, max_steps=MOST_STEPS)
 
 
-def gains(ellipsoid: Ellipsoid, found: list[tuple[float, Observables]]) -> tuple[Gain, Gain | None]:
-    """Slow and orientation gains from runs at several tolerances, the loosest first."""
+def gains(ellipsoid: Ellipsoid, found: list[tuple[float, Observables]]) -> dict[str, Gain]:
+    """Gains of what is wanted from runs at several tolerances, the loosest first."""
     largest = float(np.max(np.abs(found[-1][1].slow))) / max(ellipsoid.inertia)
     pairs = [(tolerance, errors(ellipsoid, loose, tight)) for (tolerance, loose), (_, tight) in pairwise(found)]
-    slow = _first_below(pairs, "slow", SATURATED * max(largest, 1e-300))
-    known = pairs[-1][1].orientation is not None
-    return slow, _first_below(pairs, "orientation", SATURATED * pi) if known else None
+    limits = {"slow": SATURATED * max(largest, 1e-300), "orientation": SATURATED * pi}
+    known = [want for want in limits if getattr(pairs[-1][1], want) is not None]
+    return {want: _first_below(pairs, want, limits[want]) for want in known}
 
 
 def _first_below(pairs: list[tuple[float, Errors]], name: str, limit: float) -> Gain:
@@ -177,10 +174,8 @@ def _ladder(form: Form, scene: Scene) -> list[tuple[float, Observables]]:
         solution = follow(form, scene, tolerance)
         if solution.success:
             found.append((tolerance, form.observe(scene, solution.states)))
-        if len(found) >= 3:
-            slow, orientation = gains(scene.ellipsoid, found)
-            if isfinite(slow.error) and (orientation is None or isfinite(orientation.error)):
-                break
+        if len(found) >= 3 and all(isfinite(gain.error) for gain in gains(scene.ellipsoid, found).values()):
+            break
     if len(found) < 2:
         raise PilotFailedError(f"pilot: {form.name!r} by {pilot_solver(scene)!r} ended at no tolerance")
     return found
@@ -208,21 +203,15 @@ def form_ladder(form: Form, scene: Scene) -> list[tuple[float, Observables]]:
     return _ladder(form, scene)
 
 
-def form_sensitivity(form: Form, pilot: Pilot) -> tuple[Sensitivity, Sensitivity | None]:
-    """Slow and orientation sensitivity of a form's solver error, from pilot runs of its own where that is cheap."""
-    slow, orientation, observables = pilot.slow, pilot.orientation, pilot.observables
+def form_sensitivity(form: Form, pilot: Pilot) -> dict[str, Sensitivity]:
+    """Sensitivity of a form's solver error by what is wanted, from pilot runs of its own where that is cheap."""
+    own, observables = pilot.gains, pilot.observables
     scene = pilot.scene if form.averaged else pilot.followed
     if form.name not in (*ANGLES, pilot_form(scene).name) and form.problem(scene).parameters is not None:
         found = form_ladder(form, scene)
-        slow, orientation = _grown(*gains(scene.ellipsoid, found), pilot.scene.time / scene.time)
-        observables = found[-1][1]
+        own, observables = _grown(gains(scene.ellipsoid, found), pilot.scene.time / scene.time), found[-1][1]
     turns = 0.0 if form.averaged else pilot.rotations
     stiffness = 0.0 if form.averaged else pilot.damping_times / pilot.scene.time
-    largest = float(np.max(np.abs(observables.slow))) / max(pilot.scene.ellipsoid.inertia)
     stiff = not form.averaged and pilot.damping_times > STIFF
-    return (
-        Sensitivity(slow.tolerance, slow.error, turns, stiffness, largest, stiff),
-        None
-        if orientation is None
-        else Sensitivity(orientation.tolerance, orientation.error, turns, stiffness, 1.0, stiff),
-    )
+    largest = {"slow": float(np.max(np.abs(observables.slow))) / max(pilot.scene.ellipsoid.inertia), "orientation": 1.0}
+    return {want: Sensitivity(*gain, turns, stiffness, largest[want], stiff) for want, gain in own.items()}

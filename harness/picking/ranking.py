@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from math import inf, isfinite, pi
 
 from polhode.harness.common.text import scientific, short
-from polhode.harness.picking.laws import EPS, STIFF, WANTS, Interval, Laws, Load, MethodLaws, Sensitivity, load_laws
+from polhode.harness.picking.laws import EPS, STIFF, WANTS, Interval, Laws, MethodLaws, Sensitivity, load_laws
 from polhode.harness.picking.load import held_back, load_of
 from polhode.harness.picking.model_error import NotApplicableError, causes, model_errors, unfit_to_average
 from polhode.harness.picking.pilot import Pilot, PilotFailedError, form_sensitivity, pilot
@@ -198,7 +198,7 @@ def _candidates(
         try:
             problem = _problem(form, scene, found, want)
             budget, model = _budget(form, found, error, want)
-            sensitivity = form_sensitivity(form, found)[WANTS.index(want)]
+            sensitivity = form_sensitivity(form, found).get(want)
         except (FormNotValidError, PilotFailedError, UnfitError) as refusal:
             refusals += [Refusal.of(form_name, solver, refusal) for solver in SOLVERS]
             continue
@@ -207,7 +207,11 @@ def _candidates(
                 find_solver(solver).check(problem)
                 law = _law(laws, form, solver, found)
                 load = load_of(form, solver, found, samples)
-                ways.append(_way(law, load, found, (error, budget, model), want, sensitivity))
+                tolerance, own = _tolerance(law, want, sensitivity, error, budget)
+                seconds = law.cost.predict(load, tolerance)
+                first_run, reason = law.compile_seconds + seconds.predicted, _reason(law, found, model, own)
+                whole = own.plus(model) if model else own
+                ways.append(Way(form_name, solver, tolerance, whole, seconds, first_run, False, reason))
             except (SolverNotValidError, PilotFailedError, UnfitError) as refusal:
                 refusals.append(Refusal.of(form_name, solver, refusal))
     return ways, refusals
@@ -248,43 +252,25 @@ def _law(laws: Laws, form: Form, solver: str, found: Pilot) -> MethodLaws:
     if law is None:
         raise UnfitError("no law: not measured often enough", Stage.LAW)
     if held_back(form, solver, found):
-        raise UnfitError(
-            f"explicit: stability, not the tolerance, sets its steps over {found.damping_times:.2g} damping times",
-            Stage.STABILITY,
-        )
+        stability = "explicit: stability, not the tolerance, sets its steps"
+        raise UnfitError(f"{stability} over {found.damping_times:.2g} damping times", Stage.STABILITY)
     return law
 
 
-def _way(
-    law: MethodLaws,
-    load: Load,
-    found: Pilot,
-    target: tuple[float, float, Interval | None],
-    want: str,
-    sensitivity: Sensitivity | None,
-) -> Way:
-    error, budget, model = target
-    errors = law.error_law(want, sensitivity) if sensitivity else None
-    if errors is None or sensitivity is None:
+def _tolerance(
+    law: MethodLaws, want: str, at: Sensitivity | None, error: float, budget: float
+) -> tuple[float, Interval]:
+    """The loosest tolerance in one digit at which a method's own error stays within its budget, and that error."""
+    errors = law.error_law(want, at) if at else None
+    if errors is None or at is None:
         raise UnfitError("no law of the error wanted: not measured often enough", Stage.LAW)
-    if sensitivity.error == inf:
+    if at.error == inf:
         chaotic = "the motion magnifies errors beyond all tolerances tried in trial runs: chaotic, or too long"
         raise UnfitError(chaotic, Stage.MOTION)
-    tolerance = one_digit(min(LOOSEST, errors.tolerance(sensitivity, budget)))
-    tightest = max(TIGHTEST, law.tightest / BEYOND)
+    tolerance, tightest = one_digit(min(LOOSEST, errors.tolerance(at, budget))), max(TIGHTEST, law.tightest / BEYOND)
     if tolerance < tightest:
-        raise too_tight(errors, sensitivity, one_digit_up(tightest), error, budget)
-    own, seconds = errors.predict(sensitivity, tolerance), law.cost.predict(load, tolerance)
-    return Way(
-        form=law.form,
-        solver=law.solver,
-        tolerance=tolerance,
-        error=own.plus(model) if model else own,
-        seconds=seconds,
-        first_run_seconds=law.compile_seconds + seconds.predicted,
-        tied=False,
-        reason=_reason(law, found, model, own),
-    )
+        raise too_tight(errors, at, one_digit_up(tightest), error, budget)
+    return tolerance, errors.predict(at, tolerance)
 
 
 def _reason(law: MethodLaws, found: Pilot, model: Interval | None, own: Interval) -> str:
