@@ -5,6 +5,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import StrEnum
+from importlib import import_module
 from importlib.util import find_spec
 from math import inf, isfinite
 from time import perf_counter
@@ -209,6 +210,10 @@ class Solver(ABC):
     def why_not(self) -> str | None:
         """What is missing and how to install it; None if nothing is."""
         return None if self.available else f"{self.package} is not installed: pip install {self.package}"
+
+    def load(self) -> None:
+        """Import the library, as a run does."""
+        import_module(self.library)
 
     def settings(
         self,

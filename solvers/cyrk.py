@@ -38,6 +38,10 @@ class CyrkSolver(Solver):
     backends = ("compiled",)
     method: ClassVar[str]
 
+    def load(self) -> None:
+        """Import the library's C functions."""
+        load_cyrk()
+
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         """Compile the callback, once per field."""
         parameters, method = parameter_array(problem), method_number(self.method)

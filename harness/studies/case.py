@@ -2,7 +2,6 @@
 
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
-from importlib import import_module
 from time import perf_counter
 from typing import Any
 
@@ -212,7 +211,7 @@ _RHS_SECONDS: dict[tuple[str, Backend], float] = {}
 
 def _first_preparation(case: Case) -> float:
     """Wall time of a run over next to no time: compilation, unless it was compiled before in this process."""
-    import_module(find_solver(case.solver).library)
+    find_solver(case.solver).load()
     moment = replace(case.problem, end=case.problem.end * 1e-9, least_steps=0)
     began = perf_counter()
     solve(moment, case.solver, case.tolerance, backend=case.backend, jacobian=case.jacobian)

@@ -128,7 +128,7 @@ def first_run(problem: Problem, solver: str, tolerance: float, cache_folder: str
         os.environ[CACHE_VARIABLE] = cache_folder
     method = find_solver(solver)
     began = time.perf_counter()
-    __import__(method.library)
+    method.load()
     imported = time.perf_counter()
     method.prepare(problem, method.settings(tolerance))
     prepared = time.perf_counter()
