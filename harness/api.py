@@ -10,6 +10,8 @@ import numpy as np
 
 from polhode.harness.common.observables_csv import COLUMNS
 from polhode.harness.picking.choice import check_tolerance, choose
+from polhode.harness.picking.ranking import Recommendation
+from polhode.harness.picking.ranking import pick as recommend
 from polhode.harness.studies.scenes import find_scene
 from polhode.models.catalogue import form as find_form
 from polhode.models.form import Form
@@ -23,8 +25,6 @@ from polhode.solvers.solve import solve as run
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from polhode.harness.picking.ranking import Recommendation
 
 SceneLike = Scene | str | PathLike[str]
 # A table of more rows would hold gigabytes.
@@ -219,7 +219,7 @@ def solve(
     return plan(scene, form, solver, tolerance, error, want, samples).run()
 
 
-def pick(scene: SceneLike, error: float = 1e-6, want: str = "slow", samples: int = 201) -> "Recommendation":
+def pick(scene: SceneLike, error: float = 1e-6, want: str = "slow", samples: int = 201) -> Recommendation:
     """What to run for a scene, and what it will cost (`polhode.harness.picking.ranking.pick`).
 
     Parameters
@@ -242,8 +242,6 @@ def pick(scene: SceneLike, error: float = 1e-6, want: str = "slow", samples: int
     >>> from polhode import pick
     >>> best = pick("paper", error=1e-6).ranking[0]
     """
-    from polhode.harness.picking.ranking import pick as recommend
-
     _check_samples(samples)
     return recommend(as_scene(scene), error, want, samples)
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from polhode.harness.common.text import short
 from polhode.harness.picking.laws import WANTS
+from polhode.harness.picking.ranking import LOOSEST, TIGHTEST, NotAttainableError, Recommendation, pick
 from polhode.models.catalogue import form as find_form
 from polhode.models.catalogue import full_form
 from polhode.models.form import FormNotValidError
@@ -15,7 +16,6 @@ from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import SolverNotValidError
 
 if TYPE_CHECKING:
-    from polhode.harness.picking.ranking import Recommendation
     from polhode.models.problem import Problem
 
 # Where `pick` knows no law for what the user insists on: errors stay below so many tolerances on ordinary scenes.
@@ -67,8 +67,6 @@ def choose(
         )
     if form and solver and tolerance:
         return Choice(form, solver, tolerance)
-    from polhode.harness.picking.ranking import LOOSEST, TIGHTEST, NotAttainableError, pick
-
     found, refusal = None, ""
     try:
         found = pick(scene, error, want, samples)
@@ -142,7 +140,7 @@ def _first_solver(problem: "Problem") -> str:
     return next(iter(SOLVERS))
 
 
-def _note(found: "Recommendation", form: str, solver: str, error: float) -> str:
+def _note(found: Recommendation, form: str, solver: str, error: float) -> str:
     """Why a method that `pick` does not rank may miss the error, and what would not."""
     reasons = {(each.form, each.solver): each.reason for each in found.excluded}
     best = f"{found.ranking[0].form} by {found.ranking[0].solver}"
