@@ -1,6 +1,7 @@
 """`polhode accuracy`: how far the averaged equations are from the full ones, as St grows."""
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -34,52 +35,30 @@ def accuracy(
     averaged form meets a given error; or, with --order 2, how the second order does away from resonances, through
     them, and up to L² = 2EI₂, and what it costs. Writes a page with its data into the folder --out.
     """
+    from polhode.harness.averaging.data import read_data, read_second_order
+    from polhode.harness.averaging.measure import measure_all
+    from polhode.harness.averaging.second_order import measure_study
+    from polhode.harness.common.plain_json import dumps
+    from polhode.harness.pages import averaging, second_order
     from polhode.harness.references.reference import ReferenceFailedError
 
+    page: Any = averaging if order == "1" else second_order
+    read: Any = read_data if order == "1" else read_second_order
     out = out or FOLDERS[order]
     with bad_input():
         if quick + bool(part) + page_only > 1:
             raise ValueError("--quick, --part, --page-only: got several of them, expected one")
         if part and order == "1":
             raise ValueError("--part: got --order 1, expected --order 2")
+        found = read(out) if part or page_only else None
+        out.mkdir(parents=True, exist_ok=True)
     try:
-        if order == "1":
-            shown = _first_order(out, as_json, quick, page_only, quiet)
-        else:
-            shown = _second_order(out, as_json, quick, part, page_only, quiet)
+        if order == "1" and not page_only:
+            found = measure_all(quick=quick, quiet=quiet)
+        elif not page_only:
+            found = measure_study(found, part or "", quick=quick, quiet=quiet)
     except ReferenceFailedError as error:
         raise RunFailed(str(error)) from None
-    click.echo(shown)
+    page.write_page(found, out, "polhode accuracy" + " --order 2" * (order == "2") + " --quick" * quick)
+    click.echo(dumps(page.as_json(found)) if as_json else page.as_text(found))
     click.echo(str(out / "README.md"), err=True)
-
-
-def _first_order(out: Path, as_json: bool, quick: bool, page_only: bool, quiet: bool) -> str:
-    import json
-
-    from polhode.harness.averaging.data import read_data
-    from polhode.harness.averaging.measure import measure_all
-    from polhode.harness.pages import averaging as page
-
-    with bad_input():
-        read = read_data(out) if page_only else None
-        out.mkdir(parents=True, exist_ok=True)
-    rows, absent = read or measure_all(quick=quick, quiet=quiet)
-    page.write_page(rows, out, "polhode accuracy" + " --quick" * quick, absent)
-    return json.dumps(page.as_json(rows, absent)) if as_json else page.as_text(rows, absent)
-
-
-def _second_order(out: Path, as_json: bool, quick: bool, part: str | None, page_only: bool, quiet: bool) -> str:
-    from dataclasses import asdict
-
-    from polhode.harness.averaging.data import read_second_order
-    from polhode.harness.averaging.findings import findings
-    from polhode.harness.averaging.second_order import measure_study
-    from polhode.harness.common.plain_json import dumps
-    from polhode.harness.pages.second_order import write_page
-
-    with bad_input():
-        old = read_second_order(out) if part or page_only else None
-        out.mkdir(parents=True, exist_ok=True)
-    found = old if old and not part else measure_study(old, part or "", quick=quick, quiet=quiet)
-    write_page(found, out)
-    return dumps(asdict(found)) if as_json else "\n".join(findings(found))

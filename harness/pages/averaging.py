@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from polhode.harness.averaging.cases import paper_cases
 from polhode.harness.averaging.data import VARIABLES, Absent, AveragingErrors, write_data
 from polhode.harness.averaging.findings import statements
-from polhode.harness.averaging.measure import SAMPLES, SOLVER, TOLERANCE, UNCERTIFIED
+from polhode.harness.averaging.measure import SAMPLES, SOLVER, TOLERANCE, UNCERTIFIED, Found
 from polhode.harness.averaging.orders import FITTED_FROM, LEAST_POINTS, SAME_HORIZON, TARGETS, Law, first_order, laws
 from polhode.harness.common.machine import versions
 from polhode.harness.common.text import aligned, in_two_digits, markdown, scientific, short
@@ -32,15 +32,17 @@ CASES_HEADER = ["case", "semi-axes", "θ, φ, ψ", "ω", "L"]
 COLORS = ("#000000", "#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7A7A7A")
 
 
-def as_text(rows: Sequence[AveragingErrors], absent: Sequence[Absent] = ()) -> str:
+def as_text(found: Found) -> str:
     """All tables and the statements, for a terminal."""
+    rows, absent = found
     tables = [(ERRORS_HEADER, list(map(_error_row, rows))), (LAWS_HEADER, law_rows(rows))]
     tables += [(ABSENT_HEADER, absent_rows(absent))] if absent else []
     return "\n\n".join([*(aligned(*table) for table in tables), "\n".join(statements(rows))])
 
 
-def as_json(rows: Sequence[AveragingErrors], absent: Sequence[Absent] = ()) -> dict[str, Any]:
+def as_json(found: Found) -> dict[str, Any]:
     """Errors, laws, absences and statements as plain data."""
+    rows, absent = found
     return {
         "variables": list(VARIABLES),
         "errors": [asdict(row) | {"model_error": row.model_error, "solver_error": row.solver_error} for row in rows],
@@ -63,14 +65,11 @@ def as_json(rows: Sequence[AveragingErrors], absent: Sequence[Absent] = ()) -> d
     }
 
 
-def write_page(rows: Sequence[AveragingErrors], folder: Path, command: str, absent: Sequence[Absent] = ()) -> Path:
-    """Write the page, its figure and its data into a folder and return the page's path."""
-    folder.mkdir(parents=True, exist_ok=True)
-    write_data(rows, absent, folder)
-    save(figure(rows), folder, "errors")
-    page = folder / "README.md"
-    page.write_text("\n".join(_lines(rows, absent, command)), encoding="utf-8")
-    return page
+def write_page(found: Found, folder: Path, command: str) -> None:
+    """Write the page, its figure and its data into a folder."""
+    write_data(*found, folder)
+    save(figure(found[0]), folder, "errors")
+    (folder / "README.md").write_text("\n".join(_lines(*found, command)), encoding="utf-8")
 
 
 def figure(rows: Sequence[AveragingErrors]) -> Any:

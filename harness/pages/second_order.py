@@ -1,8 +1,10 @@
 """The page of the study of second-order averaging: what was found, and the tables it rests on."""
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from math import isnan
 from pathlib import Path
+from typing import Any
 
 from polhode.harness.averaging.cases import NAMED, TILTED
 from polhode.harness.averaging.data import Cost, Passage, SecondOrderErrors, SecondOrderStudy, Slope, write_second_order
@@ -24,20 +26,29 @@ from polhode.models.scene import EulerStart
 from polhode.models.second_order.form import MEANINGLESS, SecondOrder
 from polhode.models.second_order.run import SMALL_KICK, STOPS
 
-COMMAND = "polhode accuracy --order 2"
 DATA = ("orders", "slopes", "resonances", "crossings", "cost")
 
 
-def write_page(study: SecondOrderStudy, folder: Path) -> None:
-    """Write page and data into a folder."""
+def write_page(study: SecondOrderStudy, folder: Path, command: str) -> None:
+    """Write the page and its data into a folder."""
     write_second_order(study, slopes(study.orders), folder)
-    (folder / "README.md").write_text(page(study), encoding="utf-8")
+    (folder / "README.md").write_text(page(study, command), encoding="utf-8")
 
 
-def page(study: SecondOrderStudy) -> str:
+def as_text(study: SecondOrderStudy) -> str:
+    """What was found, for a terminal."""
+    return "\n".join(findings(study))
+
+
+def as_json(study: SecondOrderStudy) -> dict[str, Any]:
+    """All that was measured, as plain data."""
+    return asdict(study)
+
+
+def page(study: SecondOrderStudy, command: str) -> str:
     """The report as Markdown."""
     lines = [
-        *header("Second-order averaging: orders and cost", COMMAND, list(study.timed.values())),
+        *header("Second-order averaging: orders and cost", command, list(study.timed.values())),
         "How the form works: [docs](../../docs/second-order.md). Data: "
         + ", ".join(f"[{name}]({name}.csv)" for name in DATA)
         + ".",

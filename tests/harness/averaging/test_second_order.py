@@ -49,16 +49,17 @@ HERE = {
 TIMED = {"passages": HERE, "cost": HERE}
 
 
+COMMAND = "polhode accuracy --order 2"
 STUDY = SecondOrderStudy(ROWS, [PASSED], [REFUSED], COST, TIMED)
 
 
 def test_data_come_back(tmp_path):
-    write_page(STUDY, tmp_path)
+    write_page(STUDY, tmp_path, COMMAND)
     assert repr(read_second_order(tmp_path)) == repr(STUDY)
 
 
 def test_the_page_shows_every_kind_of_row(tmp_path):
-    write_page(STUDY, tmp_path)
+    write_page(STUDY, tmp_path, COMMAND)
     text = (tmp_path / "README.md").read_text(encoding="utf-8")
     assert "Measured on 2026-05-04 on abacus, 1 cores" in text
     (row,) = re.findall(r"\| 1:0.8:0.5 .*", text)
@@ -66,7 +67,7 @@ def test_the_page_shows_every_kind_of_row(tmp_path):
     assert "- 1:0.6:0.4, ω, St = 10000, up to t₂ = 0.03: St = 10000 is too small." in text
     assert re.search(r"\| +-2\.00 \|", text)
     assert "The fastest of 3 runs" in text
-    once = page(SecondOrderStudy(ROWS, [PASSED], [], [], {**TIMED, "passages": {**HERE, "repeats": 7}}))
+    once = page(SecondOrderStudy(ROWS, [PASSED], [], [], {**TIMED, "passages": {**HERE, "repeats": 7}}), COMMAND)
     assert "alone. The fastest of 7 runs;" in once
     assert "## Cost" not in once
 
@@ -129,7 +130,7 @@ def test_options_that_make_no_sense_are_one_line(tmp_path):
     assert "orders.csv: No such file or directory, expected a table of shape" in told("--order", "2", "--page-only")
     assert "--quick, --part, --page-only: got several" in told("--order", "2", "--page-only", "--part", "cost")
     assert "--part: got --order 1, expected --order 2" in told("--part", "cost")
-    write_page(STUDY, tmp_path)
+    write_page(STUDY, tmp_path, COMMAND)
     (tmp_path / "cost.csv").write_text("form,solver\n")
     assert "cost.csv: got the columns form, solver, expected form, solver, tol" in told(
         "--order", "2", "--part", "cost"
@@ -137,7 +138,7 @@ def test_options_that_make_no_sense_are_one_line(tmp_path):
 
 
 def test_the_page_alone_is_the_page_that_was_measured(tmp_path):
-    write_page(STUDY, tmp_path)
+    write_page(STUDY, tmp_path, COMMAND)
     before = (tmp_path / "README.md").read_text(encoding="utf-8")
     outcome = CliRunner().invoke(polhode, ["accuracy", "--order", "2", "--page-only", "--out", str(tmp_path)])
     assert (outcome.exit_code, (tmp_path / "README.md").read_text(encoding="utf-8")) == (0, before)
