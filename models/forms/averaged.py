@@ -12,8 +12,8 @@ from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 from polhode.models.shape import Ellipsoid
 
-# Six steps of the arithmetic-geometric mean, the first aside, leave 1e-22 at 1 - m = 1e-20, which long double hardly
-# tells from 0, and less elsewhere.
+# Six steps of the arithmetic-geometric mean, the first aside, leave 1e-22 at 1 - m = 1e-20, hardly above 0 in long
+# double, and less elsewhere.
 AGM_STEPS = 6
 SEPARATRIX_WIDTH = 1e-14
 

@@ -24,7 +24,7 @@ FIRST = ("f0", "f2", "g0", "g2", "r1", "r2", "ea", "eb")
 SECOND = ("a1", "a2", "b1", "b2", "p1", "p2", "p3", "p4", "p5", "p6")
 # Polhode phases per ln(1/nome) that resolve second-order averages to 1e-9, and at least so many.
 PHASES, LEAST_PHASES = 90.0, 24
-# Flow directions, as rows, and |L| at which the averages are taken to tell their parts apart.
+# Flow directions, as rows, and |L| at which the averages are taken, so that their parts can be separated.
 _TURNS = np.array([[[2, -1, 2], [2, 2, -1], [-1, 2, 2]], [[6, 2, 3], [-3, 6, 2], [-2, -3, 6]]]) / np.array(
     [[[3]], [[7]]]
 )

@@ -1,4 +1,4 @@
-"""Scene files: what they say, and what they get told when they say something else."""
+"""Scene files: what they may say, and the message where they say something else."""
 
 import copy
 import json

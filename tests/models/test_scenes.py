@@ -94,8 +94,22 @@ def test_what_has_no_meaning_is_refused_by_name(make, message):
         make()
 
 
+@pytest.fixture(scope="module")
+def accepting() -> dict[str, list[str]]:
+    """Forms that accept each built-in scene."""
+
+    def accepts(name: str, scene: Scene) -> bool:
+        try:
+            form(name).check(scene)
+        except FormNotValidError:
+            return False
+        return True
+
+    return {name: [each for each in FORMS if accepts(each, entry.scene)] for name, entry in SCENES.items()}
+
+
 @pytest.mark.parametrize("name", SCENES)
-def test_built_in_scene(name):
+def test_built_in_scene(name, accepting):
     scene = named_scene(name)
     assert SCENES[name].scene is scene
     assert SCENES[name].summary
@@ -103,27 +117,11 @@ def test_built_in_scene(name):
     chosen, reason = simplest(scene, "slow")
     assert reason
     assert form(chosen).problem(scene).end == scene.time
-    accepting = []
-    for other in FORMS:
-        try:
-            form(other).check(scene)
-        except FormNotValidError:
-            continue
-        accepting.append(other)
-    assert chosen in accepting
+    assert chosen in accepting[name]
 
 
-def test_every_form_has_a_built_in_scene():
-    def accepted(name):
-        for entry in SCENES.values():
-            try:
-                form(name).check(entry.scene)
-            except FormNotValidError:
-                continue
-            return True
-        return False
-
-    assert [name for name in FORMS if not accepted(name)] == []
+def test_every_form_has_a_built_in_scene(accepting):
+    assert set(FORMS) == {form for forms in accepting.values() for form in forms}
 
 
 def test_unknown_scene_names_the_known_ones():

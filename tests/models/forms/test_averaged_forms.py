@@ -45,7 +45,7 @@ def brute_force(scene, nodes):
     return np.array([*momentum, energy])
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=20, deadline=None, derandomize=True)
 @given(
     shape=st.tuples(lengths, lengths),
     order=st.permutations([0, 1, 2]),
@@ -73,7 +73,7 @@ def body_scene(ellipsoid, angles, omega):
     return Scene(ellipsoid, 10.0, BodyStart(EulerStart(angles).quaternion, omega), 1.0)
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=20, deadline=None, derandomize=True)
 @given(
     kappa=st.floats(0.2, 5.0),
     axis=st.integers(0, 2),
