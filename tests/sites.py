@@ -7,9 +7,8 @@ from pathlib import Path
 from commandline import STUDY
 from PIL import Image
 
-from polhode.harness.analysis import outcomes
 from polhode.harness.common.store import Store, export
-from polhode.harness.pages import regimes
+from polhode.harness.pages import outcomes, regimes
 from polhode.harness.site.build import build
 from polhode.harness.studies.runner import Runner
 from polhode.harness.studies.study import parse_study

@@ -12,7 +12,7 @@ from polhode.harness.references.uncertainty import known
 def frame(records: Sequence[Record]) -> pd.DataFrame:
     """Records as a frame, one row each: nested results as columns `work.steps`, `scene.stokes`, and so on.
 
-    Columns `slow_known` and `orientation_known` tell which errors lie above what the reference can tell
+    Columns `slow_known` and `orientation_known` say which errors the reference is good enough to know
     (`polhode.harness.references.uncertainty.known`); NA where there is no error.
     """
     table = pd.json_normalize(list(records)).rename(columns={"scene.stokes": "stokes"})
@@ -26,6 +26,14 @@ def frame(records: Sequence[Record]) -> pd.DataFrame:
 def where(table: pd.DataFrame, condition: Any) -> pd.DataFrame:
     """Rows of a frame that meet a condition on its columns."""
     return cast("pd.DataFrame", table.loc[condition])
+
+
+def by_scene(table: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
+    """Runs of each scene under its name, in the order of the records; those of a single one under none."""
+    names = list(dict.fromkeys(table["scene_name"])) if "scene_name" in table else []
+    return (
+        [(str(name), where(table, table["scene_name"] == name)) for name in names] if len(names) > 1 else [("", table)]
+    )
 
 
 def by_stokes(table: pd.DataFrame) -> list[tuple[float, pd.DataFrame]]:

@@ -1,12 +1,45 @@
 """Speed at equal error: what a method takes for an error, interpolated between its own measured runs."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from typing import Literal, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from polhode.harness.analysis.frames import where
+from polhode.models.catalogue import form as find_form
 from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.contract import Status
+
+Side = Literal["implicit", "explicit", "averaged"]
+
+
+class Method(NamedTuple):
+    """A form by a solver."""
+
+    form: str
+    solver: str
+
+    def __str__(self) -> str:
+        return f"{self.form}, {self.solver}"
+
+    @property
+    def side(self) -> Side:
+        """Which kind of method it is."""
+        if find_form(self.form).averaged:
+            return "averaged"
+        return "implicit" if find_solver(self.solver).implicit else "explicit"
+
+    @property
+    def label(self) -> str:
+        """What sets it apart on a map: averaged forms by their name, since any solver will do, others by solver."""
+        return self.form if self.side == "averaged" else self.solver
+
+
+def methods(runs: pd.DataFrame) -> Iterator[tuple[Method, pd.DataFrame]]:
+    """Runs of each form and solver."""
+    for (form, solver), own in runs.groupby(["form", "solver"], sort=False):  # pyright: ignore[reportGeneralTypeIssues]
+        yield Method(str(form), str(solver)), own
 
 
 def pareto_front(runs: pd.DataFrame, error: str = "slow_error") -> pd.DataFrame:
@@ -15,45 +48,26 @@ def pareto_front(runs: pd.DataFrame, error: str = "slow_error") -> pd.DataFrame:
     return where(ordered, ordered[error].astype(float).cummin().diff().fillna(-1.0) < 0)
 
 
-def time_at_error(runs: pd.DataFrame, target: float, error: str = "slow_error") -> float | None:
-    """Wall time in s that one method takes for an error, by log-log interpolation along its Pareto front.
+def front(runs: pd.DataFrame, error: str = "slow_error") -> np.ndarray:
+    """Errors and times, shape (n, 2), along the Pareto front of the runs that reached their end."""
+    done = where(runs, (runs["status"] == Status.REACHED_END) & runs["seconds"].notna() & runs[error].notna())
+    return pareto_front(done, error)[[error, "seconds"]].to_numpy(float)
 
-    Parameters
-    ----------
-    runs : DataFrame
-        Records of one form and solver on one scene.
-    target : float
-    error : str
-        Column of the error.
 
-    Returns
-    -------
-    float or None
-        None if no run is that accurate; the fastest run's time if every run is more accurate.
-    """
-    done = where(runs, (runs["status"] == "reached_end") & runs["seconds"].notna() & runs[error].notna())
-    if done.empty:
-        return None
-    front = pareto_front(done, error)
-    errors = np.maximum(front[error].to_numpy(float), np.finfo(float).tiny)
-    seconds = front["seconds"].to_numpy(float)
-    if errors[-1] > target:
-        return None
-    if errors[0] <= target:
-        return float(seconds[0])
-    return float(np.exp(np.interp(-np.log(target), -np.log(errors), np.log(seconds))))
+def cost(points: np.ndarray, target: float) -> float:
+    """Time at which a front reaches an error: logarithms interpolated between its runs; NaN where it never does."""
+    if not len(points) or points[-1, 0] > target:
+        return float("nan")
+    if points[0, 0] <= target:
+        return float(points[0, 1])
+    sizes, seconds = np.log(np.maximum(points[:, 0], np.finfo(float).tiny)), np.log(points[:, 1])
+    return float(np.exp(np.interp(-np.log(target), -sizes, seconds)))
 
 
 def times_at_error(runs: pd.DataFrame, target: float, error: str = "slow_error") -> dict[tuple[str, str], float]:
     """Time at an error of every form and solver on one scene that reaches it, the fastest first."""
-    found = {}
-    for form in dict.fromkeys(runs["form"]):
-        for solver in dict.fromkeys(runs["solver"]):
-            own = where(runs, (runs["form"] == form) & (runs["solver"] == solver))
-            seconds = time_at_error(own, target, error)
-            if seconds is not None:
-                found[form, solver] = seconds
-    return dict(sorted(found.items(), key=lambda item: item[1]))
+    times = {method: cost(front(own, error), target) for method, own in methods(runs)}
+    return dict(sorted(((method, t) for method, t in times.items() if not np.isnan(t)), key=lambda item: item[1]))
 
 
 def fastest(
@@ -69,14 +83,13 @@ def fastest(
 
 def crossing(runs: pd.DataFrame, form: str, first: str, second: str, error: str = "slow_error") -> float | None:
     """The largest error at which `second` stops being faster than `first` as the error falls; None if it never does."""
-    grid = np.geomspace(1e-1, 1e-13, 121)
-    ahead = None
-    for target in grid:
-        times = times_at_error(where(runs, runs["solver"].isin([first, second])), float(target), error)
-        if (form, first) not in times:
-            continue
-        second_ahead = times.get((form, second), np.inf) < times[form, first]
-        if ahead and not second_ahead:
-            return float(target)
-        ahead = second_ahead
+    fronts = {method: front(own, error) for method, own in methods(runs)}
+    ours, theirs = (fronts.get(Method(form, solver), np.empty((0, 2))) for solver in (first, second))
+    ahead = False
+    for target in np.geomspace(1e-1, 1e-13, 121).tolist():
+        if not np.isnan(cost(ours, target)):
+            second_ahead = cost(theirs, target) < cost(ours, target)
+            if ahead and not second_ahead:
+                return target
+            ahead = second_ahead
     return None

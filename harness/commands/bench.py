@@ -47,9 +47,9 @@ def bench(
     An interrupted run keeps its finished cases in FOLDER/store.sqlite and goes on with --resume; a run that starts
     afresh moves them to FOLDER/previous.sqlite.
     """
-    from polhode.harness.analysis import outcomes
     from polhode.harness.calibration.fit import refit as refitted
     from polhode.harness.pages import bench as bench_page
+    from polhode.harness.pages import outcomes as outcomes_page
     from polhode.harness.picking.laws import load_laws, own_laws_path
     from polhode.harness.studies.runner import Runner
     from polhode.harness.studies.study import quick_study, read_study
@@ -61,7 +61,7 @@ def bench(
     store = open_store(folder, resume)
     with running_into(store):
         records = Runner(store, quiet).run(study)
-    make = bench_page.write_page if study.page == "costs" else outcomes.write_page
+    make = bench_page.write_page if study.page == "costs" else outcomes_page.write_page
     page = make(study, records, folder, command_line())
     if refit and study_file is None and not quick and not any(filters.values()):
         refitted(load_laws(), records).save(own_laws_path())
@@ -81,13 +81,13 @@ def regimes(
     empty folder, and draws the map. --quick, which keeps to St from 0.1 to 1e4, --scene, --form and --solver make it
     shorter.
     """
-    from polhode.harness.analysis.regime_map import Parts
+    from polhode.harness.analysis.regime_map import LONGEST_SLOW_TIME
     from polhode.harness.pages.regimes import write_page
     from polhode.harness.studies.runner import Runner
     from polhode.harness.studies.study import quick_study, read_study
 
     with bad_input():
-        study = filtered(read_study(study_file, "regimes"), filters)
+        study = replace(filtered(read_study(study_file, "regimes"), filters), longest_slow_time=LONGEST_SLOW_TIME)
         if quick:
             some = tuple((name, scene) for name, scene in study.scenes if 0.1 <= scene.stokes <= 1e4)
             study = replace(quick_study(study), scenes=some or study.scenes)
@@ -96,16 +96,14 @@ def regimes(
     with running_into(store):
         if not quiet:
             click.echo(ahead(study, store), err=True)
-        records = Runner(store, quiet).run(Parts(study))
+        records = Runner(store, quiet).run(study)
     click.echo(f"{write_page(study, records, folder, command_line())}")
 
 
 def ahead(study: "Study", store: "Store") -> str:
     """How much of a study is left to be measured."""
-    from polhode.harness.analysis.regime_map import Parts
-
     known = store.keys()
-    cases = [case.key in known for batch in Parts(study).batches() for case in batch]
+    cases = [case.key in known for batch in study.batches() for case in batch]
     return f"{store.path} holds {sum(cases)} of {len(cases)} cases, {len(cases) - sum(cases)} are measured now"
 
 

@@ -8,12 +8,13 @@ from typing import Any
 
 import pandas as pd
 
-from polhode.harness.analysis.frames import by_stokes, frame, where
-from polhode.harness.analysis.winners import TARGETS, averaged_costs, by_scene, cheapest, sentences
+from polhode.harness.analysis.frames import by_scene, by_stokes, frame, where
+from polhode.harness.analysis.winners import TARGETS, cheapest
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record, export
 from polhode.harness.common.text import bracketed, duration, markdown, scientific, short
+from polhode.harness.pages.verdict import averaged_costs, ties, verdict
 from polhode.harness.pages.work_precision import save, work_precision_panels
 from polhode.harness.references.uncertainty import BRACKETS, least_known, uncertainty_of
 from polhode.harness.studies.study import Study
@@ -69,7 +70,7 @@ def _lines(study: Study, table: pd.DataFrame, records: Sequence[Record], command
         *_scenes(records),
         "## Verdict",
         "",
-        *(f"- {sentence}" for sentence in [*sentences(table), *averaged_costs(table)]),
+        *(f"- {sentence}" for sentence in [*verdict(table), *averaged_costs(table)]),
         "",
         *(line for scene, runs in by_scene(table) for line in _best(scene, runs)),
         "## Cost against error",
@@ -174,7 +175,7 @@ def _winner(runs: pd.DataFrame, target: float, error: str) -> str:
     if winner is None:
         return "none"
     best = winner.row.to_dict()
-    tied = f" (tied: {winner.ties})" if winner.ties else ""
+    tied = f" (tied: {ties(winner)})" if winner.tied else ""
     return f"{best['form']}, {best['solver']}, {short(best['tolerance'])}: {duration(best['seconds'])}{tied}"
 
 

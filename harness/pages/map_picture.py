@@ -4,7 +4,8 @@ from collections.abc import Mapping, Sequence
 from math import inf, isnan
 from typing import TYPE_CHECKING, Any
 
-from polhode.harness.analysis.regime_map import Cell, Method, Side, usual_form
+from polhode.harness.analysis.pareto import Method, Side
+from polhode.harness.analysis.regime_map import Cell, usual_form
 from polhode.harness.analysis.winners import TIE
 from polhode.harness.common.text import duration, factor, short
 from polhode.harness.pages.style import colour, rank

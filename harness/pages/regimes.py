@@ -9,12 +9,13 @@ from pathlib import Path
 import pandas as pd
 
 from polhode.harness.analysis.frames import frame, where
-from polhode.harness.analysis.regime_map import Cell, Method, cells, scatter, sentences, standings
+from polhode.harness.analysis.pareto import Method
+from polhode.harness.analysis.regime_map import Cell, cells, scatter, standings
 from polhode.harness.analysis.winners import TIE
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record
-from polhode.harness.common.text import duration, markdown, short
+from polhode.harness.common.text import duration, in_two_digits, markdown, short
 from polhode.harness.pages.map_picture import ERRORS, picture
 from polhode.harness.pages.work_precision import save
 from polhode.harness.studies.study import Study
@@ -86,6 +87,26 @@ def _lines(study: Study, table: pd.DataFrame, records: Sequence[Record], maps: M
         text += ["Duration t in units of the inverse shear rate, and in slow time t₂ = t/St:", ""]
         text += [markdown(["St", "t", "t₂"], rows, right=(0, 1, 2)), *horizon(scenes)]
     return text
+
+
+def sentences(found: Sequence[Cell], what: str) -> list[str]:
+    """What a map shows, in sentences: which kind of method wins where, and by how much."""
+    words = {"implicit": "An implicit solver", "explicit": "An explicit solver", "averaged": "An averaged form"}
+    lines = []
+    for side, subject in words.items():
+        own = [cell for cell in found if cell.winner and cell.winner.side == side]
+        if not own:
+            lines.append(f"{subject} never wins ({what}).")
+            continue
+        low, high = min(cell.stokes for cell in own), max(cell.stokes for cell in own)
+        leads = sorted(cell.lead for cell in own if not isnan(cell.lead))
+        ties = sum(cell.tied for cell in own)
+        middle, most = (in_two_digits(lead) for lead in (leads[len(leads) // 2], leads[-1])) if leads else ("", "")
+        by = f", by a factor {middle} (median) to {most}" if leads else ""
+        share = f"{len(own)} of {sum(cell.winner is not None for cell in found)}"
+        span = f"from St = {short(low)} to {short(high)}" if low < high else f"at St = {short(low)}"
+        lines.append(f"{subject} wins {share} cells, {span}{by}; {ties} are ties ({what}).")
+    return lines
 
 
 def horizon(scenes: Sequence[Scene]) -> list[str]:

@@ -1,9 +1,10 @@
 """Running a study into a store: batch by batch, so that an interrupted run is taken up where it stopped."""
 
 import gc
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from math import inf
+from typing import Protocol
 
 from tqdm import tqdm
 
@@ -12,7 +13,6 @@ from polhode.harness.common.store import Store
 from polhode.harness.common.timing import Patience, Timing, sentinel
 from polhode.harness.common.worker import Failure, Worker
 from polhode.harness.studies.case import Attempt, Case, Record, attempt, judge, missing, time_once
-from polhode.harness.studies.study import Batches
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Backend, Jacobian, Status
 
@@ -22,6 +22,15 @@ COMPILATION = 60.0
 SANE_ERROR = 1.0
 
 Group = tuple[str, float, str, str, Backend | None, Jacobian | None]
+
+
+class Batches(Protocol):
+    """What can be run into a store: a study, or several in one go. Each batch is timed in interleaved order."""
+
+    @property
+    def name(self) -> str: ...  # noqa: D102
+
+    def batches(self) -> Iterator[list[Case]]: ...  # noqa: D102
 
 
 @dataclass

@@ -3,8 +3,9 @@
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from importlib.resources import files
+from math import inf
 from pathlib import Path
-from typing import Annotated, Any, Literal, Protocol
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
@@ -98,19 +99,6 @@ class StudyTable(BaseModel):
         return self
 
 
-class Batches(Protocol):
-    """What can be run into a store: a study, or several in one go."""
-
-    @property
-    def name(self) -> str:
-        """What progress is shown under."""
-        ...
-
-    def batches(self) -> Iterator[list[Case]]:
-        """Cases in batches that are timed in interleaved order."""
-        ...
-
-
 @dataclass(frozen=True)
 class Choice:
     """What a study says of one scene: its tags, forms and solvers if it is limited to some, and time limit."""
@@ -144,6 +132,8 @@ class Study:
     jacobians: tuple[Jacobian, ...] | None = None
     choices: Mapping[tuple[str, float], Choice] = field(default_factory=dict)
     page: Page = "costs"
+    # Averaged equations are not tried over more slow time than this.
+    longest_slow_time: float = inf
 
     def batches(self) -> Iterator[list[Case]]:
         """Cases in batches that are timed in interleaved order: one scene, form and tolerance, all solvers."""
@@ -151,6 +141,8 @@ class Study:
             choice = self.choice(scene_name, scene)
             for form_name in self.forms:
                 if choice.forms is not None and form_name not in choice.forms:
+                    continue
+                if scene.slow_time > self.longest_slow_time and find_form(form_name).averaged:
                     continue
                 try:
                     problem = find_form(form_name).problem(scene)

@@ -240,8 +240,8 @@ def test_the_command(polhode: Run, tmp_path: Path):
     for arguments, reason in {
         ("before.json", "no-such.json"): "no-such.json: No such file or directory, expected an existing one",
         ("before.json", "other.json"): "other.json: got no case that before.json has, expected some",
-        ("before.json", "same.json", "--slower", "1"): "--slower: got 1.0, expected more than 1.0",
-        ("before.json",): "missing argument 'AFTER', expected: polhode compare [OPTIONS] BEFORE AFTER",
+        ("before.json", "same.json", "--slower", "1"): "'--slower': 1.0 is not in the range x>1.0",
+        ("before.json",): "Missing argument 'AFTER', expected: polhode compare [OPTIONS] BEFORE AFTER",
     }.items():
         refused = polhode("compare", *arguments)
         assert refused.returncode == 2

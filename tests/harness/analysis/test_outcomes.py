@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 from commandline import STUDY
 
-from polhode.harness.analysis.outcomes import INACCURATE, limits, outcome, reasons, write_page
+from polhode.harness.analysis.outcomes import INACCURATE, limits, outcome
+from polhode.harness.pages.outcomes import reasons, write_page
 from polhode.harness.studies.study import parse_study
 from polhode.models.scene_file import scene_table
 from polhode.models.scenes import named_scene
@@ -56,7 +57,7 @@ def test_page_of_several_scenes_has_a_sign_for_every_run(tmp_path: Path, site_re
     assert sum(signs.count(sign) for sign in "✓≈◷✕") == len(records)
     assert signs.count("◷") == 1
     assert "time limit: stopped by hand" in page
-    assert "## paper, St = 50, t = 1, tolerance 0.0001" in page
+    assert "## paper, St = 50, t = 1, tolerance 1e-4" in page
     assert len((tmp_path / "records.jsonl").read_text().splitlines()) == len(records)
 
 

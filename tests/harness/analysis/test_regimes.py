@@ -9,11 +9,12 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-from polhode.harness.analysis.regime_map import Method, cells, cost, front, parts, scatter, sentences, standings
+from polhode.harness.analysis.pareto import Method, cost, front
+from polhode.harness.analysis.regime_map import LONGEST_SLOW_TIME, cells, scatter, standings
 from polhode.harness.commands.bench import ahead, regimes
 from polhode.harness.common.store import Store
 from polhode.harness.pages.map_picture import draw, picture
-from polhode.harness.pages.regimes import horizon, read_cells, write_page
+from polhode.harness.pages.regimes import horizon, read_cells, sentences, write_page
 from polhode.harness.pages.style import LOOKS, colour
 from polhode.harness.studies.study import read_study
 from polhode.models.catalogue import form as find_form
@@ -133,9 +134,10 @@ def test_the_study_covers_the_range_within_the_horizon():
 
 
 def test_averaged_forms_are_left_out_where_slow_time_is_endless():
-    for part in parts(read_study(None, "regimes")):
-        ((_, scene),) = part.scenes
-        assert any(find_form(name).averaged for name in part.forms) == (scene.stokes >= 1)
+    study = replace(read_study(None, "regimes"), longest_slow_time=LONGEST_SLOW_TIME)
+    cases = [case for batch in study.batches() for case in batch]
+    averaged = {case.scene.stokes for case in cases if find_form(case.form).averaged}
+    assert averaged == {case.scene.stokes for case in cases if case.scene.stokes >= 1}
 
 
 def test_every_method_stands_somewhere_whether_it_wins_or_not(table: pd.DataFrame):

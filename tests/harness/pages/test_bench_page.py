@@ -135,4 +135,4 @@ def test_a_study_without_averaged_forms_has_no_verdict_on_them(study: Study, tmp
     assert "averaged form is the cheapest" not in page
     averaged = {**RECORDS[0], "form": "averaged", "seconds": 0.15, "seconds_spread": 0.0}
     page = write_page(study, [*RECORDS, averaged], tmp_path, "polhode bench").read_text(encoding="utf-8")
-    assert "- For a slow error of 0.0001 an averaged form is the cheapest at St = 50, the only one measured." in page
+    assert "- For a slow error of 1e-4 an averaged form is the cheapest at St = 50, the only one measured." in page

@@ -5,7 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from polhode.harness.analysis.regime_map import Method
+from polhode.harness.analysis.pareto import Method
 from polhode.harness.pages.style import LOOKS, OTHER, colour, family_colour, looks, rank
 from polhode.harness.studies.study import read_study
 from polhode.solvers.catalogue import SOLVERS
