@@ -10,8 +10,8 @@ SECTIONS = (
     "polhode.harness.paper.sections.limits.euler_tops:SECTION",
     "polhode.harness.paper.sections.spheroids.planes:SECTION",
     "polhode.harness.paper.sections.ellipsoids.planes:SECTION",
-    "polhode.harness.paper.sections.rest.section:SECTION",
-    "polhode.harness.paper.sections.appendix.first_order:SECTION",
+    "polhode.harness.paper.sections.rest.transient:SECTION",
+    "polhode.harness.paper.sections.appendix.averages:SECTION",
     "polhode.harness.paper.sections.beyond.endings_and_basins:SECTION",
 )
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from polhode.harness.common.files import PartialFile
+from polhode.harness.common.files import write_file
 from polhode.harness.common.text import markdown, short
 from polhode.harness.paper import store
 from polhode.harness.paper.item import Data, Grid, Item, Number, Section, Verdict, Word
@@ -20,14 +20,8 @@ def write_pages(folder: Path, sections: Sequence[Section], grid: Grid) -> None:
         lines = [f"# {section.title}", "", NOTICE, ""]
         for item in section.items:
             lines += _item_lines(section, item, found[item.name])
-        _write(folder / f"{section.name}.md", lines)
-    _write(folder / "README.md", _index(sections, found, grid))
-
-
-def _write(path: Path, lines: Sequence[str]) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with PartialFile(path) as file:
-        file.write("\n".join(lines).rstrip() + "\n")
+        write_file(folder / f"{section.name}.md", "\n".join(lines).rstrip() + "\n")
+    write_file(folder / "README.md", "\n".join(_index(sections, found, grid)).rstrip() + "\n")
 
 
 def _item_lines(section: Section, item: Item, found: Judged | None) -> list[str]:

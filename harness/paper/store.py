@@ -4,7 +4,6 @@ import hashlib
 import json
 import sys
 from functools import cache
-from importlib.metadata import version
 from io import BytesIO
 from pathlib import Path
 
@@ -12,7 +11,9 @@ import pandas as pd
 from pandas.api.types import is_numeric_dtype
 
 from polhode import models, solvers
-from polhode.harness.common.files import PartialFile
+from polhode.harness.common.files import write_file
+from polhode.harness.common.machine import package_version
+from polhode.harness.common.plain_json import digest
 from polhode.harness.paper.item import Data, Grid, Item, Table, Verdict
 
 SCHEMA = 1
@@ -30,9 +31,9 @@ def content_key(item: Item, grid: Grid) -> str:
         "settings": repr(getattr(item.compute, "__self__", None)),
         "grid": grid,
         "code": [_hash(path.read_bytes()) for path in code_of(item)] + [_rooms()],
-        "libraries": {name: version(name) for name in LIBRARIES},
+        "libraries": {name: package_version(name) for name in LIBRARIES},
     }
-    return _hash(json.dumps(content, sort_keys=True).encode())
+    return digest(content)
 
 
 def code_of(item: Item) -> list[Path]:
@@ -65,15 +66,14 @@ def write(folder: Path, item: Item, grid: Grid, data: Data) -> Data:
     folder.mkdir(parents=True, exist_ok=True)
     record = folder / f"{item.name}.json"
     record.unlink(missing_ok=True)
-    contents = {}
-    for name, table in data.items():
-        path = folder / file_name(item, name)
-        with PartialFile(path) as file:
-            pd.DataFrame(table).to_csv(file, index=False, float_format=f"%.{DIGITS}g", na_rep="nan")
-        contents[name] = path.read_bytes()
+    contents = {
+        name: pd.DataFrame(table).to_csv(index=False, float_format=f"%.{DIGITS}g", na_rep="nan").encode()
+        for name, table in data.items()
+    }
+    for name, content in contents.items():
+        write_file(folder / file_name(item, name), content)
     sums = {name: _hash(content) for name, content in contents.items()}
-    with PartialFile(record) as file:
-        file.write(json.dumps({"key": content_key(item, grid), "grid": grid, "tables": sums}, indent=1) + "\n")
+    write_file(record, json.dumps({"key": content_key(item, grid), "grid": grid, "tables": sums}, indent=1) + "\n")
     return {name: _table(content) for name, content in contents.items()}
 
 

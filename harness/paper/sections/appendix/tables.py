@@ -34,11 +34,7 @@ class Entry:
 
 def right(words: str, formula: Formula) -> Entry:
     """An entry that holds as printed; x'1 x'2 y'3 are components t_11, t_21, t_32, without a stroke in axes along L."""
-    return Entry(_name(words), _mean(words), formula, formula)
-
-
-def _name(words: str) -> str:
-    return f"⟨{words}⟩"
+    return Entry(f"⟨{words}⟩", _mean(words), formula, formula)
 
 
 def _mean(words: str) -> Formula:
@@ -58,18 +54,7 @@ def sign_of(i: int, j: int, k: int) -> float:
 
 def ellipsoid_entries() -> list[Entry]:
     """Entries and general formulas of the ellipsoid's table, in its order."""
-    return [
-        *_second_aligned(),
-        _general_second_aligned(),
-        *_third_aligned(),
-        _general_third_aligned(),
-        *_third_mixed(),
-        _general_third_mixed(),
-        *_third_space(),
-        _general_third_space(),
-        *_second_space(),
-        _general_second_space(),
-    ]
+    return [*_second_aligned(), *_third_aligned(), *_third_mixed(), *_third_space(), *_second_space()]
 
 
 def _zero(n: np.ndarray, z: np.ndarray) -> float:
@@ -85,12 +70,10 @@ def _second_aligned() -> Iterator[Entry]:
         for first, second in ("xy", "xz", "yz"):
             yield right(f"{first}{k + 1} {second}{k + 1}", _zero)
 
-
-def _general_second_aligned() -> Entry:
     def formula(n: np.ndarray, z: np.ndarray) -> np.ndarray:
         return np.stack([np.diag([(1 - own) / 2, (1 - own) / 2, own]) for own in z])
 
-    return Entry("general ⟨t_ki,LO t_kj,LO⟩", lambda t, u: np.einsum("pki,pkj->kij", u, u) / len(u), formula, formula)
+    yield Entry("general ⟨t_ki,LO t_kj,LO⟩", lambda t, u: np.einsum("pki,pkj->kij", u, u) / len(u), formula, formula)
 
 
 VANISHING = (
@@ -104,18 +87,11 @@ ENCLOSED = (("zxy", 1, 1), ("zyx", -1, 1), ("yzx", 1, 2), ("xzy", -1, 2), ("xyz"
 
 
 def _third_aligned() -> Iterator[Entry]:
+    """The general formula, for different rows, is printed with δ_i3, which picks ⟨z₃²⟩ always, in place of δ_l3."""
     for letters in " ".join(VANISHING).split():
         yield right(_in_rows(letters), _zero)
     for letters, sign, number in ENCLOSED:
         yield right(_in_rows(letters), lambda n, z, s=sign, i=number - 1: s * z[i] / 2)
-
-
-def _in_rows(letters: str) -> str:
-    return " ".join(f"{letter}{row}" for row, letter in enumerate(letters, start=1))
-
-
-def _general_third_aligned() -> Entry:
-    """Printed with δ_i3 of the rows, which picks ⟨z₃²⟩ always, in place of δ_l3 of the columns; for different rows."""
     columns = tuple(product(range(3), repeat=3))
 
     def mean(t: np.ndarray, u: np.ndarray) -> np.ndarray:
@@ -129,7 +105,7 @@ def _general_third_aligned() -> Entry:
 
         return np.array([[one(rows, chosen) for chosen in columns] for rows in ROWS])
 
-    return Entry(
+    yield Entry(
         "general ⟨t_il,LO t_jm,LO t_kn,LO⟩",
         mean,
         lambda n, z: formula(z, by_column=False),
@@ -137,27 +113,27 @@ def _general_third_aligned() -> Entry:
     )
 
 
+def _in_rows(letters: str) -> str:
+    return " ".join(f"{letter}{row}" for row, letter in enumerate(letters, start=1))
+
+
 def _third_mixed() -> Iterator[Entry]:
-    """⟨z_i x'_j y'_k⟩: printed without the factor α₃₃/2."""
+    """⟨z_i x'_j y'_k⟩ and the general formula: printed without the factor α₃₃/2."""
     for i, j, k in ROWS:
         words, sign = f"z{i + 1} x'{j + 1} y'{k + 1}", sign_of(i, j, k)
         yield Entry(
-            _name(words),
+            f"⟨{words}⟩",
             _mean(words),
             lambda n, z, i=i, s=sign: s * z[i],
             lambda n, z, i=i, s=sign: s * n[2] / 2 * z[i],
         )
-
-
-def _general_third_mixed() -> Entry:
-    """Printed, like its entries, without the factor α₃₃/2."""
     signs = np.array([sign_of(*rows) for rows in ROWS])
     first = [rows[0] for rows in ROWS]
 
     def mean(t: np.ndarray, u: np.ndarray) -> np.ndarray:
         return np.array([np.mean(u[:, i, 2] * t[:, j, 0] * t[:, k, 1]) for i, j, k in ROWS])
 
-    return Entry(
+    yield Entry(
         "general ⟨t_i3,LO t_j1 t_k2⟩",
         mean,
         lambda n, z: signs * z[first],
@@ -178,14 +154,11 @@ ALONG = (
 
 
 def _third_space() -> Iterator[Entry]:
+    """The general formula is printed with α_l3 in place of its square for l = 3."""
     for words, column, plus, minus in ACROSS:
         yield right(words, lambda n, z, c=column, p=plus, m=minus: n[c - 1] * n[2] * (z[p - 1] - z[m - 1]) / 2)
     for words, sign, order in ALONG:
         yield right(words, lambda n, z, s=sign, o=order: s * sum(n[a] ** 2 * z[o[a] - 1] for a in range(3)) / 2)
-
-
-def _general_third_space() -> Entry:
-    """Printed with α_l3 in place of its square for l = 3."""
 
     def mean(t: np.ndarray, u: np.ndarray) -> np.ndarray:
         return np.array([[np.mean(t[:, i, a] * t[:, j, 0] * t[:, k, 1]) for a in range(3)] for i, j, k in ROWS])
@@ -198,7 +171,7 @@ def _general_third_space() -> Entry:
 
         return np.array([one(*rows) for rows in ROWS])
 
-    return Entry("general ⟨t_il t_j1 t_k2⟩", mean, lambda n, z: formula(n, z, 1), lambda n, z: formula(n, z, 2))
+    yield Entry("general ⟨t_il t_j1 t_k2⟩", mean, lambda n, z: formula(n, z, 1), lambda n, z: formula(n, z, 2))
 
 
 def _second_space() -> Iterator[Entry]:
@@ -209,12 +182,10 @@ def _second_space() -> Iterator[Entry]:
                 lambda n, z, i=row, a=a, b=b: n[a] * n[b] * (3 * z[i] - 1) / 2 + (a == b) * (1 - z[i]) / 2,
             )
 
-
-def _general_second_space() -> Entry:
     def formula(n: np.ndarray, z: np.ndarray) -> np.ndarray:
         return np.stack([np.outer(n, n) * (3 * own - 1) / 2 + np.eye(3) * (1 - own) / 2 for own in z])
 
-    return Entry("general ⟨t_il t_im⟩", lambda t, u: np.einsum("pil,pim->ilm", t, t) / len(t), formula, formula)
+    yield Entry("general ⟨t_il t_im⟩", lambda t, u: np.einsum("pil,pim->ilm", t, t) / len(t), formula, formula)
 
 
 def spheroid_entries() -> list[Entry]:

@@ -61,6 +61,8 @@ def verdict_general(data: Data) -> Verdict:
     """Nutation between two bounds, periods without a common one."""
     numbers, table = data["numbers"], data[""]
     ratio = float(numbers["precession_period"][0] / numbers["period"][0])
+    denominators = np.arange(1, 13)
+    distance = float(np.min(np.abs(ratio - np.rint(ratio * denominators) / denominators)))
     band = np.degrees([table["nutation"].min(), table["nutation"].max()])
     return Verdict(
         Word.CONFIRMED,
@@ -70,17 +72,10 @@ def verdict_general(data: Data) -> Verdict:
         CAPTION,
         Number("width of the band of nutation", float(band[1] - band[0]), low=1.0, unit="degrees"),
         Number("precession period T' over polhode period T", ratio, 0.01, 100.0),
-        Number(
-            "distance of T'/T from the nearest fraction with a denominator up to 12", _commensurability(ratio), low=1e-5
-        ),
+        Number("distance of T'/T from the nearest fraction with a denominator up to 12", distance, low=1e-5),
         Number("closed form against integration, largest |Δt_ij|", float(numbers["difference"][0]), high=1e-10),
         Number("drift of L and E, relative", float(numbers["drift"][0]), high=1e-12),
     )
-
-
-def _commensurability(ratio: float) -> float:
-    denominators = np.arange(1, 13)
-    return float(np.min(np.abs(ratio - np.rint(ratio * denominators) / denominators)))
 
 
 def verdict_symmetric(data: Data) -> Verdict:

@@ -184,35 +184,29 @@ def _draw_points(axes: Axes, points: Table, orbits: Table, size: float) -> None:
     label(axes, "$\\psi$, rad", "$\\theta$, rad")
 
 
-SLENDER = Sections(Ellipsoid((1 / 20, 1 / 10, 1.0)), 240, (0.35, 0.65), Word.SHARPENED, (0.8, 0.8))
-FAT_PROLATE = Sections(Ellipsoid((1 / 3, 1.2 / 3, 1.0)), 400, (0.0, 0.1), Word.SHARPENED, (0.06, 0.06), (1e-5, 1e-3))
-THIN_OBLATE = Sections(Ellipsoid((1.0, 1 / 2, 1 / 20)), 240, (0.1, 0.5), Word.CORRECTED, (0.8, 0.8))
-FAT_OBLATE = Sections(
-    Ellipsoid((1.0, 2 / 2.1, 1 / 2.1)), 400, (0.0, 0.05), Word.CORRECTED, (0.06, 0.03), (-ROUNDING, ROUNDING)
-)
-
-
 ITEMS = (
     Item.of(
-        SLENDER,
+        Sections(Ellipsoid((1 / 20, 1 / 10, 1.0)), 240, (0.35, 0.65), Word.SHARPENED, (0.8, 0.8)),
         "poincare-slender",
         "Poincaré section, slender prolate ellipsoid",
         "For b/a = 1/10, c/a = 1/20 chaotic trajectories are dominant.",
     ),
     Item.of(
-        FAT_PROLATE,
+        Sections(Ellipsoid((1 / 3, 1.2 / 3, 1.0)), 400, (0.0, 0.1), Word.SHARPENED, (0.06, 0.06), (1e-5, 1e-3)),
         "poincare-fat-prolate",
         "Poincaré section, fat prolate ellipsoid",
         "For b/a = 1.2/3, c/a = 1/3 chaos is confined to thin layers along the separatrices of the saddles.",
     ),
     Item.of(
-        THIN_OBLATE,
+        Sections(Ellipsoid((1.0, 1 / 2, 1 / 20)), 240, (0.1, 0.5), Word.CORRECTED, (0.8, 0.8)),
         "poincare-flat",
         "Poincaré section, thin oblate ellipsoid",
         "For b/a = 1/2, c/a = 1/20 chaotic trajectories are dominant.",
     ),
     Item.of(
-        FAT_OBLATE,
+        Sections(
+            Ellipsoid((1.0, 2 / 2.1, 1 / 2.1)), 400, (0.0, 0.05), Word.CORRECTED, (0.06, 0.03), (-ROUNDING, ROUNDING)
+        ),
         "poincare-fat-oblate",
         "Poincaré section, fat oblate ellipsoid",
         "For b/a = 2/2.1, c/a = 1/2.1 chaos is confined to thin layers along the separatrices of the saddles.",
