@@ -8,7 +8,7 @@ from polhode.harness.paper.item import Item, Section
 SECTIONS = (
     "polhode.harness.paper.sections.periods:SECTION",
     "polhode.harness.paper.sections.limits.euler_tops:SECTION",
-    "polhode.harness.paper.sections.spheroids.planes:SECTION",
+    "polhode.harness.paper.sections.spheroids.motion:SECTION",
     "polhode.harness.paper.sections.ellipsoids.planes:SECTION",
     "polhode.harness.paper.sections.rest.transient:SECTION",
     "polhode.harness.paper.sections.appendix.averages:SECTION",

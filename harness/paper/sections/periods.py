@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.interpolate import CubicHermiteSpline
 
+from polhode.harness.common.text import short
 from polhode.harness.paper.drawing import BLACK, CYCLE, common_legend, draw_groups, label, logarithmic, panels
 from polhode.harness.paper.item import Data, Grid, Item, Number, Section, Verdict, Word
 from polhode.harness.paper.runs import run_form, spheroid
@@ -150,10 +151,11 @@ def verdict_period(data: Data) -> Verdict:
     return Verdict(
         Word.CONFIRMED,
         f"Between the limits the period falls monotonically; at St = {table['stokes'].min():g} it is Jeffery's to "
-        f"{small:.1g}, at St = {table['stokes'].max():g} it is 4π to {large:.1g} for every κ up to {KAPPAS[-1]:g}.",
+        f"{small:.1g}, at St = {short(table['stokes'].max())} it is 4π to {large:.1g} for every κ up to "
+        f"{KAPPAS[-1]:g}.",
         f"Period of a tumbling prolate spheroid on its limit cycle, κ = {', '.join(f'{kappa:g}' for kappa in KAPPAS)}, "
         "with Jeffery's period (dotted) and 4π (dashed); crosses: turns of runs in time.",
-        Number(f"|T/4π - 1| at St = {table['stokes'].max():g}, worst κ", float(large), high=1e-6),
+        Number(f"|T/4π - 1| at St = {short(table['stokes'].max())}, worst κ", float(large), high=1e-6),
         Number(f"|T/2π(κ+1/κ) - 1| at St = {table['stokes'].min():g}, worst κ", float(small), high=1e-6),
         Number("collocated against integrated period, relative", largest, high=1e-8),
         Number("largest relative rise of the period from one St to the next", rise, high=1e-7),

@@ -30,13 +30,11 @@ def compute_pinch(grid: Grid) -> Data:
     """Paths past the pinch point; the smallest |L| of full runs against St."""
     slow_times = np.linspace(0.0, SLOW_TIME, grid.of(1201, 601))
     ends, pinch = _slow_to_pinch(KAPPA, slow_times)
-    paths = {
-        "aligned": [(np.inf, ends.times, ends.slow)],
-        "tilted": [(np.inf, slow_times, averaged_run(_tilted_scene(1.0), slow_times).slow)],
-    }
+    aligned = [(np.inf, ends.times, ends.slow)]
+    tilted = [(np.inf, slow_times, averaged_run(_tilted_scene(1.0), slow_times).slow)]
     for stokes in STOKES:
-        for name, scene in (("aligned", _scene(KAPPA, stokes)), ("tilted", _tilted_scene(stokes))):
-            paths[name].append((stokes, slow_times, full_run(scene, stokes * slow_times).slow))
+        for paths, scene in ((aligned, _scene(KAPPA, stokes)), (tilted, _tilted_scene(stokes))):
+            paths.append((stokes, slow_times, full_run(scene, stokes * slow_times).slow))
     phases = grid.of(4, 3)
     rows = []
     for kappa in KAPPAS:
@@ -47,8 +45,8 @@ def compute_pinch(grid: Grid) -> Data:
             for phi in ((np.arange(phases) + 0.25) * pi / phases).tolist()
         ]
     return {
-        "aligned": path_table(paths["aligned"]),
-        "tilted": path_table(paths["tilted"]),
+        "aligned": path_table(aligned),
+        "tilted": path_table(tilted),
         "end": {"t2": np.array([pinch])},
         "crossing": columns("kappa stokes phi least", rows),
     }

@@ -1,5 +1,6 @@
 """Section "Spheroids" away from the L_z–E plane: L–E planes, and projections for finite L_x and L_y."""
 
+from itertools import product
 from math import sqrt
 
 import numpy as np
@@ -29,19 +30,14 @@ def compute_l_planes(grid: Grid) -> Data:
     """Slow trajectories with L_x = 0 or L_y = 0 and several ratios of L_xy to L_z, of either sign."""
     slow_times = graded(1.0, 1201)
     parts, ends = [], []
-    for zero in (0, 1):
-        for ratio in RATIOS:
-            for sign in (-1.0, 1.0):
-                for share in grid.of((0.05, 0.3, 0.6, 0.9), (0.3, 0.9)):
-                    along = sign / sqrt(1 + ratio**2)
-                    slow = np.array([0.0, 0.0, along, energy_at(PROLATE, 1.0, share)])
-                    slow[1 - zero] = ratio / sqrt(1 + ratio**2)
-                    run = slow_run(PROLATE, slow.tolist(), slow_times)
-                    labels = {"zero": zero, "ratio": sign * ratio, "path": len(ends)}
-                    size = np.linalg.norm(run.slow[:, :3], axis=1)
-                    values = {"L": size, "E": run.slow[:, 3]}
-                    parts.append((labels, _thinned(values)))
-                    ends.append((zero, sign * ratio, share, float(distance_from_node(PROLATE, run.slow[-1]))))
+    shares = grid.of((0.05, 0.3, 0.6, 0.9), (0.3, 0.9))
+    for zero, ratio, sign, share in product((0, 1), RATIOS, (-1.0, 1.0), shares):
+        start = np.array([0.0, 0.0, sign / sqrt(1 + ratio**2), energy_at(PROLATE, 1.0, share)])
+        start[1 - zero] = ratio / sqrt(1 + ratio**2)
+        slow = slow_run(PROLATE, start.tolist(), slow_times).slow
+        labels = {"zero": zero, "ratio": sign * ratio, "path": len(ends)}
+        parts.append((labels, _thinned({"L": np.linalg.norm(slow[:, :3], axis=1), "E": slow[:, 3]})))
+        ends.append((zero, sign * ratio, share, float(distance_from_node(PROLATE, slow[-1]))))
     return {"": stacked(parts), "ends": columns("zero ratio share distance", ends)}
 
 
@@ -99,28 +95,24 @@ def compute_projections(grid: Grid) -> Data:
     parts, ends, crossings = [], [], []
     for energy in ENERGIES:
         for cosine in grid.of((-0.95, -0.5, 0.1, 0.6, 0.95), (-0.6, 0.6)):
-            found = {}
+            found = []
             for azimuth in AZIMUTHS:
                 sine, angle = sqrt(1 - cosine**2), np.radians(azimuth)
                 direction = np.array([sine * np.sin(angle), sine * np.cos(angle), cosine]) * MOMENTUM
-                run = slow_run(PROLATE, (*direction, energy), slow_times)
-                across = np.linalg.norm(run.slow[:, :2], axis=1)
-                values = {"Lz": run.slow[:, 2], "Lxy": across, "E": run.slow[:, 3]}
+                slow = slow_run(PROLATE, (*direction, energy), slow_times).slow
+                found.append(np.linalg.norm(slow[:, :2], axis=1))
+                values = {"Lz": slow[:, 2], "Lxy": found[-1], "E": slow[:, 3]}
                 parts.append(({"E0": energy, "azimuth": azimuth, "path": len(ends)}, _thinned(values)))
-                ends.append((energy, cosine, azimuth, float(distance_from_node(PROLATE, run.slow[-1]))))
-                found[azimuth] = across
-            crossings.append((energy, cosine, float(np.mean(_between(*(found[azimuth] for azimuth in AZIMUTHS))))))
+                ends.append((energy, cosine, azimuth, float(distance_from_node(PROLATE, slow[-1]))))
+            low, middle, high = found
+            # Up to rounding.
+            above = middle >= np.minimum(low, high) - 1e-9
+            crossings.append((energy, cosine, float(np.mean(above & (middle <= np.maximum(low, high) + 1e-9)))))
     return {
         "": stacked(parts),
         "ends": columns("E0 cosine azimuth distance", ends),
         "between": columns("E0 cosine share", crossings),
     }
-
-
-def _between(low: np.ndarray, middle: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Where, in time, one value lies between two others, up to rounding."""
-    slack = 1e-9
-    return (middle >= np.minimum(low, high) - slack) & (middle <= np.maximum(low, high) + slack)
 
 
 def figure_projections(data: Data) -> Figure:
