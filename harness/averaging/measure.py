@@ -31,12 +31,8 @@ Found = tuple[list[AveragingErrors], list[Absent]]
 def measure(subject: Subject, stokes: float) -> Found:
     """Errors of first and second order in a case at one St, as far as each form follows it.
 
-    A form that refuses the case, or whose own exact solution is not certified, is absent with its reason.
-
-    Raises
-    ------
-    ReferenceFailedError
-        If there is no certified reference of the full solution.
+    A form that refuses the case, or whose own exact solution is not certified, is absent with its reason. Raises
+    ReferenceFailedError if there is no certified reference of the full solution.
     """
     whole = subject.scene(stokes)
     rows: list[AveragingErrors] = []

@@ -51,35 +51,27 @@ class Evaluation:
     runs: pd.DataFrame
 
     @property
-    def met(self) -> float:
-        """Share of the scenes on which the first choice meets the error."""
-        return _share(self.scenes["met"])
+    def shares(self) -> dict[str, float]:
+        """Shares of the scenes on which the first choice meets the error, and is cheap: within `FACTOR` of the best.
 
-    @property
-    def cheap(self) -> float:
-        """Share of the scenes on which it costs at most `FACTOR` times the best choice measured."""
-        return _share(self.scenes["factor"] <= FACTOR)
-
-    @property
-    def predicted(self) -> float:
-        """Share of the runs whose time was predicted within `FACTOR`, at the pace that the laws were fitted at."""
-        return _share(close(self.runs["seconds_at_usual_pace"], self.runs))
-
-    @property
-    def predicted_as_timed(self) -> float:
-        """The same without regard to the machine's pace."""
-        return _share(close(self.runs["seconds"], self.runs))
-
-    @property
-    def bounded(self) -> float:
-        """Share of the runs whose solver error stays below the end of its interval."""
+        And of the runs whose time was predicted within `FACTOR`, at the pace that the laws were fitted at or as timed,
+        and whose solver error stays below the end of its interval (bounded).
+        """
         known = self.runs.dropna(subset=["slow_error", "slow_error_high"])
-        return _share(known["slow_error"] <= known["slow_error_high"])
+        flags: dict[str, Any] = {
+            "met": self.scenes["met"],
+            "cheap": self.scenes["factor"] <= FACTOR,
+            "predicted": close(self.runs["seconds_at_usual_pace"], self.runs),
+            "predicted as timed": close(self.runs["seconds"], self.runs),
+            "bounded": known["slow_error"] <= known["slow_error_high"],
+        }
+        return {name: float(flag.mean()) if len(flag) else 1.0 for name, flag in flags.items()}
 
     @property
     def reached(self) -> bool:
-        """Whether all three shares are what they are to be."""
-        return self.met >= MEETS and self.cheap >= CHEAP and self.predicted >= PREDICTED
+        """Whether the targets are."""
+        shares = self.shares
+        return shares["met"] >= MEETS and shares["cheap"] >= CHEAP and shares["predicted"] >= PREDICTED
 
 
 def close(seconds: Any, runs: pd.DataFrame) -> Any:
@@ -156,7 +148,3 @@ def error_of(record: Record, want: str) -> float:
     """Error of a record, of the kind wanted; inf for a run that failed."""
     error = record.get(f"{want}_error")
     return inf if error is None or record["status"] != Status.REACHED_END else float(error)
-
-
-def _share(flags: Any) -> float:
-    return float(flags.mean()) if len(flags) else 1.0

@@ -44,12 +44,10 @@ LEAST_SCENES = 3
 LEAST_RUNS = 3
 # Residuals beyond these, in ln(time) and ln(error), are taken for disturbances and pull less.
 SOFT_COST, SOFT_ERROR = 0.15, 1.0
-# An error of this share of what is measured, or more, tells no law.
+# An error of this share of what is measured, or more, bears no law.
 SANE = 0.1
 # An error of this share of the tolerance is as good as none: how much smaller it is would only pull the law off.
 LUCKY = 1e-3
-
-
 # Resampled fits, and the quantiles that they give.
 REPLICATES, SEED = 40, 1
 LOW, MIDDLE, HIGH = 0.025, 0.5, 0.975

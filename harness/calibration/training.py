@@ -8,6 +8,7 @@ import numpy as np
 
 from polhode.harness.calibration.scenes import TRAINING_SCENES, TRAINING_SEED, Question, questions
 from polhode.harness.common.store import Record, Store
+from polhode.harness.picking.model_error import LEAST_ROTATIONS
 from polhode.harness.picking.pilot import ANGLES, damping_times, pilot
 from polhode.harness.studies.case import Case
 from polhode.harness.studies.runner import Runner
@@ -31,8 +32,6 @@ ANGLES_EVERY, ANGLES_ROWS = 3, (0, 2)
 # Solvers with Python in the loop: measured on every fourth scene, at two tolerances, to show where they stand; on every
 # second one in averaged forms, whose cost does not grow with the rotations.
 ASIDE_EVERY, ASIDE_ROTATIONS, ASIDE_AVERAGED_EVERY = 4, 300.0, 2
-# Rotations per damping time below which averaging over rotations makes no sense.
-LEAST_AVERAGED = 0.3
 # Counting right-hand sides slows compiled solvers down some thirtyfold, within the same limit of time.
 SECONDS, SECONDS_PER_ROTATION = 1.0, 1e-3
 
@@ -64,7 +63,7 @@ def forms_for(scene: Scene, rotations: float) -> list[str]:
             form.problem(scene)
         except FormNotValidError:
             continue
-        if not form.averaged or rotations > LEAST_AVERAGED * damping_times(scene):
+        if not form.averaged or rotations > LEAST_ROTATIONS * damping_times(scene):
             accepted.append(name)
     return accepted
 

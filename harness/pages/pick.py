@@ -39,15 +39,15 @@ def write_pages(folder: Path, laws: Laws, evaluation: Evaluation, command: str) 
 
 def summary(evaluation: Evaluation) -> list[str]:
     """The evaluation in sentences, each with its target."""
-    count = len(evaluation.scenes)
+    count, shares = len(evaluation.scenes), evaluation.shares
     refused = sum(scene["refusal"] != "" for scene in evaluation.scenes.to_dict("records"))
     lines = [
-        f"The first choice met the error on {evaluation.met:.1%} of {count} held-out scenes (target: {MEETS:.0%}).",
-        f"It cost at most {FACTOR:g} times the best measured choice on {evaluation.cheap:.1%} (target: {CHEAP:.0%}).",
-        f"The cost laws predicted {evaluation.predicted:.1%} of {len(evaluation.runs)} held-out times "
+        f"The first choice met the error on {shares['met']:.1%} of {count} held-out scenes (target: {MEETS:.0%}).",
+        f"It cost at most {FACTOR:g} times the best measured choice on {shares['cheap']:.1%} (target: {CHEAP:.0%}).",
+        f"The cost laws predicted {shares['predicted']:.1%} of {len(evaluation.runs)} held-out times "
         f"within a factor {FACTOR:g} (target: {PREDICTED:.0%}) after correcting for the machine's speed; "
-        f"{evaluation.predicted_as_timed:.1%} as timed.",
-        f"The slow error stayed below the upper end of its interval in {evaluation.bounded:.1%} of the runs "
+        f"{shares['predicted as timed']:.1%} as timed.",
+        f"The slow error stayed below the upper end of its interval in {shares['bounded']:.1%} of the runs "
         "(target: 97.5%).",
     ]
     if refused:

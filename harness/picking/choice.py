@@ -24,7 +24,7 @@ SAFETY = 100.0
 LEAST_TOLERANCE, LARGEST_TOLERANCE = 1e-16, 1.0
 
 
-class Choice(NamedTuple):
+class Chosen(NamedTuple):
     """A form, a solver and a tolerance, as `polhode solve` accepts them.
 
     The note says, if anything, that the error asked for will not be met, or that it is unknown whether it will.
@@ -44,19 +44,13 @@ def choose(
     error: float,
     want: str,
     samples: int = 201,
-) -> Choice:
+) -> Chosen:
     """Fill in what the user left open.
 
     With form, solver and tolerance given nothing is left open. Else the first row of `pick` that agrees with what is
-    given; where there is none, the simplest form, the first solver that takes it and a hundredth of the error.
-
-    Raises
-    ------
-    NotAttainableError
-        If nothing is given and no run meets the error.
-    ValueError
-        If the error or the tolerance is not a finite positive number, or the orientation is wanted of a form that
-        gives none.
+    given; where there is none, the simplest form, the first solver that takes it and a hundredth of the error. Raises
+    NotAttainableError if nothing is given and no run meets the error, ValueError if a number is out of range or the
+    orientation is wanted of a form that gives none.
     """
     for name, value in (("error", error), ("tolerance", tolerance)):
         if value is not None and not (isfinite(value) and value > 0):
@@ -66,7 +60,7 @@ def choose(
             f"want: got 'orientation' for form {form!r}, which gives none, expected 'slow' or another form"
         )
     if form and solver and tolerance:
-        return Choice(form, solver, tolerance)
+        return Chosen(form, solver, tolerance)
     found, refusal = None, ""
     try:
         found = pick(scene, error, want, samples)
@@ -76,16 +70,16 @@ def choose(
         refusal = not_attainable.reason
     for row in found.ranking if found else ():
         if form in (None, row.form) and solver in (None, row.solver):
-            return Choice(row.form, row.solver, tolerance or row.tolerance)
+            return Chosen(row.form, row.solver, tolerance or row.tolerance)
     form = form or simplest(scene, "slow")[0]
     solver = solver or _first_solver(find_form(form).problem(scene))
     if tolerance:
-        return Choice(form, solver, tolerance)
+        return Chosen(form, solver, tolerance)
     if found:
         note = _note(found, form, solver, error)
     else:
         note = f"{form} by {solver} runs all the same, but the error {short(error)} is {refusal}"
-    return Choice(form, solver, min(LOOSEST, max(TIGHTEST, error / SAFETY)), note)
+    return Chosen(form, solver, min(LOOSEST, max(TIGHTEST, error / SAFETY)), note)
 
 
 def simplest(scene: Scene, want: str) -> tuple[str, str]:
@@ -130,13 +124,10 @@ def _first_solver(problem: "Problem") -> str:
     if problem.closed_form is not None:
         return "exact"
     for name in SOLVERS:
-        method = find_solver(name)
-        try:
-            method.check(problem)
-        except SolverNotValidError:
-            continue
-        if method.available:
-            return name
+        with suppress(SolverNotValidError):
+            find_solver(name).check(problem)
+            if find_solver(name).available:
+                return name
     return next(iter(SOLVERS))
 
 

@@ -75,10 +75,7 @@ def test_held_out_shares_and_pages(tmp_path):
     other = {**good, "solver": "radau"}
     scenes = pd.DataFrame([judged(told, [good]), judged(told, [other])])
     found = Evaluation(scenes, runs_of((1.4, 1e-7), (0.7, 1e-5), (1.6, 1e-9)))
-    assert (found.met, found.cheap) == (0.5, 0.5)
-    assert found.predicted == pytest.approx(2 / 3)
-    assert found.predicted_as_timed == pytest.approx(1 / 3)
-    assert found.bounded == pytest.approx(2 / 3)
+    assert list(found.shares.values()) == pytest.approx([0.5, 0.5, 2 / 3, 1 / 3, 2 / 3])
     assert not found.reached
     assert scenes["factor"][1] == inf
     page = write_pages(tmp_path, load_laws(), found, "polhode validate").read_text(encoding="utf-8")

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from polhode.harness.picking.choice import LARGEST_TOLERANCE, LEAST_TOLERANCE, Choice, check_tolerance, choose
+from polhode.harness.picking.choice import LARGEST_TOLERANCE, LEAST_TOLERANCE, Chosen, check_tolerance, choose
 from polhode.harness.picking.ranking import NotAttainableError, pick
 from polhode.models.catalogue import FORMS, form
 from polhode.models.scene import SlowStart
@@ -15,12 +15,12 @@ def test_choice_is_the_first_row_that_agrees():
     scene = named_scene("paper")
     rows = pick(scene, 1e-6).ranking
     first = choose(scene, None, None, None, 1e-6, "slow")
-    assert first == Choice(rows[0].form, rows[0].solver, rows[0].tolerance)
+    assert first == Chosen(rows[0].form, rows[0].solver, rows[0].tolerance)
     taylor = next(row for row in rows if row.solver == "taylor")
-    assert choose(scene, None, "taylor", None, 1e-6, "slow") == Choice(taylor.form, "taylor", taylor.tolerance)
+    assert choose(scene, None, "taylor", None, 1e-6, "slow") == Chosen(taylor.form, "taylor", taylor.tolerance)
     assert choose(scene, None, "taylor", 1e-9, 1e-6, "slow").tolerance == 1e-9
     assert choose(scene, "averaged", None, None, 1e-6, "slow")[:3] == ("averaged", "taylor", 1e-8)
-    assert choose(scene, "quaternion", "radau", 1e-5, 1e-99, "slow") == Choice("quaternion", "radau", 1e-5)
+    assert choose(scene, "quaternion", "radau", 1e-5, 1e-99, "slow") == Chosen("quaternion", "radau", 1e-5)
     with pytest.raises(NotAttainableError):
         choose(scene, None, None, None, 1e-17, "slow")
 
@@ -56,7 +56,7 @@ def test_of_a_form_of_ones_own_nothing_is_claimed():
 def test_no_note_where_the_error_is_met_or_the_tolerance_is_given():
     scene = named_scene("paper")
     assert choose(scene, "quaternion", None, None, 1e-6, "slow").note == ""
-    assert choose(scene, "averaged", None, 1e-9, 1e-6, "slow") == Choice("averaged", "taylor", 1e-9)
+    assert choose(scene, "averaged", None, 1e-9, 1e-6, "slow") == Chosen("averaged", "taylor", 1e-9)
 
 
 def test_the_first_solver_that_takes_the_form():
