@@ -136,6 +136,6 @@ def _note(found: Recommendation, form: str, solver: str, error: float) -> str:
     reasons = {(each.form, each.solver): each.reason for each in found.excluded}
     best = f"{found.ranking[0].form} by {found.ranking[0].solver}"
     if (form, solver) not in reasons:
-        return f"`pick` cannot tell whether {form} by {solver} meets the error {short(error)}; {best} is expected to"
+        return f"`pick` does not know whether {form} by {solver} meets the error {short(error)}; {best} is expected to"
     reason = reasons[form, solver]
     return f"{form} by {solver} is not expected to meet the error {short(error)}: {reason}; {best} is"

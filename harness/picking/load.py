@@ -44,7 +44,7 @@ EXPLICIT = Gauge("cyrk-vern8", 1e-9, 8.0, 1.6, 0.28, 4.0)
 IMPLICIT = Gauge("cyrk-radau", 1e-6, 27.0, 2.6, 0.0, 13.0)
 BOTH = Gauge("cyrk-lsoda", 1e-9, 36.0, 21.0, 7e-4, 8.5)
 # Accuracy asks explicit methods for ever more steps as the tolerance falls, stability does not: runs so much looser and
-# tighter than the gauge's tolerance tell them apart, at the gauge's order.
+# tighter than the gauge's tolerance separate the two, at the gauge's order.
 LOOSER, TIGHTER, ORDER = 1e4, 1e-2, 8
 
 

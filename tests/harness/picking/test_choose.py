@@ -50,7 +50,7 @@ def test_what_no_method_can_do_is_in_the_note():
 def test_of_a_form_of_ones_own_nothing_is_claimed():
     name = "polhode.models.forms.quaternion:Quaternion"
     note = choose(named_scene("paper"), name, None, None, 1e-6, "slow").note
-    assert note.startswith(f"`pick` cannot tell whether {name} by taylor meets the error 1e-6; ")
+    assert note.startswith(f"`pick` does not know whether {name} by taylor meets the error 1e-6; ")
 
 
 def test_no_note_where_the_error_is_met_or_the_tolerance_is_given():
