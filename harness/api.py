@@ -19,6 +19,7 @@ from polhode.models.observables import Observables
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.compile import check_field
 from polhode.solvers.contract import Record, Solver, Status, Work
 from polhode.solvers.solve import Solution, described
 from polhode.solvers.solve import solve as run
@@ -166,6 +167,7 @@ def plan(
     if not method.available:
         raise ValueError(f"solver: {method.why_not}")
     method.check(problem)
+    check_field(problem)
     return Plan(what, equations, method, choice.tolerance, problem, samples, choice.note)
 
 

@@ -37,6 +37,19 @@ def plain_field(factory: FieldFactory) -> Field:
     return factory(FLOAT)
 
 
+def check_field(problem: Problem) -> None:
+    """Refuse a field that does what no field may do.
+
+    Raises
+    ------
+    FieldError
+        Naming the file and the line.
+    """
+    parameters = problem.mass_form.parameters if problem.mass_form else problem.parameters
+    if parameters is not None:
+        trace(problem.field, problem.dimension, len(parameters))
+
+
 @cache
 def compiled_callback(factory: FieldFactory, dimension: int, parameters: int) -> Callback:
     """The field as ``callback(y, p, out)`` in machine code, of contiguous arrays of float64."""

@@ -201,8 +201,8 @@ def _evaluate(factory: FieldFactory, y: tuple[Number, ...], p: tuple[Number, ...
         rates = rhs(y, p)
     except Exception as error:
         frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename != __file__]
-        where = f"{frames[-1].filename}:{frames[-1].lineno}: {frames[-1].line}" if frames else place
-        raise FieldError(f"{where}: {error}") from error
+        where, line = (f"{frames[-1].filename}:{frames[-1].lineno}", frames[-1].line) if frames else (place, "")
+        raise FieldError(f"{where}: {error}: {line}") from error
     if not isinstance(rates, tuple | list) or len(rates) != len(y):
         got = f"{len(rates)} rates" if isinstance(rates, tuple | list) else f"{type(rates).__name__!r}"
         raise FieldError(f"{place}: got {got}, expected a tuple of {len(y)}, one per component of the state")

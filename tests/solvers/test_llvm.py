@@ -8,7 +8,7 @@ from math import inf
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from oracle.runs import Run, runs
@@ -22,6 +22,7 @@ from polhode.solvers.solve import solve
 
 FORMS = {run.form: run for run in runs()}
 FINITE = st.floats(-1e6, 1e6, allow_subnormal=False)
+EXAMPLES = settings(max_examples=100, deadline=None, derandomize=True)
 
 
 @cache
@@ -47,6 +48,7 @@ def evaluated(function, y, p, size: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", FORMS)
+@EXAMPLES
 @given(data=st.data())
 def test_every_operation_of_a_form_is_that_of_python(name: str, data):
     """Bit for bit, at states and parameters of any size."""
@@ -84,6 +86,7 @@ def every_operation(ops):
     return rhs
 
 
+@EXAMPLES
 @given(y=st.tuples(FINITE, FINITE, FINITE), p=FINITE)
 def test_every_operation_is_that_of_python(y, p):
     expected = in_python(every_operation, y, (p,))
@@ -100,6 +103,7 @@ def powers(ops):
     return rhs
 
 
+@EXAMPLES
 @given(base=st.floats(1e-6, 1e6), exponent=st.floats(-20, 20))
 def test_powers_are_those_of_python(base: float, exponent: float):
     d = len(EXPONENTS) + 2
@@ -185,9 +189,9 @@ def unknown_power(ops):
 @pytest.mark.parametrize(
     ("factory", "line", "message"),
     [
-        (comparing, 2, r"return \(y\[0\] if y\[0\] > 0 else -y\[0\],\): a field cannot compare .*ops.where_positive"),
+        (comparing, 2, r"a field cannot compare .*ops.where_positive.*: return \(y\[0\] if y\[0\] > 0 else -y\[0\],\)"),
         (branching, 2, "a field cannot compare or branch; use ops.where_positive"),
-        (with_math, 2, r"return \(math.sin\(y\[0\]\),\): a field cannot use .*use ops.sin"),
+        (with_math, 2, r"a field cannot use .*use ops.sin.*: return \(math.sin\(y\[0\]\),\)"),
         (with_numpy, 2, "'Number' does not support ufuncs"),
         (with_remainder, 2, "unsupported operand"),
         (with_inner, 2, "bad operand type for abs"),
