@@ -1,7 +1,8 @@
 """An initial value problem: what a form makes of a scene, and all that a solver needs to know."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +22,51 @@ class MassForm:
 
     mass: Floats  # the diagonal of the mass matrix
     parameters: Floats  # what the field receives as ``p`` in this form
+
+
+@dataclass(frozen=True)
+class Part:
+    """One part of a vector field whose flow is known in closed form.
+
+    Parameters
+    ----------
+    constants : callable
+        ``constants(p, h) -> tuple of float``: what the flow over a time h needs to know besides the state, with the
+        functions of `math` alone; h may be negative.
+    flow : callable
+        The flow's factory, over generic numbers like a vector field: ``flow(ops) -> advance(y, constants) -> tuple``.
+    """
+
+    constants: Callable[[Sequence[float], float], Floats]
+    flow: Factory
+
+
+@dataclass(frozen=True)
+class Parts:
+    """A field as the sum of a fast rotation and a slow rest, for solvers that know that the rest is small.
+
+    Parameters
+    ----------
+    fast : Part
+        The rotation. Every solution of it is periodic in its angle, with period 2π.
+    slow : Part
+        All else.
+    rate : callable
+        Rate of the fast angle, ``rate(ops) -> function(y, p)``, constant along the fast flow.
+    strength : callable
+        ``strength(p) -> float``: the largest rate of relaxation of the slow part; 0 where the fast flow is all.
+    reach : float
+        Angle, in rad, up to which `fast` is exact to rounding.
+    resting : tuple of int
+        Components that the fast flow leaves alone.
+    """
+
+    fast: Part
+    slow: Part
+    rate: Callable[[Operations], Callable[[Any, Any], Any]]
+    strength: Callable[[Sequence[float]], float]
+    reach: float
+    resting: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -52,6 +98,8 @@ class Problem:
         A run of fewer steps cannot be right, whatever the library claims.
     time_unit : float
         One unit of the problem's time in units of the inverse shear rate (St for averaged forms).
+    parts : Parts, optional
+        The field as the sum of two parts whose flows are known.
     """
 
     name: str
@@ -65,6 +113,7 @@ class Problem:
     invariant: Invariant | None = None
     least_steps: int = 1
     time_unit: float = 1.0
+    parts: Parts | None = None
 
     @property
     def dimension(self) -> int:

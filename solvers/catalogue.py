@@ -27,6 +27,7 @@ SOLVERS: "Catalogue[Solver]" = Catalogue(
         "cyrk-lsoda": "polhode.solvers.cyrk:Lsoda",
         "cyrk-bdf": "polhode.solvers.cyrk:Bdf",
         "cyrk-radau": "polhode.solvers.cyrk:Radau",
+        "splitting": "polhode.solvers.parts.splitting:Splitting",
         "exact": "polhode.solvers.exact:Exact",
     },
 )

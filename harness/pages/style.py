@@ -31,6 +31,8 @@ LOOKS: dict[str, tuple[str, Any]] = {
     "cyrk-lsoda": ("#AE4202", "P"),
     "cyrk-bdf": ("#DDCC67", "d"),
     "cyrk-radau": ("#EB9406", "h"),
+    "splitting": ("#A50026", (3, 0, 0)),
+    "stroboscopic": ("#E0566B", (8, 1, 0)),
     "exact": ("#8C8C8C", "H"),
     "averaged": ("#B46086", "*"),
     "averaged-spheroid": ("#B46086", "*"),

@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from oracle.accepting import accepting
 from oracle.classical import CLASSICAL, ROBERTSON_DAE, Classical
 from polhode.solvers.catalogue import SOLVERS, solver
 from polhode.solvers.compile import plain_field
@@ -49,8 +50,8 @@ def cases() -> list[tuple[str, str]]:
     return [
         (problem, name)
         for problem in CLASSICAL
-        for name in SOLVERS
-        if name != "exact" and name not in HOPELESS.get(problem, ()) and (problem != "robertson" or name in IMPLICIT)
+        for name in accepting(CLASSICAL[problem].problem)
+        if name not in HOPELESS.get(problem, ()) and (problem != "robertson" or name in IMPLICIT)
     ]
 
 

@@ -8,16 +8,17 @@ from math import pi
 import numpy as np
 import pytest
 
+from oracle.accepting import accepting
 from oracle.runs import SCENES, Run
 from polhode.models.operations import Field, Operations
 from polhode.models.problem import Problem
 from polhode.solvers import contract
-from polhode.solvers.catalogue import SOLVERS, solver
+from polhode.solvers.catalogue import solver
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, SolverNotValidError, Status
 from polhode.solvers.solve import solve
 
-INTEGRATORS = tuple(name for name in SOLVERS if name != "exact")
 RUN = Run("triaxial", "quaternion")
+INTEGRATORS = accepting(RUN.problem)
 
 
 def square_field(ops: Operations) -> Field:

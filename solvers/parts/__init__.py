@@ -1,0 +1,1 @@
+"""Solvers of problems that state their parts (`polhode.models.problem.Parts`); imports contract and `compile`."""

@@ -1,0 +1,335 @@
+"""Solvers of problems that state their parts: the flows, the schemes, and what every solver has to stand."""
+
+import pickle
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from math import inf, pi
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+
+from oracle.accepting import takes
+from oracle.classical import CLASSICAL
+from oracle.runs import SCENES, Run
+from polhode.models.catalogue import form
+from polhode.models.forms.spheroid_axis import PARTS, field
+from polhode.models.operations import FLOAT, numpy_operations
+from polhode.models.problem import Problem
+from polhode.models.scene import BodyStart, EulerStart, Scene
+from polhode.models.scenes import named_scene
+from polhode.models.shape import Ellipsoid
+from polhode.solvers import contract
+from polhode.solvers.catalogue import SOLVERS, solver
+from polhode.solvers.contract import SolverNotValidError, Status
+from polhode.solvers.parts.kernels import kernels, start_of
+from polhode.solvers.parts.schemes import SCHEMES, Scheme
+from polhode.solvers.solve import solve
+
+FORM = form("spheroid-axis")
+PROLATE = Run("prolate", "spheroid-axis").problem
+PARAMETERS = PROLATE.parameters or ()
+NAMES = [name for name in SOLVERS if solver(name).family == "polhode"]
+TOLERANCE = 1e-8
+
+
+def problem(stokes: float, end: float, kappa: float = 2.0, start=SCENES["prolate"].start) -> Problem:
+    return FORM.problem(Scene(Ellipsoid((1.0, 1.0, kappa)), stokes, start, end))
+
+
+def any_state(seed: int) -> tuple[np.ndarray, tuple[float, ...]]:
+    random = np.random.default_rng(seed)
+    state = random.normal(size=6)
+    state[3:] /= np.linalg.norm(state[3:])
+    return state, PARAMETERS if seed == 0 else (1.0, *random.uniform(0.1, 1.0, 2), *random.normal(size=3))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_parts_add_up_to_the_field(seed: int):
+    state, p = any_state(seed)
+    step = 1e-4
+    rates = [
+        (np.array(advance(state, part.constants(p, step))) - advance(state, part.constants(p, -step))) / (2 * step)
+        for part in (PARTS.fast, PARTS.slow)
+        for advance in [part.flow(FLOAT)]
+    ]
+    assert sum(rates) == pytest.approx(np.array(field(FLOAT)(state, p)), abs=1e-7)
+
+
+def test_the_fast_flow_is_a_rotation_about_l():
+    advance = PARTS.fast.flow(FLOAT)
+    for seed in range(20):
+        state, p = any_state(seed)
+        angle = np.random.default_rng(seed).uniform(-PARTS.reach, PARTS.reach)
+        speed = PARTS.rate(FLOAT)(state, p)
+        got = np.array(advance(state, PARTS.fast.constants(p, angle / speed)))
+        expected = Rotation.from_rotvec(angle / speed * state[:3]).apply(state[3:])
+        assert got[3:] == pytest.approx(expected, abs=2e-15)
+        assert got[:3].tolist() == state[:3].tolist()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_slow_flow_is_that_of_the_field_at_fixed_axis(seed: int):
+    state, p = any_state(seed)
+    rates, end = field(FLOAT), 1.3
+
+    def fixed(t: float, momentum: np.ndarray):
+        return rates([*momentum, *state[3:]], p)[:3]
+
+    expected = solve_ivp(fixed, (0, end), state[:3], "DOP853", rtol=1e-13, atol=1e-13).y[:, -1]
+    got = np.array(PARTS.slow.flow(FLOAT)(state, PARTS.slow.constants(p, end)))
+    assert got[:3] == pytest.approx(expected, abs=1e-11)
+    assert got[3:].tolist() == state[3:].tolist()
+
+
+def test_flows_of_many_states_at_once():
+    states = np.array([any_state(seed)[0] for seed in range(5)])
+    for part in (PARTS.fast, PARTS.slow):
+        constants = part.constants(PARAMETERS, 0.4)
+        together = np.array(part.flow(numpy_operations())(states.T, constants)).T
+        assert together == pytest.approx(np.array([part.flow(FLOAT)(state, constants) for state in states]), abs=1e-15)
+
+
+def test_a_problem_with_parts_pickles():
+    assert pickle.loads(pickle.dumps(PROLATE)) == PROLATE
+
+
+QUADRATURE = {"S2": 2, "SABA2": 4, "ABA(8,6,4)": 8, "ABA(10,6,4)": 10}
+
+
+@pytest.mark.parametrize("scheme", SCHEMES, ids=lambda scheme: scheme.name)
+def test_a_scheme_is_a_quadrature_in_the_slow_part(scheme: Scheme):
+    """To first order in the slow part: its nodes are where the fast flows before them end."""
+    fast, slow = scheme.shares
+    assert np.array_equal(fast, fast[::-1])
+    assert np.array_equal(slow, slow[::-1])
+    nodes = np.cumsum(fast)[:-1]
+    for k in range(QUADRATURE[scheme.name]):
+        assert slow @ nodes**k == pytest.approx(1 / (k + 1), abs=5e-15)
+
+
+def end_state(each: Problem, scheme: Scheme, steps: int) -> np.ndarray:
+    rows = np.array([each.start, each.start])
+    law = np.array([each.end / steps, 0.0, inf, 0.0])
+    progress, times = start_of(rows[0], 0.0), np.array([0.0, each.end])
+    compiled = kernels(PARTS, 6)
+    compiled.advance((*scheme.shares, law), np.array(each.parameters or ()), *progress, times, rows, inf, 10**6)
+    return rows[1]
+
+
+@pytest.mark.parametrize(
+    ("name", "stokes", "end", "order", "steps"),
+    [
+        ("S2", 20.0, 6.0, 2, (24, 32, 48)),
+        ("SABA2", 20.0, 6.0, 2, (16, 24, 32)),
+        ("ABA(8,6,4)", 20.0, 6.0, 4, (16, 24, 32)),
+        ("ABA(10,6,4)", 20.0, 6.0, 4, (16, 24, 32)),
+        # With a slow part as small as this, the terms linear in it are all.
+        ("SABA2", 1e5, 3.0, 4, (4, 5, 6, 8)),
+        ("ABA(8,6,4)", 1e5, 3.0, 8, (3, 4, 5, 6)),
+        # Here those quadratic in it.
+        ("ABA(10,6,4)", 1e4, 6.0, 6, (8, 9, 10, 11)),
+    ],
+)
+def test_order_at_fixed_steps(name: str, stokes: float, end: float, order: int, steps: tuple[int, ...]):
+    each = problem(stokes, end)
+    scheme = next(scheme for scheme in SCHEMES if scheme.name == name)
+    exact = solve(each, "taylor", 1e-17).states[-1]
+    errors = [np.abs(end_state(each, scheme, n) - exact)[:3].max() for n in steps]
+    assert -np.polyfit(np.log(steps), np.log(errors), 1)[0] == pytest.approx(order, abs=0.35)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("kappa", [0.1, 0.5, 2.0, 5.0, 10.0])
+def test_slow_error_on_long_runs(name: str, kappa: float):
+    """A tolerance is the error of L over the whole run, however long."""
+    each = problem(2e4, 2000.0, kappa)
+    times = np.linspace(0.0, each.end, 201)
+    exact = solve(each, "taylor", 1e-16, times).states
+    for tolerance in (1e-5, 1e-7, 1e-9):
+        solution = solve(each, name, tolerance, times)
+        assert solution.success
+        assert np.abs(solution.states - exact)[:, :3].max() < 30 * tolerance
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_torque_free_motion_is_exact(name: str):
+    each = problem(inf, 1e4)
+    times = np.linspace(0.0, each.end, 51)
+    solution = solve(each, name, 1e-3, times)
+    assert solution.success
+    momentum, axis = np.array(each.start[:3]), np.array(each.start[3:])
+    expected = Rotation.from_rotvec(times[:, None] * momentum).apply(axis)
+    assert solution.states[:, :3] == pytest.approx(np.tile(momentum, (51, 1)), abs=0)
+    assert np.abs(solution.states[:, 3:] - expected).max() < 1e-11
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("stokes", [inf, 1e4])
+def test_from_rest(name: str, stokes: float):
+    """L = 0 is nothing special: the least rate that counts is that at which the shear makes L grow."""
+    each = problem(stokes, 200.0, start=EulerStart((0.3, 0.5, 0.0)))
+    times = np.linspace(0.0, each.end, 101)
+    solution, exact = (solve(each, method, 1e-9, times) for method in (name, "taylor"))
+    assert solution.success
+    assert np.abs(solution.states - exact.states).max() < 1e-6
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(("stokes", "end"), [(0.05, 3.0), (1.0, 10.0)])
+def test_small_stokes_numbers(name: str, stokes: float, end: float):
+    each = problem(stokes, end)
+    times = np.linspace(0.0, end, 31)
+    exact = solve(each, "taylor", 1e-14, times).states
+    errors = []
+    for tolerance in (1e-4, 1e-6, 1e-8):
+        solution = solve(each, name, tolerance, times)
+        assert solution.success
+        errors.append(np.abs(solution.states - exact).max() / tolerance)
+    assert max(errors) < 50
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_through_the_pinch_point(name: str):
+    each = FORM.problem(named_scene("pinch-point"))
+    times = np.linspace(0.0, each.end, 201)
+    solution, exact = solve(each, name, TOLERANCE, times), solve(each, "taylor", 1e-15, times)
+    assert solution.success
+    assert np.abs(solution.states - exact.states)[:, :3].max() < 100 * TOLERANCE
+
+
+FEW = np.array([0.0, 0.5, 40.0])
+MANY = np.concatenate([[0.0], np.arange(0.5, 40.0, 0.013), [40.0]])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_requested_times_do_not_change_the_steps(name: str):
+    few, many = (solve(PROLATE, name, 1e-6, times) for times in (FEW, MANY))
+    assert few.work == many.work
+    assert few.states[[1, 2]].tolist() == many.states[[1, -1]].tolist()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_rows_between_steps_are_as_accurate_as_steps(name: str):
+    each = problem(1e4, 2000.0)
+    times = np.linspace(0.0, each.end, 5001)
+    errors = np.abs(solve(each, name, 1e-7, times).states - solve(each, "taylor", 1e-15, times).states)[:, :3]
+    assert errors.max(axis=1)[1::7].max() < 3e-7
+    # Next to a step's end and far from one alike.
+    assert errors.max() < 1.5 * errors[::10].max()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_step_limit_keeps_the_rows_before_it(name: str):
+    each = problem(1e3, 400.0)
+    times = np.linspace(0.0, each.end, 201)
+    full = solve(each, name, TOLERANCE, times)
+    limited = solve(each, name, TOLERANCE, times, max_steps=20)
+    assert (limited.status, limited.work.steps, limited.message) == (Status.STEP_LIMIT, 20, "20 steps")
+    assert 1 < len(limited.times) < len(times)
+    assert limited.states.tolist() == full.states[: len(limited.states)].tolist()
+    steps = full.work.steps
+    assert steps is not None
+    assert solve(each, name, TOLERANCE, times, max_steps=steps).success
+    assert solve(each, name, TOLERANCE, times, max_steps=steps - 1).status is Status.STEP_LIMIT
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_time_limit_keeps_the_rows_before_it(name: str):
+    each = problem(1e4, 1e9)
+    times = np.concatenate([[0.0, 1.0], np.linspace(1e3, each.end, 1000)])
+    solve(PROLATE, name, TOLERANCE)
+    solution = solve(each, name, TOLERANCE, times, max_seconds=0.1)
+    assert solution.status is Status.TIME_LIMIT
+    assert 0.1 <= solution.seconds < 1.0
+    assert 2 <= len(solution.times) < len(times)
+    assert solution.states[1] == pytest.approx(solve(replace(each, end=1.0), "taylor", 1e-12).states[-1], abs=1e-6)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_state_that_is_not_finite(name: str):
+    broken = replace(PROLATE, start=(np.nan, *PROLATE.start[1:]))
+    solution = solve(broken, name, TOLERANCE, np.linspace(0.0, 40.0, 5))
+    assert solution.status is Status.NON_FINITE
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_library_that_is_absent(name: str, monkeypatch):
+    monkeypatch.setattr(contract, "installed", lambda library: library != solver(name).library)
+    solution = solve(PROLATE, name, TOLERANCE)
+    assert solution.status is Status.ADAPTER_MISSING
+    assert "pip install" in solution.message
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_problems_without_parts_are_refused_in_a_line(name: str):
+    with pytest.raises(SolverNotValidError, match=r"states no parts.*use form 'spheroid-axis'") as refusal:
+        solve(CLASSICAL["rigid-body"].problem, name, TOLERANCE)
+    assert "\n" not in str(refusal.value)
+    assert takes(name, PROLATE)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("scene", ["spheroid", "spheroid-near-pole", "rest-spheroid", "needle", "thin-plate", "sphere"])
+def test_hard_cases(name: str, scene: str):
+    """Errors stay within bounds, and where a saddle amplifies them, within those of another good method."""
+    each = FORM.problem(named_scene(scene))
+    times = np.linspace(0.0, each.end, 201)
+    exact = solve(each, "taylor", 1e-15, times).states
+    for tolerance in (1e-6, 1e-9):
+        solution = solve(each, name, tolerance, times)
+        assert solution.success
+        other = solve(each, "cyrk-vern8", tolerance, times)
+        error, others = (np.abs(run.states - exact)[:, :3].max() for run in (solution, other))
+        assert error < max(300 * tolerance, 3 * others)
+
+
+INTERRUPTED = """
+import sys
+import numpy as np
+from dataclasses import replace
+from polhode.models.catalogue import form
+from polhode.models.scenes import named_scene
+from polhode.solvers.solve import Interrupted, solve
+problem = replace(form("spheroid-axis").problem(named_scene("spheroid")), end=1e9)
+times = np.concatenate([[0.0, 1.0], np.linspace(100.0, problem.end, 1000)])
+for name in sys.argv[1:]:
+    solve(replace(problem, end=1.0), name, 1e-8)
+    print("running", flush=True)
+    try:
+        solve(problem, name, 1e-8, times)
+    except Interrupted as interrupted:
+        solution = interrupted.solution
+        print(name, len(solution.times) == len(solution.states) >= 2, np.isfinite(solution.states).all(), flush=True)
+"""
+
+
+def test_ctrl_c_keeps_the_finished_rows():
+    arguments = [sys.executable, "-c", INTERRUPTED, "splitting"]
+    process = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "running\n"
+    time.sleep(0.3)
+    began = time.perf_counter()
+    process.send_signal(signal.SIGINT)
+    assert process.stdout.readline() == "splitting True True\n"
+    assert time.perf_counter() - began < 1.5
+    _, errors = process.communicate(timeout=20)
+    assert (process.returncode, errors) == (0, "")
+
+
+def test_fast_spin_over_many_turns():
+    """Phases of thousands of turns."""
+    start = BodyStart((0.5, 0.5, 0.5, 0.5), (60.0, 50.0, 62.4))
+    each = problem(1e4, 100.0, start=start)
+    times = np.linspace(0.0, each.end, 101)
+    exact = solve(each, "taylor", 1e-16, times).states
+    turns = np.linalg.norm(each.start[:3]) * each.end / (2 * pi)
+    assert turns > 100
+    for name in NAMES:
+        error = np.abs(solve(each, name, 1e-8, times).states - exact).max()
+        assert error < 30 * turns * 1e-8
