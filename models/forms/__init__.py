@@ -1,1 +1,1 @@
-"""One module per form of the equations, and the kinematics they share; imports the base types of `models`."""
+"""One module per form of the equations, and what they share; imports the base types of `models` and `free_top`."""

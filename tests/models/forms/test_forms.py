@@ -24,7 +24,7 @@ FULL = [name for name in FORMS if not form(name).averaged]
 
 
 @STOKES
-@pytest.mark.parametrize("axes", [TRIAXIAL, (0.5, 1.0, 0.8), (1, 1, 2), (1, 2, 1), (2, 1, 1), (0.3, 1, 1)])
+@pytest.mark.parametrize("axes", [TRIAXIAL, (0.5, 1.0, 0.8), (1, 1, 2), (1, 2, 1), (0.3, 1, 1)])
 def test_full_forms_agree(axes, stokes):
     scene = Scene(Ellipsoid(axes), stokes, START, 100.0)
     quaternion = observed("quaternion", scene)
