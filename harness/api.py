@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 SceneLike = Scene | str | PathLike[str]
+FormLike = str | Form | None
+SolverLike = str | Solver | None
 # A table of more rows would hold gigabytes.
 MOST_SAMPLES = 10_000_000
 
@@ -143,13 +145,7 @@ class Plan:
 
 
 def plan(
-    scene: SceneLike,
-    form: str | Form | None = None,
-    solver: str | Solver | None = None,
-    tolerance: float | None = None,
-    error: float = 1e-6,
-    want: str = "slow",
-    samples: int = 201,
+    scene: SceneLike, form: FormLike, solver: SolverLike, tolerance: float | None, error: float, want: str, samples: int
 ) -> Plan:
     """What `solve` will run; arguments and refusals as there, in one place for Python and the command line."""
     what = as_scene(scene)
@@ -174,8 +170,8 @@ def plan(
 def solve(
     scene: SceneLike,
     *,
-    form: str | Form | None = None,
-    solver: str | Solver | None = None,
+    form: FormLike = None,
+    solver: SolverLike = None,
     tolerance: float | None = None,
     error: float = 1e-6,
     want: str = "slow",

@@ -134,12 +134,9 @@ def complaint(error: click.ClickException) -> str:
     if not isinstance(error, click.UsageError) or error.ctx is None:
         return f"polhode: {message}"
     command, message = error.ctx.command, message.removesuffix(".")
-    if isinstance(error, click.NoSuchOption):
-        options = [name for parameter in command.get_params(error.ctx) for name in parameter.opts if name[:1] == "-"]
-        near = hint(error.option_name, options)
-        message = f"no such option {error.option_name!r}{near}, expected one of {', '.join(options)}"
-    elif not isinstance(error, click.BadParameter) or isinstance(error, click.MissingParameter):
-        message += ", expected: " + " ".join(command.get_usage(error.ctx).split()).removeprefix("Usage: ")
+    if not isinstance(error, click.BadParameter) or isinstance(error, click.MissingParameter):
+        message += " expected: " if message.endswith("?") else ", expected: "
+        message += " ".join(command.get_usage(error.ctx).split()).removeprefix("Usage: ")
     return f"{error.ctx.command_path}: {message}"
 
 

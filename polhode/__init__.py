@@ -5,7 +5,7 @@ The names that users type, imported on first use::
     import polhode
 
     solution = polhode.solve("paper")
-    print(polhode.pick("paper", 1e-6, "slow").ranking[0])
+    print(polhode.pick("paper", 1e-6, "slow"))
 """
 
 from importlib import import_module
@@ -54,9 +54,17 @@ _HOMES = {
 
 def __getattr__(name: str) -> Any:
     if name == "__version__":
-        from importlib.metadata import version
+        from importlib.metadata import PackageNotFoundError, version
 
-        return version("polhode")
+        try:
+            return version("polhode")
+        except PackageNotFoundError:
+            # A checkout that is not installed.
+            import tomllib
+            from pathlib import Path
+
+            project = Path(__file__).resolve().parents[1] / "pyproject.toml"
+            return tomllib.loads(project.read_text(encoding="utf-8"))["project"]["version"]
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(f"polhode.{_HOMES[name]}"), name)

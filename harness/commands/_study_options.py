@@ -21,7 +21,7 @@ KINDS = {
     "solvers": ("--solver", "Only this solver; may be given several times."),
 }
 # Options that change nothing in what is measured.
-ASIDE = ("out", "resume", "quiet", "refit", "as_json", "page_only")
+ASIDE = ("out", "resume", "quiet", "as_json", "page_only")
 quick = click.option("--quick", is_flag=True, help="Fewer tolerances and short time limits: a look, not a result.")
 resume = click.option("--resume", is_flag=True, help="Take up an interrupted run instead of starting afresh.")
 quiet = click.option("--quiet", is_flag=True, help="No progress.")

@@ -25,15 +25,8 @@ if TYPE_CHECKING:
 
 @click.command(epilog="Example: polhode bench --quick --out look")
 @study_options
-@click.option("--refit/--no-refit", default=True, help="Whether the main job fits pick's times to this machine.")
 def bench(
-    study_file: Path | None,
-    out: Path | None,
-    quick: bool,
-    resume: bool,
-    quiet: bool,
-    refit: bool,
-    **filters: tuple[str, ...],
+    study_file: Path | None, out: Path | None, quick: bool, resume: bool, quiet: bool, **filters: tuple[str, ...]
 ) -> None:
     """Run a work-precision study and write its page, figures and records.
 
@@ -47,7 +40,7 @@ def bench(
     An interrupted run keeps its finished cases in FOLDER/store.sqlite and goes on with --resume; a run that starts
     afresh moves them to FOLDER/previous.sqlite.
     """
-    from polhode.harness.calibration.fit import refit as refitted
+    from polhode.harness.calibration.fit import refit
     from polhode.harness.pages import bench as bench_page
     from polhode.harness.pages import outcomes as outcomes_page
     from polhode.harness.picking.laws import load_laws, own_laws_path
@@ -63,8 +56,8 @@ def bench(
         records = Runner(store, quiet).run(study)
     make = bench_page.write_page if study.page == "costs" else outcomes_page.write_page
     page = make(study, records, folder, command_line())
-    if refit and study_file is None and not quick and not any(filters.values()):
-        refitted(load_laws(), records).save(own_laws_path())
+    if study_file is None and not quick and not any(filters.values()):
+        refit(load_laws(), records).save(own_laws_path())
         click.echo(f"{own_laws_path()}: the times of `polhode pick`, fitted to this machine", err=True)
     click.echo(f"{page}")
 

@@ -1,9 +1,9 @@
 """What a sweep leaves behind: tables for the reader, CSV files for the rest."""
 
-import tempfile
 from pathlib import Path
 from typing import Any
 
+from polhode.harness.common.files import write_file
 from polhode.harness.common.store import Store, export
 from polhode.harness.common.text import markdown
 from polhode.harness.ensembles.summary import (
@@ -37,13 +37,9 @@ def write_results(sweep: Sweep, store: Store, folder: Path) -> tuple[Path, list[
         for name, (make, _) in FILES.items():
             rows[name] += make(ensemble, statistics)
     rows = {name: records for name, records in rows.items() if records}
-    # Two runs that share a store finish at the same time, and write the same.
-    with tempfile.TemporaryDirectory(dir=folder, prefix="partial-") as partial:
-        for name, records in rows.items():
-            export(records, Path(partial) / name)
-        (Path(partial) / PAGE).write_text(_page(sweep, ensembles, tuple(rows)), encoding="utf-8")
-        for name in (*rows, PAGE):
-            (Path(partial) / name).replace(folder / name)
+    for name, records in rows.items():
+        export(records, folder / name)
+    write_file(folder / PAGE, _page(sweep, ensembles, tuple(rows)))
     for name in FILES.keys() - rows.keys():
         # Of a run by an earlier version.
         (folder / name).unlink(missing_ok=True)

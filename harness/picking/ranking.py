@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from math import inf, isfinite, pi
 
-from polhode.harness.common.text import scientific, short
+from polhode.harness.common.text import aligned, duration, scientific, short
 from polhode.harness.picking.laws import EPS, STIFF, WANTS, Interval, Laws, MethodLaws, Sensitivity, load_laws
 from polhode.harness.picking.load import held_back, load_of
 from polhode.harness.picking.model_error import NotApplicableError, causes, model_errors, unfit_to_average
@@ -113,6 +113,14 @@ class Recommendation:
     damping_times: float
     ranking: tuple[Way, ...]
     excluded: tuple[Excluded, ...]
+
+    def __repr__(self) -> str:
+        """The first ways, one a line."""
+        rows = [
+            (way.form, way.solver, short(way.tolerance), scientific(way.error.high), duration(way.seconds.predicted))
+            for way in self.ranking[:5]
+        ]
+        return aligned(["form", "solver", "tolerance", "error below", "time"], rows)
 
 
 def pick(
