@@ -66,23 +66,11 @@ def _page(sweep: Sweep, ensembles: list[dict[str, Any]], names: tuple[str, ...])
         f"# {sweep.title}\n\n{table}\n"
         "Times are in units of the inverse shear rate, L and E over the largest moment of inertia. Failed particles "
         "are left out of every statistic.\n"
-        f"{_arrival_words(ensembles, table)}\n\n{files}\n\nEvery task's record says: {NO_TIMES}.\n"
+        "A particle has arrived when its L and E stay close to an attractor's up to the end of the run; `later` is "
+        "after that end. No attractor is named (–) at St = 0 and ∞, where there is none, and at small St or for shapes "
+        "close to a sphere, where the next fixed point is too near. Averaged equations have no orientation moments."
+        f"\n\n{files}\n\nEvery task's record says: {NO_TIMES}.\n"
     )
-
-
-def _arrival_words(ensembles: list[dict[str, Any]], table: str) -> str:
-    """What the columns on arrival say, as far as it occurs in the table; and what averaged equations cannot tell."""
-    sentences = ["A particle has arrived when its L and E stay close to an attractor's up to the end of the run"]
-    if "later" in table:
-        sentences[0] += "; `later` is after that end"
-    if not all(row["arrived"] for row in ensembles):
-        sentences.append(
-            "– under *arrived*: no attractor is named, since at St = 0 and ∞ there is none, and at small St or for a "
-            "shape close to a sphere it cannot be told from the next fixed point"
-        )
-    if any(row["equations"] == "averaged" for row in ensembles):
-        sentences.append("Averaged equations have no orientation, hence no orientation moments")
-    return ". ".join(sentences) + "."
 
 
 def _interval(interval: dict[str, float | None]) -> str:

@@ -153,16 +153,13 @@ def run_sweep(sweep: Sweep, store: Store, engine: Engine, *, quiet: bool = False
 
 def _missing(sweep: Sweep, store: Store, spread: bool) -> Iterator[Task]:
     """Tasks that the store does not hold, looked up again from time to time."""
-    places = [
-        (ensemble, index) for ensemble in sweep.ensembles for index in range(-(-ensemble.particles // ensemble.block))
-    ]
+    tasks = list(sweep.tasks())
     if spread:
-        Random().shuffle(places)
+        Random().shuffle(tasks)
     known, asked = store.keys(), time.monotonic()
-    for ensemble, index in places:
+    for task in tasks:
         if time.monotonic() - asked > REFRESH:
             known, asked = store.keys(), time.monotonic()
-        task = Task(ensemble, index)
         if task.key not in known:
             yield task
 
