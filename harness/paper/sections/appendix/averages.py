@@ -120,10 +120,9 @@ def figure_averages(data: Data) -> Figure:
         chosen = slice(number * count, (number + 1) * count)
         entries = table["entry"][chosen].tolist()
         place = -np.arange(len(entries))
-        own.plot(np.maximum(table["corrected"][chosen], floor), place, "o", color=BLUE, markersize=4, label="corrected")
-        own.plot(
-            np.maximum(table["printed"][chosen], floor), place, "x", color=VERMILLION, markersize=5, label="printed"
-        )
+        for name, marker, color, size in (("corrected", "o", BLUE, 4), ("printed", "x", VERMILLION, 5)):
+            found = np.maximum(table[name][chosen], floor)
+            own.plot(found, place, marker, color=color, markersize=size, label=name)
         own.set_yticks(place, entries, fontsize=6.5 if parts > 1 else 8)
         own.set_ylim(-count + 0.3, 0.7)
         logarithmic(label(own, "largest deviation from brute force", "entry"), "x")

@@ -101,10 +101,8 @@ def _start_exponents(part: Table) -> np.ndarray:
 
 def _local_exponents(part: Table) -> np.ndarray:
     """Mean over starts of the exponents between neighbouring St, and its 95 % interval, shape (n - 1, 3)."""
-    runs = [run for _, run in groups(part, "start")]
-    steps = np.diff(np.log(runs[0]["stokes"]))
-    slopes = np.array([np.diff(np.log(run["error"])) / steps for run in runs])
-    return np.array([mean_interval(column) for column in slopes.T])
+    runs = (np.diff(np.log([run["stokes"], run["error"]])) for _, run in groups(part, "start"))
+    return np.array([mean_interval(column) for column in np.transpose([errors / steps for steps, errors in runs])])
 
 
 def verdict_order(data: Data) -> Verdict:
