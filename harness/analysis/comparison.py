@@ -22,21 +22,11 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True)
 class Comparison:
-    """What became of the cases that two runs share.
+    """Numbers of cases that two runs share or have alone, and the cases that got worse.
 
-    Parameters
-    ----------
-    shared : int
-        Number of them.
-    only_before, only_after : int
-        Numbers of cases that one of the runs alone has.
-    drift : float
-        How many times as long the fixed piece of arithmetic took in the second run. Times are compared after division
-        by it, or by what it took beside the case itself if that is more: a slow moment is no regression.
-    same_machine : bool
-        Whether machine and Python are the same; else the sentinel does not compare, and times are as they are.
-    regressions : DataFrame
-        The cases that got worse: `IDENTITY`, `what`, `before` and `after`.
+    `drift` is how many times as long the fixed piece of arithmetic took in the second run. Times are compared after
+    division by it, or by what it took beside the case itself if that is more: a slow moment is no regression. On
+    another machine or Python the sentinel does not compare, and times are as they are.
     """
 
     shared: int
@@ -44,7 +34,7 @@ class Comparison:
     only_after: int
     drift: float
     same_machine: bool
-    regressions: pd.DataFrame
+    regressions: pd.DataFrame  # `IDENTITY`, `what`, `before` and `after`
 
 
 def compare(before: pd.DataFrame, after: pd.DataFrame, *, slower: float, less_accurate: float) -> Comparison:
@@ -52,13 +42,8 @@ def compare(before: pd.DataFrame, after: pd.DataFrame, *, slower: float, less_ac
 
     A run that failed since counts, but for one that came near its time limit before. A time counts as longer if the
     shortest run of the second exceeds the shortest of the first by the factor, and by more than the runs of both
-    scatter; an error as larger if it exceeds the factor, and what the references can tell.
-
-    Parameters
-    ----------
-    before, after : DataFrame
-    slower, less_accurate : float
-        Factors, above 1.
+    scatter; an error as larger if it exceeds the factor, and the least error that the reference knows. Both factors are
+    above 1.
     """
     first, second = _by_identity(before), _by_identity(after)
     same_machine = {*map(_machine, first.values())} == {*map(_machine, second.values())}

@@ -12,20 +12,10 @@ from polhode.harness.common.store import Record, Store, read_export
 
 
 def read_runs(path: Path) -> pd.DataFrame:
-    """Records of a file as a frame (`polhode.harness.analysis.frames.frame`).
+    """Records as a frame: of ``.json`` of the benchmark suite, ``.sqlite`` of `polhode bench`, or its ``.jsonl``.
 
-    Parameters
-    ----------
-    path : Path
-        ``.json`` of the benchmark suite (``pytest --benchmark-json``), ``.sqlite`` of `polhode bench`, or ``.jsonl``;
-        or a folder of such ``.json`` files, repetitions of one run: of each case the shortest comes last.
-
-    Raises
-    ------
-    ValueError
-        In one line, if the file holds no such records.
-    OSError
-        If it cannot be read.
+    Or of a folder of such ``.json`` files, repetitions of one run: of each case the shortest comes last. Raises
+    ValueError, in one line, if there are no such records.
     """
     records = _repeated(path) if path.is_dir() else _records(path)
     if not records:

@@ -28,7 +28,7 @@ from polhode.harness.picking.laws import (
 )
 from polhode.harness.picking.load import held_back, load_of
 from polhode.harness.picking.pilot import Pilot, PilotFailedError, form_sensitivity, pilot
-from polhode.harness.studies.first_runs import first_seconds
+from polhode.harness.studies.cost import first_seconds
 from polhode.models.catalogue import form as find_form
 from polhode.models.scene import Scene
 from polhode.models.scene_file import parse_scene

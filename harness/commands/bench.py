@@ -111,8 +111,7 @@ def equal_error(out: Path, quick: bool, resume: bool, quiet: bool) -> None:
     About ten minutes; an interrupted run goes on with --resume.
     """
     from polhode.harness.pages.footing import Measured, write_page
-    from polhode.harness.studies.cost import rhs_seconds, startup_seconds
-    from polhode.harness.studies.first_runs import first_runs
+    from polhode.harness.studies.cost import first_runs, rhs_seconds, startup_seconds
     from polhode.harness.studies.overhead import measure, paper_problem
     from polhode.harness.studies.runner import Runner
     from polhode.harness.studies.study import quick_study, read_study

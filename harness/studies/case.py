@@ -36,24 +36,7 @@ Record = dict[str, Any]
 
 @dataclass(frozen=True)
 class Case:
-    """One thing to measure.
-
-    Parameters
-    ----------
-    scene_name : str
-    scene : Scene
-    form, solver : str
-        Catalogue names.
-    tolerance : float
-    samples : int
-        Equispaced times at which errors are measured.
-    max_seconds : float
-        Time limit of each run.
-    backend, jacobian : str, optional
-        The solver's first ones by default.
-    tags : tuple of str
-        The scene's in its study; no part of the question.
-    """
+    """One thing to measure: errors at equispaced samples, and the time of a run, which is limited."""
 
     scene_name: str
     scene: Scene
@@ -62,9 +45,9 @@ class Case:
     tolerance: float
     samples: int
     max_seconds: float
-    backend: Backend | None = None
+    backend: Backend | None = None  # the solver's first one by default, and the first Jacobian
     jacobian: Jacobian | None = None
-    tags: tuple[str, ...] = field(default=(), compare=False)
+    tags: tuple[str, ...] = field(default=(), compare=False)  # the scene's in its study; no part of the question
 
     @property
     def content(self) -> Record:

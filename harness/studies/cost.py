@@ -1,18 +1,23 @@
-"""What one right-hand side costs, and what the first run costs that later ones do not."""
+"""What one right-hand side costs, and what a fresh process pays for that later runs do not."""
 
 import ctypes
 import os
 import subprocess
 import sys
 import time
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
 from polhode.harness.common.timing import seconds_of
+from polhode.harness.common.worker import Worker
+from polhode.models.catalogue import form as find_form
 from polhode.models.problem import Problem
+from polhode.models.scene import Scene
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.compile import CACHE_VARIABLE, array_callback, c_callback, parameter_array
 from polhode.solvers.contract import Backend
@@ -23,22 +28,17 @@ from polhode.solvers.solve import solve
 ENOUGH = 2e-3
 ROUNDS = 5
 STARTS = 5
+LIMIT = 60.0
+TOLERANCE = 1e-8
+# Part of a scene's time that tells what a first run takes more.
+BEGINNING = 1e-6
 
 
 def rhs_seconds(problem: Problem, backend: Backend) -> float:
-    """Wall time of one right-hand side at the start, as a solver of a back end calls it.
+    """Wall time of one right-hand side at the start, as a solver of a back end calls it: the best of five measurements.
 
-    Parameters
-    ----------
-    problem : Problem
-    backend : {"compiled", "numba", "python"}
-        "compiled" is called from machine code, as CyRK does; the others from Python, as SciPy and SUNDIALS do, so
-        that the call itself counts.
-
-    Returns
-    -------
-    float
-        Seconds; the best of five measurements.
+    "compiled" is called from machine code, as CyRK does; the others from Python, as SciPy and SUNDIALS do, so that the
+    call itself counts.
     """
     y, parameters = np.array(problem.start), parameter_array(problem)
     out = np.empty_like(y)
@@ -91,17 +91,7 @@ end:
 
 @dataclass(frozen=True)
 class FirstRun:
-    """Seconds of a first run in a fresh process.
-
-    Parameters
-    ----------
-    library : float
-        Importing the solver's library.
-    compilation : float
-        Compiling the vector field and preparing the integrator.
-    run : float
-        The run itself, by then prepared.
-    """
+    """Seconds of a first run in a fresh process: importing the library, compiling and preparing, and the run itself."""
 
     library: float
     compilation: float
@@ -111,18 +101,8 @@ class FirstRun:
 def first_run(problem: Problem, solver: str, tolerance: float, cache_folder: str | None = None) -> FirstRun:
     """Measure a first run: only in a process that has compiled nothing before does this mean anything.
 
-    Cold if the folder is empty: nothing was ever compiled; warm if a process before this one used it. heyoka alone
-    keeps compiled code on disk; other fields are compiled anew in every process.
-
-    Parameters
-    ----------
-    problem : Problem
-        Passed to the process by pickling.
-    solver : str
-        Catalogue name.
-    tolerance : float
-    cache_folder : str, optional
-        Folder of heyoka's cache, by way of ``POLHODE_CACHE``; where it always is if not given.
+    Cold if heyoka's cache, in a folder of its own if one is given, is empty; warm if a process before this one used it.
+    heyoka alone keeps compiled code on disk; other fields are compiled anew in every process.
     """
     if cache_folder is not None:
         os.environ[CACHE_VARIABLE] = cache_folder
@@ -134,6 +114,54 @@ def first_run(problem: Problem, solver: str, tolerance: float, cache_folder: str
     prepared = time.perf_counter()
     solution = solve(problem, solver, tolerance)
     return FirstRun(imported - began, prepared - imported, solution.seconds)
+
+
+def first_runs(problem: Problem, solvers: Sequence[str]) -> dict[str, tuple[FirstRun, FirstRun]]:
+    """Cold and warm first run of each solver, every one in a fresh process.
+
+    Solvers whose run fails are left out.
+    """
+    found = {}
+    for name in solvers:
+        with TemporaryDirectory() as folder:
+            pair = [_fresh(problem, name, folder) for _ in range(2)]
+        if all(pair):
+            found[name] = tuple(pair)
+    return found
+
+
+def first_seconds(scenes: Mapping[str, Scene], methods: Iterable[tuple[str, str]]) -> dict[tuple[str, str], float]:
+    """Seconds that the first of all runs by a form and solver takes more than later ones, import and compilation.
+
+    Measured once for the solvers that share what is compiled for a form, without a cache on disk.
+
+    Of each form one scene is run, a beginning of it; 0.0 where that fails.
+    """
+    known: dict[tuple[str, str], float] = {}
+    found = {}
+    for form, solver in methods:
+        group = form, compile_group(solver)
+        if group not in known:
+            with TemporaryDirectory() as folder:
+                run = _fresh(_beginning(find_form(form).problem(scenes[form])), solver, folder)
+            known[group] = run.library + run.compilation if run else 0.0
+        found[form, solver] = known[group]
+    return found
+
+
+def compile_group(solver: str) -> str:
+    """Solvers that share what is compiled for a form."""
+    method = find_solver(solver)
+    return f"{method.library}{' implicit' if method.implicit else ''}" if method.library != "CyRK" else "CyRK"
+
+
+def _beginning(problem: Problem) -> Problem:
+    return replace(problem, end=problem.end * BEGINNING, least_steps=0)
+
+
+def _fresh(problem: Problem, solver: str, folder: str) -> FirstRun | None:
+    with Worker() as worker:
+        return worker.run(first_run, problem, solver, TOLERANCE, folder, limit=LIMIT).value
 
 
 def startup_seconds() -> float:

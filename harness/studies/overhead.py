@@ -62,13 +62,7 @@ def paper_problem() -> Problem:
 
 
 def bare_call(method: Solver, problem: Problem, settings: Settings, times: np.ndarray) -> Bare:
-    """The library's own call for the rows that `solve` gives, everything prepared.
-
-    Raises
-    ------
-    ValueError
-        If none is known for a solver of this class (`has_bare_call`).
-    """
+    """The library's own call for the rows that `solve` gives, everything prepared; ValueError if none is known."""
     make = _maker(method)
     if make is None:
         raise ValueError(f"solver {method.name!r}: no bare call is known, expected one of the catalogue's")
@@ -93,10 +87,7 @@ def measure(
 ) -> list[Overhead]:
     """Measure the overhead of solvers, about `seconds` for each: bare call and `solve` in turns, the minimum of each.
 
-    Returns
-    -------
-    list of Overhead
-        One for each solver that is installed and whose bare call is known.
+    Solvers that are not installed, or whose bare call is not known, are left out.
     """
     times = np.linspace(0.0, problem.end, samples)
     table = []

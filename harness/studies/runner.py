@@ -37,12 +37,7 @@ class Batches(Protocol):
 class Runner:
     """Runs the batches of a study, once each, in a worker process that is killed and replaced where need be.
 
-    Parameters
-    ----------
-    store : Store
-        Cases whose key it holds are skipped.
-    quiet : bool
-        Whether to show no progress on stderr.
+    Cases whose key the store holds are skipped.
     """
 
     store: Store

@@ -1,6 +1,6 @@
 """First runs, in processes of their own."""
 
-from polhode.harness.studies.first_runs import compile_group, first_runs, first_seconds
+from polhode.harness.studies.cost import compile_group, first_runs, first_seconds
 from polhode.models.catalogue import form
 from polhode.models.scenes import named_scene
 
