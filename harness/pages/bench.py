@@ -22,16 +22,11 @@ from polhode.models.scene import Scene
 from polhode.models.scene_file import parse_scene, scene_table
 from polhode.solvers.contract import Status
 
-# By the name of their file: error, label of its axis, and what stands for the picture where it is not shown.
+# By the name of their file: error, and label of its axis.
 FIGURES = {
-    "slow": ("slow_error", "slow error over $I_{max}$", "Wall time against slow error, one panel per St"),
-    "orientation": (
-        "orientation_error",
-        "orientation error, rad",
-        "Wall time against orientation error, one panel per St",
-    ),
+    "slow": ("slow_error", "slow error over $I_{max}$"),
+    "orientation": ("orientation_error", "orientation error, rad"),
 }
-
 # Keys of a scene file's start, as the page calls them.
 START = {
     "euler_angles": "(θ, φ, ψ) = {}",
@@ -50,21 +45,22 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     table = frame(records)
     folder.mkdir(parents=True, exist_ok=True)
     export(list(records), folder / "records.jsonl")
-    for (scene, runs), ending in zip(by_scene(table), _endings(table), strict=True):
-        for name, (error, label, _) in FIGURES.items():
+    pictures = []
+    for i, (scene, runs) in enumerate(by_scene(table)):
+        before = f"{scene}: " if scene else ""
+        for name, (error, label) in FIGURES.items():
             if len(runs[error].dropna()):
-                title = f"{scene}: {label}" if scene else label
-                save(work_precision_panels(runs, error, title), folder, f"{name}{ending}")
-    write_file(folder / "README.md", "\n".join(_lines(study, table, records, command)))
+                # The figures of the first scene have plain names.
+                file = f"{name}-{scene}" if i else name
+                save(work_precision_panels(runs, error, before + label), folder, file)
+                pictures += [f"![{before}Wall time against {name} error, one panel per St]({file}.png)", ""]
+    write_file(folder / "README.md", "\n".join(_lines(study, table, records, pictures, command)))
     return folder / "README.md"
 
 
-def _endings(table: pd.DataFrame) -> list[str]:
-    """What is added to the names of each scene's figures: nothing to those of the first."""
-    return ["", *(f"-{scene}" for scene, _ in by_scene(table)[1:])]
-
-
-def _lines(study: Study, table: pd.DataFrame, records: Sequence[Record], command: str) -> list[str]:
+def _lines(
+    study: Study, table: pd.DataFrame, records: Sequence[Record], pictures: Sequence[str], command: str
+) -> list[str]:
     return [
         *header(study.title, command, records),
         *_scenes(records),
@@ -75,13 +71,7 @@ def _lines(study: Study, table: pd.DataFrame, records: Sequence[Record], command
         *(line for scene, runs in by_scene(table) for line in _best(scene, runs)),
         "## Cost against error",
         "",
-        *(
-            line
-            for (scene, runs), ending in zip(by_scene(table), _endings(table), strict=True)
-            for name, (error, _, text) in FIGURES.items()
-            if len(runs[error].dropna())
-            for line in (f"![{f'{scene}: ' if scene else ''}{text}]({name}{ending}.png)", "")
-        ),
+        *pictures,
         "## Every run",
         "",
         f"Times are the minimum of up to five warm runs in interleaved order, over {study.samples} samples; "

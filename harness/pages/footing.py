@@ -46,54 +46,41 @@ def write_page(measured: Measured, folder: Path, command: str) -> Path:
     solvers, spheroid, backends = (frame(getattr(measured, name)) for name in ("solvers", "spheroid", "backends"))
     save(work_precision_panels(solvers, "slow_error", "slow error over $I_{max}$"), folder, "slow")
     records = [*measured.solvers, *measured.spheroid, *measured.backends]
+    rhs = ", ".join(f"{duration(cost)} ({name})" for name, cost in measured.rhs_costs.items())
+    sections = {
+        "What the libraries are worth": _claims(solvers),
+        "Where Taylor's and Verner's method cross": (
+            "Taylor's method adapts its order to the tolerance, and a step costs the square of the order; Verner's has "
+            "a fixed order, so that its steps shrink as the error falls. Below the error named here Taylor's method is "
+            f"the faster one.\n\n{_crossings(solvers)}"
+        ),
+        "What the form is worth": (
+            "The prolate spheroid (0.5, 0.5, 1) by Taylor's method: time in the quaternion form over time in the form "
+            f"(L, p̂), at equal slow error.\n\n{_forms(spheroid)}"
+        ),
+        "Time at equal slow error": _times(solvers),
+        "What the interpreter and the Jacobian cost": (
+            "The same algorithms at tolerance 1e-6 with the right-hand side in plain Python, in numba, and in machine "
+            "code without Python in the loop; implicit ones with exact Jacobians and with finite differences. One "
+            f"right-hand side alone takes {rhs}.\n\n{_backends(backends)}"
+        ),
+        "What `solve` adds to the bare library call": (
+            "The paper's ellipsoid at St = 1000, 201 samples, tolerance 1e-8, everything compiled; bare call and "
+            "`solve` in turns, the minimum of each. Allowed: 5 % or 50 µs, whichever is more.\n\n"
+            f"{_overheads(measured.overheads)}"
+        ),
+        "What a first run costs": (
+            "The paper's ellipsoid in processes of their own: importing the library, compiling with an empty cache "
+            "(cold) and with the cache of the process before (warm). heyoka alone keeps compiled code on disk.\n\n"
+            f"{_first_runs(measured.first_runs)}\n"
+            f"`polhode --help` takes {duration(measured.startup)}, the minimum of {STARTS} starts.\n"
+        ),
+    }
     lines = [
         *header("Every solver on equal footing", command, records),
         "Times are minima of warm runs in interleaved order; at a named error they are interpolated between a method's "
-        "own runs.",
-        "",
-        "![Wall time against slow error, one panel per St](slow.png)",
-        "",
-        "## What the libraries are worth",
-        "",
-        *_claims(solvers),
-        "",
-        "## Where Taylor's and Verner's method cross",
-        "",
-        "Taylor's method adapts its order to the tolerance, and a step costs the square of the order; Verner's has a "
-        "fixed order, so that its steps shrink as the error falls. Below the error named here Taylor's "
-        "method is the faster one.",
-        "",
-        _crossings(solvers),
-        "## What the form is worth",
-        "",
-        "The prolate spheroid (0.5, 0.5, 1) by Taylor's method: time in the quaternion form over time in the form "
-        "(L, p̂), at equal slow error.",
-        "",
-        _forms(spheroid),
-        "## Time at equal slow error",
-        "",
-        *_times(solvers),
-        "## What the interpreter and the Jacobian cost",
-        "",
-        "The same algorithms at tolerance 1e-6 with the right-hand side in plain Python, in numba, and in machine code "
-        "without Python in the loop; implicit ones with exact Jacobians and with finite differences. One right-hand "
-        f"side alone takes {', '.join(f'{duration(cost)} ({name})' for name, cost in measured.rhs_costs.items())}.",
-        "",
-        _backends(backends),
-        "## What `solve` adds to the bare library call",
-        "",
-        "The paper's ellipsoid at St = 1e3, 201 samples, tolerance 1e-8, everything compiled; bare call and `solve` in "
-        "turns, the minimum of each. Allowed: 5 % or 50 µs, whichever is more.",
-        "",
-        _overheads(measured.overheads),
-        "## What a first run costs",
-        "",
-        "The paper's ellipsoid in processes of their own: importing the library, compiling with an empty cache (cold) "
-        "and with the cache of the process before (warm). heyoka alone keeps compiled code on disk.",
-        "",
-        _first_runs(measured.first_runs),
-        f"`polhode --help` takes {duration(measured.startup)} from the shell, the minimum of {STARTS} starts.",
-        "",
+        "own runs.\n\n![Wall time against slow error, one panel per St](slow.png)\n",
+        *(f"## {heading}\n\n{text}" for heading, text in sections.items()),
     ]
     write_file(folder / "README.md", "\n".join(lines))
     return folder / "README.md"
@@ -104,7 +91,7 @@ def _times_by_stokes(table: pd.DataFrame, target: float) -> dict[float, dict[tup
     return {stokes: times_at_error(runs, target) for stokes, runs in by_stokes(table)}
 
 
-def _claims(table: pd.DataFrame) -> list[str]:
+def _claims(table: pd.DataFrame) -> str:
     stiff = times_at_error(where(table, table["stokes"] == STIFF), 1e-6)
     winner, taylor = fastest(stiff, "quaternion", solvers=STIFF_SOLVERS), stiff.get(("quaternion", "taylor"))
     lines = []
@@ -128,7 +115,7 @@ def _claims(table: pd.DataFrame) -> list[str]:
             f"{side}, slow error 1e-8: the fastest of SciPy and SUNDIALS is {callback[0]} "
             f"with {duration(callback[1])}; {', '.join(ratios)}."
         )
-    return lines
+    return "\n".join([*lines, ""])
 
 
 def _crossings(table: pd.DataFrame) -> str:
@@ -161,7 +148,7 @@ def _forms(table: pd.DataFrame) -> str:
     return markdown(["St", *map(short, targets)], rows, right=range(1, 5))
 
 
-def _times(table: pd.DataFrame) -> list[str]:
+def _times(table: pd.DataFrame) -> str:
     lines = []
     for target in ERRORS:
         times = _times_by_stokes(table, target)
@@ -171,8 +158,8 @@ def _times(table: pd.DataFrame) -> list[str]:
             if any(("quaternion", solver) in found for found in times.values())
         ]
         header = ["solver", *(f"St = {short(stokes)}" for stokes in times)]
-        lines += [f"Slow error {short(target)}:", "", markdown(header, rows, right=range(1, len(header)))]
-    return lines
+        lines.append(f"Slow error {short(target)}:\n\n{markdown(header, rows, right=range(1, len(header)))}")
+    return "\n".join(lines)
 
 
 def _backends(table: pd.DataFrame) -> str:
@@ -195,16 +182,9 @@ def _first_runs(runs: Mapping[str, tuple[FirstRun, FirstRun]]) -> str:
 
 
 def _overheads(overheads: Sequence[Overhead]) -> str:
-    rows = [
-        [
-            one.solver,
-            duration(one.bare),
-            duration(one.solve),
-            f"{one.seconds * 1e6:+.0f} µs",
-            f"{one.seconds / one.bare:+.1%}",
-            "yes" if one.allowed else "no",
-        ]
-        for one in overheads
-    ]
+    rows = []
+    for one in overheads:
+        difference = [f"{one.seconds * 1e6:+.0f} µs", f"{one.seconds / one.bare:+.1%}", "yes" if one.allowed else "no"]
+        rows.append([one.solver, duration(one.bare), duration(one.solve), *difference])
     header = ["solver", "bare call", "solve", "difference", "share", "within 5 % or 50 µs"]
     return markdown(header, rows, right=range(1, 5))

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from math import inf, isnan
 from typing import TYPE_CHECKING, Any
 
-from polhode.harness.analysis.pareto import Method, Side
+from polhode.harness.analysis.pareto import Side
 from polhode.harness.analysis.regime_map import Cell, usual_form
 from polhode.harness.analysis.winners import TIE
 from polhode.harness.common.text import duration, factor, short
@@ -61,7 +61,7 @@ def picture(panels: Sequence[Sequence[Cell]], times: Mapping[float, float]) -> A
 
 
 def draw(axes: "Axes", found: Sequence[Cell]) -> "Axes":
-    """Draw one map: colour tells the winner, a corner who ties with it, numbers its time and its lead."""
+    """Draw one map: colour names the winner, a corner who ties with it, numbers its time and its lead."""
     from matplotlib.patches import Polygon, Rectangle
 
     numbers = sorted({cell.stokes for cell in found})
@@ -114,10 +114,13 @@ def _durations(axes: "Axes", numbers: Sequence[float], times: Mapping[float, flo
 
 def _write_in(axes: "Axes", cell: Cell, i: int, j: int, usual: str) -> None:
     """Time and lead of the winner, and its form where that is not the usual one."""
+    from matplotlib.colors import to_rgb
+
     if cell.winner is None:
         axes.text(i + 0.5, j + 0.5, "–" if cell.known else "?", ha="center", va="center", fontsize=9, color="0.55")
         return
-    ink = "white" if _luminance(colour(cell.winner.label)) < DARK else "black"
+    red, green, blue = to_rgb(colour(cell.winner.label))
+    ink = "white" if 0.2126 * red + 0.7152 * green + 0.0722 * blue < DARK else "black"
     lead = "tie" if cell.tied else "alone" if isnan(cell.lead) else factor(cell.lead)
     texts = [(duration(cell.seconds), 9.5), (lead, 8.5)]
     if cell.winner.side != "averaged" and cell.winner.form != usual:
@@ -142,24 +145,17 @@ def _borders(axes: "Axes", sides: Sequence[Sequence[Side | None]]) -> None:
 def _legend(drawing: Any, found: Sequence[Cell]) -> None:
     from matplotlib.patches import Patch
 
-    shown: dict[Side, list[Method]] = {side: [] for side in HEADINGS}
-    for cell in found:
-        for method in (cell.winner, cell.second if cell.tied else None):
-            if method and method.label not in [other.label for other in shown[method.side]]:
-                shown[method.side].append(method)
+    methods = [method for cell in found for method in (cell.winner, cell.second if cell.tied else None) if method]
+    shown = {method.label: method.side for method in methods}
     columns: list[list[Any]] = []
     for side, (heading, what) in HEADINGS.items():
-        if shown[side]:
+        own = sorted((label for label in shown if shown[label] == side), key=rank)
+        if own:
             title = rf"$\bf{{{heading.replace(' ', '~')}}}$"
-            own = sorted(shown[side], key=lambda method: rank(method.label))
-            patches = [Patch(facecolor=colour(method.label), label=method.label) for method in own]
+            patches = [Patch(facecolor=colour(label), label=label) for label in own]
             columns.append([Patch(facecolor="none", label=f"{title}\n{what}"), *patches])
-    columns.append(
-        [
-            Patch(facecolor=NOBODY, edgecolor="0.7", label="no run measured gets there"),
-            Patch(facecolor=UNKNOWN, label="below what the\nreference can tell"),
-        ]
-    )
+    nobody = Patch(facecolor=NOBODY, edgecolor="0.7", label="no run measured gets there")
+    columns.append([nobody, Patch(facecolor=UNKNOWN, label="below what the\nreference resolves")])
     width, height = drawing.get_size_inches()
     top, style = LEGEND / height, {"frameon": False, "fontsize": 9.5, "handlelength": 1.3, "borderaxespad": 0}
     for k, handles in enumerate(columns):
@@ -171,8 +167,3 @@ def _legend(drawing: Any, found: Sequence[Cell]) -> None:
         f"Full equations in the form {usual_form(found)}, unless a cell names another."
     )
     drawing.text(0.2 / width, 0.1 / height, note, fontsize=9.5, va="bottom")
-
-
-def _luminance(color: str) -> float:
-    red, green, blue = (int(color[i : i + 2], 16) / 255 for i in (1, 3, 5))
-    return 0.2126 * red + 0.7152 * green + 0.0722 * blue

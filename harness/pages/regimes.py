@@ -1,9 +1,7 @@
 """The page of the regime map, beside its pictures and data, from the records alone."""
 
-import csv
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from math import isnan
 from pathlib import Path
 
 import pandas as pd
@@ -48,29 +46,24 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
 
 
 def _write_cells(maps: Maps, path: Path) -> None:
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(CELL_COLUMNS)
-        for (name, error), found in maps.items():
-            for cell in found:
-                winner = (cell.winner.form, cell.winner.solver) if cell.winner else ("", "")
-                numbers = ("" if isnan(cell.seconds) else cell.seconds, "" if isnan(cell.lead) else cell.lead)
-                after = str(cell.second or "")
-                writer.writerow(
-                    [name, error, cell.stokes, cell.target, cell.known, *winner, *numbers, cell.tied, after]
-                )
+    rows = []
+    for (name, error), found in maps.items():
+        for cell in found:
+            winner = (cell.winner.form, cell.winner.solver) if cell.winner else ("", "")
+            numbers = (*winner, cell.seconds, cell.lead, cell.tied, str(cell.second or ""))
+            rows.append((name, error, cell.stokes, cell.target, cell.known, *numbers))
+    pd.DataFrame(rows, columns=pd.Index(CELL_COLUMNS)).to_csv(path, index=False)
 
 
 def read_cells(path: Path) -> Maps:
     """Cells as `write_page` wrote them."""
     maps: dict[tuple[str, str], list[Cell]] = {}
-    with path.open(newline="", encoding="utf-8") as file:
-        for row in csv.DictReader(file):
-            winner = Method(row["form"], row["solver"]) if row["form"] else None
-            second = Method(*row["next"].split(", ")) if row["next"] else None
-            numbers = (float(row[name] or "nan") for name in ("seconds", "lead"))
-            cell = Cell(float(row["St"]), float(row["target"]), row["known"] == "True", winner, second, *numbers)
-            maps.setdefault((row["scene"], row["error"]), []).append(cell)
+    table = pd.read_csv(path, keep_default_na=False, na_values={"seconds": "", "lead": ""})
+    for row in table.to_dict("records"):
+        winner = Method(row["form"], row["solver"]) if row["form"] else None
+        second = Method(*row["next"].split(", ")) if row["next"] else None
+        cell = Cell(row["St"], row["target"], row["known"], winner, second, row["seconds"], row["lead"])
+        maps.setdefault((row["scene"], row["error"]), []).append(cell)
     return maps
 
 
@@ -122,7 +115,7 @@ def horizon(scenes: Sequence[Scene]) -> list[str]:
     return [
         f"Beware at the right edge: there runs end after {longest} shear times, and with them the slow time, t₂ = "
         f"{spans} instead of {short(usual)}. In less slow time an averaged form departs less from the full equations: "
-        f"these columns tell who wins within {longest} shear times, and are no continuation of those at t₂ = "
+        f"these columns show who wins within {longest} shear times, and are no continuation of those at t₂ = "
         f"{short(usual)}.",
         "",
     ]
@@ -151,7 +144,7 @@ def _how(study: Study) -> str:
         f"next method of another colour; a corner shows who ties with it, within {100 * (TIE - 1):.0f} %. “Alone” "
         "stands where no method of another colour has a run that gets to this error. White cells: no run measured "
         f"gets there, at none of these tolerances within {study.max_seconds:g} s. Grey cells: below what the reference "
-        "can tell. Errors are maxima along the run against certified references. Every run: [runs.csv](runs.csv); "
+        "resolves. Errors are maxima along the run against certified references. Every run: [runs.csv](runs.csv); "
         "every cell: [cells.csv](cells.csv)."
     )
 
@@ -171,14 +164,8 @@ def _methods(table: pd.DataFrame, name: str, maps: Maps) -> str:
         ]
         for method, row in slow.items()
     ]
-    columns = [
-        "form",
-        "solver",
-        "cells won",
-        "ties with the winner",
-        "on the Pareto front, St",
-        "runs without a result",
-    ]
+    columns = ["form", "solver", "cells won", "ties with the winner"]
+    columns += ["on the Pareto front, St", "runs without a result"]
     text = "Every method, full solution / slow variables; at the other St somebody is both faster and more accurate:"
     return f"{text}\n\n{markdown(columns, rows, right=(2, 3, 4))}"
 

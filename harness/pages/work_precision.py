@@ -205,10 +205,9 @@ def _legend(figure: "Figure", panels: Iterable["Axes"], panels_width: float) -> 
     return panels_width / width
 
 
-def save(figure: "Figure", folder: Path, name: str, formats: Sequence[str] = ("png",)) -> None:
+def save(figure: "Figure", folder: Path, name: str) -> None:
     """Save a figure and close it."""
     import matplotlib.pyplot as plt
 
-    for ending in formats:
-        figure.savefig(folder / f"{name}.{ending}", dpi=150)
+    figure.savefig(folder / f"{name}.png", dpi=150)
     plt.close(figure)

@@ -84,7 +84,7 @@ def _row(run: dict[Any, Any]) -> list[Any]:
 
 
 def _known(value: Any) -> Any:
-    return None if value is None or value is pd.NA or value != value else value
+    return None if pd.isna(value) else value
 
 
 def _scene_tags(runs: pd.DataFrame) -> list[str]:

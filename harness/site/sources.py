@@ -5,7 +5,7 @@ from pathlib import Path
 import pandas as pd
 
 from polhode.harness.analysis.frames import frame
-from polhode.harness.common.store import DamagedStoreError, Record, Store, read_export
+from polhode.harness.common.store import DamagedStoreError, Store, read_export
 
 NEEDED = ("scene_name", "form", "solver", "tolerance", "status")
 # Folders of `reports` that hold something else than a study.
@@ -48,11 +48,7 @@ def _files(folder: Path) -> list[Path]:
 def _table(path: Path) -> pd.DataFrame:
     if path.suffix == ".csv":
         return pd.read_csv(path, dtype_backend="numpy_nullable")
-    return frame(_records(path))
-
-
-def _records(path: Path) -> list[Record]:
     if path.suffix == ".jsonl":
-        return read_export(path)
+        return frame(read_export(path))
     with Store(path) as store:
-        return store.records()
+        return frame(store.records())

@@ -73,7 +73,7 @@ def _map(found: Sequence[Cell]) -> str:
 def _cell(cell: Cell, usual: str) -> str:
     if cell.winner is None:
         words = "none" if cell.known else "unknown"
-        tip = "no run measured gets there" if cell.known else "below what the reference can tell"
+        tip = "no run measured gets there" if cell.known else "below what the reference resolves"
         return f'<td class="none" title="{tip}">{words}</td>'
     label, time = cell.winner.label, duration(cell.seconds)
     name = f"<b{' class=long' if len(label) > LONG else ''}>{escape(label)}</b>"
