@@ -65,21 +65,21 @@ class WorkPrecision:
     def frame(self) -> pd.DataFrame:
         """One row per solver and tolerance; computed at the first look.
 
-        `known` tells which errors lie above ten times the reference's uncertainty, `message` why a run failed.
+        `known` marks errors above ten times the reference's uncertainty, `message` why a run failed.
         """
         exact, uncertainty = self.reference
         rows = []
         for method in self._accepted():
             for tolerance in sorted(self.tolerances, reverse=True):
                 row = self._measure(method, tolerance, exact)
-                told = row["error"] is not None and row["error"] > least_known(uncertainty)
-                rows.append({**row, "uncertainty": uncertainty, "known": told})
+                known = row["error"] is not None and row["error"] > least_known(uncertainty)
+                rows.append({**row, "uncertainty": uncertainty, "known": known})
                 if row["status"] == "time_limit":
                     break
         return pd.DataFrame(rows)
 
     def plot(self, axes: "Axes") -> "Axes":
-        """Draw wall time against error, one line per solver, grey where the reference cannot tell; return the axes."""
+        """Draw wall time against error, grey where the reference does not resolve it; return the axes."""
         names = {"error": "slow_error", "uncertainty": "slow_uncertainty"}
         work_precision(axes, self.frame.rename(columns=names).assign(form=""))
         axes.xaxis.set_inverted(True)

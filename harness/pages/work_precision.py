@@ -86,7 +86,7 @@ def _front(axes: "Axes", runs: pd.DataFrame, error: str) -> None:
 
 
 def _grey_out(axes: "Axes", runs: pd.DataFrame, error: str, marker: Any, size: float) -> None:
-    """Cover the points that lie below what the reference can tell in grey."""
+    """Cover the points that lie below what the reference resolves in grey."""
     unknown = where(runs, ~known(runs, error))
     if len(unknown):
         style = {"marker": marker, "markersize": size, "linewidth": 0, "color": GREY, "zorder": 2.5}

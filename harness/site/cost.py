@@ -94,12 +94,11 @@ def _scene_tags(runs: pd.DataFrame) -> list[str]:
 
 
 def _solvers(names: set[str]) -> dict[str, Any]:
-    """Library, look and tags of the solvers, in the order of the catalogue."""
+    """Look and tags of the solvers, in the order of the catalogue."""
     found = {}
     for solver, look in looks(name.partition(" ")[0] for name in names).items():
         for name in sorted(name for name in names if name.partition(" ")[0] == solver):
             found[name] = {
-                "library": find_solver(solver).family if solver in SOLVERS else "own",
                 "color": look.colour,
                 "mark": look.outline,
                 "tags": _tags(solver, name),
