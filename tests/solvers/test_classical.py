@@ -14,8 +14,9 @@ from polhode.solvers.solve import solve
 
 IMPLICIT = tuple(name for name in SOLVERS if solver(name).implicit)
 MULTISTEP = ("bdf", "lsoda", "cvode-adams", "cvode-bdf", "ida", "cyrk-lsoda", "cyrk-bdf")
-# Explicit methods in Python's pace, and Adams methods where stiffness lasts.
-HOPELESS = {"stiff-van-der-pol": ("rk45", "dop853"), "robertson": ("cvode-adams",)}
+# Explicit methods in Python's pace, Adams methods where stiffness lasts, and 28 equations that heyoka compiles for
+# five seconds.
+HOPELESS = {"stiff-van-der-pol": ("rk45", "dop853"), "robertson": ("cvode-adams",), "pleiades": ("taylor",)}
 
 TOLERANCE = 1e-9
 # Solvers that the errors allowed below were measured with.
@@ -35,12 +36,12 @@ ALLOWED = {
     "arenstorf": (1e-4, 5e-3),
     "rigid-body": (1e-7, 6e-7),
 }
-# How closely a Taylor run at tolerance 1e-15 meets the published digits: what the problem makes of double precision.
+# How closely a run at tolerance 1e-15 meets the published digits: what the problem makes of double precision.
 DIGITS = {
     "hires": 5e-15,
     "stiff-van-der-pol": 2e-13,
     "van-der-pol": 2e-13,
-    "pleiades": 1e-10,
+    "pleiades": 2e-11,
     "arenstorf": 1e-8,
     "rigid-body": 5e-13,
 }
@@ -96,9 +97,9 @@ def test_amplification_is_that_of_the_problem():
 
 
 @pytest.mark.parametrize("problem", DIGITS)
-def test_published_digits_are_those_of_a_taylor_run(problem: str):
+def test_published_digits_are_those_of_a_tight_run(problem: str):
     classical = CLASSICAL[problem]
-    solution = solve(classical.problem, "taylor", 1e-15)
+    solution = solve(classical.problem, "cyrk-dop853" if problem == "pleiades" else "taylor", 1e-15)
     assert solution.success
     assert classical.error(solution.states[-1]) <= DIGITS[problem]
 
