@@ -24,6 +24,14 @@ def near(word: str, names: Iterable[str]) -> str | None:
     return found[0] if found else None
 
 
+class NotFoundError(ValueError):
+    """No class of a kind goes by a name; `expected` says what would have done."""
+
+    def __init__(self, kind: str, name: str, expected: str) -> None:
+        super().__init__(f"{kind}: got {name!r}, expected {expected}")
+        self.expected = expected
+
+
 class Catalogue(dict[str, str], Generic[T]):
     """Names of the classes of one kind and where they are, "module:class"; `base`, likewise, is what they derive from.
 
@@ -36,24 +44,23 @@ class Catalogue(dict[str, str], Generic[T]):
         self._made: dict[str, T] = {}
 
     def find(self, name: str) -> T:
-        """The instance of a catalogue name, or of a ``"module:class"`` outside; raises ValueError if there is none."""
+        """The instance of a catalogue name, or of a "module:class" outside; raises NotFoundError if there is none."""
         if name not in self._made:
             self._made[name] = self._class(name)()
         return self._made[name]
 
     def _class(self, name: str) -> type[T]:
-        got = f"{self.kind}: got {name!r}, expected"
         if ":" not in self.get(name, name).strip(":"):
-            raise ValueError(f"{got} one of {', '.join(self)}{hint(name, self)}")
+            raise NotFoundError(self.kind, name, f"one of {', '.join(self)}{hint(name, self)}")
         try:
             found = _imported(self.get(name, name))
         except (ImportError, AttributeError) as error:
             if name in self:
                 raise
             place = "; is its folder on PYTHONPATH?" if isinstance(error, ModuleNotFoundError) else ""
-            raise ValueError(f"{got} an importable module:class ({error}){place}") from None
+            raise NotFoundError(self.kind, name, f"an importable module:class ({error}){place}") from None
         if not (isinstance(found, type) and issubclass(found, _imported(self.base))):
-            raise ValueError(f"{got} a class derived from {self.base}")
+            raise NotFoundError(self.kind, name, f"a class derived from {self.base}")
         return found
 
 

@@ -48,10 +48,8 @@ def filtered(study: "Study", filters: Mapping[str, tuple[str, ...]]) -> "Study":
     """
     from dataclasses import replace
 
-    from polhode.harness.studies.filters import chosen
-
     values = [value for kind in KINDS for value in filters[kind]]
-    return replace(chosen(study, **filters), name="-".join([study.name, *values])) if values else study
+    return replace(study.part(**filters), name="-".join([study.name, *values])) if values else study
 
 
 def command_line() -> str:

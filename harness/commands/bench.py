@@ -45,11 +45,11 @@ def bench(
     from polhode.harness.pages import outcomes as outcomes_page
     from polhode.harness.picking.laws import load_laws, own_laws_path
     from polhode.harness.studies.runner import Runner
-    from polhode.harness.studies.study import quick_study, read_study
+    from polhode.harness.studies.study_file import read_study
 
     with bad_input():
         study = filtered(read_study(study_file), filters)
-        study = quick_study(study) if quick else study
+        study = study.quick() if quick else study
         folder = out or Path("reports") / study.name
     store = open_store(folder, resume)
     with running_into(store):
@@ -77,13 +77,13 @@ def regimes(
     from polhode.harness.analysis.regime_map import LONGEST_SLOW_TIME
     from polhode.harness.pages.regimes import write_page
     from polhode.harness.studies.runner import Runner
-    from polhode.harness.studies.study import quick_study, read_study
+    from polhode.harness.studies.study_file import read_study
 
     with bad_input():
         study = replace(filtered(read_study(study_file, "regimes"), filters), longest_slow_time=LONGEST_SLOW_TIME)
         if quick:
             some = tuple((name, scene) for name, scene in study.scenes if 0.1 <= scene.stokes <= 1e4)
-            study = replace(quick_study(study), scenes=some or study.scenes)
+            study = replace(study.quick(), scenes=some or study.scenes)
         folder = out or Path("reports") / study.name
     store = open_store(folder, resume)
     with running_into(store):
@@ -114,7 +114,7 @@ def equal_error(out: Path, quick: bool, resume: bool, quiet: bool) -> None:
     from polhode.harness.studies.cost import first_runs, rhs_seconds, startup_seconds
     from polhode.harness.studies.overhead import measure, paper_problem
     from polhode.harness.studies.runner import Runner
-    from polhode.harness.studies.study import quick_study, read_study
+    from polhode.harness.studies.study_file import read_study
     from polhode.solvers.contract import Backend
 
     store = open_store(out, resume)
@@ -125,7 +125,7 @@ def equal_error(out: Path, quick: bool, resume: bool, quiet: bool) -> None:
     with running_into(store):
         for name in ("solvers", "spheroid", "backends"):
             study = read_study(None, name)
-            found[name] = Runner(store, quiet).run(quick_study(study) if quick else study)
+            found[name] = Runner(store, quiet).run(study.quick() if quick else study)
     costs = {name: rhs_seconds(problem, name) for name in get_args(Backend)}
     measured = Measured(**found, overheads=overheads, first_runs=firsts, rhs_costs=costs, startup=startup_seconds())
     click.echo(f"{write_page(measured, out, command_line())}")

@@ -19,7 +19,7 @@ from polhode.harness.ensembles.engines import Engine
 from polhode.harness.ensembles.ensemble import Ensemble, Task, run_task
 from polhode.harness.ensembles.starts import Starts
 from polhode.harness.ensembles.statistics import Statistics, merged
-from polhode.harness.studies.study import Name, Stokes
+from polhode.harness.studies.study_file import Name, Stokes
 from polhode.models.scene_file import FourVector, Positive, Vector
 from polhode.models.shape import Ellipsoid
 from polhode.models.toml_file import checked, read_toml

@@ -9,7 +9,7 @@ from commandline import STUDY
 
 from polhode.harness.analysis.outcomes import INACCURATE, limits, outcome
 from polhode.harness.pages.outcomes import reasons, write_page
-from polhode.harness.studies.study import parse_study
+from polhode.harness.studies.study_file import parse_study
 from polhode.models.scene_file import scene_table
 from polhode.models.scenes import named_scene
 

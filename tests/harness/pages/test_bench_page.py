@@ -9,7 +9,8 @@ from commandline import STUDY
 
 from polhode.harness.pages.bench import write_page
 from polhode.harness.references.uncertainty import BRACKETS
-from polhode.harness.studies.study import Study, read_study
+from polhode.harness.studies.study import Study
+from polhode.harness.studies.study_file import read_study
 
 mpl.use("Agg")
 

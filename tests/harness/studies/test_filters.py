@@ -6,8 +6,8 @@ import tomllib
 import pytest
 from commandline import STUDY, Run
 
-from polhode.harness.studies.filters import chosen
-from polhode.harness.studies.study import Study, parse_study
+from polhode.harness.studies.study import Study
+from polhode.harness.studies.study_file import parse_study
 
 SECOND = """
 [[scenes]]
@@ -33,11 +33,11 @@ def cases(study: Study) -> set[tuple[str, float, str, str]]:
 
 def test_filters_of_one_kind_add_and_of_several_kinds_narrow(study: Study):
     everything = cases(study)
-    assert cases(chosen(study)) == everything
-    assert cases(chosen(study, scenes=["round"])) == {case for case in everything if case[0] == "round"}
-    assert cases(chosen(study, tags=["spheroid"])) == cases(chosen(study, scenes=["round"]))
-    assert cases(chosen(study, tags=["spheroid", "short"])) == everything
-    narrow = chosen(study, tags=["short"], solvers=["taylor"], forms=["spheroid-axis"])
+    assert cases(study.part()) == everything
+    assert cases(study.part(scenes=["round"])) == {case for case in everything if case[0] == "round"}
+    assert cases(study.part(tags=["spheroid"])) == cases(study.part(scenes=["round"]))
+    assert cases(study.part(tags=["spheroid", "short"])) == everything
+    narrow = study.part(tags=["short"], solvers=["taylor"], forms=["spheroid-axis"])
     assert cases(narrow) == {("round", 50.0, "spheroid-axis", "taylor")}
 
 
@@ -45,11 +45,11 @@ def test_a_part_asks_the_same_questions(study: Study):
     def keys(some: Study) -> set[str]:
         return {case.key for batch in some.batches() for case in batch}
 
-    assert keys(chosen(study, tags=["spheroid"])) < keys(study)
+    assert keys(study.part(tags=["spheroid"])) < keys(study)
 
 
 def test_tags_are_no_part_of_the_question(study: Study):
-    first, other = ({c.key for b in one.batches() for c in b} for one in (study, chosen(study)))
+    first, other = ({c.key for b in one.batches() for c in b} for one in (study, study.part()))
     assert first == other
     bare = parse_study({**tomllib.loads(STUDY + SECOND.replace('tags = ["spheroid", "short"]\n', ""))})
     tagged = parse_study(tomllib.loads(TWO_SCENES))
@@ -72,12 +72,12 @@ def test_tags_are_no_part_of_the_question(study: Study):
 )
 def test_what_is_not_there_is_one_line(study: Study, filters: dict[str, list[str]], message: str):
     with pytest.raises(ValueError, match="^" + message.replace("(", r"\(") + "$"):
-        chosen(study, **filters)
+        study.part(**filters)
 
 
 def test_a_study_without_tags_says_so():
     with pytest.raises(ValueError, match=r"tag: got 'short', expected none, for the study has no tags"):
-        chosen(parse_study(tomllib.loads(STUDY)), tags=["short"])
+        parse_study(tomllib.loads(STUDY)).part(tags=["short"])
 
 
 def test_the_command_line_runs_a_part_into_a_folder_of_its_own(polhode: Run, tmp_path):

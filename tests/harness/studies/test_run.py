@@ -20,7 +20,8 @@ from polhode.harness.common.store import Store, read_export
 from polhode.harness.references.reference import reference
 from polhode.harness.studies.case import Record
 from polhode.harness.studies.runner import Runner
-from polhode.harness.studies.study import Choice, Study, read_study
+from polhode.harness.studies.study import Choice, Study
+from polhode.harness.studies.study_file import read_study
 
 TOLERANCES = (1e-1, 1e-2, 1e-3)
 SOLVERS = (

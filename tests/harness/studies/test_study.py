@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from commandline import STUDY
 
-from polhode.harness.studies.study import parse_study, quick_study, read_study
+from polhode.harness.studies.study_file import parse_study, read_study
 from polhode.models.scenes import named_scene
 from polhode.solvers.catalogue import SOLVERS
 
@@ -60,8 +60,8 @@ def test_whole_numbers_and_floats_are_the_same_study():
 
 def test_a_quick_study_is_a_part():
     study = parse_study(GOOD)
-    assert quick_study(study).tolerances == (1e-4, 1e-8)
-    assert quick_study(study).max_seconds < study.max_seconds
+    assert study.quick().tolerances == (1e-4, 1e-8)
+    assert study.quick().max_seconds < study.max_seconds
 
 
 def test_the_study_that_comes_with_the_package():
@@ -156,7 +156,7 @@ def test_limits_that_do_not_fit_are_one_line(path: str, value: Any, message: str
 def test_a_built_in_scene_may_have_a_duration_of_its_own():
     study = parse_study({**GOOD, "scenes": [{"name": "stiff", "builtin": True, "time": 5.0, "max_seconds": 3.0}]})
     assert {case.max_seconds for batch in study.batches() for case in batch} == {3.0}
-    assert {case.max_seconds for batch in quick_study(study).batches() for case in batch} == {0.2}
+    assert {case.max_seconds for batch in study.quick().batches() for case in batch} == {0.2}
     ((name, scene),) = study.scenes
     assert (name, scene.time) == ("stiff", 5.0)
     assert scene == replace(named_scene("stiff"), time=5.0)

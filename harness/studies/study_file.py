@@ -1,0 +1,163 @@
+"""Study files: tables in TOML, checked, and the studies that they describe."""
+
+from collections.abc import Iterator
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+
+from polhode.harness.studies.study import Choice, Page, Study
+from polhode.models.catalogue import FORMS
+from polhode.models.registry import NotFoundError
+from polhode.models.scene import Scene
+from polhode.models.scene_file import Positive, parse_scene, scene_table
+from polhode.models.scenes import named_scene
+from polhode.models.toml_file import checked, read_toml
+from polhode.solvers.catalogue import SOLVERS
+from polhode.solvers.contract import Backend, Jacobian
+
+# What a study may say of a built-in scene.
+BESIDE_BUILTIN = ("time", "tags", "forms", "solvers", "max_seconds")
+
+
+def _as_list(value: Any) -> Any:
+    return value if isinstance(value, list) else [value]
+
+
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
+Stokes = Annotated[float, Field(ge=0)]
+
+
+class StudySceneTable(BaseModel):
+    """``[[scenes]]``: a scene file's contents with a name, and one or several Stokes numbers.
+
+    ``{name = "pinch-point", builtin = true}`` stands for a built-in scene, `time` beside it for another duration. Tags
+    are what a run may be limited to; forms and solvers, some of the study's, limit those of the scene; `max_seconds`
+    is a time limit of its own.
+    """
+
+    model_config = ConfigDict(extra="allow", strict=True)
+    name: Name
+    stokes: Annotated[list[Stokes], Field(min_length=1), BeforeValidator(_as_list)]
+    tags: list[str] = []
+    forms: Annotated[list[str], Field(min_length=1)] | None = None
+    solvers: Annotated[list[str], Field(min_length=1)] | None = None
+    max_seconds: Positive | None = None
+
+
+class StudyTable(BaseModel):
+    """A study file; its name is that of the folder of its results."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+    name: Name
+    title: str
+    samples: Annotated[int, Field(ge=2)] = 501
+    max_seconds: Positive = 10.0
+    tolerances: Annotated[list[Positive], Field(min_length=1)]
+    forms: Annotated[list[str], Field(min_length=1)]
+    solvers: Annotated[list[str], Field(min_length=1)] = list(SOLVERS)
+    backends: Annotated[list[Backend], Field(min_length=1)] | None = None
+    jacobians: Annotated[list[Jacobian], Field(min_length=1)] | None = None
+    page: Page | None = None
+    scenes: Annotated[list[StudySceneTable], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _known_names(self) -> "StudyTable":
+        for kind, names, catalogue in (("forms", self.forms, FORMS), ("solvers", self.solvers, SOLVERS)):
+            for name in names:
+                if ":" in name:
+                    try:
+                        catalogue.find(name)
+                    except NotFoundError as error:
+                        raise ValueError(f"got {name!r} in {kind}, expected {error.expected}") from None
+                elif name not in catalogue:
+                    known = ", ".join(catalogue)
+                    raise ValueError(f"got {name!r} in {kind}, expected some of {known}, or module:class")
+        for scene in self.scenes:
+            for kind, own, known in (("forms", scene.forms, self.forms), ("solvers", scene.solvers, self.solvers)):
+                for name in own or ():
+                    if name not in known:
+                        expected = f"some of the study's: {', '.join(known)}"
+                        raise ValueError(f"got {name!r} in {kind} of scene {scene.name!r}, expected {expected}")
+        return self
+
+    @model_validator(mode="after")
+    def _nothing_twice(self) -> "StudyTable":
+        scenes = [(scene.name, stokes) for scene in self.scenes for stokes in scene.stokes]
+        lists = {"forms": self.forms, "solvers": self.solvers, "tolerances": self.tolerances, "scenes": scenes}
+        for kind, values in lists.items():
+            for value in values:
+                if values.count(value) > 1:
+                    raise ValueError(f"got {value!r} {values.count(value)} times in {kind}, expected it once")
+        return self
+
+
+def read_study(path: Path | None, default: str = "bench") -> Study:
+    """Read a study file, or the one of the given name that comes with the package; raises as `read_toml` does."""
+    own = files("polhode.harness.studies") / f"{default}.toml"
+    return read_toml(path or own, parse_study, where=None if path else f"study {default!r}")
+
+
+def parse_study(contents: dict[str, Any]) -> Study:
+    """Make a study of the contents of a study file.
+
+    Raises
+    ------
+    ValueError
+        In one line: the key, the value and what was expected; or that no form and solver fit any scene.
+    """
+    contents = _with_builtin_scenes(contents)
+    table = checked(StudyTable, contents)
+    study = Study(
+        table.name,
+        table.title,
+        tuple(scene for position, scenes in enumerate(table.scenes) for scene in _scenes(position, scenes)),
+        tuple(table.forms),
+        tuple(table.solvers),
+        tuple(table.tolerances),
+        table.samples,
+        table.max_seconds,
+        tuple(table.backends) if table.backends else None,
+        tuple(table.jacobians) if table.jacobians else None,
+        {(scene.name, stokes): _choice(scene) for scene in table.scenes for stokes in scene.stokes},
+        # Which is the cheapest makes sense for one scene; several ask who gets through.
+        table.page or ("costs" if len({scene.name for scene in table.scenes}) == 1 else "outcomes"),
+    )
+    if not any(study.batches()):
+        raise ValueError(f"forms: got {list(study.forms)}, expected one that some scene and solver accept")
+    return study
+
+
+def _choice(table: StudySceneTable) -> Choice:
+    forms, solvers = (None if names is None else tuple(names) for names in (table.forms, table.solvers))
+    return Choice(tuple(table.tags), forms, solvers, table.max_seconds)
+
+
+def _with_builtin_scenes(contents: dict[str, Any]) -> dict[str, Any]:
+    """The contents with every ``{name = "…", builtin = true}`` among the scenes spelled out."""
+    scenes = contents.get("scenes")
+    if not isinstance(scenes, list):
+        return contents
+    return {**contents, "scenes": [_spelled_out(position, scene) for position, scene in enumerate(scenes)]}
+
+
+def _spelled_out(position: int, scene: Any) -> Any:
+    if not (isinstance(scene, dict) and scene.get("builtin") is True):
+        return scene
+    if not {"name", "builtin"} <= set(scene) <= {"name", "builtin", *BESIDE_BUILTIN}:
+        expected = f"name, builtin and perhaps {', '.join(BESIDE_BUILTIN)}"
+        raise ValueError(f"scenes[{position}]: got {sorted(scene)}, expected {expected}")
+    own = {key: value for key, value in scene.items() if key in BESIDE_BUILTIN}
+    try:
+        return {"name": scene["name"], **scene_table(named_scene(scene["name"])), **own}
+    except ValueError as error:
+        raise ValueError(f"scenes[{position}]: {error}") from None
+
+
+def _scenes(position: int, table: StudySceneTable) -> Iterator[tuple[str, Scene]]:
+    for stokes in table.stokes:
+        try:
+            yield table.name, parse_scene({"stokes": stokes, **(table.model_extra or {})})
+        except ValueError as error:
+            raise ValueError(f"scenes[{position}]: {error}") from None
