@@ -13,9 +13,10 @@ import numpy as np
 
 from polhode.models.operations import FLOAT, Field, Operations
 from polhode.models.problem import Problem
-from polhode.solvers.array_function import array_function
 from polhode.solvers.contract import Backend
-from polhode.solvers.llvm import CALLBACK, FieldFactory, MachineCode, compile_lines, counting, trace
+from polhode.solvers.machine_code.array_function import array_function
+from polhode.solvers.machine_code.llvm import CALLBACK, MachineCode, compile_lines, counting
+from polhode.solvers.machine_code.tracing import FieldFactory, trace
 
 Callback = Callable[[np.ndarray, Any, np.ndarray], None]
 

@@ -21,7 +21,7 @@ from polhode.models.scene import Scene
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.compile import CACHE_VARIABLE, array_callback, c_callback, parameter_array
 from polhode.solvers.contract import Backend
-from polhode.solvers.llvm import Signature, compile_lines
+from polhode.solvers.machine_code.llvm import Signature, compile_lines
 from polhode.solvers.solve import solve
 
 # A measurement repeats until it takes this long, in seconds, and is the best of `ROUNDS`.

@@ -1,4 +1,4 @@
-"""Vector fields in machine code: traced into LLVM's language over `Operations`, compiled by llvmlite in some 10 ms.
+"""Vector fields as lines of LLVM's language: a number type of our own over `Operations`, and what no field may do.
 
 A field is a straight line of arithmetic. Called with numbers that write down what is done to them, it yields one line
 for each operation, ``%v7 = fmul contract double %v1, %v4``. Equal lines are written once; arithmetic on constants is
@@ -9,8 +9,8 @@ the meaning; the compiler may change nothing else.
 import inspect
 import math
 import traceback
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache, partial
 from numbers import Real
 from struct import pack, unpack
@@ -28,6 +28,14 @@ class FieldError(ValueError):
     """A vector field does what no field may do; the message names file and line."""
 
 
+def _operators(instruction: str) -> tuple[Callable[[Any, Any], Any], Callable[[Any, Any], Any]]:
+    """An operator of numbers, and the one that Python calls where a number stands on the right alone."""
+    return (
+        lambda left, right: _arithmetic(instruction, left, right),
+        lambda right, left: _arithmetic(instruction, left, right),
+    )
+
+
 class Number:
     """A traced number: the name of the line that computes it. Arithmetic appends further lines."""
 
@@ -42,29 +50,10 @@ class Number:
         """The number that a line computes, a new line or an equal one from before."""
         return Number(self.lines, self.lines.setdefault(line, f"%v{len(self.lines)}"))
 
-    def __add__(self, other: Any) -> "Number":
-        return _arithmetic("fadd", self, other)
-
-    def __radd__(self, other: Any) -> "Number":
-        return _arithmetic("fadd", other, self)
-
-    def __sub__(self, other: Any) -> "Number":
-        return _arithmetic("fsub", self, other)
-
-    def __rsub__(self, other: Any) -> "Number":
-        return _arithmetic("fsub", other, self)
-
-    def __mul__(self, other: Any) -> "Number":
-        return _arithmetic("fmul", self, other)
-
-    def __rmul__(self, other: Any) -> "Number":
-        return _arithmetic("fmul", other, self)
-
-    def __truediv__(self, other: Any) -> "Number":
-        return _arithmetic("fdiv", self, other)
-
-    def __rtruediv__(self, other: Any) -> "Number":
-        return _arithmetic("fdiv", other, self)
+    __add__, __radd__ = _operators("fadd")
+    __sub__, __rsub__ = _operators("fsub")
+    __mul__, __rmul__ = _operators("fmul")
+    __truediv__, __rtruediv__ = _operators("fdiv")
 
     def __neg__(self) -> "Number":
         return self.emit(f"fneg double {self.name}")
@@ -127,34 +116,6 @@ def _where_positive(x: Any, a: Any, b: Any) -> Any:
 OPERATIONS = Operations(partial(_call, "sin"), partial(_call, "cos"), partial(_call, "sqrt"), _where_positive)
 
 
-@dataclass(frozen=True)
-class Signature:
-    """A C function around a field, which reads arrays of doubles at the pointers %y, %p, ... and writes one at %out."""
-
-    head: str
-    # Lines before the field's, where those pointers are no arguments.
-    prologue: str = ""
-    result: str = "void"
-    # Functions that the prologue calls.
-    helpers: str = ""
-
-
-# What CyRK calls: void(double *dy, double t, double *y, double *p).
-CALLBACK = Signature("void @function(ptr %out, double %t, ptr %y, ptr %p)")
-
-
-def counting(signature: Signature, parameters: int) -> Signature:
-    """A function that counts its calls: behind the parameters stands the address of an integer of eight bytes."""
-    lines = f"""
-%counter_at = getelementptr double, ptr %p, i64 {parameters}
-%counter = load ptr, ptr %counter_at
-%before = load i64, ptr %counter
-%after = add i64 %before, 1
-store i64 %after, ptr %counter
-"""
-    return replace(signature, prologue=signature.prologue + lines)
-
-
 @cache
 def trace(factory: FieldFactory, dimension: int, parameters: int, mass: bool = False) -> str:
     """LLVM's lines that compute a field's rates, read at %y and %p and written at %out.
@@ -191,18 +152,15 @@ def trace(factory: FieldFactory, dimension: int, parameters: int, mass: bool = F
 
 def _evaluate(factory: FieldFactory, y: tuple[Number, ...], p: tuple[Number, ...]) -> tuple[Any, ...]:
     """The rates of a traced state, or the place where the field goes wrong."""
-    rhs = factory(OPERATIONS)
+    with _located():
+        rhs = factory(OPERATIONS)
     code = getattr(rhs, "__code__", None)
     place = f"{code.co_filename}:{code.co_firstlineno}" if code else repr(rhs)
-    names = list(inspect.signature(rhs).parameters)
+    names = [name for name, each in inspect.signature(rhs).parameters.items() if each.default is each.empty]
     if len(names) != 2 or names[0] == "t":
         raise FieldError(f"{place}: got rhs({', '.join(names)}), expected rhs(y, p)")
-    try:
+    with _located():
         rates = rhs(y, p)
-    except Exception as error:
-        frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename != __file__]
-        where, line = (f"{frames[-1].filename}:{frames[-1].lineno}", frames[-1].line) if frames else (place, "")
-        raise FieldError(f"{where}: {error}: {line}") from error
     if not isinstance(rates, tuple | list) or len(rates) != len(y):
         got = f"{len(rates)} rates" if isinstance(rates, tuple | list) else f"{type(rates).__name__!r}"
         raise FieldError(f"{place}: got {got}, expected a tuple of {len(y)}, one per component of the state")
@@ -212,42 +170,12 @@ def _evaluate(factory: FieldFactory, y: tuple[Number, ...], p: tuple[Number, ...
     return tuple(rates)
 
 
-@dataclass(frozen=True)
-class MachineCode:
-    """A compiled function, which lives as long as this object."""
-
-    address: int
-    engine: Any
-
-
-def compile_lines(signature: Signature, lines: str) -> MachineCode:
-    """Compile a function for this processor."""
-    llvm = _llvm()
-    text = f"define {signature.head} {{\n{signature.prologue}\n{lines}\nret {signature.result}\n}}"
-    module = llvm.parse_assembly("\n".join([_DECLARATIONS, signature.helpers, text]))
-    target = llvm.Target.from_default_triple()
-    machine = target.create_target_machine(
-        cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=3
-    )
-    passes = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=3))
-    passes.getModulePassManager().run(module, passes)
-    engine = llvm.create_mcjit_compiler(module, machine)
-    engine.finalize_object()
-    return MachineCode(engine.get_function_address("function"), engine)
-
-
-@cache
-def _llvm() -> Any:
-    import llvmlite.binding as llvm
-
-    llvm.initialize_native_target()
-    llvm.initialize_native_asmprinter()
-    return llvm
-
-
-_DECLARATIONS = """
-declare double @llvm.sin.f64(double)
-declare double @llvm.cos.f64(double)
-declare double @llvm.sqrt.f64(double)
-declare double @llvm.pow.f64(double, double)
-"""
+@contextmanager
+def _located() -> Iterator[None]:
+    """Name the line of the field, or of what it calls, in which an exception arose."""
+    try:
+        yield
+    except Exception as error:
+        frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename != __file__]
+        where, line = (f"{frames[-1].filename}:{frames[-1].lineno}: ", f": {frames[-1].line}") if frames else ("", "")
+        raise FieldError(f"{where}{error}{line}") from error

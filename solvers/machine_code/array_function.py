@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from polhode.solvers.llvm import Signature, compile_lines
+from polhode.solvers.machine_code.llvm import Signature, compile_lines
 
 # NumPy's `PyArrayObject` and `PyArray_Descr` (ndarraytypes.h, alike in NumPy 1 and 2): where an array keeps its type,
 # data, number of dimensions, their lengths, element type and flags; an element type its byte order and number.
@@ -77,7 +77,7 @@ def array_function(lines: str, arrays: Mapping[str, int]) -> Callable[..., None]
     Parameters
     ----------
     lines : str
-        As `polhode.solvers.llvm.trace` makes them.
+        As `polhode.solvers.machine_code.tracing.trace` makes them.
     arrays : mapping of str to int
         Names and lengths of the arguments, in their order; the last one is ``out``.
     """
