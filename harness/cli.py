@@ -33,8 +33,8 @@ GROUPS = {
         "throughput": ("sweep:throughput", "what ensembles cost on this machine"),
     },
     "Maintain": {
-        "calibrate": ("laws:laws", "calibrate pick's cost model on this machine"),
-        "validate": ("laws:heldout", "measure how good pick is, on scenes held out"),
+        "calibrate": ("calibrate:calibrate", "calibrate pick's cost model on this machine"),
+        "validate": ("calibrate:validate", "measure how good pick is, on scenes held out"),
         "report": ("report:report", "everything measured so far as one offline web site"),
         "export": ("records:export", "a store as CSV or JSON Lines"),
         "compare": ("records:compare", "two saved runs, and what got worse"),

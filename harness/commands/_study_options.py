@@ -1,4 +1,4 @@
-"""What the commands that measure share: their options, the store they run into, and the line that was typed."""
+"""What commands share: options, the store that measurements go into, and the line that was typed."""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -25,27 +25,26 @@ ASIDE = ("out", "resume", "quiet", "as_json", "page_only")
 quick = click.option("--quick", is_flag=True, help="Fewer tolerances and short time limits: a look, not a result.")
 resume = click.option("--resume", is_flag=True, help="Take up an interrupted run instead of starting afresh.")
 quiet = click.option("--quiet", is_flag=True, help="No progress.")
+as_json = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+FOLDER = click.Path(path_type=Path, file_okay=False)
+
+
+def out_folder(default: str) -> Callable[..., Any]:
+    """The option --out, a folder."""
+    return click.option("--out", type=FOLDER, default=Path(default), show_default=True, help="Folder.")
 
 
 def study_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add [STUDY.toml], --out, --quick, --resume, --quiet, and --scene, --tag, --form, --solver as `filters`."""
     for name, (option, text) in reversed(KINDS.items()):
         command = click.option(option, name, multiple=True, help=text)(command)
-    out = click.option(
-        "--out", type=click.Path(path_type=Path), help="Folder; by default reports/NAME, with the filters' words."
-    )
+    out = click.option("--out", type=FOLDER, help="Folder; by default reports/NAME, with the filters' words.")
     file = click.argument("study_file", metavar="[STUDY.toml]", required=False, type=click.Path(path_type=Path))
     return file(out(quick(resume(quiet(command)))))
 
 
 def filtered(study: "Study", filters: Mapping[str, tuple[str, ...]]) -> "Study":
-    """The part of a study that is wanted, under a name of its own; all of it where nothing is said.
-
-    Raises
-    ------
-    ValueError
-        If nothing is left.
-    """
+    """The part of a study that is wanted, under a name of its own; raises ValueError if nothing is left."""
     from dataclasses import replace
 
     values = [value for kind in KINDS for value in filters[kind]]
@@ -68,13 +67,7 @@ def command_line() -> str:
 
 
 def open_store(folder: Path, resume: bool, name: str = "store") -> "Store":
-    """Open FOLDER/NAME.sqlite, made with its folder; a run that starts afresh moves the last one's aside.
-
-    Raises
-    ------
-    BadInput
-        If the folder cannot be made, or the file is no store.
-    """
+    """Open FOLDER/NAME.sqlite, made with its folder; a run that starts afresh moves the last one's aside."""
     from polhode.harness.common.store import DamagedStoreError, Store
 
     previous = "previous" if name == "store" else f"previous-{name}"

@@ -6,6 +6,7 @@ from typing import Any
 import click
 
 from polhode.harness.cli import RunFailed, bad_input
+from polhode.harness.commands._study_options import FOLDER, as_json, quiet
 
 # Again in `averaging.second_order`, so that `--help` needs no numerics.
 PARTS = ("orders", "resonances", "cost")
@@ -20,12 +21,12 @@ FOLDERS = {"1": Path("reports/accuracy"), "2": Path("reports/second-order")}
     show_default=True,
     help="1: both orders in the paper's cases. 2: second order beyond them, through resonances, and its cost.",
 )
-@click.option("--out", type=click.Path(path_type=Path), help="Folder; by default reports/accuracy or second-order.")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@click.option("--out", type=FOLDER, help="Folder; by default reports/accuracy or second-order.")
+@as_json
 @click.option("--quick", is_flag=True, help="St up to 1000 or a few cases alone: a look, not a result.")
 @click.option("--part", type=click.Choice(PARTS), help="Of order 2, measure that alone anew.")
 @click.option("--page-only", is_flag=True, help="Measure nothing: write the page anew from the data in --out.")
-@click.option("--quiet", is_flag=True, help="No progress.")
+@quiet
 def accuracy(
     order: str, out: Path | None, as_json: bool, quick: bool, part: str | None, page_only: bool, quiet: bool
 ) -> None:

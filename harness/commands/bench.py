@@ -11,6 +11,7 @@ from polhode.harness.commands._study_options import (
     command_line,
     filtered,
     open_store,
+    out_folder,
     quick,
     quiet,
     resume,
@@ -101,7 +102,7 @@ def ahead(study: "Study", store: "Store") -> str:
 
 
 @click.command(epilog="Example: polhode equal-error --out look --quick")
-@click.option("--out", type=click.Path(path_type=Path), default=Path("reports/solvers"), show_default=True)
+@out_folder("reports/solvers")
 @quick
 @resume
 @quiet

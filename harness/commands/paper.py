@@ -7,23 +7,18 @@ from pathlib import Path
 import click
 
 from polhode.harness.cli import RunFailed, bad_input
+from polhode.harness.commands._study_options import out_folder, quiet
 
 
 @click.command(epilog="Example: polhode paper period-change spheroids")
 @click.argument("names", metavar="[ITEM…]", nargs=-1)
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path, file_okay=False),
-    default=Path("reports/paper"),
-    show_default=True,
-    help="Folder.",
-)
+@out_folder("reports/paper")
 @click.option("--force", is_flag=True, help="Compute again even what is there.")
 @click.option("--redraw", is_flag=True, help="Draw from the data that are there, whatever code made them.")
 @click.option("--quick", is_flag=True, help="Coarse grids: a look, not a result.")
 @click.option("--list", "only_list", is_flag=True, help="Print the items and stop.")
 @click.option("--json", "as_json", is_flag=True, help="With --list: print JSON.")
-@click.option("--quiet", is_flag=True, help="No progress.")
+@quiet
 def paper(
     names: tuple[str, ...],
     out: Path,

@@ -9,6 +9,7 @@ import click
 
 from polhode.harness.cli import BadInput, bad_input
 from polhode.harness.commands import setup
+from polhode.harness.commands._study_options import as_json
 from polhode.harness.common.text import aligned, duration, on_terminal, scientific, short
 from polhode.solvers.catalogue import SOLVERS
 
@@ -31,7 +32,7 @@ FEW = 8
 )
 @click.option("--samples", type=int, default=201, show_default=True, help="Equispaced times of the output.")
 @click.option("--all", "everything", is_flag=True, help="Show all ways, and why each other one will not do.")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@as_json
 def pick(scene: str, error: float, want: str, samples: int, everything: bool, as_json: bool) -> None:
     """Rank the ways to run SCENE: form, solver and tolerance, with predicted error and time and their 95 % intervals.
 
@@ -83,14 +84,14 @@ def pick_page(found: "Recommendation", everything: bool) -> str:
         ]
         for row in shown
     ]
-    parts = [title, aligned(header, rows), *_notes(found, len(shown))]
+    parts = [title, aligned(header, rows), _notes(found, len(shown))]
     header = ["excluded", "solvers", "why"] if everything else ["excluded", "why"]
     if excluded := _why(found, everything):
         parts.append(on_terminal(header, excluded))
     return "\n\n".join(parts)
 
 
-def _notes(found: "Recommendation", shown: int) -> list[str]:
+def _notes(found: "Recommendation", shown: int) -> str:
     """What the table does not say of itself."""
     first = found.ranking[0]
     notes = [f"{first.form} by {first.solver}: {first.reason}"]
@@ -98,7 +99,7 @@ def _notes(found: "Recommendation", shown: int) -> list[str]:
         notes.append("tied: its 95 % interval of time overlaps with the first one's, so that either may be the faster")
     if more := len(found.ranking) - shown:
         notes.append(f"{more} more {'way' if more == 1 else 'ways'}, not cheaper: --all")
-    return ["\n".join(notes)]
+    return "\n".join(notes)
 
 
 def _why(found: "Recommendation", everything: bool) -> list[list[str]]:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 from polhode.harness.cli import BadInput, RunFailed, bad_input
+from polhode.harness.commands._study_options import as_json
 
 if TYPE_CHECKING:
     from polhode.harness.analysis.comparison import Comparison
@@ -20,7 +21,8 @@ def export(store: Path, out: Path) -> None:
     """Write the records of STORE to OUT, as CSV or JSON Lines by its ending.
 
     Numbers that JSON has no sign for are the words "Infinity", "-Infinity" and "NaN"; nested results are JSON in CSV's
-    cells. The file is called OUT.partial until it is complete.
+    cells. OUT appears when it is complete; a run that fails leaves what it wrote as
+    OUT.partial.
     """
     from polhode.harness.common.store import DamagedStoreError, Store
     from polhode.harness.common.store import export as write
@@ -40,7 +42,7 @@ def export(store: Path, out: Path) -> None:
 @click.argument("after", type=click.Path(path_type=Path))
 @click.option("--slower", type=ABOVE_ONE, default=1.5, show_default=True, help="Factor in time that is a regression.")
 @click.option("--less-accurate", type=ABOVE_ONE, default=3.0, show_default=True, help="The same for the errors.")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@as_json
 def compare(before: Path, after: Path, slower: float, less_accurate: float, as_json: bool) -> None:
     """Compare two saved runs; fail if a case of AFTER is slower or less accurate than in BEFORE, or failed.
 

@@ -6,19 +6,14 @@ import click
 
 from polhode.harness.cli import bad_input
 from polhode.harness.commands import setup
+from polhode.harness.commands._study_options import FOLDER, quiet
 
 REPORTS = Path("reports")
 
 
 @click.command(epilog="Example: polhode report --scene ice.toml")
-@click.option(
-    "--reports",
-    type=click.Path(path_type=Path, file_okay=False),
-    default=REPORTS,
-    show_default=True,
-    help="Folder with what the other commands wrote.",
-)
-@click.option("--out", type=click.Path(path_type=Path, file_okay=False), help="Folder; by default REPORTS/site.")
+@click.option("--reports", type=FOLDER, default=REPORTS, show_default=True, help="Folder of the other commands' pages.")
+@click.option("--out", type=FOLDER, help="Folder; by default REPORTS/site.")
 @click.option(
     "--scene",
     "scenes",
@@ -27,11 +22,11 @@ REPORTS = Path("reports")
     shell_complete=setup.scene_names,
     help="Show the motion of this scene too; repeatable.",
 )
-@click.option("--quiet", is_flag=True, help="No progress.")
+@quiet
 def report(reports: Path, out: Path | None, scenes: tuple[str, ...], quiet: bool) -> None:
     """Write a web site of all that was found: verdict, costs, every page of the reports, motions.
 
-    It shows what `bench`, `regimes`, `accuracy`, `validate`, `paper`, `footing` and `bench
+    It shows what `bench`, `regimes`, `accuracy`, `validate`, `paper`, `equal-error` and `bench
     harness/studies/hard_cases.toml` left in the folder --reports. The pages need no server and no network. The opening
     page names what is not there yet, with the command that makes it.
     """
@@ -44,7 +39,7 @@ def report(reports: Path, out: Path | None, scenes: tuple[str, ...], quiet: bool
         if reports != REPORTS and not reports.is_dir():
             raise ValueError(f"--reports: got {str(reports)!r}, expected an existing folder")
         own = {name: find_scene(name) for name in scenes}
-        with tqdm(disable=quiet, unit="page", desc="report", leave=False) as progress:
+        with tqdm(disable=quiet or None, unit="page", desc="report", leave=False) as progress:
 
             def say(what: str) -> None:
                 progress.set_postfix_str(what)

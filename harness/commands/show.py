@@ -7,9 +7,8 @@ import click
 
 from polhode.harness.cli import BadInput, bad_input
 from polhode.harness.commands import setup
+from polhode.harness.commands._study_options import as_json
 from polhode.harness.common.text import aligned, on_terminal
-
-as_json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 
 
 @click.command(
@@ -18,7 +17,7 @@ as_json_option = click.option("--json", "as_json", is_flag=True, help="Print JSO
     context_settings={"ignore_unknown_options": True},
 )
 @click.argument("semi_axes", nargs=-1, type=float, metavar="A B C")
-@as_json_option
+@as_json
 def shape(semi_axes: tuple[float, ...], as_json: bool) -> None:
     """Print inertia, resistance and kind of the ellipsoid with semi-axes A, B, C, in any unit and order."""
     from polhode.models.shape import Ellipsoid
@@ -52,7 +51,7 @@ def _text(value: object) -> str:
 
 @click.command(epilog="Example: polhode scenes paper > mine.toml")
 @click.argument("scene", required=False, shell_complete=setup.scene_names)
-@as_json_option
+@as_json
 def scenes(scene: str | None, as_json: bool) -> None:
     """List the built-in scenes; with SCENE, print it as a scene file, to start one of your own from."""
     from polhode.harness.studies.scenes import find_scene
@@ -93,7 +92,7 @@ _MEANINGS = {
 
 
 @click.command(epilog="Example: polhode forms --json")
-@as_json_option
+@as_json
 def forms(as_json: bool) -> None:
     """List the forms of the equations, and the scenes for which each is valid."""
     from polhode.models.catalogue import FORMS, form
@@ -112,7 +111,7 @@ def forms(as_json: bool) -> None:
 
 
 @click.command(epilog="Example: polhode solvers --json")
-@as_json_option
+@as_json
 def solvers(as_json: bool) -> None:
     """List the solvers, the forms each accepts, and what is missing."""
     from polhode.solvers.catalogue import SOLVERS, solver

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from polhode.harness.cli import BadInput, RunFailed, bad_input
-from polhode.harness.commands._study_options import running_into
+from polhode.harness.commands._study_options import FOLDER, as_json, out_folder, quiet, running_into
 
 if TYPE_CHECKING:
     from polhode.harness.ensembles.engines import Engine
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @click.command(epilog="Example: polhode sweep sweep.toml --workers 4 --out results")
 @click.argument("sweep_file", metavar="[SWEEP.toml]", required=False, type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path), help="Folder; by default reports/NAME.")
+@click.option("--out", type=FOLDER, help="Folder; by default reports/NAME.")
 @click.option(
     "--workers",
     type=click.IntRange(min=0),
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 )
 @click.option("--dask", "address", help="Address of a Dask scheduler that runs the tasks instead.")
 @click.option("--resume", is_flag=True, help="Take up an interrupted run, or join one that is under way.")
-@click.option("--json", "as_json", is_flag=True, help="Print the ensembles as JSON.")
-@click.option("--quiet", is_flag=True, help="No progress.")
+@as_json
+@quiet
 def sweep(
     sweep_file: Path | None,
     out: Path | None,
@@ -47,8 +47,6 @@ def sweep(
         what = read_sweep(sweep_file)
         folder = out or Path("reports") / what.name
         path = folder / "store.sqlite"
-        if folder.exists() and not folder.is_dir():
-            raise BadInput(f"--out: got {folder}, a file, expected a folder")
         if path.exists() and not resume:
             raise BadInput(f"{path}: exists, expected --resume to go on with it, or another --out")
         engine = _engine(workers, address)
@@ -74,7 +72,7 @@ def sweep(
 
 
 @click.command(epilog="Example: polhode throughput --out look")
-@click.option("--out", type=click.Path(path_type=Path), default=Path("reports/sweep"), show_default=True)
+@out_folder("reports/sweep")
 def throughput(out: Path) -> None:
     """Measure what ensembles cost on this machine: particles per second, engines, memory.
 

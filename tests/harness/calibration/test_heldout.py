@@ -9,7 +9,7 @@ from polhode.harness.calibration.evaluation import RUN_COLUMNS, Answer, Evaluati
 from polhode.harness.calibration.heldout import FINAL, FINALISTS, ask, finalists
 from polhode.harness.calibration.heldout import studies as held_out_studies
 from polhode.harness.calibration.scenes import HELD_OUT_SCENES, HELD_OUT_SEED, TRAINING_SCENES, questions
-from polhode.harness.commands.laws import heldout, laws
+from polhode.harness.commands.calibrate import calibrate, validate
 from polhode.harness.common.text import scientific
 from polhode.harness.pages.pick import summary, write_pages
 from polhode.harness.picking.laws import Interval, load_laws
@@ -140,6 +140,6 @@ def test_the_first_choice_and_the_cheapest_that_meet_the_error_go_into_the_final
 
 def test_the_commands_defaults_are_those_of_the_package():
     """They stand there again so that `--help` needs no numerics."""
-    trained, held = ({option.name: option.default for option in command.params} for command in (laws, heldout))
+    trained, held = ({option.name: option.default for option in command.params} for command in (calibrate, validate))
     assert trained["scenes"] == TRAINING_SCENES
     assert (held["scenes"], held["seed"]) == (HELD_OUT_SCENES, HELD_OUT_SEED)

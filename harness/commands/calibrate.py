@@ -5,41 +5,41 @@ from pathlib import Path
 import click
 
 from polhode.harness.cli import RunFailed, bad_input
-from polhode.harness.commands._study_options import open_store, running_into
-
-FOLDER = Path("reports/pick")
+from polhode.harness.commands._study_options import open_store, out_folder, quiet, resume, running_into
 
 
 @click.command(epilog="Example: polhode calibrate --resume")
-@click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=FOLDER, show_default=True)
+@out_folder("reports/pick")
 @click.option(
     "--to", type=click.Path(path_type=Path, dir_okay=False), help="File for the laws; by default this user's."
 )
 @click.option("--scenes", type=click.IntRange(min=3), default=160, show_default=True, help="Training scenes.")
-@click.option("--resume", is_flag=True, help="Go on with an interrupted run instead of starting afresh.")
-@click.option("--quiet", is_flag=True, help="No progress.")
-def laws(out: Path, to: Path | None, scenes: int, resume: bool, quiet: bool) -> None:
+@resume
+@quiet
+def calibrate(out: Path, to: Path | None, scenes: int, resume: bool, quiet: bool) -> None:
     """Measure the training scenes on this machine, over an hour, and fit the laws behind `polhode pick`."""
     from polhode.harness.calibration.fit import fit_laws
     from polhode.harness.calibration.training import train
     from polhode.harness.common.machine import machine, versions
     from polhode.harness.picking.laws import own_laws_path
 
+    path = to or own_laws_path()
+    with bad_input():
+        path.parent.mkdir(parents=True, exist_ok=True)
     with running_into(open_store(out, resume, "training")) as store:
         records = train(store, scenes, quiet)
-    path = to or own_laws_path()
     fitted = fit_laws(records, {"machine": machine(), "versions": versions()})
     fitted.save(path)
     click.echo(f"{path}: laws of {len(fitted.methods)} methods from {len(records)} runs")
 
 
 @click.command(epilog="Example: polhode validate --out look")
-@click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=FOLDER, show_default=True)
+@out_folder("reports/pick")
 @click.option("--scenes", type=click.IntRange(min=1), default=40, show_default=True, help="Held-out scenes.")
 @click.option("--seed", type=click.IntRange(min=0), default=1765, show_default=True, help="What they are drawn from.")
-@click.option("--resume", is_flag=True, help="Go on with an interrupted run instead of starting afresh.")
-@click.option("--quiet", is_flag=True, help="No progress.")
-def heldout(out: Path, scenes: int, seed: int, resume: bool, quiet: bool) -> None:
+@resume
+@quiet
+def validate(out: Path, scenes: int, seed: int, resume: bool, quiet: bool) -> None:
     """Ask `pick` about scenes that no law was fitted on, measure them, print how good it was, and write the page.
 
     Exit code 1 if it does not reach what it promises.
