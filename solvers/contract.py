@@ -254,6 +254,13 @@ class Solver(ABC):
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         """Compile what is needed for a problem and return the integrator."""
 
+    def bare_call(self, problem: Problem, settings: Settings, times: np.ndarray) -> Callable[[], object] | None:
+        """The shortest call of the library for the rows on these times, all else prepared; None where it is not known.
+
+        What `solve` costs is measured against it.
+        """
+        return None
+
 
 def _choose(solver: str, kind: str, choice: Any, offered: tuple[Any, ...]) -> Any:
     if choice is None:

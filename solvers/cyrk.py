@@ -10,6 +10,7 @@ steps, each starting from the step at which the last one stopped.
 """
 
 import ctypes
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 import numpy as np
@@ -60,6 +61,14 @@ class CyrkSolver(Solver):
             return outcome
 
         return integrate
+
+    def bare_call(self, problem: Problem, settings: Settings, times: np.ndarray) -> Callable[[], object] | None:
+        """CyRK's C entry with these times; its rows stay there."""
+        parameters = parameter_array(problem)
+        address = c_callback(problem.field, problem.dimension, len(parameters)).address
+        call = Call(address, method_number(self.method), parameters, settings.tolerance)
+        start, end, wanted = np.array(problem.start), float(times[-1]), times[1:]
+        return lambda: call.library.c_free(call(0.0, end, start, wanted, 10**9))
 
 
 class ImplicitCyrkSolver(CyrkSolver):

@@ -80,6 +80,14 @@ class ScipySolver(Solver):
         # SciPy's finite differences pass columns of a matrix.
         return (contiguous if self.implicit and settings.jacobian == "difference" else fun), options
 
+    def bare_call(self, problem: Problem, settings: Settings, times: np.ndarray) -> Callable[[], object] | None:
+        """`solve_ivp` with these times."""
+        from scipy.integrate import solve_ivp
+
+        fun, options = self.bind(problem, settings)
+        start, span = np.array(problem.start), (times[0], times[-1])
+        return lambda: solve_ivp(fun, span, start, self.method, times, **options)
+
 
 class ImplicitScipySolver(ScipySolver):
     """One of SciPy's implicit `OdeSolver` classes."""

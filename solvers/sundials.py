@@ -77,6 +77,12 @@ class SundialsSolver(Solver):
         """The library's solver object, and what it starts from; without a guard nothing stops it."""
         raise NotImplementedError
 
+    def bare_call(self, problem: Problem, settings: Settings, times: np.ndarray) -> Callable[[], object] | None:
+        """The solver object's `solve` with these times."""
+        library, start = self.bind(problem, settings, None)
+        begin = start(Record(times, np.array([problem.start])))
+        return lambda: library.solve(times, *begin)
+
 
 def _at_once(library: Any, start: tuple, record: Record) -> Outcome:
     if len(record.times) == 2:

@@ -1,5 +1,6 @@
 """Taylor's method by heyoka: machine code, arbitrary order, dense output from the steps' own series."""
 
+from collections.abc import Callable
 from functools import cache
 from typing import Any, Literal
 
@@ -91,3 +92,15 @@ class Taylor(Solver):
             return propagate(integrator, record)
 
         return integrate
+
+    def bare_call(self, problem: Problem, settings: Settings, times: np.ndarray) -> Callable[[], object] | None:
+        """heyoka's `propagate_grid` over these times."""
+        parameters, start = parameter_array(problem), np.array(problem.start)
+        integrator = taylor_integrator(problem.field, problem.dimension, len(parameters), settings.tolerance)
+
+        def call() -> object:
+            integrator.time = 0.0
+            integrator.state[:], integrator.pars[:] = start, parameters
+            return integrator.propagate_grid(times)
+
+        return call
