@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from math import inf, pi
 from time import perf_counter
 from typing import Any
@@ -206,8 +207,8 @@ def _pieces(problem: Problem, times: np.ndarray) -> list[tuple[int, int]]:
     rates = problem.field(FLOAT)(problem.start, problem.parameters)
     speed = max(1.0, *(abs(rates[i]) for i in problem.periodic))
     marks = np.searchsorted(times, np.arange(times[0], times[-1], WRAP_AFTER / speed)[1:])
-    bounds = np.unique(np.concatenate([[0], marks, [last]]))
-    return list(zip(bounds[:-1].tolist(), bounds[1:].tolist(), strict=True))
+    # Not by `np.unique`, whose first call imports masked arrays.
+    return list(pairwise(sorted({0, *marks.tolist(), last})))
 
 
 def _examined(solution: Solution, times: np.ndarray) -> Solution:

@@ -150,11 +150,26 @@ def test_catalogues_are_light():
     assert not imported("import polhode.models.catalogue, polhode.solvers.catalogue") & heavy
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["shape"], *([name, "--help"] for name in COMMANDS)])
-def test_help_and_refusals_are_light(arguments: list[str]):
-    code = f"from polhode.harness.cli import main\ntry:\n    main({arguments})\nexcept SystemExit:\n    pass"
-    heavy = {"numpy", "scipy", "pandas", "heyoka", "numba", "sksundae", "CyRK", "matplotlib"}
-    assert not imported(code) & heavy
+def running(*commands: list[str]) -> str:
+    """Code that runs commands, one after the other."""
+    code = "from contextlib import suppress\nfrom polhode.harness.cli import main\n"
+    return code + "".join(f"with suppress(SystemExit):\n    main({arguments})\n" for arguments in commands)
+
+
+HEAVY = {"scipy", "pandas", "pydantic", "heyoka", "numba", "sksundae", "matplotlib", "tqdm"}
+
+
+def test_help_and_refusals_are_light():
+    found = imported(running(["--help"], ["--version"], ["shape"], *([name, "--help"] for name in COMMANDS)))
+    assert not found & {"numpy", "CyRK", *HEAVY}
+
+
+def test_shape_and_lists_and_the_default_run_import_what_they_need():
+    found = imported(running(["shape", "1", "0.8", "0.5"], ["forms"], ["scenes"], ["solvers"]))
+    assert not found & {"llvmlite", "CyRK", *HEAVY}
+    found = imported(running(["solve", "paper", "--out", os.devnull], ["pick", "paper"]))
+    assert "CyRK" in found
+    assert not found & HEAVY
 
 
 def test_models_need_no_solver_library():

@@ -54,11 +54,12 @@ def _text(value: object) -> str:
 @as_json
 def scenes(scene: str | None, as_json: bool) -> None:
     """List the built-in scenes; with SCENE, print it as a scene file, to start one of your own from."""
-    from polhode.harness.studies.scenes import find_scene
-    from polhode.models.scene_file import scene_table
     from polhode.models.scenes import SCENES
 
     if scene is not None:
+        from polhode.harness.studies.scenes import find_scene
+        from polhode.models.scene_file import scene_table
+
         with bad_input():
             table = scene_table(find_scene(scene))
         click.echo(json.dumps(table) if as_json else scene_text(table), nl=as_json)

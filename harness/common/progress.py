@@ -3,9 +3,8 @@
 import sys
 from collections.abc import Callable
 from threading import Event, Thread
+from time import time
 from typing import IO, Any
-
-from tqdm import tqdm
 
 # Seconds before anything is shown, and between two looks.
 PATIENCE, INTERVAL = 2.0, 0.2
@@ -28,30 +27,35 @@ class Progress:
 
     def begin(self, what: str, fraction: Callable[[], float] | None = None) -> None:
         """Begin a piece of the work; `fraction` returns how much of it is done, from 0 to 1, if `advance` does not."""
-        hidden = self._quiet or not what or not self._stream.isatty()
-        bar = tqdm(desc=what, file=self._stream, disable=hidden, leave=False, delay=PATIENCE, **EVERY_LOOK)
-        self._done, self._piece = 0.0, (bar, fraction)
+        self._done, self._piece = 0.0, (what, fraction, time())
 
     def advance(self, done: float) -> None:
         """Set how much of the piece is done, from 0 to 1."""
         self._done = done
 
     def _watch(self) -> None:
-        shown, _ = self._piece
+        shown = bar = None
         while not self._stop.wait(INTERVAL):
-            bar, fraction = self._piece
-            if bar is not shown:
-                shown.close()
-                shown = bar
+            what, fraction, began = piece = self._piece
+            if bar is None or piece is not shown:
+                from tqdm import tqdm
+
+                if bar:
+                    bar.close()
+                bar = tqdm(desc=what, file=self._stream, disable=not what, leave=False, delay=PATIENCE, **EVERY_LOOK)
+                shown, bar.start_t = piece, began
             done = fraction() if fraction else self._done
             bar.bar_format = KNOWN if done >= TOO_EARLY else UNKNOWN
             bar.update(done - bar.n)
-        shown.close()
+        if bar:
+            bar.close()
 
     def __enter__(self) -> "Progress":
-        self._thread.start()
+        if not self._quiet and self._stream.isatty():
+            self._thread.start()
         return self
 
     def __exit__(self, *exception: object) -> None:
         self._stop.set()
-        self._thread.join()
+        if self._thread.is_alive():
+            self._thread.join()

@@ -27,7 +27,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import TypeAdapter
 
 from polhode.harness.common.timing import Pace
 from polhode.solvers.compile import cache_folder
@@ -210,8 +209,18 @@ def parse_laws(text: str) -> Laws:
     content = json.loads(text)
     if content.get("schema") != SCHEMA:
         raise OtherSchemaError(f"laws: got schema {content.get('schema')!r}, expected {SCHEMA}")
-    methods = TypeAdapter(list[MethodLaws]).validate_python(content["methods"])
+    methods = [_method(**row) for row in content["methods"]]
     return Laws({(law.form, law.solver): law for law in methods}, content["source"])
+
+
+def _method(cost: dict[str, Any], errors: dict[str, dict[str, Any]], **rest: Any) -> MethodLaws:
+    known = {name: _law(ErrorLaw, **each) for name, each in errors.items()}
+    return MethodLaws(cost=_law(CostLaw, **cost), errors=known, **rest)
+
+
+def _law(kind: type, stray: dict[str, float], intervals: dict[str, list[float]], **rest: Any) -> Any:
+    ends = {name: (low, high) for name, (low, high) in intervals.items()}
+    return kind(stray=Stray(**stray), intervals=ends, **rest)
 
 
 def own_laws_path() -> Path:

@@ -1,6 +1,7 @@
 """`pick`: which form, which solver, at what tolerance, and what it will cost, before anything is run in earnest."""
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from math import inf, isfinite, pi
 
 from polhode.harness.common.text import aligned, duration, scientific, short
@@ -153,12 +154,17 @@ def pick(
     """
     _check(scene, error, want)
     try:
-        return _recommended(scene, error, want, samples, laws or load_laws())
+        return _recommended(scene, error, want, samples, laws) if laws else _remembered(scene, error, want, samples)
     except PilotFailedError as failure:
         raise NotAttainableError(error, f"not attainable: {failure}") from None
     except OverflowError:
         long = f"the run of {short(scene.time)} inverse shear rates is too long"
         raise NotAttainableError(error, f"not attainable: {long}") from None
+
+
+@lru_cache(maxsize=1000)
+def _remembered(scene: Scene, error: float, want: str, samples: int) -> Recommendation:
+    return _recommended(scene, error, want, samples, load_laws())
 
 
 def _recommended(scene: Scene, error: float, want: str, samples: int, laws: Laws) -> Recommendation:

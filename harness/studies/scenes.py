@@ -4,7 +4,6 @@ from pathlib import Path
 
 from polhode.models.registry import hint
 from polhode.models.scene import Scene
-from polhode.models.scene_file import read_scene
 from polhode.models.scenes import SCENES, named_scene
 
 
@@ -18,6 +17,8 @@ def find_scene(word: str) -> Scene:
     """
     path = Path(word)
     if path.exists() and not path.is_dir():
+        from polhode.models.scene_file import read_scene
+
         return read_scene(path)
     if word in SCENES:
         return named_scene(word)

@@ -88,6 +88,10 @@ def test_every_row_and_every_reason(name):
     assert [row.tied for row in found.ranking] == (overlapping if sum(overlapping) > 1 else [False] * len(overlapping))
 
 
+def test_the_same_question_has_the_same_answer_at_once():
+    assert pick(named_scene("paper"), 1e-6) is pick(named_scene("paper"), 1e-6)
+
+
 def test_averaged_form_wins_long_runs_at_loose_errors():
     """St = 1e6 over 8e4 rotations: known from a twin alone, and far cheaper than following each."""
     scene = named_scene("long")
