@@ -20,6 +20,9 @@ FAST: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}}
 # Components that fade away are set to zero once in so many steps: computing with subnormal numbers is slow.
 SETTLING, NOTHING = 1024, 1e-100
 
+# More parameters than any problem has.
+ANY = 64
+
 # What `Kernels.advance` returns.
 FINISHED, STEPS_DONE, PAUSED, NOT_FINITE, NO_STEP = range(5)
 
@@ -50,15 +53,17 @@ def start_of(state: np.ndarray, time: float) -> tuple[np.ndarray, np.ndarray, np
 
 
 @dataclass(frozen=True)
-class _Flows:
+class Flows:
     """Compiled pieces that the kernels are made of."""
 
     fast: Any
+    slow: Any
     rate: Any
     fast_constants: Any
     slow_constants: Any
     prepare: Any  # the constants of a step's flows
     compose: Any  # a step but for its last fast flow
+    empty: Any  # room for them
     load: Any  # an array as a state
     store: Any  # the reverse
 
@@ -66,11 +71,19 @@ class _Flows:
 @cache
 def kernels(parts: Parts, dimension: int) -> Kernels:
     """Compile the kernels of a problem's parts, once in the life of the process."""
-    flows = _flows(parts, dimension)
-    return Kernels(_advance(flows), _turn(flows, parts.reach))
+    flows = bound_flows(parts, dimension)
+    compiled = Kernels(_advance(flows), _turn(flows, parts.reach))
+    # numba compiles at the first call.
+    p, state, rows = np.zeros(ANY), np.ones(dimension), np.ones((1, dimension))
+    scheme = np.array([0.5, 0.5]), np.array([1.0]), np.ones(4)
+    compiled.advance(scheme, p, *start_of(state, 0.0), np.zeros(1), rows, np.inf, 1)
+    compiled.turn(p, state, np.zeros(1), rows)
+    return compiled
 
 
-def _flows(parts: Parts, dimension: int) -> _Flows:
+@cache
+def bound_flows(parts: Parts, dimension: int) -> Flows:
+    """Compile the pieces, once in the life of the process."""
     import numba
     from numba.np.unsafe.ndarray import to_fixed_tuple
 
@@ -99,6 +112,11 @@ def _flows(parts: Parts, dimension: int) -> _Flows:
         return y
 
     @njit
+    def empty(stages: int, p: Any) -> Any:
+        shapes = (stages + 2, len(fast_constants(p, 0.0))), (stages, len(slow_constants(p, 0.0)))
+        return np.empty(shapes[0]), np.empty(shapes[1])
+
+    @njit
     def load(state: Any) -> Any:
         return to_fixed_tuple(state, dimension)  # pyright: ignore[reportCallIssue]
 
@@ -107,20 +125,15 @@ def _flows(parts: Parts, dimension: int) -> _Flows:
         for i in range(dimension):
             state[i] = y[i] if abs(y[i]) > NOTHING else 0.0
 
-    return _Flows(fast, rate, fast_constants, slow_constants, prepare, compose, load, store)
+    return Flows(fast, slow, rate, fast_constants, slow_constants, prepare, compose, empty, load, store)
 
 
-def _advance(flows: _Flows) -> Callable[..., int]:
+def _advance(flows: Flows) -> Callable[..., int]:
     import numba
 
     njit = numba.njit(**FAST)
     fast, rate, prepare, compose = flows.fast, flows.rate, flows.prepare, flows.compose
-    fast_constants, slow_constants, load, store = flows.fast_constants, flows.slow_constants, flows.load, flows.store
-
-    @njit
-    def empty(stages: int, p: Any) -> Any:
-        shapes = (stages + 2, len(fast_constants(p, 0.0))), (stages, len(slow_constants(p, 0.0)))
-        return np.empty(shapes[0]), np.empty(shapes[1])
+    empty, load, store = flows.empty, flows.load, flows.store
 
     @njit
     def fill(scheme: Any, p: Any, y: Any, now: float, end: float, filled: int, times: Any, rows: Any, room: Any) -> int:
@@ -178,7 +191,7 @@ def _advance(flows: _Flows) -> Callable[..., int]:
     return advance
 
 
-def _turn(flows: _Flows, reach: float) -> Callable[..., None]:
+def _turn(flows: Flows, reach: float) -> Callable[..., None]:
     import numba
 
     fast, rate, constants, load, store = flows.fast, flows.rate, flows.fast_constants, flows.load, flows.store

@@ -308,15 +308,16 @@ for name in sys.argv[1:]:
 """
 
 
-def test_ctrl_c_keeps_the_finished_rows():
-    arguments = [sys.executable, "-c", INTERRUPTED, "splitting"]
+@pytest.mark.parametrize("name", NAMES)
+def test_ctrl_c_keeps_the_finished_rows(name: str):
+    arguments = [sys.executable, "-c", INTERRUPTED, name]
     process = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert process.stdout is not None
     assert process.stdout.readline() == "running\n"
     time.sleep(0.3)
     began = time.perf_counter()
     process.send_signal(signal.SIGINT)
-    assert process.stdout.readline() == "splitting True True\n"
+    assert process.stdout.readline() == f"{name} True True\n"
     assert time.perf_counter() - began < 1.5
     _, errors = process.communicate(timeout=20)
     assert (process.returncode, errors) == (0, "")
@@ -333,3 +334,38 @@ def test_fast_spin_over_many_turns():
     for name in NAMES:
         error = np.abs(solve(each, name, 1e-8, times).states - exact).max()
         assert error < 30 * turns * 1e-8
+
+
+def test_averaging_reaches_tight_errors_on_long_runs():
+    each = problem(1e6, 5e5)
+    times = np.linspace(0.0, each.end, 101)
+    exact = solve(each, "taylor", 1e-16, times).states
+    for tolerance, slow, turned in ((1e-8, 5e-9, 3e-4), (1e-10, 1e-10, 1e-5)):
+        solution = solve(each, "stroboscopic", tolerance, times)
+        assert solution.success
+        errors = np.abs(solution.states - exact).max(axis=0)
+        assert errors[:3].max() < slow
+        assert errors[3:].max() < turned
+
+
+def test_averaging_costs_the_same_at_any_stokes_number():
+    steps = []
+    for stokes in (1e6, 1e7, 1e8):
+        each = problem(stokes, 0.5 * stokes)
+        solution = solve(each, "stroboscopic", 1e-7, np.linspace(0.0, each.end, 11))
+        assert solution.success
+        steps.append((solution.work.steps or 0) + (solution.work.rejected or 0))
+    assert max(steps) < 100
+    assert max(steps) < 1.3 * min(steps)
+
+
+@pytest.mark.parametrize("tolerance", [1e-5, 1e-7])
+def test_averaging_hands_over_where_l_nearly_vanishes(tolerance: float):
+    """L along z shrinks to 0 and turns over: no average there, at any Stokes number."""
+    scene = replace(named_scene("pinch-point"), stokes=1e5, time=1e4)
+    each = FORM.problem(scene)
+    times = np.linspace(0.0, each.end, 201)
+    solution, exact = solve(each, "stroboscopic", tolerance, times), solve(each, "taylor", 1e-15, times)
+    assert solution.success
+    assert np.linalg.norm(exact.states[:, :3], axis=1).min() < 0.05
+    assert np.abs(solution.states - exact.states)[:, :3].max() < 100 * tolerance
