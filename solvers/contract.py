@@ -5,6 +5,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
 from math import inf, isfinite
@@ -25,6 +26,7 @@ UNLIMITED = 10**9
 _NEEDS = {"numba": "llvmlite", "exact": "heyoka"}
 
 
+@cache
 def installed(library: str) -> bool:
     """Whether a library can be imported."""
     return sys.modules.get(library) is not None or find_spec(library) is not None

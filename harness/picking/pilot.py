@@ -26,7 +26,7 @@ from polhode.solvers.solve import Solution, solve
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 # A difference beyond this share of its largest possible value says nothing but that the tolerance was too loose.
 SATURATED = 0.03
-# Forms that take a second to compile, and whose errors are those of the quaternion form, or worse.
+# Forms that cost more than the quaternion form, and whose errors are those of it, or worse.
 ANGLES = ("euler-angles", "spheroid-angles")
 # A pilot whose error is a smaller share of its tolerance was lucky, or took a handful of steps: others will not be.
 LUCKY = 0.1
