@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import log10, nan
-from typing import Any
 
 import numpy as np
 
 from polhode.harness.averaging.data import VARIABLES, AveragingErrors, SecondOrderErrors, Slope
+from polhode.harness.common.fits import power_law
 from polhode.models.second_order.form import SecondOrder
 
 TARGETS = (1e-1, 1e-2, 1e-3, 1e-4)
@@ -54,17 +54,15 @@ class Law:
 
     @cached_property
     def fit(self) -> tuple[float, float, float]:
-        """log₁₀ c, the order, and the half width of the order's 95 % interval, by least squares.
+        """log₁₀ c, the order, and the half width of the order's 95 % interval.
 
         NaN where fewer than `LEAST_POINTS` St were measured: with one degree of freedom an interval says nothing.
         """
-        from scipy.stats import linregress, t
-
-        x, y = np.log10(self.fitted)
-        if len(x) < LEAST_POINTS:
+        stokes, error = self.fitted
+        if len(stokes) < LEAST_POINTS:
             return nan, nan, nan
-        line: Any = linregress(x, y)
-        return float(line.intercept), float(-line.slope), float(t.ppf(0.975, len(x) - 2) * line.stderr)
+        exponent, (low, high), intercept = power_law(stokes, error)
+        return intercept, -exponent, (high - low) / 2
 
     @property
     def order(self) -> float:
@@ -128,7 +126,4 @@ def slopes(rows: Sequence[SecondOrderErrors]) -> list[Slope]:
 
 
 def _exponent(points: Sequence[tuple[float, float]]) -> float:
-    if len(points) < 2:
-        return nan
-    x, y = np.log10(np.array(points)).T
-    return float(np.polyfit(x, y, 1)[0])
+    return power_law(*np.transpose(points))[0] if len(points) > 1 else nan

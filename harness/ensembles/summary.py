@@ -5,13 +5,12 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from scipy.stats import binom, binomtest
+from scipy.stats import binom
 
+from polhode.harness.common.fits import COVERAGE, wilson
 from polhode.harness.ensembles.ensemble import Ensemble
 from polhode.harness.ensembles.statistics import FOURTH, SECOND, SLOW_NAMES, Statistics
 
-# Two-sided coverage of every interval here.
-CONFIDENCE = 0.95
 QUANTILES = (0.1, 0.5, 0.9)
 
 
@@ -52,11 +51,8 @@ def _means(count: int, sums: np.ndarray, squares: np.ndarray) -> tuple[np.ndarra
 
 
 def fraction(count: int, of: int) -> Estimate:
-    """A fraction with Wilson's score interval (Wilson, J. Am. Stat. Assoc. 22 (1927) 209), which holds at 0 and 1."""
-    if of == 0:
-        return Estimate(None, 0.0, 1.0)
-    interval = binomtest(count, of).proportion_ci(CONFIDENCE, method="wilson")
-    return Estimate(count / of, float(interval.low), float(interval.high))
+    """A fraction with its interval."""
+    return Estimate(count / of, *wilson(count, of)) if of else Estimate(None, 0.0, 1.0)
 
 
 def arrived(statistics: Statistics, attractor: int) -> list[Estimate]:
@@ -82,7 +78,7 @@ def transient_quantile(ensemble: Ensemble, statistics: Statistics, share: float)
 
     if n == 0 or len(reached) == 0:
         return Estimate(None, None, None)
-    tail = (1 - CONFIDENCE) / 2
+    tail = (1 - COVERAGE) / 2
     low, high = int(binom.ppf(tail, n, share)), int(binom.ppf(1 - tail, n, share)) + 1
     return Estimate(
         order_statistic(max(1, round(share * n))), order_statistic(low) if low > 0 else 0.0, order_statistic(high)

@@ -1,4 +1,4 @@
-"""What several items need: full and averaged solutions, starts with L along the vorticity, fitted exponents."""
+"""What several items need: full and averaged solutions, starts with L along the vorticity."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,7 +6,6 @@ from functools import cached_property
 from math import cos, pi
 
 import numpy as np
-from scipy import stats
 
 from polhode.models.catalogue import averaged_form, full_form
 from polhode.models.catalogue import form as find_form
@@ -117,24 +116,3 @@ def axes_of(ellipsoid: Ellipsoid) -> str:
 def graded(end: float, points: int) -> np.ndarray:
     """Times from 0 to the end, dense at first, where slow motion is fastest."""
     return end * np.linspace(0.0, 1.0, points) ** 2.5
-
-
-def power_law(x: np.ndarray, y: np.ndarray) -> tuple[float, tuple[float, float]]:
-    """Exponent of a power law by least squares of log y on log x, and its 95 % interval by Student's distribution."""
-    line = stats.linregress(np.log(x), np.log(y))
-    slope, error = float(line.slope), float(line.stderr)  # pyright: ignore[reportAttributeAccessIssue]
-    width = float(stats.t.ppf(0.975, len(x) - 2)) * error if len(x) > 2 else np.inf
-    return slope, (slope - width, slope + width)
-
-
-def mean_interval(values: np.ndarray) -> tuple[float, float, float]:
-    """Mean and its 95 % interval by Student's distribution."""
-    mean = float(np.mean(values))
-    low, high = stats.t.interval(0.95, len(values) - 1, mean, stats.sem(values))
-    return mean, float(low), float(high)
-
-
-def share_interval(count: int, total: int) -> tuple[float, float]:
-    """Wilson's 95 % interval of a share."""
-    interval = stats.binomtest(count, total).proportion_ci(method="wilson")
-    return float(interval.low), float(interval.high)

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
+from polhode.harness.common.fits import power_law
 from polhode.harness.paper.drawing import BLUE, draw_law, label, logarithmic, panels, styled_runs
 from polhode.harness.paper.item import Data, Grid, Number, Table, Verdict, Word
 from polhode.harness.paper.planes import distance_from_node, fixed_point
-from polhode.harness.paper.runs import averaged_run, axes_of, full_run, power_law
+from polhode.harness.paper.runs import averaged_run, axes_of, full_run
 from polhode.harness.paper.tables import groups, path_table
 from polhode.models.scene import EulerStart, Scene
 from polhode.models.shape import Ellipsoid
@@ -95,7 +96,7 @@ class SlowMotion:
         """Where it ends, and how the error falls with St."""
         found = data["errors"]
         large = found["stokes"] >= self.asymptotic
-        exponent, interval = power_law(found["stokes"][large], found["error"][large])
+        exponent, interval, _ = power_law(found["stokes"][large], found["error"][large])
         constant = float(found["error"][-1] * found["stokes"][-1])
         at_100 = float(found["error"][found["stokes"] == 100.0][0])
         settled = found["stokes"] >= 500

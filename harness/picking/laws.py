@@ -28,6 +28,7 @@ from typing import Any
 
 import numpy as np
 
+from polhode.harness.common.files import write_file
 from polhode.harness.common.timing import Pace
 from polhode.solvers.compile import cache_folder
 
@@ -196,8 +197,7 @@ class Laws:
         """Write as JSON, a line for each method."""
         lines = ",\n".join(_json(asdict(law)) for law in self.methods.values())
         head = f'"schema": {SCHEMA}, "source": {_json(self.source)}'
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(f'{{{head}, "methods": [\n{lines}\n]}}\n', encoding="utf-8")
+        write_file(path, f'{{{head}, "methods": [\n{lines}\n]}}\n')
 
 
 class OtherSchemaError(ValueError):

@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.integrate import cumulative_simpson
 
+from polhode.harness.common.fits import power_law
 from polhode.harness.common.text import in_two_digits
 from polhode.harness.paper.drawing import (
     AVERAGED,
@@ -23,7 +24,7 @@ from polhode.harness.paper.drawing import (
 )
 from polhode.harness.paper.item import Data, Grid, Item, Number, Section, Verdict, Word
 from polhode.harness.paper.planes import aligned_scene
-from polhode.harness.paper.runs import averaged_run, full_run, power_law, run_form, spheroid
+from polhode.harness.paper.runs import averaged_run, full_run, run_form, spheroid
 from polhode.harness.paper.sections.appendix.tables import Entry, ellipsoid_entries, spheroid_entries
 from polhode.harness.paper.tables import columns
 from polhode.models.forms.averaged import mean_squares

@@ -5,10 +5,11 @@ from math import sqrt
 import numpy as np
 from matplotlib.figure import Figure
 
+from polhode.harness.common.fits import mean_interval, power_law
 from polhode.harness.common.text import in_two_digits
 from polhode.harness.paper.drawing import CYCLE, draw_groups, draw_law, label, logarithmic, panels
 from polhode.harness.paper.item import Data, Grid, Item, Number, Table, Verdict, Word
-from polhode.harness.paper.runs import averaged_run, full_run, mean_interval, power_law
+from polhode.harness.paper.runs import averaged_run, full_run
 from polhode.harness.paper.tables import columns, groups
 from polhode.models.free_top.torque_free import TorqueFree
 from polhode.models.scene import BodyStart, Scene

@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
+from polhode.harness.common.fits import wilson
 from polhode.harness.paper.drawing import (
     AVERAGED,
     BLUE,
@@ -21,7 +22,7 @@ from polhode.harness.paper.drawing import (
 )
 from polhode.harness.paper.item import Data, Grid, Item, Number, Section, Table, Verdict, Word
 from polhode.harness.paper.planes import distance_from_node, energy_at
-from polhode.harness.paper.runs import averaged_run, full_run, graded, share_interval, slow_run
+from polhode.harness.paper.runs import averaged_run, full_run, graded, slow_run
 from polhode.harness.paper.sections.beyond.averaging_order import ELLIPSOID, ORDER, same_slow_start
 from polhode.harness.paper.tables import columns, groups
 from polhode.models.rotation import quaternion_from_euler
@@ -112,7 +113,7 @@ def verdict_endings(data: Data) -> Verdict:
     stokes, _, other, count = _shares(table)
     late = {near: _shares(part)[1] for near, part in groups(table, "near")}
     runs = 2 * int(count[-1]) // len(late)
-    flips = share_interval(round(other[-1] * count[-1]), int(count[-1]))
+    flips = wilson(round(other[-1] * count[-1]), int(count[-1]))
     far, close = NEAR[0], NEAR[-1]
     shares = "; ".join(
         f"{', '.join(f'{100 * share:.0f}' for share in own)} % from {near:g} of the saddle"
@@ -134,7 +135,7 @@ def verdict_endings(data: Data) -> Verdict:
                 float(own[-1]),
                 0.0,
                 1.0,
-                interval=share_interval(round(own[-1] * runs), runs),
+                interval=wilson(round(own[-1] * runs), runs),
             )
             for near, own in late.items()
         ),
@@ -220,7 +221,7 @@ def verdict_basins(data: Data) -> Verdict:
         Number("median transient, slow time", median, 0.05, 0.6),
         Number("the same times the slowest rate at the node", median * slowest, 1.0, 10.0),
         Number("longest transient of the map, slow time", float(times.max()), median, 2.0),
-        Number("share of starts that end with z' up", up / ends.size, 0.1, 0.95, "", share_interval(up, ends.size)),
+        Number("share of starts that end with z' up", up / ends.size, 0.1, 0.95, "", wilson(up, ends.size)),
         Number("share of neighbours on the map that end differently", mixed, 0.0, 0.6),
         Number("share of full runs with z' within 0.45 rad of the vorticity axis at the end", settled, low=0.8),
     )

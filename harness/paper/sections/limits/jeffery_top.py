@@ -7,10 +7,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from polhode.harness.common.fits import wilson
 from polhode.harness.common.text import in_two_digits
 from polhode.harness.paper.drawing import BLACK, BLUE, VERMILLION, label, panels
 from polhode.harness.paper.item import Data, Grid, Item, Number, Table, Verdict, Word
-from polhode.harness.paper.runs import axes_of, share_interval
+from polhode.harness.paper.runs import axes_of
 from polhode.harness.paper.sections.limits.poincare import (
     Layer,
     chaos_border,
@@ -110,7 +111,7 @@ class Sections:
         sampled, beside = orbits["kind"] == ISOTROPIC, orbits["kind"] == BESIDE
         chaotic = orbits["chaotic"] > 0
         count, total = int(np.sum(chaotic & sampled)), int(np.sum(sampled))
-        interval = share_interval(count, total)
+        interval = wilson(count, total)
         area = 1 / np.sin(orbits["theta"][sampled])
         by_area = float(np.sum(area[chaotic[sampled]]) / np.sum(area))
         exponents = orbits["exponent"]

@@ -7,9 +7,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.signal import find_peaks
 
+from polhode.harness.common.fits import power_law
 from polhode.harness.paper.drawing import BLUE, CYCLE, NODE, draw_groups, draw_law, label, logarithmic, panels, power
 from polhode.harness.paper.item import Data, Grid, Item, Number, Section, Table, Verdict, Word
-from polhode.harness.paper.runs import Run, axes_of, full_run, power_law, spheroid
+from polhode.harness.paper.runs import Run, axes_of, full_run, spheroid
 from polhode.harness.paper.sections.rest.spheres import Short, Sphere
 from polhode.harness.paper.slow_motion import NAMES
 from polhode.harness.paper.tables import columns, stacked
@@ -89,7 +90,7 @@ class Transient:
         between = f"from St = {self.stokes[0]:g} to {self.stokes[-1]:g}"
         root = found["stokes"] ** 0.5
         turned, wiggle = (power_law(found["stokes"], found[name] * root)[0] for name in ("turned", "wiggle"))
-        speed, _ = power_law(found["stokes"], found["speed"])
+        speed, *_ = power_law(found["stokes"], found["speed"])
         angles = ", ".join(f"{value:g}" for value in self.start.angles)
         return Verdict(
             Word.SHARPENED,

@@ -6,11 +6,12 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.optimize import brentq
 
+from polhode.harness.common.fits import power_law
 from polhode.harness.common.text import short
 from polhode.harness.paper.drawing import CYCLE, draw_law, label, logarithmic, panels, styled_runs
 from polhode.harness.paper.item import Data, Grid, Item, Number, Table, Verdict, Word
 from polhode.harness.paper.planes import aligned_scene, draw_frame
-from polhode.harness.paper.runs import Run, averaged_run, full_run, power_law, slow_run_to_pinch, spheroid
+from polhode.harness.paper.runs import Run, averaged_run, full_run, slow_run_to_pinch, spheroid
 from polhode.harness.paper.tables import columns, groups, path_table
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.scene import BodyStart, Scene
