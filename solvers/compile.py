@@ -3,6 +3,7 @@
 Every function here keeps what it compiled, under the field's factory, for the life of the process.
 """
 
+import atexit
 import os
 from collections.abc import Callable
 from functools import cache
@@ -14,6 +15,7 @@ import numpy as np
 from polhode.models.operations import FLOAT, Field, Operations
 from polhode.models.problem import Problem
 from polhode.solvers.contract import Backend
+from polhode.solvers.machine_code import kept_code
 from polhode.solvers.machine_code.array_function import array_function
 from polhode.solvers.machine_code.llvm import CALLBACK, MachineCode, compile_lines, counting
 from polhode.solvers.machine_code.tracing import FieldFactory, trace
@@ -109,7 +111,13 @@ def load_heyoka() -> Any:
     import heyoka
 
     heyoka.set_logger_level_critical()
-    heyoka.llvm_state.set_diskcache_path(str(cache_folder("heyoka")))
+    folder = cache_folder("heyoka")
+    if kept_code.check(folder):
+        atexit.register(kept_code.note, folder)
+        heyoka.llvm_state.set_diskcache_path(str(folder))
+        heyoka.llvm_state.set_diskcache_limit(kept_code.MOST)
+    else:
+        heyoka.llvm_state.set_diskcache_enabled(False)
     return heyoka
 
 

@@ -1,0 +1,80 @@
+"""heyoka's machine code on disk, beside it a checksum of every entry: what is damaged is dropped, never run.
+
+The checksums are for accidents. Who may write to the folder may write code, hence it is the user's alone.
+"""
+
+import json
+import os
+import sys
+from collections.abc import Container
+from contextlib import closing, suppress
+from pathlib import Path
+from zlib import crc32
+
+# Bytes that heyoka may keep, some fifty integrators: to read and sum them takes 20 ms of a start.
+MOST = 20_000_000
+
+
+def check(folder: Path) -> bool:
+    """Make the folder private, and drop what it holds if an entry does not match its checksum.
+
+    False if the folder is of no use: it cannot be written, or holds what can neither be read nor dropped.
+    """
+    from sqlite3 import DatabaseError
+
+    with suppress(OSError):
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        folder.chmod(0o700)
+    if not os.access(folder, os.W_OK):
+        return False
+    try:
+        known, found = _noted(folder), _sums(folder)
+        if all(known.get(key, checksum) == checksum for key, checksum in found.items()):
+            return True
+        reason = "a checksum does not match"
+    except DatabaseError as error:
+        reason = str(error)
+    print(f"polhode: {folder}: damaged ({reason}), compiled anew", file=sys.stderr)
+    for file in folder.glob("*"):
+        with suppress(OSError):
+            file.unlink()
+    return not (folder / "cache.db").exists()
+
+
+def note(folder: Path) -> None:
+    """Write down the checksums of new entries."""
+    known = _noted(folder)
+    # What cannot be read or written now is found at the next start.
+    with suppress(Exception):
+        if new := _sums(folder, known):
+            private = folder / f"sums.{os.getpid()}"
+            private.write_text(json.dumps(known | new), encoding="utf-8")
+            private.replace(folder / "sums.json")
+
+
+def _noted(folder: Path) -> dict[str, int]:
+    try:
+        return json.loads((folder / "sums.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+
+
+def _sums(folder: Path, known: Container[str] = ()) -> dict[str, int]:
+    """Checksum of each entry not known yet; raises sqlite3.DatabaseError if the file is damaged."""
+    import sqlite3
+
+    file = folder / "cache.db"
+    if not file.exists():
+        return {}
+    with closing(sqlite3.connect(f"{file.as_uri()}?mode=ro", uri=True)) as code:
+        names = [row[1] for row in code.execute("PRAGMA table_info(cache)") if row[1] != "last_access"]
+        entry = f"SELECT {', '.join(names)} FROM cache WHERE hash = ?"
+        keys = [key for (key,) in code.execute("SELECT hash FROM cache") if str(key) not in known]
+        return {str(key): _sum(code.execute(entry, (key,)).fetchone() or ()) for key in keys}
+
+
+def _sum(entry: tuple[object, ...]) -> int:
+    total = 0
+    for value in entry:
+        total = crc32(value if isinstance(value, bytes) else str(value).encode(), total)
+    return total

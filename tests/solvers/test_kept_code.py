@@ -1,0 +1,43 @@
+import os
+import sqlite3
+import stat
+import subprocess
+import sys
+from contextlib import closing
+from pathlib import Path
+
+CODE = """
+from polhode.models.problem import Problem
+from polhode.solvers.solve import solve
+
+def decay(ops):
+    return lambda y, p: (-p[0] * y[0],)
+
+print(solve(Problem("decay", decay, (1.0,), 1.0, (1.0,)), "taylor", 1e-3).states[-1, 0])
+"""
+
+
+def run(cache: Path) -> tuple[str, str]:
+    words = [sys.executable, "-P", "-c", CODE]
+    variables = {**os.environ, "POLHODE_CACHE": str(cache)}
+    done = subprocess.run(words, env=variables, capture_output=True, text=True, timeout=60, check=True)
+    return done.stdout, done.stderr
+
+
+def test_code_with_a_flipped_bit_is_dropped_and_compiled_anew(tmp_path: Path):
+    folder = tmp_path / "heyoka"
+    database = folder / "cache.db"
+    expected = run(tmp_path)
+    assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+    assert (folder / "sums.json").exists()
+    assert run(tmp_path) == expected == (expected[0], "")
+    with closing(sqlite3.connect(database)) as kept:
+        key, code = kept.execute("SELECT hash, obj FROM cache").fetchone()
+        flipped = bytes([code[0] ^ 1]) + code[1:]
+        kept.execute("UPDATE cache SET obj = ? WHERE hash = ?", (flipped, key))
+        kept.commit()
+    for reason in ("a checksum does not match", "file is not a database"):
+        complaint = f"polhode: {folder}: damaged ({reason}), compiled anew\n"
+        assert run(tmp_path) == (expected[0], complaint)
+        assert run(tmp_path) == expected
+        database.write_bytes(b"no database")
