@@ -2,6 +2,8 @@
 
 import json
 import os
+import sqlite3
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -40,8 +42,11 @@ def sweep(
     Finished tasks are kept in FOLDER/store.sqlite; whatever ends a run, it goes on with --resume, and gives the same
     numbers. Several runs with --resume may share one store.
     """
-    from polhode.harness.common.store import DamagedStoreError
-    from polhode.harness.ensembles.sweep import StoreFailedError, open_store, read_sweep, run_sweep
+    from polhode.harness.common.store import DamagedStoreError, Store
+    from polhode.harness.ensembles.results import write_results
+    from polhode.harness.ensembles.sweep import read_sweep, run_sweep
+
+    full = "expected a writable file and room for it"
 
     with bad_input():
         what = read_sweep(sweep_file)
@@ -51,23 +56,23 @@ def sweep(
             raise BadInput(f"{path}: exists, expected --resume to go on with it, or another --out")
         engine = _engine(workers, address)
         try:
-            store = open_store(path)
+            store = Store(path)
         except DamagedStoreError as error:
+            # SQLite's complaint about the place, not about the contents.
+            if isinstance(cause := error.__context__, sqlite3.OperationalError):
+                raise RunFailed(f"{path}: {cause}, {full}; --resume goes on") from None
             raise BadInput(f"{error}, expected one of an earlier run or none") from None
-        except StoreFailedError as error:
-            raise RunFailed(f"{error}; --resume goes on") from None
     with running_into(store, "tasks"):
         try:
             tally = run_sweep(what, store, engine, quiet=quiet, spread=resume)
             if tally.failed:
                 raise RunFailed(f"{tally.failed} of {what.size} tasks failed, --resume tries again: {tally.message}")
-            from polhode.harness.ensembles.results import write_results
-
             page, ensembles = write_results(what, store, folder)
         except ValueError as error:
             raise RunFailed(str(error)) from None
-        except (StoreFailedError, OSError) as error:
-            raise RunFailed(f"{error}; finished tasks are in {path}, --resume goes on") from None
+        except (sqlite3.Error, OSError) as error:
+            what_failed = f"{path}: {error}, {full}" if isinstance(error, sqlite3.Error) else error
+            raise RunFailed(f"{what_failed}; finished tasks are in {path}, --resume goes on") from None
     click.echo(json.dumps(ensembles) if as_json else f"{page}")
 
 
@@ -87,19 +92,14 @@ def throughput(out: Path) -> None:
 
 
 def _engine(workers: int | None, address: str | None) -> "Engine":
-    from polhode.harness.ensembles.engines import Dask, Processes, Serial
+    from polhode.harness.ensembles.engines import check_dask, dask, processes, serial
 
     if address is not None:
         if workers is not None:
             raise BadInput(f"--workers: got {workers} with --dask, expected one of them")
-        engine = Dask(address)
-        engine.check()
-        return engine
+        check_dask(address)
+        return partial(dask, address)
     if workers == 0:
-        return Serial()
-    return Processes(_cores() if workers is None else workers)
-
-
-def _cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        return serial
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return partial(processes, workers or cores)

@@ -5,18 +5,17 @@ import multiprocessing
 import os
 import re
 import signal
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent import futures
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from itertools import islice
 from multiprocessing.connection import wait
 from queue import SimpleQueue
 from threading import Event, Thread
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from polhode.harness.common.worker import Failure, Reply, Worker
 from polhode.solvers.contract import installed
@@ -38,91 +37,72 @@ class Finished(NamedTuple):
     message: str = ""
 
 
-class Engine(Protocol):
-    """Runs a function on tasks and yields the outcomes in whatever order they come.
+Engine = Callable[[Callable[[Any], Any], Iterable[Any]], Generator[Finished, None, None]]
+"""Runs a function on tasks and yields the outcomes in whatever order they come.
 
-    1. The function belongs to a module and is pure; a task may be run more than once.
-    2. Tasks are taken from their iterable one by one, as there is room for them.
-    3. A worker that is killed costs its task a new attempt, not its place; after `ATTEMPTS` the outcome is a message.
-    4. An exception of the function is a message, never the end of the run.
-    5. Closing the iterator (Ctrl-C does) stops everything under way at once.
-    """
-
-    def run(self, function: Callable[[Any], Any], tasks: Iterable[Any]) -> Iterator[Finished]:
-        """Run the function on each task."""
-        ...
+1. The function belongs to a module and is pure; a task may be run more than once.
+2. Tasks are taken from their iterable one by one, as there is room for them.
+3. A worker that is killed costs its task a new attempt, not its place; after `ATTEMPTS` the outcome is a message.
+4. An exception of the function is a message, never the end of the run.
+5. Closing the generator (Ctrl-C does) stops everything under way at once.
+"""
 
 
-class Serial:
+def serial(function: Callable[[Any], Any], tasks: Iterable[Any]) -> Generator[Finished, None, None]:
     """One task after another in this very process."""
-
-    def run(self, function: Callable[[Any], Any], tasks: Iterable[Any]) -> Iterator[Finished]:
-        """Run the function on each task."""
-        for task in tasks:
-            try:
-                yield Finished(task, function(task))
-            except Exception as error:
-                yield Finished(task, None, f"{type(error).__name__}: {error}")
+    for task in tasks:
+        try:
+            yield Finished(task, function(task))
+        except Exception as error:
+            yield Finished(task, None, f"{type(error).__name__}: {error}")
 
 
-@dataclass(frozen=True)
-class Processes:
+def processes(
+    count: int, function: Callable[[Any], Any], tasks: Iterable[Any], max_seconds: float = 24 * 3600.0
+) -> Generator[Finished, None, None]:
     """Spawned processes on this machine, each with a thread here that feeds it; they end when this process does.
 
-    One worker per core; more gain nothing. A process that takes twice `max_seconds` for a task is killed.
+    One per core; more gain nothing. A process that takes twice `max_seconds` for a task is killed.
     """
+    workers, stop = [Worker() for _ in range(count)], Event()
+    idle: SimpleQueue[Worker] = SimpleQueue()
+    for worker in workers:
+        idle.put(worker)
 
-    workers: int
-    max_seconds: float = 24 * 3600.0
-
-    def __post_init__(self) -> None:
-        if self.workers < 1:
-            raise ValueError(f"workers: got {self.workers}, expected a whole number from 1 on")
-
-    def run(self, function: Callable[[Any], Any], tasks: Iterable[Any]) -> Iterator[Finished]:
-        """Run the function on each task."""
-        workers, stop = [Worker() for _ in range(self.workers)], Event()
-        idle: SimpleQueue[Worker] = SimpleQueue()
-        for worker in workers:
-            idle.put(worker)
-
-        def attempt(task: Any) -> Finished:
-            worker = idle.get()
-            try:
-                return self._attempt(worker, function, task, stop)
-            finally:
-                idle.put(worker)
-
-        threads, remaining, pending = ThreadPoolExecutor(self.workers), iter(tasks), set()
-        try:
-            while True:
-                room = (1 + AHEAD) * self.workers - len(pending)
-                pending |= {threads.submit(attempt, task) for task in islice(remaining, room)}
-                if not pending:
-                    return
-                done, pending = futures.wait(pending, return_when=FIRST_COMPLETED)
-                for future in done:
-                    yield future.result()
-        finally:
-            stop.set()
-            threads.shutdown(wait=False, cancel_futures=True)
-            while not all(future.done() for future in pending):
-                _kill(workers)
-                futures.wait(pending, timeout=0.1)
-            for worker in workers:
-                worker.close()
-
-    def _attempt(self, worker: Worker, function: Callable[[Any], Any], task: Any, stop: Event) -> Finished:
+    def attempt(task: Any) -> Finished:
+        worker = idle.get()
         reply = Reply(None, Failure.CRASHED, "", 0.0)
-        for _ in range(ATTEMPTS):
-            try:
-                reply = worker.run(_call, function, task, limit=self.max_seconds)
-            except (EOFError, ConnectionError, TimeoutError) as error:
-                worker.close()
-                reply = Reply(None, Failure.CRASHED, f"no worker: {error}", 0.0)
-            if stop.is_set() or reply.failure is not Failure.CRASHED:
-                break
+        try:
+            for _ in range(ATTEMPTS):
+                try:
+                    reply = worker.run(_call, function, task, limit=max_seconds)
+                except (EOFError, ConnectionError, TimeoutError) as error:
+                    worker.close()
+                    reply = Reply(None, Failure.CRASHED, f"no worker: {error}", 0.0)
+                if stop.is_set() or reply.failure is not Failure.CRASHED:
+                    break
+        finally:
+            idle.put(worker)
         return Finished(task, reply.value, reply.message.strip().rpartition("\n")[2] if reply.failure else "")
+
+    threads, remaining, pending = ThreadPoolExecutor(count), iter(tasks), set()
+    try:
+        while True:
+            room = (1 + AHEAD) * count - len(pending)
+            pending |= {threads.submit(attempt, task) for task in islice(remaining, room)}
+            if not pending:
+                return
+            done, pending = futures.wait(pending, return_when=FIRST_COMPLETED)
+            for future in done:
+                yield future.result()
+    finally:
+        stop.set()
+        threads.shutdown(wait=False, cancel_futures=True)
+        while not all(future.done() for future in pending):
+            _kill(workers)
+            futures.wait(pending, timeout=0.1)
+        for worker in workers:
+            worker.close()
 
 
 def _call(function: Callable[[Any], Any], task: Any) -> Any:
@@ -150,62 +130,56 @@ def _kill(workers: list[Worker]) -> None:
                 os.kill(worker.pid, signal.SIGKILL)
 
 
-@dataclass(frozen=True)
-class Dask:
-    """Workers of a Dask scheduler at an address such as ``tcp://host:8786``; polhode is there in the same version."""
+def check_dask(address: str) -> None:
+    """Raise ValueError unless a Dask scheduler answers at an address such as ``tcp://host:8786``."""
+    if not ADDRESS.fullmatch(address):
+        raise ValueError(f"dask: got {address!r}, expected an address such as tcp://host:8786")
+    if not installed("distributed"):
+        raise ValueError("dask: distributed is not installed: pip install 'polhode[dask]'")
+    try:
+        with _client(address):
+            pass
+    except (OSError, ValueError) as error:
+        raise ValueError(f"dask: got {address}, expected a scheduler that runs: {error}") from None
 
-    address: str
 
-    def __post_init__(self) -> None:
-        if not ADDRESS.fullmatch(self.address):
-            raise ValueError(f"dask: got {self.address!r}, expected an address such as tcp://host:8786")
-        if not installed("distributed"):
-            raise ValueError("dask: distributed is not installed: pip install 'polhode[dask]'")
+@contextmanager
+def _client(address: str) -> Iterator[Any]:
+    """A connection; what goes wrong with it is raised, and not logged besides."""
+    distributed = import_module("distributed")
+    logging.disable(logging.CRITICAL)
+    try:
+        with distributed.Client(address, timeout=CONNECT_SECONDS, set_as_default=False) as client:
+            yield client
+    finally:
+        logging.disable(logging.NOTSET)
 
-    def check(self) -> None:
-        """Connect and leave again; raises ValueError if no scheduler answers."""
+
+def dask(address: str, function: Callable[[Any], Any], tasks: Iterable[Any]) -> Generator[Finished, None, None]:
+    """Workers of a Dask scheduler, with polhode in the same version.
+
+    `task.key` is Dask's key, so that two clients share what is under way.
+    """
+    distributed = import_module("distributed")
+    with _client(address) as client:
+        remaining, tasks_of = iter(tasks), {}
+        pending = distributed.as_completed(loop=client.loop)
         try:
-            with self._client():
-                pass
-        except (OSError, ValueError) as error:
-            raise ValueError(f"dask: got {self.address}, expected a scheduler that runs: {error}") from None
-
-    @contextmanager
-    def _client(self) -> Iterator[Any]:
-        """A connection; what goes wrong with it is raised, and not logged besides."""
-        distributed = import_module("distributed")
-        levels = {name: logging.getLogger(name).level for name in ("distributed", "distributed.client")}
-        for name in levels:
-            logging.getLogger(name).setLevel(logging.CRITICAL)
-        try:
-            with distributed.Client(self.address, timeout=CONNECT_SECONDS, set_as_default=False) as client:
-                yield client
+            while True:
+                # Workers come and go.
+                room = (1 + AHEAD) * max(1, sum(client.nthreads().values())) - pending.count()
+                for task in islice(remaining, max(0, room)):
+                    future = client.submit(function, task, key=f"polhode-{task.key}", pure=True)
+                    tasks_of[future.key] = task, future
+                    pending.add(future)
+                if not tasks_of:
+                    return
+                future = next(pending)
+                task, _ = tasks_of.pop(future.key)
+                if future.status == "finished":
+                    yield Finished(task, future.result())
+                else:
+                    error = future.exception() if future.status == "error" else None
+                    yield Finished(task, None, f"{type(error).__name__}: {error}" if error else future.status)
         finally:
-            for name, level in levels.items():
-                logging.getLogger(name).setLevel(level)
-
-    def run(self, function: Callable[[Any], Any], tasks: Iterable[Any]) -> Iterator[Finished]:
-        """Run the function on each task; `task.key` is Dask's key, so that two clients share what is under way."""
-        distributed = import_module("distributed")
-        with self._client() as client:
-            remaining, tasks_of = iter(tasks), {}
-            pending = distributed.as_completed(loop=client.loop)
-            try:
-                while True:
-                    # Workers come and go.
-                    room = (1 + AHEAD) * max(1, sum(client.nthreads().values())) - pending.count()
-                    for task in islice(remaining, max(0, room)):
-                        future = client.submit(function, task, key=f"polhode-{task.key}", pure=True)
-                        tasks_of[future.key] = task, future
-                        pending.add(future)
-                    if not tasks_of:
-                        return
-                    future = next(pending)
-                    task, _ = tasks_of.pop(future.key)
-                    if future.status == "finished":
-                        yield Finished(task, future.result())
-                    else:
-                        error = future.exception() if future.status == "error" else None
-                        yield Finished(task, None, f"{type(error).__name__}: {error}" if error else future.status)
-            finally:
-                client.cancel([future for _, future in tasks_of.values()])
+            client.cancel([future for _, future in tasks_of.values()])

@@ -30,6 +30,8 @@ MOST_AT_ONCE = 8192
 OBSERVED = 20_000
 # Angular velocities stay below the fastest start, or about the fluid's: histograms reach a little further.
 LEAST_LIMIT, MARGIN = 1.0, 1.05
+# The whole numbers of an ensemble.
+LEAST = {"particles": 1, "seed": 0, "block": 1, "samples": 2, "snapshots": 2, "bins": 1}
 
 Equations = Literal["full", "averaged"]
 
@@ -58,7 +60,7 @@ class Ensemble:
     radius: float = 0.05
 
     def __post_init__(self) -> None:
-        for name, least in (("particles", 1), ("seed", 0), ("block", 1), ("samples", 2), ("snapshots", 2), ("bins", 1)):
+        for name, least in LEAST.items():
             if getattr(self, name) < least:
                 raise ValueError(f"{name}: got {getattr(self, name)!r}, expected a whole number from {least} on")
         if (self.samples - 1) % (self.snapshots - 1):
@@ -67,8 +69,6 @@ class Ensemble:
             value = getattr(self, name)
             if not (isfinite(value) and value > 0):
                 raise ValueError(f"{name}: got {value!r}, expected a finite positive number")
-        if self.equations not in ("full", "averaged"):
-            raise ValueError(f"equations: got {self.equations!r}, expected 'full' or 'averaged'")
         if self.equations == "averaged" and self.starts.motion == "rest":
             raise ValueError("start.motion: got 'rest' with averaged equations, expected L not 0; use 'full'")
         find_form(self.form).problem(self.first_scene(self._drawn(0, 1)))
@@ -111,19 +111,11 @@ class Ensemble:
         return {
             "schema": SCHEMA,
             "semi_axes": [float(length) for length in self.ellipsoid.semi_axes],
-            "stokes": float(self.stokes),
-            "time": float(self.time),
             "starts": self.starts.content,
-            "particles": int(self.particles),
-            "seed": int(self.seed),
             "equations": self.equations,
             "form": self.form,
-            "tolerance": float(self.tolerance),
-            "block": int(self.block),
-            "samples": int(self.samples),
-            "snapshots": int(self.snapshots),
-            "bins": int(self.bins),
-            "radius": float(self.radius),
+            **{name: int(getattr(self, name)) for name in LEAST},
+            **{name: float(getattr(self, name)) for name in ("stokes", "time", "tolerance", "radius")},
             "versions": {name: package_version(name) for name in ("polhode", "heyoka", "numpy")},
         }
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from math import hypot, isfinite
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -13,13 +13,9 @@ from polhode.models.rotation import Triple, matrix_from_quaternion
 from polhode.models.shape import Ellipsoid
 
 Motion = Literal["rest", "fluid", "jeffery", "momentum", "momentum-isotropic"]
-MOTIONS: dict[str, str] = {
-    "rest": "no angular velocity",
-    "fluid": "turning with the fluid, ω = -½ ẑ",
-    "jeffery": "turning as without inertia, ω = Ω_J",
-    "momentum": "of the given angular momentum, in space axes",
-    "momentum-isotropic": "of angular momentum in any direction, of the length of the given one",
-}
+# "fluid" turns with the fluid, ω = -½ ẑ; "jeffery" as without inertia, ω = Ω_J; "momentum" has the given angular
+# momentum, in space axes, "momentum-isotropic" one of its length in any direction.
+MOTIONS = get_args(Motion)
 
 
 @dataclass(frozen=True)
@@ -107,11 +103,6 @@ def _axis(drawn: Drawn, ellipsoid: Ellipsoid) -> np.ndarray:
     return np.column_stack([drawn.momentum(ellipsoid) / spheroid.equatorial_inertia, directions])
 
 
-def _averaged(drawn: Drawn, ellipsoid: Ellipsoid) -> np.ndarray:
-    slow = np.column_stack([drawn.momentum(ellipsoid), drawn.energy(ellipsoid)])
-    return slow / max(ellipsoid.inertia)
-
-
 def _averaged_spheroid(drawn: Drawn, ellipsoid: Ellipsoid) -> np.ndarray:
     spheroid = Spheroid.of(ellipsoid)
     spin = drawn.angular_velocity[:, spheroid.axis]
@@ -123,7 +114,9 @@ _STATES = {
     "quaternion": lambda drawn, ellipsoid: np.column_stack([drawn.quaternion, drawn.angular_velocity]),
     "spheroid-axis": _axis,
     "jeffery": lambda drawn, ellipsoid: drawn.quaternion,
-    "averaged": _averaged,
+    "averaged": lambda drawn, ellipsoid: (
+        np.column_stack([drawn.momentum(ellipsoid), drawn.energy(ellipsoid)]) / max(ellipsoid.inertia)
+    ),
     "averaged-spheroid": _averaged_spheroid,
 }
 ENSEMBLE_FORMS = tuple(_STATES)

@@ -1,6 +1,5 @@
 """Statistics of an ensemble: sums and counts of fixed size, whatever the number of particles, that can be merged."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from itertools import combinations_with_replacement
 from typing import Any, Self
@@ -105,7 +104,7 @@ class Statistics:
         self.arrivals[attractor] += np.bincount(first, minlength=samples)
 
     def merge(self, other: "Statistics") -> None:
-        """Add the sums of other particles of the same ensemble."""
+        """Add the sums of other particles of the same ensemble; their last digits depend on the order of merging."""
         self.particles += other.particles
         for status, count in other.failures.items():
             self.failures[status] = self.failures.get(status, 0) + count
@@ -129,11 +128,3 @@ class Statistics:
 
 
 _ARRAYS = tuple(field.name for field in fields(Statistics) if field.name not in ("particles", "failures"))
-
-
-def merged(layout: Layout, parts: Iterable[Statistics]) -> Statistics:
-    """Sum of statistics, in the order given: floating-point sums depend on it in their last digits."""
-    total = Statistics.empty(layout)
-    for part in parts:
-        total.merge(part)
-    return total

@@ -121,15 +121,9 @@ def distribution_rows(ensemble: Ensemble, statistics: Statistics) -> list[dict[s
         edges = [-np.inf, *ensemble.layout.edges(name).tolist(), np.inf]
         for s, time in enumerate(snapshot_times(ensemble)):
             counts = statistics.histograms[s, k]
+            columns = {**ensemble_columns(ensemble), "time": time, "variable": f"{name}/Imax"}
             rows += [
-                {
-                    **ensemble_columns(ensemble),
-                    "time": time,
-                    "variable": f"{name}/Imax",
-                    "low": edges[place],
-                    "high": edges[place + 1],
-                    "particles": int(counts[place]),
-                }
+                {**columns, "low": edges[place], "high": edges[place + 1], "particles": int(counts[place])}
                 for place in np.flatnonzero(counts).tolist()
             ]
     return rows

@@ -1,13 +1,13 @@
 """Sweeps: a grid of shapes × Stokes numbers × starts, as data, run into a store by any engine."""
 
-import sqlite3
 import time
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import dataclass
 from json import JSONDecodeError
 from pathlib import Path
 from random import Random
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 from tqdm import tqdm
@@ -18,7 +18,7 @@ from polhode.harness.common.store import DamagedStoreError, Record, Store
 from polhode.harness.ensembles.engines import Engine
 from polhode.harness.ensembles.ensemble import Ensemble, Task, run_task
 from polhode.harness.ensembles.starts import Starts
-from polhode.harness.ensembles.statistics import Statistics, merged
+from polhode.harness.ensembles.statistics import Statistics
 from polhode.harness.studies.study_file import Name, Stokes
 from polhode.models.scene_file import FourVector, Positive, Vector
 from polhode.models.shape import Ellipsoid
@@ -98,29 +98,13 @@ class Sweep:
         return sum(-(-ensemble.particles // ensemble.block) for ensemble in self.ensembles)
 
 
-@dataclass(frozen=True)
-class Tally:
-    """What a run of a sweep did: tasks finished by it, found done, and failed, with the last failure's message."""
+class Tally(NamedTuple):
+    """What a run of a sweep did."""
 
-    finished: int
-    found: int
+    finished: int  # tasks done by it
+    found: int  # tasks that the store held already
     failed: int
-    message: str
-
-
-class StoreFailedError(RuntimeError):
-    """The store could not be written; what it holds is safe. The message names the file and the cause."""
-
-
-def open_store(path: Path) -> Store:
-    """Open a store; raises DamagedStoreError if the file is none, StoreFailedError if it cannot be written."""
-    try:
-        return Store(path)
-    except DamagedStoreError as error:
-        # SQLite's complaints about the place, not about the contents.
-        if isinstance(error.__context__, sqlite3.OperationalError):
-            raise _unwritable(path, error.__context__) from None
-        raise
+    message: str  # of the last failure
 
 
 def perform(task: Task) -> Record:
@@ -133,21 +117,18 @@ def run_sweep(sweep: Sweep, store: Store, engine: Engine, *, quiet: bool = False
     """Run what the store does not hold yet; several runs may share it, at the same time too.
 
     With `spread` the tasks are taken in random order, so that such runs seldom work on the same one. Raises
-    StoreFailedError if the disk is full, or the store cannot be written for another reason.
+    sqlite3.Error if the disk is full, or the store cannot be written for another reason.
     """
     finished, failed, message = 0, 0, ""
-    with tqdm(total=sweep.size, disable=quiet, unit="task", desc=sweep.name, leave=False) as progress:
-        outcomes = engine.run(perform, _missing(sweep, store, spread))
-        try:
-            for outcome in outcomes:
-                if outcome.value is None:
-                    failed, message = failed + 1, outcome.message
-                else:
-                    _put(store, outcome.task, outcome.value)
-                    finished += 1
-                progress.update()
-        finally:
-            outcomes.close()  # pyright: ignore[reportAttributeAccessIssue]
+    progress = tqdm(total=sweep.size, disable=quiet or None, unit="task", desc=sweep.name, leave=False)
+    with progress, closing(engine(perform, _missing(sweep, store, spread))) as outcomes:
+        for outcome in outcomes:
+            if outcome.value is None:
+                failed, message = failed + 1, outcome.message
+            else:
+                store.put(outcome.task.key, outcome.task.content, outcome.value)
+                finished += 1
+            progress.update()
     return Tally(finished, sweep.size - finished - failed, failed, message)
 
 
@@ -164,23 +145,15 @@ def _missing(sweep: Sweep, store: Store, spread: bool) -> Iterator[Task]:
             yield task
 
 
-def _put(store: Store, task: Task, record: Record) -> None:
-    try:
-        store.put(task.key, task.content, record)
-    except sqlite3.Error as error:
-        raise _unwritable(store.path, error) from None
-
-
-def _unwritable(path: Path, error: sqlite3.Error) -> StoreFailedError:
-    return StoreFailedError(f"{path}: {error}, expected a writable file and room for it")
-
-
 def gather(ensemble: Ensemble, store: Store) -> Statistics:
     """Statistics of an ensemble from the store, merged in the order of its tasks, whatever order they were run in.
 
     Raises ValueError if the store lacks a task, DamagedStoreError if a task's numbers are not those that were written.
     """
-    return merged(ensemble.layout, (_statistics(task, store) for task in ensemble.tasks()))
+    total = Statistics.empty(ensemble.layout)
+    for task in ensemble.tasks():
+        total.merge(_statistics(task, store))
+    return total
 
 
 def _statistics(task: Task, store: Store) -> Statistics:

@@ -8,6 +8,7 @@ import resource
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from time import perf_counter, process_time
 from typing import Any
 
@@ -16,7 +17,7 @@ import numpy as np
 from polhode.harness.common.machine import machine, versions
 from polhode.harness.common.timing import Patience, collector_off, sentinel
 from polhode.harness.common.worker import Worker
-from polhode.harness.ensembles.engines import Finished, Processes, Serial
+from polhode.harness.ensembles.engines import processes, serial
 from polhode.harness.ensembles.ensemble import Ensemble, Task, run_task
 from polhode.harness.ensembles.starts import Starts
 from polhode.models.catalogue import form as find_form
@@ -140,11 +141,8 @@ def task_throughput(equations: Any) -> dict[str, Any]:
     """Particles per second of whole tasks, statistics at 101 samples and 11 snapshots included; bytes of a record."""
     ensemble = _ensemble(SHAPES["1 : 0.8 : 0.5"], equations, 2000 if equations == "full" else 20_000)
     ((seconds, record),) = _alternate(lambda: run_task(Task(ensemble, 0)))
-    return {
-        "equations": equations,
-        "per_second": ensemble.particles / seconds,
-        "record_bytes": len(json.dumps(record)),
-    }
+    speed = ensemble.particles / seconds
+    return {"equations": equations, "per_second": speed, "record_bytes": len(json.dumps(record))}
 
 
 def memory(particles: int = 100_000) -> dict[str, Any]:
@@ -165,8 +163,8 @@ def _run_all(ensemble: Ensemble) -> int:
 def overhead() -> list[dict[str, Any]]:
     """What engines add to tasks of a second that use the processor, the start of processes left out."""
     rows = []
-    for name, engine in (("serial", Serial()), ("one process", Processes(1))):
-        arrivals = [perf_counter() for _ in engine.run(_busy, range(TASKS + 1))]
+    for name, engine in (("serial", serial), ("one process", partial(processes, 1))):
+        arrivals = [perf_counter() for _ in engine(_busy, range(TASKS + 1))]
         seconds = (arrivals[-1] - arrivals[0]) / TASKS
         rows.append({"engine": name, "task_seconds": TASK_SECONDS, "share": seconds / TASK_SECONDS - 1})
     return rows
@@ -181,42 +179,27 @@ def _busy(_: int) -> None:
 def two_processes(particles: int = 40_000) -> dict[str, Any]:
     """Wall time of the same tasks by one process and by two, both warm: from the first task's end on."""
     ensemble = replace(_ensemble(SHAPES["1 : 0.8 : 0.5"], "full", particles), block=2000)
-    seconds = {workers: _warm_seconds(Processes(workers), ensemble) for workers in (1, 2)}
-    return {
-        "particles": particles,
-        "one_seconds": seconds[1],
-        "two_seconds": seconds[2],
-        "ratio": seconds[1] / seconds[2],
-    }
+    one, two = (_warm_seconds(workers, ensemble) for workers in (1, 2))
+    return {"particles": particles, "one_seconds": one, "two_seconds": two, "ratio": one / two}
 
 
-def _warm_seconds(engine: Processes, ensemble: Ensemble) -> float:
+def _warm_seconds(workers: int, ensemble: Ensemble) -> float:
     """Seconds per task times the number of tasks, measured after each process has compiled."""
     tasks = list(ensemble.tasks())
-    warm = [Task(replace(ensemble, seed=ensemble.seed + 1 + index), 0) for index in range(2 * engine.workers)]
-    ends = [perf_counter() for outcome in engine.run(run_task, [*warm, *tasks]) if _good(outcome)]
+    warm = [Task(replace(ensemble, seed=ensemble.seed + 1 + index), 0) for index in range(2 * workers)]
+    ends = []
+    for outcome in processes(workers, run_task, [*warm, *tasks]):
+        if outcome.message:
+            raise RuntimeError(outcome.message)
+        ends.append(perf_counter())
     done = ends[len(warm) - 1 :]
     return (done[-1] - done[0]) / (len(done) - 1) * len(tasks)
 
 
-def _good(outcome: Finished) -> bool:
-    if outcome.message:
-        raise RuntimeError(outcome.message)
-    return True
-
-
 def _ensemble(shape: Ellipsoid, equations: Any, particles: int) -> Ensemble:
     tolerance = TOLERANCE if equations == "full" else AVERAGED_TOLERANCE
-    return Ensemble(
-        shape,
-        STOKES,
-        SLOW_TIME * STOKES,
-        STARTS,
-        particles=particles,
-        block=particles,
-        equations=equations,
-        tolerance=tolerance,
-    )
+    options: Any = {"particles": particles, "block": particles, "equations": equations, "tolerance": tolerance}
+    return Ensemble(shape, STOKES, SLOW_TIME * STOKES, STARTS, **options)
 
 
 def _problem(shape: Ellipsoid, equations: Any, particles: int) -> tuple[Scene, Problem, np.ndarray]:

@@ -10,6 +10,8 @@ from commandline import SCENE, SCRIPT, Run
 from dasks import contact, dask_scheduler, dask_worker
 from sites import site, small_reports
 
+from polhode.harness.cli import main
+
 
 @pytest.fixture(scope="session")
 def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
@@ -27,6 +29,24 @@ def polhode(tmp_path: Path, environment: dict[str, str]) -> Run:
         return subprocess.run(
             words, cwd=folder, env=environment, capture_output=True, text=True, timeout=120, check=False
         )
+
+    return run
+
+
+@pytest.fixture
+def here(
+    tmp_path: Path, environment: dict[str, str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Run:
+    """As `polhode`, but in this process, which has imported and compiled already what it needs."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("HOME", "XDG_CACHE_HOME", "POLHODE_CACHE"):
+        monkeypatch.setenv(name, environment[name])
+
+    def run(*arguments: object) -> subprocess.CompletedProcess[str]:
+        with pytest.raises(SystemExit) as end:
+            main([*map(str, arguments)])
+        printed = capsys.readouterr()
+        return subprocess.CompletedProcess(arguments, int(end.value.code or 0), printed.out, printed.err)
 
     return run
 

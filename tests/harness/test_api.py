@@ -63,9 +63,9 @@ def test_objects_stand_for_their_names(solution: SceneSolution):
     pd.testing.assert_frame_equal(same.frame(), solution.frame())
 
 
-def test_frame_is_the_csv(polhode: Run, scene_file: Path, tmp_path: Path):
+def test_frame_is_the_csv(here: Run, scene_file: Path, tmp_path: Path):
     options = [word for name, value in WAY.items() for word in (f"--{name}", value)]
-    done = polhode("solve", scene_file.name, *options, "--samples", 11, "--out", "out.csv")
+    done = here("solve", scene_file.name, *options, "--samples", 11, "--out", "out.csv")
     assert done.returncode == 0, done.stderr
     header, *rows = (tmp_path / "out.csv").read_text().splitlines()
     frame = solve(scene_file, **WAY, samples=11).frame()

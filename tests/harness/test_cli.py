@@ -1,4 +1,4 @@
-"""The command line through a subprocess: answers, and one clear line about whatever it cannot take."""
+"""The command line: answers, and one clear line about whatever it cannot take."""
 
 import json
 import subprocess
@@ -37,45 +37,45 @@ def test_help_lists_every_command_in_its_group(polhode: Run):
 
 
 @pytest.mark.parametrize("name", FORMER)
-def test_former_names_are_understood_and_not_listed(polhode: Run, name: str):
-    assert polhode(name, "--help").stdout.startswith(f"Usage: polhode {FORMER[name]} ")
-    assert f"  {name} " not in polhode("--help").stdout
+def test_former_names_are_understood_and_not_listed(here: Run, name: str):
+    assert here(name, "--help").stdout.startswith(f"Usage: polhode {FORMER[name]} ")
+    assert f"  {name} " not in here("--help").stdout
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_help_of_a_command_has_an_example(polhode: Run, command: str):
-    done = polhode(command, "--help")
+def test_help_of_a_command_has_an_example(here: Run, command: str):
+    done = here(command, "--help")
     assert done.returncode == 0
     assert f"Example: polhode {command}" in " ".join(done.stdout.split())
 
 
 @pytest.mark.parametrize("command", ["forms", "solvers"])
-def test_json_of_a_catalogue(polhode: Run, command: str):
-    done = polhode(command, "--json")
+def test_json_of_a_catalogue(here: Run, command: str):
+    done = here(command, "--json")
     rows = json.loads(done.stdout)
     assert done.stderr == ""
     assert [row["name"] for row in rows] == list(FORMS if command == "forms" else SOLVERS)
     last = "valid_for" if command == "forms" else "accepts"
     assert all(list(row) == ["name", "summary", "available", "why_not", last] for row in rows)
     assert all(row["available"] is (row["why_not"] is None) for row in rows)
-    assert all(row["name"] in polhode(command).stdout for row in rows[:1])
+    assert all(row["name"] in here(command).stdout for row in rows[:1])
 
 
-def test_shape_of_a_sphere_and_of_the_papers_ellipsoid(polhode: Run):
-    sphere = json.loads(polhode("shape", 2, 2, 2, "--json").stdout)
+def test_shape_of_a_sphere_and_of_the_papers_ellipsoid(here: Run):
+    sphere = json.loads(here("shape", 2, 2, 2, "--json").stdout)
     assert sphere["kind"] == "sphere"
     assert sphere["semi_axes"] == [2, 2, 2]
     assert sphere["inertia"] == pytest.approx(3 * [1.6755160819145565], rel=1e-15)
     assert sphere["resistance"] == pytest.approx([1, 1, 1], rel=1e-15)
     assert sphere["stokes_star_per_stokes"] == pytest.approx(1 / 15, rel=1e-15)
-    paper = json.loads(polhode("shape", 1, 0.8, 0.5, "--json").stdout)
+    paper = json.loads(here("shape", 1, 0.8, 0.5, "--json").stdout)
     assert (paper["kind"], paper["stokes_star_per_stokes"]) == ("triaxial", None)
     assert list(paper) == ["semi_axes", "inertia", "resistance", "kind", "stokes_star_per_stokes"]
 
 
 @pytest.mark.parametrize(("axes", "kind"), [((1, 1, 2), "prolate"), ((2, 1, 2), "oblate"), ((1, 1, 1e-70), "oblate")])
-def test_shape_in_words(polhode: Run, axes: tuple[float, ...], kind: str):
-    done = polhode("shape", *axes)
+def test_shape_in_words(here: Run, axes: tuple[float, ...], kind: str):
+    done = here("shape", *axes)
     assert done.stderr == ""
     numbers, _, units = done.stdout.partition("\n\n")
     assert units.startswith("Inertia in units of")
@@ -89,12 +89,12 @@ def test_a_built_in_scene_printed_is_the_same_scene_as_a_file(name: str):
     assert parse_scene(tomllib.loads(scene_text(scene_table(named_scene(name))))) == named_scene(name)
 
 
-def test_scenes_are_listed_and_printed(polhode: Run, tmp_path: Path):
-    rows = json.loads(polhode("scenes", "--json").stdout)
+def test_scenes_are_listed_and_printed(here: Run, tmp_path: Path):
+    rows = json.loads(here("scenes", "--json").stdout)
     assert [row["name"] for row in rows] == list(SCENES)
-    assert [line.split()[0] for line in polhode("scenes").stdout.splitlines()[1:]] == list(SCENES)
-    (tmp_path / "mine.toml").write_text(polhode("scenes", "top").stdout, encoding="utf-8")
-    assert json.loads(polhode("scenes", "mine.toml", "--json").stdout) == scene_table(named_scene("top"))
+    assert [line.split()[0] for line in here("scenes").stdout.splitlines()[1:]] == list(SCENES)
+    (tmp_path / "mine.toml").write_text(here("scenes", "top").stdout, encoding="utf-8")
+    assert json.loads(here("scenes", "mine.toml", "--json").stdout) == scene_table(named_scene("top"))
 
 
 # Nothing left open, so that nothing needs to be picked.
@@ -178,8 +178,8 @@ BAD_ARGUMENTS = [
     BAD_ARGUMENTS,
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )
-def test_bad_arguments_get_one_line(polhode: Run, tmp_path: Path, arguments: list[str], got: str, expected: str):
-    line = refusal(polhode(*arguments), tmp_path)
+def test_bad_arguments_get_one_line(here: Run, tmp_path: Path, arguments: list[str], got: str, expected: str):
+    line = refusal(here(*arguments), tmp_path)
     assert got in line
     assert expected in line
 
@@ -195,22 +195,22 @@ BAD_FILES = [
 
 @pytest.mark.parametrize(("text", "got", "expected"), BAD_FILES, ids=["empty", "bad TOML", "range", "NaN", "key"])
 def test_a_bad_scene_file_gets_one_line(
-    polhode: Run, scene_file: Path, tmp_path: Path, text: str, got: str, expected: str
+    here: Run, scene_file: Path, tmp_path: Path, text: str, got: str, expected: str
 ):
     scene_file.write_text(text, encoding="utf-8")
-    line = refusal(polhode("solve", "scene.toml", "--out", "a.csv"), tmp_path)
+    line = refusal(here("solve", "scene.toml", "--out", "a.csv"), tmp_path)
     assert line.startswith("polhode: scene.toml: ")
     assert got in line
     assert expected in line
 
 
-def test_a_scene_that_is_no_text_gets_one_line(polhode: Run, scene_file: Path, tmp_path: Path):
+def test_a_scene_that_is_no_text_gets_one_line(here: Run, scene_file: Path, tmp_path: Path):
     scene_file.write_bytes(b"\xff\xfe\x00")
-    assert "expected a TOML file" in refusal(polhode("solve", "scene.toml", "--out", "a.csv"), tmp_path)
+    assert "expected a TOML file" in refusal(here("solve", "scene.toml", "--out", "a.csv"), tmp_path)
 
 
-def test_a_refusal_leaves_an_earlier_result_alone(polhode: Run, scene_file: Path, tmp_path: Path):
+def test_a_refusal_leaves_an_earlier_result_alone(here: Run, scene_file: Path, tmp_path: Path):
     (tmp_path / "a.csv").write_text("earlier", encoding="utf-8")
-    assert polhode("solve", "scene.toml", "--out", "a.csv", "--solver", "rk4").returncode == 2
+    assert here("solve", "scene.toml", "--out", "a.csv", "--solver", "rk4").returncode == 2
     assert (tmp_path / "a.csv").read_text(encoding="utf-8") == "earlier"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.csv", scene_file.name]

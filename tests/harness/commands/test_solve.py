@@ -1,8 +1,9 @@
-"""`polhode solve` through a subprocess: the file it writes, and what an interrupted run leaves."""
+"""`polhode solve`: the file it writes, and what an interrupted run leaves."""
 
 import signal
 import subprocess
 import time
+import tomllib
 from math import inf
 from pathlib import Path
 
@@ -11,7 +12,6 @@ import pytest
 from commandline import SCENE, SCRIPT, Run
 from scipy.spatial.transform import Rotation
 
-from polhode.harness.cli import main
 from polhode.harness.references.errors import errors
 from polhode.harness.references.reference import reference
 from polhode.models.observables import Observables
@@ -47,16 +47,13 @@ def scene_text(
 
 
 @pytest.fixture
-def solved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
-    """`polhode solve` in this process, which has compiled already what it needs."""
-    monkeypatch.chdir(tmp_path)
+def solved(here: Run, tmp_path: Path):
+    """The table that `polhode solve` makes of a scene file."""
 
     def solve(text: str, *arguments: object) -> Table:
         (tmp_path / "scene.toml").write_text(text, encoding="utf-8")
-        with pytest.raises(SystemExit) as end:
-            main(["solve", "scene.toml", *map(str, arguments), "--out", "out.csv"])
-        assert end.value.code == 0
-        assert capsys.readouterr().out == ""
+        done = here("solve", "scene.toml", *arguments, "--out", "out.csv")
+        assert (done.returncode, done.stdout) == (0, "")
         assert sorted(path.name for path in tmp_path.iterdir()) == ["out.csv", "scene.toml"]
         return Table(tmp_path / "out.csv")
 
@@ -73,10 +70,9 @@ def solved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captu
     ids=["default", "taylor", "other form and solver"],
 )
 def test_the_manuals_scene_agrees_with_the_reference(
-    polhode: Run, scene_file: Path, tmp_path: Path, monkeypatch, environment, arguments: list[str], slow, orientation
+    here: Run, scene_file: Path, tmp_path: Path, arguments: list[str], slow, orientation
 ):
-    monkeypatch.setenv("POLHODE_CACHE", environment["POLHODE_CACHE"])
-    assert polhode("solve", "scene.toml", *arguments, "--samples", 101, "--out", "out.csv").returncode == 0
+    assert here("solve", "scene.toml", *arguments, "--samples", 101, "--out", "out.csv").returncode == 0
     table = Table(tmp_path / "out.csv")
     scene = read_scene(scene_file)
     true = reference(scene, "quaternion", 101)
@@ -102,20 +98,9 @@ def test_rows_times_and_digits(solved):
         for number, cell in zip(row, line, strict=True)
     )
     assert any(len(cell.lstrip("-0.").replace(".", "")) >= 17 for cell in table.cells[3])
-    scene = parse_scene(
-        {
-            "stokes": 1000.0,
-            "time": 1.0,
-            "shape": {"semi_axes": [1.0, 0.8, 0.5]},
-            "start": {"euler_angles": [1.0471975511965976, 0.5235987755982988, 0.0], "euler_rates": [1.0, 1.0, -1.0]},
-        }
-    )
+    scene = parse_scene(tomllib.loads(SCENE))
     assert table.numbers[0, 2:6] == pytest.approx(scene.initial.slow[0], rel=1e-14)
     assert table.numbers[0, 6:] == pytest.approx(scene.initial.rotation[0].ravel(), abs=1e-15)
-
-
-def test_default_number_of_rows(solved):
-    assert len(solved(scene_text(10.0, 1.0), *GIVEN).cells) == 201
 
 
 def test_slow_time_is_empty_at_st_0_and_0_at_st_inf(solved):
@@ -158,14 +143,10 @@ def test_averaged_forms_leave_the_rotation_empty(solved):
     ],
     ids=["averaged", "quiet", "tolerance and error", "tolerance"],
 )
-def test_what_the_error_asked_for_does_not_get_is_noted(
-    scene_file: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], arguments: list, note: str
-):
-    monkeypatch.chdir(scene_file.parent)
-    with pytest.raises(SystemExit) as end:
-        main(["solve", "scene.toml", *arguments, "--samples", "3", "--out", "out.csv"])
-    assert end.value.code == 0
-    noted = [line for line in capsys.readouterr().err.splitlines() if line.startswith("note") and "R11" not in line]
+def test_what_the_error_asked_for_does_not_get_is_noted(here: Run, scene_file: Path, arguments: list, note: str):
+    done = here("solve", "scene.toml", *arguments, "--samples", "3", "--out", "out.csv")
+    assert done.returncode == 0
+    noted = [line for line in done.stderr.splitlines() if line.startswith("note") and "R11" not in line]
     assert len(noted) == bool(note)
     assert all(line.startswith(note) for line in noted)
 
@@ -178,14 +159,7 @@ def test_averaged_forms_start_from_l_and_e(solved):
 
 def permuted(order: tuple[int, int, int]) -> str:
     """The manual's scene with its body axes named in another order; an odd one turns the last axis round."""
-    scene = parse_scene(
-        {
-            "stokes": 1.0,
-            "time": 1.0,
-            "shape": {"semi_axes": [1.0, 0.8, 0.5]},
-            "start": {"euler_angles": [1.0471975511965976, 0.5235987755982988, 0.0], "euler_rates": [1.0, 1.0, -1.0]},
-        }
-    )
+    scene = parse_scene(tomllib.loads(SCENE))
     change = np.eye(3)[list(order)]
     change[2] *= np.linalg.det(change)
     rotation, velocity = change @ scene.initial_rotation, change @ np.array(scene.angular_velocity)
@@ -205,11 +179,11 @@ def test_the_order_of_the_semi_axes_changes_neither_l_nor_e(solved, form: str, o
     assert otherwise == pytest.approx(as_given, abs=1e-11)
 
 
-def test_built_in_scenes_go_by_name_and_files_come_first(polhode: Run, tmp_path: Path):
-    done = polhode("solve", "paper", *GIVEN, "--samples", 2, "--out", "built-in.csv")
+def test_built_in_scenes_go_by_name_and_files_come_first(here: Run, tmp_path: Path):
+    done = here("solve", "paper", *GIVEN, "--samples", 2, "--out", "built-in.csv")
     assert done.returncode == 0
     (tmp_path / "paper").write_text(SCENE.replace("1000.0", "10.0"), encoding="utf-8")
-    assert polhode("solve", "paper", *GIVEN, "--samples", 2, "--out", "file.csv").returncode == 0
+    assert here("solve", "paper", *GIVEN, "--samples", 2, "--out", "file.csv").returncode == 0
     assert Table(tmp_path / "built-in.csv").numbers[-1, 0] == 500
     assert Table(tmp_path / "file.csv").numbers[-1, 0] == 5
 
@@ -248,19 +222,19 @@ def test_redirected_output_is_written_to_and_goes_on_where_it_stands(environment
         ("paper", "quaternion", ""),
     ],
 )
-def test_what_stays_empty_is_said(polhode: Run, scene: str, form: str, note: str):
+def test_what_stays_empty_is_said(here: Run, scene: str, form: str, note: str):
     words = ("--form", form, "--solver", "taylor", "--tolerance", "1e-6", "--samples", 2)
-    done = polhode("solve", scene, *words, "--out", "a.csv")
+    done = here("solve", scene, *words, "--out", "a.csv")
     assert done.returncode == 0
     assert note in done.stderr
     assert ("stay empty" in done.stderr) == bool(note)
 
 
-def test_a_link_stays_and_what_it_points_to_is_replaced(polhode: Run, tmp_path: Path, scene_file: Path):
+def test_a_link_stays_and_what_it_points_to_is_replaced(here: Run, tmp_path: Path, scene_file: Path):
     (tmp_path / "there").mkdir()
     (tmp_path / "there" / "a.csv").write_text("old\n", encoding="utf-8")
     (tmp_path / "a.csv").symlink_to("there/a.csv")
-    assert polhode("solve", scene_file.name, *GIVEN, "--samples", 3, "--out", "a.csv").returncode == 0
+    assert here("solve", scene_file.name, *GIVEN, "--samples", 3, "--out", "a.csv").returncode == 0
     assert (tmp_path / "a.csv").is_symlink()
     assert (tmp_path / "there" / "a.csv").read_text(encoding="utf-8").startswith(HEADER)
     assert [path.name for path in (tmp_path / "there").iterdir()] == ["a.csv"]
@@ -277,18 +251,18 @@ def test_a_home_that_cannot_be_written_changes_nothing(environment, scene_file: 
     assert len(done.stdout.splitlines()) == 4
 
 
-def test_a_full_disk_is_a_failed_run(polhode: Run, scene_file: Path):
-    done = polhode("solve", scene_file.name, *GIVEN, "--samples", 3, "--out", "/dev/full")
+def test_a_full_disk_is_a_failed_run(here: Run, scene_file: Path):
+    done = here("solve", scene_file.name, *GIVEN, "--samples", 3, "--out", "/dev/full")
     assert done.returncode == 1
     assert "/dev/full: No space left on device" in done.stderr.splitlines()[-1]
 
 
-def test_a_failed_run_leaves_its_rows_as_partial(polhode: Run, scene_file: Path, tmp_path: Path):
+def test_a_failed_run_leaves_its_rows_as_partial(here: Run, scene_file: Path, tmp_path: Path):
     # Euler angles through their pole: the run cannot reach its end.
     start = "euler_angles = [1e-4, 0.3, 0.2]\neuler_rates = [-1e-5, 0.0, 0.0]"
     scene_file.write_text(scene_text(1e6, 40.0, start=start), encoding="utf-8")
     (tmp_path / "out.csv").write_text("earlier", encoding="utf-8")
-    done = polhode("solve", "scene.toml", "--form", "euler-angles", *GIVEN[2:], "--samples", 401, "--out", "out.csv")
+    done = here("solve", "scene.toml", "--form", "euler-angles", *GIVEN[2:], "--samples", 401, "--out", "out.csv")
     assert done.returncode == 1
     line = done.stderr.splitlines()[-1]
     rows = Table(tmp_path / "out.csv.partial").numbers

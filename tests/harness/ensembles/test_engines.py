@@ -5,24 +5,27 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
 from dasks import contact, dask_scheduler, dask_worker
 
 from oracle.labour import Job, die_always, die_once, refuse_odd, spin, square
-from polhode.harness.ensembles.engines import AHEAD, Dask, Engine, Processes, Serial
+from polhode.harness.ensembles.engines import AHEAD, Engine, check_dask, dask, processes, serial
+
+two = partial(processes, 2)
 
 
 @pytest.fixture(params=["serial", "processes", "dask"])
 def engine(request: pytest.FixtureRequest) -> Engine:
     if request.param == "dask":
-        return Dask(request.getfixturevalue("cluster")[0])
-    return Serial() if request.param == "serial" else Processes(2)
+        return partial(dask, request.getfixturevalue("cluster")[0])
+    return serial if request.param == "serial" else two
 
 
 def values(engine: Engine, function, jobs) -> dict[int, object]:
-    return {outcome.task.number: outcome.value for outcome in engine.run(function, jobs)}
+    return {outcome.task.number: outcome.value for outcome in engine(function, jobs)}
 
 
 def test_every_task_once(engine: Engine, tmp_path: Path):
@@ -31,11 +34,11 @@ def test_every_task_once(engine: Engine, tmp_path: Path):
     marks = [path.read_text().splitlines() for path in tmp_path.iterdir()]
     assert [len(mark) for mark in marks] == [1] * 20
     here = {str(os.getpid())}
-    assert ({line for mark in marks for line in mark} == here) is isinstance(engine, Serial)
+    assert ({line for mark in marks for line in mark} == here) is (engine is serial)
 
 
 def test_an_exception_is_a_message(engine: Engine):
-    outcomes = list(engine.run(refuse_odd, [Job(100 + number) for number in range(6)]))
+    outcomes = list(engine(refuse_odd, [Job(100 + number) for number in range(6)]))
     assert sorted(outcome.message for outcome in outcomes if outcome.message) == [
         f"ValueError: job {number} is odd" for number in (101, 103, 105)
     ]
@@ -50,15 +53,15 @@ def test_tasks_are_taken_as_there_is_room(engine: Engine):
             taken.append(number)
             yield Job(number)
 
-    run = engine.run(square, jobs())
+    run = engine(square, jobs())
     assert next(run).value is not None
-    threads = 1 if isinstance(engine, Serial) else 2 if isinstance(engine, Processes) else 4
+    threads = 1 if engine is serial else 2 if engine is two else 4
     assert len(taken) <= (1 + AHEAD) * threads + 1
     run.close()
 
 
 def test_two_processes_work_side_by_side():
-    run = Processes(2).run(square, [Job(0, 0.5), Job(1, 0.5), Job(2), *(Job(number, 0.5) for number in range(3, 9))])
+    run = two(square, [Job(0, 0.5), Job(1, 0.5), Job(2), *(Job(number, 0.5) for number in range(3, 9))])
     next(run)
     began = time.perf_counter()
     rest = [outcome.task.number for outcome in run]
@@ -69,42 +72,37 @@ def test_two_processes_work_side_by_side():
 
 def test_a_killed_process_costs_no_task(tmp_path: Path):
     jobs = [Job(number, folder=tmp_path) for number in range(10)]
-    assert values(Processes(2), die_once, jobs) == {number: number**2 for number in range(10)}
+    assert values(two, die_once, jobs) == {number: number**2 for number in range(10)}
     assert len(list(tmp_path.iterdir())) == 4
 
 
 def test_a_task_that_always_kills_is_given_up():
-    outcomes = {outcome.task.number: outcome for outcome in Processes(2).run(die_always, map(Job, range(4)))}
+    outcomes = {outcome.task.number: outcome for outcome in two(die_always, map(Job, range(4)))}
     assert outcomes[1].value is None
     assert outcomes[1].message == "crashed with SIGKILL"
     assert [outcomes[number].value for number in (0, 2, 3)] == [0, 4, 9]
 
 
 def test_a_hanging_task_is_killed_at_twice_its_limit():
-    (outcome,) = Processes(1, max_seconds=0.2).run(square, [Job(1, seconds=60)])
+    (outcome,) = processes(1, square, [Job(1, seconds=60)], max_seconds=0.2)
     assert outcome.value is None
     assert outcome.message.startswith("killed after")
 
 
 def test_closing_stops_at_once():
-    run = Processes(2).run(square, [Job(0), Job(1, seconds=60), Job(2, seconds=60)])
+    run = two(square, [Job(0), Job(1, seconds=60), Job(2, seconds=60)])
     assert next(run).value == 0
     began = time.perf_counter()
     run.close()
     assert time.perf_counter() - began < 5
 
 
-def test_no_processes_are_refused():
-    with pytest.raises(ValueError, match="workers: got 0, expected"):
-        Processes(0)
-
-
 def test_processes_end_with_their_parent_even_in_a_long_task(tmp_path: Path):
     code = (
         "from pathlib import Path; from oracle.labour import Job, hold\n"
-        "from polhode.harness.ensembles.engines import Processes\n"
+        "from polhode.harness.ensembles.engines import processes\n"
         "if __name__ == '__main__':\n"
-        "    list(Processes(1).run(hold, [Job(1, seconds=100, folder=Path('.'))]))\n"
+        "    list(processes(1, hold, [Job(1, seconds=100, folder=Path('.'))]))\n"
     )
     (tmp_path / "parent.py").write_text(code)
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
@@ -126,13 +124,13 @@ def wait_until(condition: Callable[[], bool], seconds: float = 30) -> None:
 def test_dask_says_what_is_missing(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("polhode.harness.ensembles.engines.installed", lambda package: False)
     with pytest.raises(ValueError, match=r"pip install 'polhode\[dask\]'"):
-        Dask("tcp://127.0.0.1:8786")
+        check_dask("tcp://127.0.0.1:8786")
 
 
 @pytest.mark.parametrize("address", ["", "foo", "tcp://", "tcp://:8786", "127.0.0.1", "http://127.0.0.1:80", "a b:1"])
 def test_what_is_no_address_is_refused(address: str):
     with pytest.raises(ValueError, match="expected an address such as tcp://host:8786") as refusal:
-        Dask(address)
+        check_dask(address)
     assert repr(address) in str(refusal.value)
 
 
@@ -140,9 +138,9 @@ def test_a_scheduler_out_of_reach_is_named(monkeypatch: pytest.MonkeyPatch):
     pytest.importorskip("distributed")
     monkeypatch.setattr("polhode.harness.ensembles.engines.CONNECT_SECONDS", 1)
     with pytest.raises(OSError, match=r"tcp://127\.0\.0\.1:9"):
-        list(Dask("tcp://127.0.0.1:9").run(square, [Job(1)]))
+        list(dask("tcp://127.0.0.1:9", square, [Job(1)]))
     with pytest.raises(ValueError, match=r"^dask: got tcp://127\.0\.0\.1:9, expected a scheduler that runs: Timed out"):
-        Dask("tcp://127.0.0.1:9").check()
+        check_dask("tcp://127.0.0.1:9")
 
 
 def test_a_killed_scheduler_ends_the_run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
@@ -158,13 +156,13 @@ def test_a_killed_scheduler_ends_the_run(monkeypatch: pytest.MonkeyPatch, tmp_pa
 
         # No worker, no result: the run waits for as long as it may.
         with pytest.raises(OSError, match=r"127\.0\.0\.1"):
-            list(Dask(address).run(square, jobs()))
+            list(dask(address, square, jobs()))
 
 
 def test_dask_survives_the_kill_of_a_worker(cluster):
     address, workers, folder = cluster
     jobs = [Job(3000 + number, seconds=0.2) for number in range(30)]
-    run = Dask(address).run(square, jobs)
+    run = dask(address, square, jobs)
     found = {next(run).task.number for _ in range(4)}
     workers[0].kill()
     found |= {outcome.task.number for outcome in run if outcome.value is not None}

@@ -12,7 +12,7 @@ from scipy.stats import binomtest
 
 from polhode.harness.ensembles.ensemble import Ensemble
 from polhode.harness.ensembles.starts import Starts
-from polhode.harness.ensembles.statistics import FOURTH, SECOND, SLOW_NAMES, Layout, Statistics, merged
+from polhode.harness.ensembles.statistics import FOURTH, SECOND, SLOW_NAMES, Layout, Statistics
 from polhode.harness.ensembles.summary import (
     arrived,
     fourth_moments,
@@ -76,7 +76,10 @@ def test_merging_is_adding_and_records_lose_nothing():
     parts = [filled(seed, particles)[0] for seed, particles in ((1, 30), (2, 50), (3, 20))]
     parts[1].add_statuses(np.array(["step_limit", "non_finite"], dtype=object), "reached_end")
     copies = [Statistics.from_record(part.as_record(), LAYOUT) for part in parts]
-    total, again = merged(LAYOUT, parts), merged(LAYOUT, copies)
+    total, again = Statistics.empty(LAYOUT), Statistics.empty(LAYOUT)
+    for part, copy in zip(parts, copies, strict=True):
+        total.merge(part)
+        again.merge(copy)
     assert total.as_record() == again.as_record()
     assert (total.particles, total.finished) == (102, 100)
     assert total.failures == {"step_limit": 1, "non_finite": 1}

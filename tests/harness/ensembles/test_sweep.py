@@ -16,7 +16,7 @@ import pytest
 from commandline import SCRIPT, Run
 
 from polhode.harness.common.store import DamagedStoreError, Store
-from polhode.harness.ensembles.engines import Serial
+from polhode.harness.ensembles.engines import serial
 from polhode.harness.ensembles.results import write_results
 from polhode.harness.ensembles.summary import second_moments
 from polhode.harness.ensembles.sweep import gather, parse_sweep, read_sweep, run_sweep
@@ -64,7 +64,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """What a run that nothing disturbs leaves in its store, made in this process."""
     path = tmp_path_factory.mktemp("whole") / "store.sqlite"
     with Store(path) as store:
-        tally = run_sweep(parse_sweep(tomllib.loads(SWEEP)), store, Serial(), quiet=True)
+        tally = run_sweep(parse_sweep(tomllib.loads(SWEEP)), store, serial, quiet=True)
     assert (tally.finished, tally.found, tally.failed) == (TASKS, 0, 0)
     return rows(path)
 
@@ -87,27 +87,26 @@ def children(pid: int) -> list[int]:
     return [child for child in found if "spawn_main" in Path(f"/proc/{child}/cmdline").read_text()]
 
 
-@pytest.mark.parametrize("words", [("--workers", "0"), ("--workers", "2")], ids=["serial", "processes"])
 def test_killed_and_resumed_gives_the_same_numbers(
-    polhode: Run, environment, sweep_file: Path, tmp_path: Path, undisturbed, words
+    here: Run, environment, sweep_file: Path, tmp_path: Path, undisturbed
 ):
     path = tmp_path / "out" / "store.sqlite"
-    with start(tmp_path, environment, *words) as process:
+    with start(tmp_path, environment, "--workers", "2") as process:
         wait_for_rows(path, 2, process)
         workers = children(process.pid)
         process.kill()
         process.communicate()
     assert process.returncode == -signal.SIGKILL
-    assert len(workers) == int(words[1])
+    assert len(workers) == 2
     early = rows(path)
     assert 2 <= len(early) < TASKS
     assert not (tmp_path / "out" / "README.md").exists()
-    refused = polhode("sweep", "sweep.toml", "--out", "out")
+    refused = here("sweep", "sweep.toml", "--out", "out")
     assert refused.returncode == 2
     assert refused.stderr == (
         "polhode: out/store.sqlite: exists, expected --resume to go on with it, or another --out\n"
     )
-    done = polhode("sweep", "sweep.toml", "--out", "out", "--resume", "--quiet", *words)
+    done = here("sweep", "sweep.toml", "--out", "out", "--resume", "--quiet", "--workers", "2")
     assert (done.returncode, done.stdout, done.stderr) == (0, "out/README.md\n", "")
     assert rows(path) == undisturbed
     for pid in workers:
@@ -125,7 +124,7 @@ def test_killed_workers_cost_nothing(environment, sweep_file: Path, tmp_path: Pa
     assert rows(path) == undisturbed
 
 
-def test_two_runs_at_once_share_a_store(polhode: Run, environment, sweep_file: Path, tmp_path: Path, undisturbed):
+def test_two_runs_at_once_share_a_store(environment, sweep_file: Path, tmp_path: Path, undisturbed):
     path = tmp_path / "out" / "store.sqlite"
     with start(tmp_path, environment, "--workers", "1", "--resume") as one:
         with start(tmp_path, environment, "--workers", "1", "--resume") as two:
@@ -137,8 +136,8 @@ def test_two_runs_at_once_share_a_store(polhode: Run, environment, sweep_file: P
 
 @pytest.mark.parametrize(
     ("number", "workers"),
-    [(signal.SIGINT, "0"), (signal.SIGINT, "2"), (signal.SIGTERM, "2")],
-    ids=["Ctrl-C", "Ctrl-C with processes", "terminated"],
+    [(signal.SIGINT, "0"), (signal.SIGTERM, "2")],
+    ids=["Ctrl-C", "terminated with processes"],
 )
 def test_ends_cleanly_and_says_how_to_go_on(
     environment, sweep_file: Path, tmp_path: Path, undisturbed, number: int, workers: str
@@ -161,16 +160,16 @@ def test_ends_cleanly_and_says_how_to_go_on(
     assert 2 <= len(early) < TASKS
 
 
-def finish(polhode: Run, path: Path, undisturbed: dict[str, str]) -> None:
+def finish(here: Run, path: Path, undisturbed: dict[str, str]) -> None:
     early = rows(path)
     assert early.items() <= undisturbed.items()
     assert len(early) < TASKS
-    done = polhode("sweep", "sweep.toml", "--out", "out", "--resume", "--quiet", "--workers", "0")
+    done = here("sweep", "sweep.toml", "--out", "out", "--resume", "--quiet", "--workers", "0")
     assert (done.returncode, done.stderr) == (0, "")
     assert rows(path) == undisturbed
 
 
-def test_a_limit_of_file_size_loses_nothing(polhode: Run, environment, sweep_file: Path, tmp_path: Path, undisturbed):
+def test_a_limit_of_file_size_loses_nothing(here: Run, environment, sweep_file: Path, tmp_path: Path, undisturbed):
     path = tmp_path / "out" / "store.sqlite"
 
     def limit() -> None:
@@ -181,7 +180,7 @@ def test_a_limit_of_file_size_loses_nothing(polhode: Run, environment, sweep_fil
     assert process.returncode == 1
     assert text.splitlines()[-1].endswith("; finished tasks are in out/store.sqlite, --resume goes on")
     assert "Traceback" not in text
-    finish(polhode, path, undisturbed)
+    finish(here, path, undisturbed)
 
 
 @contextmanager
@@ -197,7 +196,7 @@ def small_disk(folder: Path, size: str) -> Iterator[Path]:
         subprocess.run(["umount", "-l", str(folder)], check=True)
 
 
-def test_a_full_disk_loses_nothing(polhode: Run, environment, sweep_file: Path, tmp_path: Path, undisturbed):
+def test_a_full_disk_loses_nothing(here: Run, environment, sweep_file: Path, tmp_path: Path, undisturbed):
     with small_disk(tmp_path / "out", "300k") as folder:
         with start(tmp_path, environment, "--workers", "1") as process:
             _, text = process.communicate(timeout=100)
@@ -206,12 +205,12 @@ def test_a_full_disk_loses_nothing(polhode: Run, environment, sweep_file: Path, 
         assert text.splitlines()[-1].endswith("; finished tasks are in out/store.sqlite, --resume goes on")
         assert "Traceback" not in text
         subprocess.run(["mount", "-o", "remount,size=30m", str(folder)], check=True)
-        finish(polhode, folder / "store.sqlite", undisturbed)
+        finish(here, folder / "store.sqlite", undisturbed)
 
 
-def test_no_room_for_a_store_is_no_damage(polhode: Run, sweep_file: Path, tmp_path: Path):
+def test_no_room_for_a_store_is_no_damage(here: Run, sweep_file: Path, tmp_path: Path):
     with small_disk(tmp_path / "out", "4k"):
-        done = polhode("sweep", "sweep.toml", "--out", "out", "--workers", "0")
+        done = here("sweep", "sweep.toml", "--out", "out", "--workers", "0")
     assert done.returncode == 1
     assert done.stderr == (
         "polhode: out/store.sqlite: database or disk is full, expected a writable file and room for it; "
@@ -219,8 +218,8 @@ def test_no_room_for_a_store_is_no_damage(polhode: Run, sweep_file: Path, tmp_pa
     )
 
 
-@pytest.mark.parametrize("size", [100, 5000, 0.5])
-def test_a_truncated_store_is_named_and_left_alone(polhode: Run, sweep_file: Path, tmp_path: Path, size):
+@pytest.mark.parametrize("size", [100, 0.5])
+def test_a_truncated_store_is_named_and_left_alone(here: Run, sweep_file: Path, tmp_path: Path, size):
     path = tmp_path / "out" / "store.sqlite"
     with Store(path) as store:
         for number in range(50):
@@ -228,7 +227,7 @@ def test_a_truncated_store_is_named_and_left_alone(polhode: Run, sweep_file: Pat
     content = path.read_bytes()
     path.write_bytes(content[: int(size * len(content)) if size < 1 else size])
     content = path.read_bytes()
-    done = polhode("sweep", "sweep.toml", "--out", "out", "--resume")
+    done = here("sweep", "sweep.toml", "--out", "out", "--resume")
     assert done.returncode == 2
     assert done.stderr.startswith("polhode: out/store.sqlite: ")
     assert done.stderr.count("\n") == 1
@@ -249,21 +248,21 @@ def test_a_changed_record_is_named_and_left_alone(tmp_path: Path, damage: str):
     sweep = parse_sweep({**tomllib.loads(SWEEP), "particles": 20, "stokes": [200.0], "shapes": [[1.0, 1.0, 2.0]]})
     path = tmp_path / "store.sqlite"
     with Store(path) as store:
-        run_sweep(sweep, store, Serial(), quiet=True)
+        run_sweep(sweep, store, serial, quiet=True)
         gather(sweep.ensembles[0], store)
     with closing(sqlite3.connect(path)) as connection, connection:
         connection.execute(f"UPDATE cases SET result = {damage}")
     content = path.read_bytes()
     with Store(path) as store:
-        assert run_sweep(sweep, store, Serial(), quiet=True).finished == 0
+        assert run_sweep(sweep, store, serial, quiet=True).finished == 0
         (key,) = store.keys()
         with pytest.raises(DamagedStoreError, match=f"store.sqlite: the store is damaged: task {key} fails its checks"):
             gather(sweep.ensembles[0], store)
     assert path.read_bytes() == content
 
 
-def test_results_tell_what_the_store_holds(polhode: Run, sweep_file: Path, tmp_path: Path):
-    done = polhode("sweep", "sweep.toml", "--out", "out", "--json", "--quiet", "--workers", "0")
+def test_results_tell_what_the_store_holds(here: Run, sweep_file: Path, tmp_path: Path):
+    done = here("sweep", "sweep.toml", "--out", "out", "--json", "--quiet", "--workers", "0")
     assert (done.returncode, done.stderr) == (0, "")
     table = json.loads(done.stdout)
     assert [(row["a"], row["b"], row["c"], row["stokes"]) for row in table] == [
@@ -282,8 +281,8 @@ def test_results_tell_what_the_store_holds(polhode: Run, sweep_file: Path, tmp_p
     assert names == ["README.md", "arrivals.csv", "distributions.csv", "moments.csv", "slow.csv"]
 
 
-def test_dask_gives_the_same_numbers(polhode: Run, cluster, sweep_file: Path, tmp_path: Path, undisturbed):
-    done = polhode("sweep", "sweep.toml", "--out", "out", "--quiet", "--dask", cluster[0])
+def test_dask_gives_the_same_numbers(here: Run, cluster, sweep_file: Path, tmp_path: Path, undisturbed):
+    done = here("sweep", "sweep.toml", "--out", "out", "--quiet", "--dask", cluster[0])
     assert (done.returncode, done.stdout, done.stderr) == (0, "out/README.md\n", "")
     assert rows(tmp_path / "out" / "store.sqlite") == undisturbed
 
@@ -318,11 +317,10 @@ def test_the_sweep_that_comes_with_the_package_is_one():
 
 
 @pytest.mark.parametrize(
-    "words",
-    [("--workers", "-1"), ("--workers", "1", "--dask", "tcp://127.0.0.1:9"), ("--dask", "foo"), ("none.toml",)],
+    "words", [("--workers", "1", "--dask", "tcp://127.0.0.1:9"), ("--dask", "foo"), ("none.toml",)]
 )
-def test_bad_options_get_one_line(polhode: Run, tmp_path: Path, words):
-    done = polhode("sweep", *words, "--out", "out")
+def test_bad_options_get_one_line(here: Run, tmp_path: Path, words):
+    done = here("sweep", *words, "--out", "out")
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
@@ -349,7 +347,7 @@ def page_of(text: str, folder: Path) -> str:
     sweep = parse_sweep(tomllib.loads(text))
     folder.mkdir(exist_ok=True)
     with Store(folder / "store.sqlite") as store:
-        run_sweep(sweep, store, Serial(), quiet=True)
+        run_sweep(sweep, store, serial, quiet=True)
         return write_results(sweep, store, folder)[0].read_text(encoding="utf-8")
 
 
