@@ -101,8 +101,8 @@ def bound_flows(parts: Parts, dimension: int) -> Flows:
             # The last fast flow of a step and the first one of the next, in one.
             share = 2 * fast_shares[0] if i > stages else fast_shares[i]
             fast_rows[i, :] = fast_constants(p, share * step)
-        for i in range(stages):
-            slow_rows[i, :] = slow_constants(p, slow_shares[i] * step)
+        for i in range((stages + 1) // 2):
+            slow_rows[i, :] = slow_rows[stages - 1 - i, :] = slow_constants(p, slow_shares[i] * step)
 
     @njit
     def compose(y: Any, fast_rows: Any, slow_rows: Any, first: int) -> Any:

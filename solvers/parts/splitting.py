@@ -30,7 +30,7 @@ SHEAR = 0.5
 # The check of the step: over this share of what is left of the run, within so many turns, against steps smaller by
 # this factor, at so many times within some turns at the beginning and at the end.
 CHECKED, LEAST_TURNS, MOST_TURNS = 0.01, 2.0, 2000.0
-FINER, POINTS, MEAN_OVER = 0.8, 16, 5.0
+FINER, POINTS, MEAN_OVER = 0.8, 12, 5.0
 # The step stands if the estimated error is within these factors of the one wanted; else the law is scaled, so often.
 FITTING, ROUNDS = (0.2, 1.3), 4
 # Another round for wider steps pays if they cost no more than this share of those at hand.
@@ -38,7 +38,7 @@ REWARDING = 0.85
 # An angle of the fast components, in rad, that may be off per turn, in tolerances.
 PER_TURN = 3.0
 # Further checks come after these shares of a run, if that is so many turns at least.
-AGAIN, LEAST_BETWEEN = (0.1, 0.4), 20.0
+AGAIN, LEAST_BETWEEN = (0.1, 0.4), 50.0
 # Scale of the error of a plan that ends in nothing.
 HOPELESS = 1e3
 # Errors that rounding makes are no reason for smaller steps.
