@@ -6,7 +6,7 @@ nothing but steps.
 
 The library's C entry is called through ctypes, as its own numba bridge does; compiling that bridge anew in every
 process would take six seconds. It cannot be interrupted, so that a long run goes in pieces of a bounded number of
-steps, each starting from the step at which the last one stopped.
+steps, each starting from the step at which the last one stopped. While it runs, numbers below 2e-308 count as zero.
 """
 
 import ctypes
@@ -19,6 +19,7 @@ from polhode.models.problem import Problem
 from polhode.solvers.compile import c_callback, parameter_array
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status
 from polhode.solvers.cyrk_library import load_cyrk
+from polhode.solvers.machine_code.underflow import flushed_to_zero
 
 # Deadline and Ctrl-C are looked at once per this many steps: a tenth of a second at most.
 CHUNK = 20_000
@@ -142,7 +143,8 @@ def _run(call: Call, record: Record) -> Outcome:
     steps = 0
     while True:
         wanted = record.times[record.filled :]
-        result = call(time, end, state, wanted, min(CHUNK, record.max_steps - steps))
+        with flushed_to_zero():
+            result = call(time, end, state, wanted, min(CHUNK, record.max_steps - steps))
         try:
             size, code = library.c_get_size(result), library.c_get_status(result)
             steps += library.c_get_steps(result)
