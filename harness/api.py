@@ -18,6 +18,7 @@ from polhode.models.form import Form
 from polhode.models.observables import Observables
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
+from polhode.models.spent import spent_on
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.compile import check_field
 from polhode.solvers.contract import Record, Solver, Status, Work
@@ -126,7 +127,9 @@ class Plan:
     def run(self, watch: Callable[[Record], None] | None = None) -> SceneSolution:
         """Solve the problem; raises `polhode.solvers.solve.Interrupted` on Ctrl-C."""
         times = np.linspace(0.0, self.problem.end, self.samples)
-        return self.observed(run(self.problem, self.solver, self.tolerance, times, watch=watch))
+        with spent_on("integration"):
+            found = run(self.problem, self.solver, self.tolerance, times, watch=watch)
+        return self.observed(found)
 
     def observed(self, found: Solution) -> SceneSolution:
         """The motion of the scene that a solution of the problem stands for."""
@@ -157,7 +160,8 @@ def plan(
         _form(form).check(what)
     if solver is not None:
         _solver(solver)
-    choice = choose(what, _name(form), _name(solver), tolerance, error, want, samples)
+    with spent_on("pilots"):
+        choice = choose(what, _name(form), _name(solver), tolerance, error, want, samples)
     equations, method = _form(form or choice.form), _solver(solver or choice.solver)
     problem = equations.problem(what)
     if not method.available:

@@ -5,6 +5,8 @@ from difflib import get_close_matches
 from importlib import import_module
 from typing import Generic, TypeVar
 
+from polhode.models.spent import spent_on
+
 T = TypeVar("T")
 # A shorter word is a part of too much; less alike (`difflib`), a word is another one.
 SHORTEST_PART, ALIKE = 3, 0.7
@@ -64,6 +66,7 @@ class Catalogue(dict[str, str], Generic[T]):
         return found
 
 
+@spent_on("import")
 def _imported(target: str):
     """What a "module:attribute" names."""
     module, _, attribute = target.partition(":")

@@ -14,6 +14,7 @@ import numpy as np
 
 from polhode.models.operations import FLOAT, Field, Operations
 from polhode.models.problem import Problem
+from polhode.models.spent import spent_on
 from polhode.solvers.contract import Backend
 from polhode.solvers.machine_code import kept_code
 from polhode.solvers.machine_code.array_function import array_function
@@ -102,6 +103,7 @@ def array_residual(problem: Problem, backend: Backend, values: np.ndarray) -> tu
 
 
 @cache
+@spent_on("import")
 def load_heyoka() -> Any:
     """Import heyoka: quiet, and with its cache where the user wants it.
 

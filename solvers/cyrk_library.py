@@ -9,6 +9,8 @@ from importlib.metadata import version
 from types import SimpleNamespace
 from typing import Any
 
+from polhode.models.spent import spent_on
+
 # Versions whose C functions have the signatures stated here; of others the package itself is imported.
 KNOWN = ("0.20.",)
 
@@ -39,6 +41,7 @@ _FUNCTIONS = {
 
 
 @cache
+@spent_on("import")
 def load_cyrk() -> Any:
     """The library's C functions, under the names that its own bridge to numba gives them."""
     if version("CyRK").startswith(KNOWN):

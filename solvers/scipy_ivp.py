@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from polhode.models.problem import Problem
+from polhode.models.spent import spent_on
 from polhode.solvers.compile import array_callback, exact_jacobian, parameter_array
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status
 
@@ -36,7 +37,8 @@ class ScipySolver(Solver):
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         """Bind the callbacks, compiled once per field."""
-        import scipy.integrate
+        with spent_on("import"):
+            import scipy.integrate
 
         method = getattr(scipy.integrate, self.method)
         fun, options = self.bind(problem, settings)

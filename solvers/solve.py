@@ -11,6 +11,7 @@ import numpy as np
 
 from polhode.models.operations import FLOAT
 from polhode.models.problem import Problem
+from polhode.models.spent import spent_on
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import (
     UNLIMITED,
@@ -149,7 +150,8 @@ def solve(
         nothing = Work(), Status.ADAPTER_MISSING, str(method.why_not)
         return Solution(problem, method.name, settings, times[:1], start[None], nothing[1], nothing[2], nothing[0], 0.0)
     method.check(problem)
-    integrate = method.prepare(problem, settings)
+    with spent_on("compilation"):
+        integrate = method.prepare(problem, settings)
     rows = np.empty((len(times), len(start)))
     rows[0] = start
     done, work, status, message = 1, Work(), Status.REACHED_END, ""

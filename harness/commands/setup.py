@@ -81,7 +81,7 @@ def examine(watch: float = WATCH) -> dict[str, Any]:
         for name, method in ((name, solver(name)) for name in SOLVERS)
     ]
     caches = [look("references", cache_folder() / "references"), look("compiled integrators", cache_folder("heyoka"))]
-    steadiness = watch_sentinel(watch)
+    cold, steadiness = cold_start(), watch_sentinel(watch)
     advice = [f"{row['name']}: {row['why_not']}" for row in adapters if not row["available"]]
     advice += [
         f"{cache['folder']}: cannot be written, so that {cache['name']} are made anew every time: "
@@ -97,6 +97,7 @@ def examine(watch: float = WATCH) -> dict[str, Any]:
         "adapters": adapters,
         "caches": caches,
         "laws": _laws(),
+        "cold_start": cold,
         "steadiness": steadiness,
         "advice": advice,
     }
@@ -126,6 +127,28 @@ def look(name: str, folder: Path) -> dict[str, Any]:
     above = next((path for path in (folder, *folder.parents) if path.exists()), Path("/"))
     writable = above.is_dir() and os.access(above, os.W_OK)
     return {"name": name, "folder": folder, "files": len(sizes), "size": sum(sizes), "writable": writable}
+
+
+def cold_start() -> dict[str, float]:
+    """Seconds that `polhode solve paper` takes in a process of its own, by piece of work."""
+    import subprocess
+    import sys
+    from time import perf_counter
+
+    began = perf_counter()
+    done = subprocess.run([sys.executable, "-P", "-c", _COLD], capture_output=True, text=True, check=False)
+    return json.loads(done.stdout or "{}") | {"in all": perf_counter() - began}
+
+
+_COLD = """
+import json, os
+from contextlib import suppress
+from polhode.harness.cli import main
+from polhode.models.spent import SPENT
+with suppress(SystemExit):
+    main(["solve", "paper", "--quiet", "--out", os.devnull])
+print(json.dumps(SPENT))
+"""
 
 
 def watch_sentinel(seconds: float) -> dict[str, float | None]:
@@ -170,6 +193,7 @@ def _page(found: dict[str, Any]) -> str:
         aligned(["package", "version"], [*found["versions"].items()]),
         aligned(["solver", "library", ""], adapters),
         aligned(["cache", "folder", ""], [*caches, ["cost laws", found["laws"], ""]]),
+        aligned(["polhode solve paper", ""], [(work, duration(each)) for work, each in found["cold_start"].items()]),
         f"times: {verdict}; sentinel {seconds}, median {steadiness['ratio']:.2f} × that; load {waiting}",
         *(["\n".join(["What to do:", *(f"- {line}" for line in found["advice"])])] if found["advice"] else []),
     ]

@@ -1,6 +1,7 @@
 """`polhode solve`: one scene, as a table on the terminal or as CSV."""
 
 from pathlib import Path
+from time import process_time
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -45,7 +46,8 @@ FEW, SHOWN = 11, ["t", "t2", "Lx", "Ly", "Lz", "E"]
     "--out", type=click.Path(path_type=Path), help="CSV file to write, - for standard output; by default a short table."
 )
 @click.option("--quiet", is_flag=True, help="No progress and no notes.")
-def solve(scene: str, out: Path | None, quiet: bool, **given: Any) -> None:
+@click.option("-v", "--verbose", is_flag=True, help="Say where the time went, on standard error.")
+def solve(scene: str, out: Path | None, quiet: bool, verbose: bool, **given: Any) -> None:
     """Solve SCENE and write t, t2, L, E and the rotation matrix at equispaced times.
 
     Until it is complete the file is called FILE.partial; a run that fails or is interrupted leaves that behind. A form
@@ -53,13 +55,17 @@ def solve(scene: str, out: Path | None, quiet: bool, **given: Any) -> None:
     """
     from polhode.harness.common.files import PartialFile
     from polhode.harness.common.progress import Progress
-    from polhode.harness.common.text import duration
+    from polhode.harness.common.text import aligned, duration
+    from polhode.models.spent import SPENT, spent_on
 
+    # What came before this, in processor time.
+    SPENT["import"] = process_time()
     with Progress(quiet) as progress:
         with bad_input():
             target = PartialFile(out) if out else None
             progress.begin("choosing")
-            from polhode.harness.api import plan
+            with spent_on("import"):
+                from polhode.harness.api import plan
 
             what = plan(scene, **given)
             if target:
@@ -69,10 +75,14 @@ def solve(scene: str, out: Path | None, quiet: bool, **given: Any) -> None:
             for note in _notes(what, given["tolerance"]):
                 click.echo(f"note: {note}", err=True)
         solution = _run(what, target, progress)
-    if not target:
-        click.echo(_table(solution))
-    elif not quiet and target.atomic:
-        click.echo(f"{out}: {what.samples} rows, solved in {duration(solution.seconds)}", err=True)
+    with spent_on("output"):
+        if not target:
+            click.echo(_table(solution))
+        elif not quiet and target.atomic:
+            click.echo(f"{out}: {what.samples} rows, solved in {duration(solution.seconds)}", err=True)
+    if verbose:
+        rows = [(work, duration(seconds)) for work, seconds in SPENT.items()]
+        click.echo(aligned(["time", ""], [*rows, ("in all", duration(sum(SPENT.values())))]), err=True)
 
 
 def _notes(what: "Plan", tolerance: float | None) -> list[str]:
@@ -99,6 +109,7 @@ def _run(what: "Plan", target: "PartialFile | None", progress: "Progress") -> "S
     from contextlib import nullcontext
 
     from polhode.harness.common.observables_csv import write_csv
+    from polhode.models.spent import spent_on
     from polhode.solvers.solve import Interrupted
 
     def watch(record: "Record") -> None:
@@ -114,7 +125,8 @@ def _run(what: "Plan", target: "PartialFile | None", progress: "Progress") -> "S
                 solution, how = what.observed(interruption.solution), "interrupted"
             progress.begin("writing")
             if file:
-                write_csv(file, solution.table(), progress.advance)
+                with spent_on("output"):
+                    write_csv(file, solution.table(), progress.advance)
             if how or not solution.success:
                 where = f"in {target.partial}" if target else "finished"
                 rows = f"{len(solution.times)} of {what.samples} rows are {where}"

@@ -4,6 +4,8 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
+from polhode.models.spent import spent_on
+
 _DECLARATIONS = """
 declare double @llvm.sin.f64(double)
 declare double @llvm.cos.f64(double)
@@ -65,6 +67,7 @@ def compile_lines(signature: Signature, lines: str) -> MachineCode:
 
 
 @cache
+@spent_on("import")
 def _llvm() -> Any:
     import llvmlite.binding as llvm
 

@@ -23,6 +23,9 @@ def test_json_tells_versions_solvers_and_caches(polhode: Run, environment: dict[
     place = Path(environment["POLHODE_CACHE"])
     assert [cache["folder"] for cache in found["caches"]] == [str(place / "references"), str(place / "heyoka")]
     assert found["steadiness"]["ratio"] >= 1
+    pieces = {"import", "compilation", "pilots", "integration", "output"}
+    assert set(found["cold_start"]) == pieces | {"in all"}
+    assert all(seconds > 0 for seconds in found["cold_start"].values())
 
 
 def test_page_is_plain_where_it_is_no_terminal(polhode: Run):

@@ -1,5 +1,6 @@
 """`polhode solve`: the file it writes, and what an interrupted run leaves."""
 
+import os
 import signal
 import subprocess
 import time
@@ -238,6 +239,13 @@ def test_a_link_stays_and_what_it_points_to_is_replaced(here: Run, tmp_path: Pat
     assert (tmp_path / "a.csv").is_symlink()
     assert (tmp_path / "there" / "a.csv").read_text(encoding="utf-8").startswith(HEADER)
     assert [path.name for path in (tmp_path / "there").iterdir()] == ["a.csv"]
+
+
+def test_where_the_time_went_is_said_on_request(polhode: Run):
+    done = polhode("solve", "paper", "--verbose", "--quiet", "--out", os.devnull)
+    assert (done.returncode, done.stdout) == (0, "")
+    lines = [line.rsplit(maxsplit=2)[0] for line in done.stderr.splitlines()]
+    assert {"import", "compilation", "pilots", "integration", "output", "in all"} <= set(lines)
 
 
 def test_a_home_that_cannot_be_written_changes_nothing(environment, scene_file: Path):
