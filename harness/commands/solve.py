@@ -50,7 +50,7 @@ FEW, SHOWN = 11, ["t", "t2", "Lx", "Ly", "Lz", "E"]
 def solve(scene: str, out: Path | None, quiet: bool, verbose: bool, **given: Any) -> None:
     """Solve SCENE and write t, t2, L, E and the rotation matrix at equispaced times.
 
-    Until it is complete the file is called FILE.partial; a run that fails or is interrupted leaves that behind. A form
+    FILE appears when it is complete; a run that fails or is interrupted leaves its rows as FILE.partial. A form
     or solver that is not expected to meet the error runs all the same, and a note on standard error says why.
     """
     from polhode.harness.common.files import PartialFile

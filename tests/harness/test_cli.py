@@ -164,6 +164,7 @@ BAD_ARGUMENTS = [
     (["bench", "scene.toml", "--out", "a", "--tolerance", "3"], "--tolerance", "expected: polhode bench [OPTIONS]"),
     (["calibrate", "--scenes", "2"], "2 is not", "in the range x>=3"),
     (["calibrate", "--to", "."], "'.'", "is a directory"),
+    (["calibrate", "--to", "scene.toml/laws.json"], "scene.toml: ", "expected a folder"),
     (["sweep", "sweep.toml", "--workers", "-2"], "-2 is not", "in the range x>=0"),
     (["compare", "a.json", "b.json", "--slower", "x"], "'x'", "is not a valid float"),
     (["export"], "Missing argument 'STORE'", "expected: polhode export [OPTIONS] STORE OUT"),
