@@ -7,6 +7,7 @@ from typing import Any
 
 import pandas as pd
 
+from polhode.harness.common.store import Record
 from polhode.harness.references.uncertainty import least_known, uncertainty_of
 
 # What makes two records the same case, whatever the versions they were made with.
@@ -16,8 +17,6 @@ LEAST_ERROR = 1e-13
 # A change in time below this, in seconds, is the clock's.
 LEAST_SECONDS = 2e-5
 ERRORS = ("slow_error", "orientation_error")
-
-Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -65,7 +64,7 @@ def compare(before: pd.DataFrame, after: pd.DataFrame, *, slower: float, less_ac
     )
 
 
-def _by_identity(table: pd.DataFrame) -> dict[tuple[Any, ...], Row]:
+def _by_identity(table: pd.DataFrame) -> dict[tuple[Any, ...], Record]:
     """Rows by what makes them the same case; of several, as of several versions or repetitions, the last counts."""
     rows = (
         {str(name): value if isinstance(value, list) or not pd.isna(value) else None for name, value in row.items()}
@@ -74,18 +73,18 @@ def _by_identity(table: pd.DataFrame) -> dict[tuple[Any, ...], Row]:
     return {tuple(row.get(column) for column in IDENTITY): row for row in rows}
 
 
-def _sentinel(rows: Mapping[Any, Row]) -> float:
+def _sentinel(rows: Mapping[Any, Record]) -> float:
     """Median time of the fixed piece of arithmetic; 1 where nothing was measured."""
     times = [row["sentinel_seconds"] for row in rows.values() if row.get("sentinel_seconds")]
     return median(times) if times else 1.0
 
 
-def _changes(before: Row, after: Row, drift: float, slower: float, less_accurate: float) -> list[Row]:
+def _changes(before: Record, after: Record, drift: float, slower: float, less_accurate: float) -> list[Record]:
     """What got worse in one case."""
     if before["status"] == "reached_end" != after["status"]:
         near = before["counted_seconds"] * slower * drift > after["max_seconds"]
-        told = {"what": "status", "before": before["status"], "after": after["status"]}
-        return [] if near and after["status"] == "time_limit" else [told]
+        change = {"what": "status", "before": before["status"], "after": after["status"]}
+        return [] if near and after["status"] == "time_limit" else [change]
     changes = []
     if before.get("seconds") is not None and after.get("seconds") is not None:
         pace = max(drift, _pace(before, after))
@@ -103,13 +102,13 @@ def _changes(before: Row, after: Row, drift: float, slower: float, less_accurate
     return changes
 
 
-def _pace(before: Row, after: Row) -> float:
+def _pace(before: Record, after: Record) -> float:
     """How many times as long the sentinel took beside the case itself; 0 where that does not compare."""
     first, second = before.get("sentinel_seconds"), after.get("sentinel_seconds")
     return second / first if first and second and _machine(before) == _machine(after) else 0.0
 
 
-def _machine(row: Row) -> tuple[Any, ...]:
+def _machine(row: Record) -> tuple[Any, ...]:
     """Machine and Python that a row was measured with."""
     return tuple(value for name, value in sorted(row.items()) if name.startswith("machine."))
 

@@ -3,12 +3,12 @@
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 
 from polhode.harness.common.machine import package_version
 from polhode.harness.common.plain_json import digest
+from polhode.harness.common.store import Record
 from polhode.harness.common.timing import seconds_of
 from polhode.harness.references.errors import Errors, errors, statistics_distance
 from polhode.harness.references.extended import ReferenceFailedError
@@ -30,8 +30,6 @@ SCHEMA = 2
 ROTATIONS_PER_STEP = 20.0
 # Below this St a stiff method may well step over rotations that the particle no longer makes by itself.
 OSCILLATORY_FROM = 1.0
-
-Record = dict[str, Any]
 
 
 @dataclass(frozen=True)

@@ -133,9 +133,8 @@ def first_runs(problem: Problem, solvers: Sequence[str]) -> dict[str, tuple[Firs
 def first_seconds(scenes: Mapping[str, Scene], methods: Iterable[tuple[str, str]]) -> dict[tuple[str, str], float]:
     """Seconds that the first of all runs by a form and solver takes more than later ones, import and compilation.
 
-    Measured once for the solvers that share what is compiled for a form, without a cache on disk.
-
-    Of each form one scene is run, a beginning of it; 0.0 where that fails.
+    Measured once for the solvers that share what is compiled for a form, without a cache on disk, on the beginning of a
+    scene of that form; 0.0 where that fails.
     """
     known: dict[tuple[str, str], float] = {}
     found = {}
@@ -143,7 +142,9 @@ def first_seconds(scenes: Mapping[str, Scene], methods: Iterable[tuple[str, str]
         group = form, compile_group(solver)
         if group not in known:
             with TemporaryDirectory() as folder:
-                run = _fresh(_beginning(find_form(form).problem(scenes[form])), solver, folder)
+                problem = find_form(form).problem(scenes[form])
+                beginning = replace(problem, end=problem.end * BEGINNING, least_steps=0)
+                run = _fresh(beginning, solver, folder)
             known[group] = run.library + run.compilation if run else 0.0
         found[form, solver] = known[group]
     return found
@@ -153,10 +154,6 @@ def compile_group(solver: str) -> str:
     """Solvers that share what is compiled for a form."""
     method = find_solver(solver)
     return f"{method.library}{' implicit' if method.implicit else ''}" if method.library != "CyRK" else "CyRK"
-
-
-def _beginning(problem: Problem) -> Problem:
-    return replace(problem, end=problem.end * BEGINNING, least_steps=0)
 
 
 def _fresh(problem: Problem, solver: str, folder: str) -> FirstRun | None:

@@ -9,10 +9,10 @@ from typing import Protocol
 from tqdm import tqdm
 
 from polhode.harness.common.machine import machine, now, versions
-from polhode.harness.common.store import Store
+from polhode.harness.common.store import Record, Store
 from polhode.harness.common.timing import Patience, Timing, sentinel
 from polhode.harness.common.worker import Failure, Worker
-from polhode.harness.studies.case import Attempt, Case, Record, attempt, judge, missing, time_once
+from polhode.harness.studies.case import Attempt, Case, attempt, judge, missing, time_once
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Backend, Jacobian, Status
 

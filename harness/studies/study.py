@@ -8,6 +8,7 @@ from typing import Literal
 from polhode.harness.studies.case import Case
 from polhode.models.catalogue import form as find_form
 from polhode.models.form import FormNotValidError
+from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Backend, Jacobian, SolverNotValidError
@@ -66,15 +67,8 @@ class Study:
                     problem = find_form(form_name).problem(scene)
                 except FormNotValidError:
                     continue
-                accepted = []
-                for solver_name in self.solvers:
-                    if choice.solvers is not None and solver_name not in choice.solvers:
-                        continue
-                    try:
-                        find_solver(solver_name).check(problem)
-                    except SolverNotValidError:
-                        continue
-                    accepted.append(solver_name)
+                wanted = (name for name in self.solvers if choice.solvers is None or name in choice.solvers)
+                accepted = [name for name in wanted if _accepts(name, problem)]
                 for tolerance in sorted(self.tolerances, reverse=True):
                     yield [
                         Case(
@@ -152,6 +146,14 @@ class Study:
         if self.backends is None:
             backends = [None]
         return [(backend, jacobian) for backend in backends for jacobian in jacobians or [None]]
+
+
+def _accepts(solver_name: str, problem: Problem) -> bool:
+    try:
+        find_solver(solver_name).check(problem)
+    except SolverNotValidError:
+        return False
+    return True
 
 
 def _known(kind: str, names: Iterable[str], known: Iterable[str]) -> set[str]:

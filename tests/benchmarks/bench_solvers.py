@@ -10,8 +10,9 @@ from functools import cache
 
 import pytest
 
+from polhode.harness.common.store import Record
 from polhode.harness.common.timing import Patience, sentinel
-from polhode.harness.studies.case import Attempt, Case, Record, attempt, judge
+from polhode.harness.studies.case import Attempt, Case, attempt, judge
 from polhode.models.catalogue import FORMS
 from polhode.models.catalogue import form as find_form
 from polhode.models.form import FormNotValidError
