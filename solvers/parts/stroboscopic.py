@@ -12,10 +12,10 @@ from polhode.solvers.parts.splitting import PartsSolver, Split
 from polhode.solvers.parts.strobe_kernels import strobe_kernels
 
 # Runs of fewer turns are left to splitting, and so is a stretch of turns wherever a macro-step would be of fewer than
-# so many times its order: it costs fifteen times its order.
-LEAST_TURNS, PAYING, STRETCH = 1000, 20.0, 600.0
-# Shares of the tolerance: error of a macro-step, of the averaging, of the micro-steps.
-MACRO, AVERAGING, MICRO = 0.2, 0.1, 0.1
+# so many times its order: it costs fifteen times its order. A stretch is doubled so often while that fails.
+LEAST_TURNS, PAYING, STRETCH, LONGEST = 1000, 20.0, 600.0, 4
+# Shares of the tolerance: error of a macro-step (rows within it err more), of the averaging, of the micro-steps.
+MACRO, AVERAGING, MICRO = 0.03, 0.1, 0.1
 # Micro-steps per turn: at first, at least, at most.
 FIRST, FEWEST, MOST = 6, 4, 24
 # Share of the error allowed below which fewer are tried.
@@ -30,11 +30,12 @@ FIRST_STEP = 0.3
 
 @dataclass
 class Setting:
-    """How the next macro-step is tried: micro-steps per turn, whether fewer may do, and turns (0: not known)."""
+    """How the next macro-step is tried: micro-steps per turn, whether fewer may do, turns (0: not known), failures."""
 
     micro: int = FIRST
     easy: bool = False
     turns: float = 0.0
+    failed: int = 0
 
 
 class Strobe:
@@ -62,8 +63,10 @@ class Strobe:
             if record.expired:
                 return Status.TIME_LIMIT, f"after {record.work.steps} steps"
             moved = self.step(point, setting, record)
+            setting.failed = setting.failed + 1 if moved is None else 0
             if moved is None:
-                outcome = self.stretch(point, record)
+                # Ever longer, so that vain attempts cost little.
+                outcome = self.stretch(point, STRETCH * 2 ** min(setting.failed - 1, LONGEST), record)
                 if outcome is not None:
                     return outcome
             else:
@@ -86,7 +89,7 @@ class Strobe:
             return None
         stages, ends = np.empty((16, len(point))), np.empty((3, len(point)))
         stages[0] = fields[ORDERS.index(order)]
-        turns = setting.turns or FIRST_STEP * memory
+        turns = setting.turns or max(FIRST_STEP * memory, 2 * PAYING * order)
         while True:
             turns = float(min(np.ceil(turns), np.ceil(left / period) + 2))
             if turns < min(PAYING * order, left / period):
@@ -137,9 +140,9 @@ class Strobe:
         fifth, third = (float(np.sum((each / scale) ** 2)) for each in estimates)
         return 0.0 if fifth == 0 else fifth / float(np.sqrt((fifth + 0.01 * third) * len(scale)))
 
-    def stretch(self, point: np.ndarray, record: Record) -> Outcome | None:
-        """Some hundred turns by splitting; the outcome if that is the end, else the point moves on."""
-        until = float(point[-1]) + STRETCH * 2 * pi / self.split.rate(point[:-1])
+    def stretch(self, point: np.ndarray, turns: float, record: Record) -> Outcome | None:
+        """So many turns by splitting; the outcome if that is the end, else the point moves on."""
+        until = float(point[-1]) + turns * 2 * pi / self.split.rate(point[:-1])
         last = int(np.searchsorted(record.times, until))
         at_end = last >= len(record.times)
         inner = record.times[record.filled : last]
