@@ -5,9 +5,9 @@ from math import pi
 
 import numpy as np
 
-from polhode.models.rotation import Triple, matrix_from_quaternion, quaternion_from_euler
+from polhode.models.rotation import Triple
 from polhode.models.scene import BodyStart, EulerStart, Scene
-from polhode.models.scenes import NEAR_POLE_START, PAPER_ELLIPSOID, PAPER_START, PROLATE, SPHEROID_START
+from polhode.models.scenes import NEAR_POLE_START, PAPER_ELLIPSOID, PAPER_START, PROLATE, SPHEROID_START, aligned_start
 from polhode.models.shape import Ellipsoid
 
 # St of the paper's cases; those up to QUICK make a first look. A run over T = 5e5 in long double takes half a minute:
@@ -46,15 +46,6 @@ class Subject:
         return Scene(Ellipsoid(self.semi_axes), stokes, self.start, self.slow_time * stokes)
 
 
-def aligned_with_vorticity(semi_axes: Triple, theta: float, psi: float, momentum: float) -> BodyStart:
-    """Start with φ = 0 and L = momentum · I_max ẑ: the phase planes' starts (`fig:SI1005550`, spheroid figures)."""
-    inertia = Ellipsoid(semi_axes).inertia
-    quaternion = quaternion_from_euler((theta, 0.0, psi))
-    vertical = matrix_from_quaternion(np.array(quaternion))[:, 2].tolist()
-    w1, w2, w3 = (momentum * max(inertia) * z / i for z, i in zip(vertical, inertia, strict=True))
-    return BodyStart(quaternion, (w1, w2, w3))
-
-
 def paper_cases() -> list[Subject]:
     """The paper's cases: its two starts of each shape, and one start of each phase plane."""
     saddle = EulerStart((1.57, 0.0, pi / 2), (0.0, -0.61, 0.0003))
@@ -65,12 +56,11 @@ def paper_cases() -> list[Subject]:
         Subject("ellipsoid (1, 0.8, 0.5)", PAPER_ELLIPSOID, PAPER_START, 0.5, far),
         Subject("ellipsoid (1, 0.8, 0.5), near the saddle", PAPER_ELLIPSOID, saddle, 0.5, STOKES),
     ]
-    planes: list[tuple[str, Triple, float]] = [
-        *((f"phase plane κ = {kappa:g}", (1.0, 1.0, kappa), 0.0) for kappa in (2.0, 3.33, 0.5, 0.3)),
-        *((f"phase plane (1, {b:g}, {c:g})", (1.0, b, c), pi / 2) for b in (0.55, 0.75, 0.95) for c in (0.5, 0.3)),
-    ]
-    for name, axes, psi in planes:
-        cases.append(Subject(name, axes, aligned_with_vorticity(axes, pi / 4, psi, -1.0), 0.5, STOKES))
+    planes = {f"phase plane κ = {kappa:g}": (1.0, 1.0, kappa) for kappa in (2.0, 3.33, 0.5, 0.3)}
+    planes |= {f"phase plane (1, {b:g}, {c:g})": (1.0, b, c) for b in (0.55, 0.75, 0.95) for c in (0.5, 0.3)}
+    for name, axes in planes.items():
+        body = Ellipsoid(axes)
+        cases.append(Subject(name, axes, aligned_start(body, -max(body.inertia), pi / 4), 0.5, STOKES))
     return cases
 
 

@@ -8,8 +8,7 @@ from polhode.harness.analysis.pareto import Side
 from polhode.harness.analysis.regime_map import Cell, usual_form
 from polhode.harness.analysis.winners import TIE
 from polhode.harness.common.text import duration, factor, short
-from polhode.harness.pages.style import colour, rank
-from polhode.harness.pages.work_precision import power_of_ten
+from polhode.harness.pages.style import colour, power, rank
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -81,8 +80,8 @@ def draw(axes: "Axes", found: Sequence[Cell]) -> "Axes":
     _borders(axes, [[winner.side if winner else None for winner in column] for column in won])
     axes.set_xlim(0, len(numbers))
     axes.set_ylim(len(targets), 0)
-    axes.set_xticks([i + 0.5 for i in range(len(numbers))], [power_of_ten(stokes) for stokes in numbers], fontsize=11)
-    axes.set_yticks([j + 0.5 for j in range(len(targets))], [power_of_ten(target) for target in targets], fontsize=11)
+    axes.set_xticks([i + 0.5 for i in range(len(numbers))], [power(stokes) for stokes in numbers], fontsize=11)
+    axes.set_yticks([j + 0.5 for j in range(len(targets))], [power(target) for target in targets], fontsize=11)
     axes.tick_params(length=0)
     for spine in axes.spines.values():
         spine.set_visible(False)
@@ -94,7 +93,7 @@ def _durations(axes: "Axes", numbers: Sequence[float], times: Mapping[float, flo
     slow = [times[stokes] / stokes if stokes else inf for stokes in numbers]
     usual = max(slow, key=slow.count)
     rows = {
-        "St": [power_of_ten(stokes) for stokes in numbers],
+        "St": [power(stokes) for stokes in numbers],
         "$t$": [short(times[stokes]) for stokes in numbers],
         "$t_2$": ["∞" if value == inf else short(value) for value in slow],
     }

@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
+from math import floor, inf, log10
 from typing import Any
 
 from polhode.models.catalogue import FORMS
@@ -95,3 +96,12 @@ def is_averaged(form: str) -> bool:
 def family_colour(family: str) -> str:
     """Colour that stands for all solvers of a library: that of its first."""
     return next((colour(name) for name in SOLVERS if find_solver(name).family == family), OTHER)
+
+
+def power(value: float) -> str:
+    """A number for a figure: from 1000 on and below 0.01 with its power of ten, others as they are."""
+    exponent = floor(log10(value) + 1e-12) if 0 < value < inf else 0
+    if -3 < exponent < 3:
+        return f"{value:g}"
+    factor = f"{value / 10.0**exponent:.3g}"
+    return f"$10^{{{exponent}}}$" if factor == "1" else f"${factor}\\times10^{{{exponent}}}$"

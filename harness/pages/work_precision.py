@@ -3,7 +3,6 @@
 import textwrap
 from collections.abc import Iterable, Sequence
 from itertools import cycle
-from math import inf, log10
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +12,7 @@ import pandas as pd
 from polhode.harness.analysis.frames import by_stokes, where
 from polhode.harness.analysis.pareto import pareto_front
 from polhode.harness.common.text import short
-from polhode.harness.pages.style import GREY, is_averaged, looks, rank
+from polhode.harness.pages.style import GREY, is_averaged, looks, power, rank
 from polhode.harness.references.uncertainty import KNOWN, known
 
 if TYPE_CHECKING:
@@ -136,14 +135,6 @@ def mark_failures(axes: "Axes", runs: pd.DataFrame) -> None:
         axes.text(0.02, 0.98, "\n".join(lines), transform=axes.transAxes, **style)
 
 
-def power_of_ten(value: float) -> str:
-    """A number for a figure: powers of ten from 1000 on and below 0.01 as such."""
-    exponent = log10(value) if 0 < value < inf else 0.0
-    if abs(exponent) < 2.5 or abs(exponent - round(exponent)) > 1e-9:
-        return f"{value:g}"
-    return f"$10^{{{round(exponent)}}}$"
-
-
 def work_precision_panels(records: pd.DataFrame, error: str, label: str) -> "Figure":
     """One panel of `work_precision` per St, with a common legend."""
     import matplotlib.pyplot as plt
@@ -156,7 +147,7 @@ def work_precision_panels(records: pd.DataFrame, error: str, label: str) -> "Fig
     for axes, (stokes, runs) in zip(grid.flat, groups, strict=False):
         work_precision(axes, runs, error)
         mark_failures(axes, runs)
-        axes.set_title(f"St = {power_of_ten(stokes)}", fontsize=10)
+        axes.set_title(f"St = {power(stokes)}", fontsize=10)
     for axes in grid.flat[len(groups) :]:
         axes.set_visible(False)
     _limits(grid[0, 0], [runs for _, runs in groups], error)

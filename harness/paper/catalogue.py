@@ -29,13 +29,7 @@ def items() -> tuple[Item, ...]:
 
 
 def find_items(names: tuple[str, ...]) -> tuple[Item, ...]:
-    """Items, or all items of sections, of the given names; all of them if none is given.
-
-    Raises
-    ------
-    ValueError
-        If there is none of a name.
-    """
+    """Items, or all items of sections, of the given names, all of them without names; ValueError for unknown ones."""
     known = {item.name: (item,) for item in items()} | {section.name: section.items for section in sections()}
     for name in names:
         if name not in known:

@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from PIL import Image
 
+from polhode.harness.pages.style import power
 from polhode.harness.paper.item import Table
 from polhode.harness.paper.tables import groups
 
@@ -101,15 +102,6 @@ def unit_sphere(axes: Axes) -> Axes:
 def draw_on_sphere(axes: Axes, path: Table, **style: Any) -> None:
     """Draw a path with columns x, y, z."""
     axes.plot(*(path[name] for name in "xyz"), **style)
-
-
-def power(value: float) -> str:
-    """A number for a label: from 1e4 on with its power of ten, others as they are."""
-    exponent = int(np.floor(np.log10(value) + 1e-12))
-    if exponent < 4:
-        return f"{value:g}"
-    factor = f"{value / 10.0**exponent:.3g}"
-    return f"$10^{{{exponent}}}$" if factor == "1" else f"${factor}\\times10^{{{exponent}}}$"
 
 
 def draw_groups(

@@ -22,12 +22,8 @@ def run(
 ) -> list[str]:
     """Compute, draw and write the pages of all items; those that fail are reported and do not stop the others.
 
-    Data that today's code made on this grid are kept; with `force` none are, with `redraw` all that are there.
-
-    Returns
-    -------
-    list of str
-        Names of the items that failed.
+    Data that today's code made on this grid are kept; with `force` none are, with `redraw` all that are there. Returns
+    the names of the items that failed.
     """
     failed = []
     began = perf_counter()

@@ -38,13 +38,8 @@ class Word(StrEnum):
     MEASURED = "measured"
     NOT_CONFIRMED = "not confirmed"
 
-    @property
-    def meaning(self) -> str:
-        """In a sentence."""
-        return _MEANINGS[self]
 
-
-_MEANINGS = {
+MEANINGS = {
     Word.CONFIRMED: "the computation agrees with what the paper says",
     Word.SHARPENED: "it agrees, and a number now stands where the paper has words",
     Word.CORRECTED: "it contradicts what is printed; the number says what holds instead",

@@ -6,7 +6,7 @@ from pathlib import Path
 from polhode.harness.common.files import write_file
 from polhode.harness.common.text import markdown, short
 from polhode.harness.paper import store
-from polhode.harness.paper.item import Data, Grid, Item, Number, Section, Verdict, Word
+from polhode.harness.paper.item import MEANINGS, Data, Grid, Item, Number, Section, Verdict, Word
 
 Judged = tuple[Data, Verdict, bool]
 NOTICE = "Made by `polhode paper`. Do not edit: the next run overwrites this page."
@@ -84,7 +84,7 @@ def _index(sections: Sequence[Section], found: Mapping[str, Judged | None], grid
         "(Vishwanathan, Gudda and Subramanian), computed anew, and some questions beyond it. "
         "`polhode paper` makes all of it again, `polhode paper ITEM…` single ones.",
         "",
-        *(f"- *{word}*: {word.meaning}." for word in Word),
+        *(f"- *{word}*: {MEANINGS[word]}." for word in Word),
         "",
     ]
     if grid is not Grid.FULL:

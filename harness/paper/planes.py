@@ -7,9 +7,10 @@ from matplotlib.axes import Axes
 
 from polhode.harness.paper.drawing import AVERAGED, BLACK, BOUND, GREEN, NODE, draw_broken, label
 from polhode.harness.paper.item import Table
-from polhode.harness.paper.runs import Run, aligned_start, slow_run, slow_run_to_pinch
+from polhode.harness.paper.runs import Run, slow_run, slow_run_to_pinch
 from polhode.harness.paper.tables import groups
 from polhode.models.scene import Scene
+from polhode.models.scenes import aligned_start
 from polhode.models.shape import Ellipsoid
 from polhode.models.theory.fixed_points import FixedPoint, Stability, fixed_points
 

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import cos, pi
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from polhode.models.catalogue import averaged_form, full_form
 from polhode.models.catalogue import form as find_form
 from polhode.models.form import Form
 from polhode.models.observables import Observables
-from polhode.models.scene import EulerStart, Scene, SlowStart
+from polhode.models.scene import Scene, SlowStart
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.solve import solve
 
@@ -90,17 +89,6 @@ def slow_scene(ellipsoid: Ellipsoid, slow: Sequence[float], slow_time: float) ->
     unit = max(ellipsoid.inertia)
     x, y, z, energy = (float(value) * unit for value in slow)
     return Scene(ellipsoid, 1.0, SlowStart((x, y, z), energy), float(slow_time))
-
-
-def aligned_start(ellipsoid: Ellipsoid, momentum: float, theta: float, phi: float = 0.0) -> EulerStart:
-    """Start with L = `momentum` ẑ: θ = theta, φ = phi, ψ = π/2.
-
-    With ψ = π/2 the axis x' stands in the plane of z' and ẑ: φ̇₀ = L_z/I₁ and ψ̇₀ = L_z cos θ₀ (1/I₃ - 1/I₁), so that θ₀
-    from 0 to π/2 covers all energies. The captions of the paper print these rates with ψ₀ = 0, to which I₂ belongs,
-    and for spheroids the other sign of ψ̇₀.
-    """
-    i1, _, i3 = ellipsoid.inertia
-    return EulerStart((theta, phi, pi / 2), (0.0, momentum / i1, momentum * cos(theta) * (1 / i3 - 1 / i1)))
 
 
 def spheroid(kappa: float) -> Ellipsoid:

@@ -36,23 +36,9 @@ ON_COSTS = re.compile(r"(slow|orientation)(-[\w-]+)?\.png")
 
 
 def build(reports: Path, out: Path, scenes: dict[str, Scene], say: Callable[[str], None] = lambda _: None) -> Path:
-    """Write the site and return its opening page.
+    """Write the site and return its opening page, which names whatever `reports` lacks.
 
-    Parameters
-    ----------
-    reports : Path
-        Folder of what the harness produced; the opening page names whatever is missing there.
-    out : Path
-        Folder of the site.
-    scenes : dict
-        Scenes of one's own to show moving, by name.
-    say : callable
-        Receives a line about each page.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written.
+    `scenes` are scenes of one's own to show moving, by name; `say` receives a line about each page.
     """
     files = {page_name(path): path for path in sorted(reports.glob("*/*.md"))}
     texts = {name: path.read_text(encoding="utf-8").replace(OVERWRITTEN, "") for name, path in files.items()}

@@ -98,16 +98,10 @@ def _solvers(names: set[str]) -> dict[str, Any]:
     found = {}
     for solver, look in looks(name.partition(" ")[0] for name in names).items():
         for name in sorted(name for name in names if name.partition(" ")[0] == solver):
-            found[name] = {
-                "color": look.colour,
-                "mark": look.outline,
-                "tags": _tags(solver, name),
-            }
+            method = find_solver(solver) if solver in SOLVERS else None
+            implicit = method is not None and method.implicit
+            compiled = method is not None and "compiled" in method.backends and "(numba" not in name
+            tags = ["implicit" if implicit else "explicit"]
+            tags.append("compiled" if compiled and "(python" not in name else "Python in the loop")
+            found[name] = {"color": look.colour, "mark": look.outline, "tags": tags}
     return found
-
-
-def _tags(solver: str, name: str) -> list[str]:
-    method = find_solver(solver) if solver in SOLVERS else None
-    implicit = method is not None and method.implicit
-    compiled = "(numba" not in name and "(python" not in name and method is not None and "compiled" in method.backends
-    return ["implicit" if implicit else "explicit", "compiled" if compiled else "Python in the loop"]

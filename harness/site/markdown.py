@@ -39,17 +39,10 @@ def section(text: str, heading: str) -> str:
 
 
 def render(text: str, path: Path, known: Mapping[Path, str], drawn: Callable[[str], str] = lambda _: "") -> Rendered:
-    """Render Markdown.
+    """Render the Markdown of a file, to which links and pictures are relative.
 
-    Parameters
-    ----------
-    text : str
-    path : Path
-        Its file: links and pictures are relative to it.
-    known : mapping
-        Address on the site of each Markdown page; links elsewhere become plain text.
-    drawn : callable
-        HTML that takes the place of the picture of the name it is given; empty to keep that.
+    `known` holds the address on the site of each Markdown page; links elsewhere become plain text. `drawn` gives HTML
+    in place of the picture of that name; where it is empty the picture stays.
     """
     tokens = _parser().parse(text)
     found = Rendered("", "")

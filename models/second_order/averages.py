@@ -13,6 +13,8 @@ L⊥        n×(r₁S_n + r₂W_n)          [p₁S_n⊥ + p₂W_n + n×(p₃S_n 
 ========  =========================  ==================================================================================
 """
 
+from collections.abc import Iterable, Sequence
+
 import numpy as np
 
 from polhode.models.second_order.polhodes import Polhodes, SidedBody
@@ -22,6 +24,7 @@ Array = np.ndarray
 
 FIRST = ("f0", "f2", "g0", "g2", "r1", "r2", "ea", "eb")
 SECOND = ("a1", "a2", "b1", "b2", "p1", "p2", "p3", "p4", "p5", "p6")
+NAMES = (*FIRST, *SECOND, "nu1", "nu2")
 # Polhode phases per ln(1/nome) that resolve second-order averages to 1e-9, and at least so many.
 PHASES, LEAST_PHASES = 90.0, 24
 # Flow directions, as rows, and |L| at which the averages are taken, so that their parts can be separated.
@@ -34,14 +37,8 @@ EVERY_FRAME, SIZES = np.repeat(FRAMES, 2, axis=0), np.tile([1.0, 2.0], len(FRAME
 
 def averages(side: SidedBody, y: Array, masks: tuple[Mask, ...] = ()) -> tuple[dict[str, Array], float]:
     """Coefficients by name, each shape (m,), at y, shape (m,), and the largest relative residual of their fit."""
-    found: dict[str, list[float]] = {name: [] for name in (*FIRST, *SECOND, "nu1", "nu2")}
-    residual = 0.0
-    for value in y:
-        first, second, left, rates = _at(side, float(value), masks)
-        residual = max(residual, left)
-        for name, number in zip(found, (*first, *second, *rates), strict=True):
-            found[name].append(float(number))
-    return {name: np.array(values) for name, values in found.items()}, residual
+    numbers, residuals = zip(*(_at(side, float(value), masks) for value in y), strict=True)
+    return dict(zip(NAMES, np.array(numbers).T, strict=True)), max(residuals)
 
 
 def phases(side: SidedBody, y: float) -> int:
@@ -62,15 +59,22 @@ def every_pose(
     return Torus(polhode, SIZES, zero, EVERY_FRAME[:, 0], EVERY_FRAME[:, 1], masks, averaging)
 
 
-def _at(side: SidedBody, y: float, masks: tuple[Mask, ...]) -> tuple[Array, Array, float, tuple[float, float]]:
+def _at(side: SidedBody, y: float, masks: tuple[Mask, ...]) -> tuple[list[float], float]:
     torus = every_pose(side, y, phases(side, y), masks, averaging=True)
-    polhode = torus.polhode
     mean = np.real(torus.spectrum[:, 0, 0])
     second = second_order(torus)
-    first_rows, second_rows = _templates(EVERY_FRAME, SIZES)
-    first, left = _fit(first_rows, np.concatenate([mean[:, 2], mean[:, 3], *mean[:, :2].T, mean[:, 4], mean[:, 5]]))
-    higher, right = _fit(second_rows, np.concatenate([second[:, 2], second[:, 3], *second[:, :2].T]))
-    return first, higher, max(left, right), (float(polhode.rate[0]), float(polhode.precession[0]))
+    x, y, z = (EVERY_FRAME[:, i] for i in range(3))
+    over, s0, w0 = 1 / SIZES, x[:, 2] * y[:, 2], z[:, 2] / 2
+    s, w = s0 * over, w0 * over
+    flow = [0.5 * (x * y[:, 2:] + sign * y * x[:, 2:])[:, :2] for sign in (1, -1)]
+    turned = [np.stack([-part[:, 1], part[:, 0]], axis=1) for part in flow]
+    across = [(part.T * over).T for part in flow]
+    steep = [*((part.T * s * over).T for part in turned), *((part.T * w).T for part in across)]
+    parts = [((SIZES, w0), mean[:, 2]), ((over**0, w), mean[:, 3]), (turned, mean[:, :2])]
+    first, left = fitted([*parts, ((s,), mean[:, 4]), ((s,), mean[:, 5])])
+    parts = [((s, s * w), second[:, 2]), ((s * over, s * w * over), second[:, 3])]
+    higher, right = fitted([*parts, ([*across, *steep], second[:, :2])])
+    return [*first, *higher, float(torus.polhode.rate[0]), float(torus.polhode.precession[0])], max(left, right)
 
 
 def second_order(torus: Torus) -> Array:
@@ -107,30 +111,14 @@ def second_order(torus: Torus) -> Array:
     return np.concatenate([space.mean(axis=(1, 2)), (change_h.mean(axis=(1, 2)) / p.slope)[:, None]], axis=1)
 
 
-def _templates(frames: Array, sizes: Array) -> tuple[Array, Array]:
-    """Rows of factors, shapes (6m, 8) and (4m, 10), in the order of `_at`: l, y, two of L⊥, α, β."""
-    x, y, z = frames[:, 0], frames[:, 1], frames[:, 2]
-    s0, w0, over = x[:, 2] * y[:, 2], z[:, 2] / 2, 1 / sizes
-    strain, spin = (0.5 * (x * y[:, 2:] + sign * y * x[:, 2:])[:, :2] for sign in (1, -1))
-    turned = [np.stack([-v[:, 1], v[:, 0]], axis=1) for v in (strain, spin)]
-    zero = np.zeros_like(s0)
-    first = [
-        np.stack([sizes, w0, *[zero] * 6], axis=1),
-        np.stack([zero, zero, sizes**0, w0 * over, *[zero] * 4], axis=1),
-        *(np.stack([*[zero] * 4, turned[0][:, i], turned[1][:, i], zero, zero], axis=1) for i in (0, 1)),
-        np.stack([*[zero] * 6, s0 * over, zero], axis=1),
-        np.stack([*[zero] * 7, s0 * over], axis=1),
-    ]
-    second = [
-        np.stack([s0 * over, s0 * w0 * over**2, *[zero] * 8], axis=1),
-        np.stack([zero, zero, s0 * over**2, s0 * w0 * over**3, *[zero] * 6], axis=1),
-    ]
-    for i in (0, 1):
-        plain, round_n = [v[:, i] * over for v in (strain, spin)], [v[:, i] * s0 * over**2 for v in turned]
-        second.append(np.stack([*[zero] * 4, *plain, *round_n, *(v * w0 * over for v in plain)], axis=1))
-    return np.concatenate(first), np.concatenate(second)
-
-
-def _fit(rows: Array, values: Array) -> tuple[Array, float]:
-    solution = np.linalg.lstsq(rows, values, rcond=None)[0]
-    return solution, float(np.max(np.abs(rows @ solution - values)) / np.max(np.abs(values)))
+def fitted(parts: Iterable[tuple[Sequence[Array], Array]]) -> tuple[list[float], float]:
+    """Real factors by which the arrays of every part give its values, and the largest misfit over the largest value."""
+    factors, misfit, largest = [], 0.0, 0.0
+    for columns, values in parts:
+        found = np.stack([each.ravel() for each in (*columns, values)], axis=1)
+        rows = np.concatenate([found.real, found.imag])
+        solution = np.linalg.lstsq(rows[:, :-1], rows[:, -1], rcond=1e-10)[0]
+        factors += solution.tolist()
+        misfit = max(misfit, float(np.abs(rows[:, :-1] @ solution - rows[:, -1]).max()))
+        largest = max(largest, float(np.abs(values).max()))
+    return factors, misfit / largest

@@ -13,7 +13,7 @@ import numpy as np
 
 from polhode.models.scene import Scene
 from polhode.models.second_order import tables as triaxial
-from polhode.models.second_order.averages import EVERY_FRAME, FRAMES, SIZES, every_pose, phases
+from polhode.models.second_order.averages import EVERY_FRAME, FRAMES, SIZES, every_pose, fitted, phases
 from polhode.models.second_order.field import MODE_NODES
 from polhode.models.second_order.polhodes import Polhodes, SidedBody
 from polhode.models.second_order.tables import Table
@@ -114,24 +114,13 @@ def mode(side: SidedBody, mask: Mask, y: float) -> tuple[Array, float]:
     torus = every_pose(side, y, max(phases(side, y), 2 * abs(mask.k1) + 2))
     rates, sizes = torus.spectrum[:, mask.k1, mask.k2], SIZES
     strain, spin = _turning(EVERY_FRAME)
-    own = np.stack([strain[mask.k2], spin[mask.k2]], axis=1)
-    down = np.stack([strain[mask.k2 - 1], spin[mask.k2 - 1], -1j * sizes * (mask.k2 == 1)], axis=1)
-    up = strain[mask.k2 + 1][:, None]
-    parts = [
-        (own, -1j * rates[:, 2]),
-        (own, -1j * rates[:, 3] * sizes),
-        (own, rates[:, 4] * sizes),
-        (own, rates[:, 5] * sizes),
-        (down, -1j * (rates[:, 0] + 1j * rates[:, 1])),
-        (up, -1j * (rates[:, 0] - 1j * rates[:, 1])),
-    ]
-    numbers, misfit = [], 0.0
-    for columns, values in parts:
-        basis, wanted = (np.concatenate([each.real, each.imag]) for each in (columns, values))
-        solution = np.linalg.lstsq(basis, wanted, rcond=1e-10)[0]
-        misfit = max(misfit, float(np.abs(basis @ solution - wanted).max()))
-        numbers += solution.tolist()
-    return np.array(numbers), misfit / float(np.abs(rates).max())
+    own, up = (strain[mask.k2], spin[mask.k2]), (strain[mask.k2 + 1],)
+    down = (strain[mask.k2 - 1], spin[mask.k2 - 1], -1j * sizes * (mask.k2 == 1))
+    across, round_n = rates[:, 0], 1j * rates[:, 1]
+    slow = [(own, -1j * rates[:, 2]), (own, -1j * rates[:, 3] * sizes)]
+    phase = [(own, rates[:, i] * sizes) for i in (4, 5)]
+    numbers, misfit = fitted([*slow, *phase, (down, -1j * (across + round_n)), (up, -1j * (across - round_n))])
+    return np.array(numbers), misfit
 
 
 def _turning(frames: Array) -> tuple[Array, Array]:

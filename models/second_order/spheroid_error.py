@@ -49,7 +49,9 @@ def estimate(spheroid: Spheroid, torque_factor: float, start: tuple[float, ...],
     and they only say so.
     """
     p = spheroidal.parameters(spheroid, torque_factor)
-    times, states = slow_solution(p, np.array(start[:6]), end)
+    rhs = spheroidal.field(FLOAT)
+    rates, tidy = lambda y: np.array(rhs((*y, 0.0), p)[:6]), lambda y: np.append(y[:3], spheroidal.unit(y[3:]))
+    times, states = slow_path(rates, np.array(start[:6]), end, tidy)
     if times[-1] < end:
         return Estimate(inf, pi)
     factor = max(torque_factor, LEAST_TORQUE_FACTOR)
@@ -116,19 +118,6 @@ def next_term(spheroid: Spheroid, torque_factor: float, states: Array) -> NextTe
     pull = _reduced(slow, np.concatenate([pull, np.zeros_like(pull)], axis=1))[:, :4].reshape(m, k, 4)
     ripple = np.abs(pull - pull.mean(axis=1, keepdims=True)).max(axis=1)
     return NextTerm(mean[:, :5] / mean[:, 5:] - known, np.fft.ifft(spectrum, axis=1).real, ripple)
-
-
-def slow_solution(p: tuple[float, ...], start: Array, end: float) -> tuple[Array, Array]:
-    """Times, shape (m,), and states (L, q), shape (m, 6), along the slow solution, or as far as it gets."""
-    rhs = spheroidal.field(FLOAT)
-
-    def rates(y: Array) -> Array:
-        return np.array(rhs((*y.tolist(), 0.0), p)[:6])
-
-    def tidy(y: Array) -> Array:
-        return np.concatenate([y[:3], spheroidal.unit(y[3:])])
-
-    return slow_path(rates, start, end, tidy)
 
 
 def _carry(

@@ -6,7 +6,7 @@ from math import pi
 
 import numpy as np
 
-from polhode.models.second_order.averages import FIRST, SECOND, averages, phases
+from polhode.models.second_order.averages import NAMES, SECOND, averages, phases
 from polhode.models.second_order.polhodes import Polhodes, SidedBody
 from polhode.models.second_order.torus import Mask, Torus, least_rotation, skew
 from polhode.models.shape import Ellipsoid
@@ -15,7 +15,6 @@ Array = np.ndarray
 
 # Chebyshev coefficients per function of a²; more than the first number of them where masks give it steps.
 NODES = (32, 64, 96)
-NAMES = (*FIRST, *SECOND, "nu1", "nu2")
 # Powers of I_max that each coefficient carries when L is measured in it.
 SCALES = {"f0": 0, "g0": 0, "a1": 2, "b1": 2, "p1": 2, "p2": 2, "nu1": -1, "nu2": -1} | dict.fromkeys(
     ("f2", "g2", "r1", "r2", "ea", "eb"), 1

@@ -9,11 +9,10 @@ import pytest
 
 from polhode.harness.analysis.frames import frame
 from polhode.harness.analysis.pareto import pareto_front
-from polhode.harness.pages.style import GREY
+from polhode.harness.pages.style import GREY, power
 from polhode.harness.pages.work_precision import (
     UNKNOWN,
     mark_failures,
-    power_of_ten,
     save,
     work_precision,
     work_precision_panels,
@@ -138,10 +137,19 @@ def test_forms_of_one_solver_are_told_apart(axes):
 
 
 @pytest.mark.parametrize(
-    ("value", "text"), [(1e-4, "$10^{-4}$"), (1e8, "$10^{8}$"), (100.0, "100"), (0.1, "0.1"), (250.0, "250"), (0, "0")]
+    ("value", "text"),
+    [
+        (1e-4, "$10^{-4}$"),
+        (1e8, "$10^{8}$"),
+        (100.0, "100"),
+        (0.1, "0.1"),
+        (250.0, "250"),
+        (0, "0"),
+        (5e4, r"$5\times10^{4}$"),
+    ],
 )
 def test_powers_of_ten(value: float, text: str):
-    assert power_of_ten(value) == text
+    assert power(value) == text
 
 
 def test_nothing_is_listed_where_nothing_was_stopped(axes):

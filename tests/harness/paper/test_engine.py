@@ -15,7 +15,7 @@ from polhode.harness.common.fits import mean_interval, power_law
 from polhode.harness.paper import catalogue as catalogue_module
 from polhode.harness.paper import engine, store
 from polhode.harness.paper.catalogue import find_items, section_of
-from polhode.harness.paper.drawing import FORMATS, power, with_palette
+from polhode.harness.paper.drawing import FORMATS, with_palette
 from polhode.harness.paper.engine import run
 from polhode.harness.paper.item import Grid, Item, Number, Section, Verdict, Word
 from polhode.harness.paper.pages import allowed, measured
@@ -192,11 +192,6 @@ def test_numbers_as_the_pages_write_them(number, value, holds_for):
 
 def test_nan_holds_nowhere():
     assert not Number("n", float("nan")).holds
-
-
-@pytest.mark.parametrize(("value", "text"), [(1e4, "$10^{4}$"), (5e4, r"$5\times10^{4}$"), (1e3, "1000"), (50.0, "50")])
-def test_powers_of_ten(value, text):
-    assert power(value) == text
 
 
 def test_power_law_recovers_exponent_and_covers_it():

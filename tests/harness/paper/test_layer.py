@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from polhode.harness.paper.sections.limits.poincare import (
-    Layer,
     half_turn,
     orbit,
     saddle_growth,
@@ -32,7 +31,3 @@ def test_growth_of_the_saddle_over_two_sections():
     offset = 1e-4
     _, psi = orbit(BODY, pi / 2, pi / 2 - offset, 2.5 * half_turn(BODY))
     assert (pi / 2 - abs(psi[1])) / offset == pytest.approx(cosh(2 * saddle_growth(BODY)), rel=1e-4)
-
-
-def test_width():
-    assert Layer(10, 0.25, 0.75).width == 0.5

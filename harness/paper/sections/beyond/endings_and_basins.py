@@ -7,6 +7,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
 from polhode.harness.common.fits import wilson
+from polhode.harness.pages.style import power
 from polhode.harness.paper.drawing import (
     AVERAGED,
     BLUE,
@@ -18,7 +19,6 @@ from polhode.harness.paper.drawing import (
     label,
     logarithmic,
     panels,
-    power,
 )
 from polhode.harness.paper.item import Data, Grid, Item, Number, Section, Table, Verdict, Word
 from polhode.harness.paper.planes import distance_from_node, energy_at

@@ -1,5 +1,6 @@
 """Section "The Jeffery top" (St = 0): Poincaré sections, with regular and chaotic orbits told apart by an exponent."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import pi
 
@@ -13,7 +14,6 @@ from polhode.harness.paper.drawing import BLACK, BLUE, VERMILLION, label, panels
 from polhode.harness.paper.item import Data, Grid, Item, Number, Table, Verdict, Word
 from polhode.harness.paper.runs import axes_of
 from polhode.harness.paper.sections.limits.poincare import (
-    Layer,
     chaos_border,
     half_turn,
     measure_layer,
@@ -47,7 +47,7 @@ class Sections:
     # Range for the width, in rad, of the layer of chaos along the separatrix; without it none is looked for.
     width: tuple[float, float] | None = None
 
-    def starts(self, grid: Grid, layers: list[Layer]) -> list[tuple[float, float, float]]:
+    def starts(self, grid: Grid, layers: Sequence[tuple[float, float]]) -> list[tuple[float, float, float]]:
         """Kind, θ and ψ at φ = 0."""
         generator = np.random.default_rng(7)
         count = grid.of(72, 16)
@@ -56,9 +56,10 @@ class Sections:
         found = [(ISOTROPIC, *pair) for pair in zip(theta.tolist(), psi.tolist(), strict=True)]
         found += [(BESIDE, pi / 2 + offset, 1.57) for offset in (1e-3, 5e-3, 2e-2)[: grid.of(3, 1)]]
         if layers:
-            middle = (layers[-1].librating + layers[-1].circulating) / 2
+            librating, circulating = layers[-1]
+            middle, width = (librating + circulating) / 2, circulating - librating
             # An orbit on a sharp separatrix would only rest at the saddle.
-            steps = [step for step in STEPS_OFF[:: grid.of(1, 2)] if step != 0 or layers[-1].width > ROUNDING]
+            steps = [step for step in STEPS_OFF[:: grid.of(1, 2)] if step != 0 or width > ROUNDING]
             found += [(ABOUT, pi / 2 + middle * (1 + step), 1e-9) for step in steps]
         return found
 
@@ -84,7 +85,7 @@ class Sections:
             "settings": {"duration": np.array([duration]), "turns": np.array([float(turns)])},
         }
         if layers:
-            rows = [(layer.turns, layer.librating, layer.circulating, layer.width) for layer in layers]
+            rows = [(count, low, high, high - low) for count, (low, high) in zip(counts, layers, strict=True)]
             tables["layer"] = columns("turns librating circulating width", rows)
             tables["saddle"] = {"growth": np.array([saddle_growth(body)])}
         return tables

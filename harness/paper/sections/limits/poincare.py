@@ -1,7 +1,6 @@
 """Poincaré sections of the Jeffery top (St = 0), how neighbouring orbits part, and the layer of chaos at the saddle."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cache
 from math import acosh, log, pi
 from typing import Any
@@ -98,25 +97,11 @@ def orbit(ellipsoid: Ellipsoid, theta: float, psi: float, duration: float) -> tu
     return section_points(ellipsoid, times, full_run(scene, times, 1e-15).states)
 
 
-@dataclass(frozen=True)
-class Layer:
-    """Values of θ - π/2 at ψ = 0, in rad, between libration and circulation.
+def measure_layer(ellipsoid: Ellipsoid, turns: int) -> tuple[float, float]:
+    """Bisect, along θ at ψ = 0, for the ends of pure libration and of pure circulation: two values of θ - π/2, in rad.
 
-    Up to the one every orbit stays between the saddles, from the other on every orbit stays on one side of θ = π/2.
-    """
-
-    turns: int  # half turns that the orbits were followed
-    librating: float
-    circulating: float
-
-    @property
-    def width(self) -> float:
-        """In rad; below zero while orbits next to a sharp separatrix have not yet left the saddle."""
-        return self.circulating - self.librating
-
-
-def measure_layer(ellipsoid: Ellipsoid, turns: int) -> Layer:
-    """Bisect, along θ at ψ = 0, for the ends of pure libration and of pure circulation.
+    Up to the first every orbit stays between the saddles, from the other on every orbit stays on one side of θ = π/2;
+    the first is the larger one while orbits next to a sharp separatrix have not yet left the saddle.
 
     The section's own symmetry makes ψ = 0 a line that all of these orbits cross. A sharp separatrix gives two equal
     ends; orbits between them do both. Where the edge of a layer is frayed the bisection finds a place in the fringe, so
@@ -132,7 +117,7 @@ def measure_layer(ellipsoid: Ellipsoid, turns: int) -> Layer:
         theta, _ = orbit(ellipsoid, pi / 2 + offset, PSI, duration)
         return bool(np.any((theta[1:] - pi / 2) * (theta[:-1] - pi / 2) < 0))
 
-    return Layer(turns, _last(lambda offset: not circulates(offset)), _last(librates))
+    return _last(lambda offset: not circulates(offset)), _last(librates)
 
 
 def _last(holds: Callable[[float], bool]) -> float:

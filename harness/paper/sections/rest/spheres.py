@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from scipy.signal import find_peaks
 
+from polhode.harness.pages.style import power
 from polhode.harness.paper.drawing import (
     BLACK,
     BLUE,
@@ -21,7 +22,6 @@ from polhode.harness.paper.drawing import (
     draw_on_sphere,
     label,
     logarithmic,
-    power,
     unit_sphere,
 )
 from polhode.harness.paper.item import Data, Grid, Number, Table, Verdict, Word

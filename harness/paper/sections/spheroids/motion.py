@@ -10,7 +10,7 @@ from scipy.signal import find_peaks
 from polhode.harness.paper.drawing import draw_groups, label, panels
 from polhode.harness.paper.item import Data, Grid, Item, Number, Section, Table, Verdict, Word
 from polhode.harness.paper.planes import draw_frame, draw_paths, fixed_point, name_lines, name_points, plane_steps
-from polhode.harness.paper.runs import aligned_start, full_run, spheroid
+from polhode.harness.paper.runs import full_run, spheroid
 from polhode.harness.paper.sections.planes import Planes, end_numbers, plane_tables
 from polhode.harness.paper.sections.spheroids.pinch import ITEM as PINCH
 from polhode.harness.paper.sections.spheroids.projections import ITEMS as PROJECTIONS
@@ -18,7 +18,7 @@ from polhode.harness.paper.slow_motion import NAMES, SlowMotion
 from polhode.harness.paper.tables import columns, groups, path_table
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.scene import BodyStart, Scene
-from polhode.models.scenes import NEAR_POLE_START, SPHEROID_START
+from polhode.models.scenes import NEAR_POLE_START, SPHEROID_START, aligned_start
 from polhode.models.shape import Ellipsoid
 from polhode.models.theory.fixed_points import eigenvalues
 
