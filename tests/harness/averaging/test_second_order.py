@@ -87,7 +87,8 @@ def test_findings_are_those_of_the_numbers():
     assert findings(SecondOrderStudy([], [], [], [], {})) == []
 
 
-def test_a_run_through_a_resonance_is_measured():
+def test_a_run_through_a_resonance_is_measured(monkeypatch):
+    monkeypatch.setattr(second_order, "PASSAGE_REPEATS", 1)
     row = measure_passage(RESONANT[1], 1e4)
     assert row.modes == "(-4, 2)"
     assert row.slow < row.estimated_slow < row.first_order_slow / 20
@@ -107,7 +108,8 @@ def test_the_commands_parts_are_the_studys():
     assert PARTS == second_order.PARTS
 
 
-def test_costs_have_one_row_for_each_form_solver_and_st():
+def test_costs_have_one_row_for_each_form_solver_and_st(monkeypatch):
+    monkeypatch.setattr(second_order, "REPEATS", 2)
     found = list(costs(exponents=(3, 4), compared=1e4))
     assert [(each.form, each.stokes) for each in found[:3]] == [
         ("averaged-second-order", 1e3),

@@ -7,6 +7,7 @@ import matplotlib as mpl
 import pytest
 from commandline import STUDY
 
+from polhode.harness.pages import bench
 from polhode.harness.pages.bench import write_page
 from polhode.harness.references.uncertainty import BRACKETS
 from polhode.harness.studies.study import Study
@@ -60,6 +61,12 @@ def study(tmp_path: Path) -> Study:
     return read_study(path)
 
 
+@pytest.fixture
+def no_figures(monkeypatch):
+    for name in ("work_precision_panels", "save"):
+        monkeypatch.setattr(bench, name, lambda *_: None)
+
+
 def table_below(page: str, heading: str) -> list[list[str]]:
     """Cells of the first table below a line that contains the heading."""
     lines = page[page.index(heading) :].splitlines()
@@ -72,6 +79,7 @@ def table_below(page: str, heading: str) -> list[list[str]]:
     return [rows[0], *rows[2:]]
 
 
+@pytest.mark.usefixtures("no_figures")
 def test_errors_that_the_reference_cannot_tell_stand_in_brackets(study: Study, tmp_path: Path):
     page = write_page(study, RECORDS, tmp_path, "polhode bench").read_text(encoding="utf-8")
     assert BRACKETS in page
@@ -81,6 +89,7 @@ def test_errors_that_the_reference_cannot_tell_stand_in_brackets(study: Study, t
     assert [row[orientation] for row in rows] == ["3.0e-4", "(4.0e-8)", "2.0e-3", "(5.0e-7)"]
 
 
+@pytest.mark.usefixtures("no_figures")
 def test_nobody_wins_an_error_that_the_reference_cannot_tell(study: Study, tmp_path: Path):
     page = write_page(study, RECORDS, tmp_path, "polhode bench").read_text(encoding="utf-8")
     slow = dict(table_below(page, "The cheapest run that meets a slow error"))
@@ -108,6 +117,7 @@ def test_several_scenes_have_figures_tables_and_verdicts_of_their_own(study: Stu
     ]
 
 
+@pytest.mark.usefixtures("no_figures")
 def test_the_page_tells_what_was_run(study: Study, tmp_path: Path):
     scene = {**RUN["scene"], "stokes": 200.0, "time": 100.0}
     at_rest = {"quaternion": [1.0, 0.0, 0.0, 0.0], "angular_velocity": [0.0, 0.0, 0.25]}
@@ -131,6 +141,7 @@ def test_the_page_tells_what_was_run(study: Study, tmp_path: Path):
     ]
 
 
+@pytest.mark.usefixtures("no_figures")
 def test_a_study_without_averaged_forms_has_no_verdict_on_them(study: Study, tmp_path: Path):
     page = write_page(study, RECORDS, tmp_path, "polhode bench").read_text(encoding="utf-8")
     assert "averaged form is the cheapest" not in page

@@ -7,6 +7,7 @@ from polhode.harness.picking.refusals import why_unreached
 from polhode.models.catalogue import form as find_form
 from polhode.models.form import FormNotValidError
 from polhode.models.scene import BodyStart, Scene
+from polhode.models.second_order import run
 from polhode.models.shape import Ellipsoid
 
 
@@ -27,7 +28,8 @@ def test_a_scene_without_rotation_has_its_own_reason(stokes: float, axes: tuple[
     assert not caught.value.condition.startswith("form")
 
 
-def test_a_run_that_meets_the_separatrix_has_the_shortest_part_s_reason_too():
+def test_a_run_that_meets_the_separatrix_has_the_shortest_part_s_reason_too(monkeypatch):
+    monkeypatch.setattr(run, "STOPS", (0.7, 0.5))
     form, scene = find_form("averaged-second-order"), paper_cases()[2].scene(100.0)
     with pytest.raises(FormNotValidError) as caught:
         form.reach(scene)

@@ -68,7 +68,7 @@ class Sections:
         body = self.ellipsoid
         turns = grid.of(self.sections, self.sections // 6)
         duration = turns * half_turn(body)
-        counts = grid.of((200, 800), (200,)) if self.width else ()
+        counts = grid.of((200, 800), (100,)) if self.width else ()
         layers = [measure_layer(body, count) for count in counts]
         parts, close, rows = [], [], []
         for number, (kind, theta, psi) in enumerate(self.starts(grid, layers)):
