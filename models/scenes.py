@@ -19,6 +19,7 @@ class NamedScene:
 PAPER_ELLIPSOID = (1.0, 0.8, 0.5)
 PAPER_START = EulerStart((pi / 3, pi / 6, 0.0), (1.0, 1.0, -1.0))
 SPHEROID_START = EulerStart((pi / 3, pi / 6, 0.0), (1.0, 1.0, 1.0))
+SADDLE_START = EulerStart((1.57, 0.0, pi / 2), (0.0, -0.61, 0.0003))
 NEAR_POLE_START = EulerStart((3.14, 0.0, 0.0), (0.0, -0.4, 0.6))
 PROLATE = (1.0, 1.0, 2.0)
 
@@ -52,7 +53,7 @@ SCENES: dict[str, NamedScene] = {
     ),
     "paper-saddle": NamedScene(
         "ellipsoid started close to the rotation about its longest axis, where it lingers",
-        _scene(PAPER_ELLIPSOID, EulerStart((1.57, 0.0, pi / 2), (0.0, -0.61, 0.0003)), 1e3, slow_time=1.0),
+        _scene(PAPER_ELLIPSOID, SADDLE_START, 1e3, slow_time=1.0),
     ),
     "spheroid": NamedScene("prolate spheroid, kappa = 2", _scene(PROLATE, SPHEROID_START, 1e3, slow_time=0.5)),
     "spheroid-near-pole": NamedScene(

@@ -7,7 +7,15 @@ import numpy as np
 
 from polhode.models.rotation import Triple
 from polhode.models.scene import BodyStart, EulerStart, Scene
-from polhode.models.scenes import NEAR_POLE_START, PAPER_ELLIPSOID, PAPER_START, PROLATE, SPHEROID_START, aligned_start
+from polhode.models.scenes import (
+    NEAR_POLE_START,
+    PAPER_ELLIPSOID,
+    PAPER_START,
+    PROLATE,
+    SADDLE_START,
+    SPHEROID_START,
+    aligned_start,
+)
 from polhode.models.shape import Ellipsoid
 
 # St of the paper's cases; those up to QUICK make a first look. A run over T = 5e5 in long double takes half a minute:
@@ -48,13 +56,12 @@ class Subject:
 
 def paper_cases() -> list[Subject]:
     """The paper's cases: its two starts of each shape, and one start of each phase plane."""
-    saddle = EulerStart((1.57, 0.0, pi / 2), (0.0, -0.61, 0.0003))
     far = (*STOKES, LARGEST_STOKES)
     cases = [
         Subject("spheroid κ = 2", PROLATE, SPHEROID_START, 0.5, far),
         Subject("spheroid κ = 2, near the saddle", PROLATE, NEAR_POLE_START, 0.5, STOKES),
         Subject("ellipsoid (1, 0.8, 0.5)", PAPER_ELLIPSOID, PAPER_START, 0.5, far),
-        Subject("ellipsoid (1, 0.8, 0.5), near the saddle", PAPER_ELLIPSOID, saddle, 0.5, STOKES),
+        Subject("ellipsoid (1, 0.8, 0.5), near the saddle", PAPER_ELLIPSOID, SADDLE_START, 0.5, STOKES),
     ]
     planes = {f"phase plane κ = {kappa:g}": (1.0, 1.0, kappa) for kappa in (2.0, 3.33, 0.5, 0.3)}
     planes |= {f"phase plane (1, {b:g}, {c:g})": (1.0, b, c) for b in (0.55, 0.75, 0.95) for c in (0.5, 0.3)}

@@ -110,11 +110,8 @@ def _parser() -> MarkdownIt:
     def table_open(renderer: Any, tokens: list[Token], i: int, options: Any, __: Any) -> str:
         return opening + renderer.renderToken(tokens, i, options, {})
 
-    def plain(_: Any, tokens: list[Token], i: int, *__: Any) -> str:
-        return escape(tokens[i].content, quote=False)
-
     parser.add_render_rule("text", text)
-    parser.add_render_rule("plain", plain)
+    parser.add_render_rule("plain", lambda _, tokens, i, *__: escape(tokens[i].content, quote=False))
     parser.add_render_rule("table_open", table_open)
     parser.add_render_rule("table_close", lambda *_: f"</table>{closing}")
     return parser

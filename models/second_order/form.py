@@ -1,6 +1,6 @@
 """Form `averaged-second-order`: slow variables to O(1/St²) and orientation to O(1/St), at a cost free of St."""
 
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import chain
 
 import numpy as np
@@ -64,9 +64,11 @@ class SecondOrder(Form):
         self.check(scene)
         if scene.ellipsoid.kind == "triaxial":
             run = triaxial_run.prepared(scene)
-            return self.slow_problem(scene, run.field, run.state, run.parameters, frame_drift)
+            return self.slow_problem(scene, run.field, run.state, run.parameters, partial(drift, first=4))
         parameters = spheroidal.parameters(Spheroid.of(scene.ellipsoid), scene.torque_factor)
-        return self.slow_problem(scene, spheroidal.field, (*(slow_start(scene) or ()), 0.0), parameters, axis_drift)
+        return self.slow_problem(
+            scene, spheroidal.field, (*(slow_start(scene) or ()), 0.0), parameters, partial(drift, first=3)
+        )
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         """Observables, the fast motion and the O(1/St) swing put back; of a spheroid with the axis' row alone."""
@@ -133,11 +135,6 @@ def estimated(scene: Scene) -> Estimate:
     return estimate(Spheroid.of(scene.ellipsoid), scene.torque_factor, start, scene.slow_time)
 
 
-def axis_drift(states: np.ndarray) -> np.ndarray:
-    """|q|² - 1 of states, shape (n, 7)."""
-    return np.sum(states[:, 3:6] ** 2, axis=1) - 1
-
-
-def frame_drift(states: np.ndarray) -> np.ndarray:
-    """|e₁|² - 1 of states, shape (n, 9)."""
-    return np.sum(states[:, 4:7] ** 2, axis=1) - 1
+def drift(states: np.ndarray, first: int) -> np.ndarray:
+    """|v|² - 1 of the vector v of unit length that stands at `first` in states, shape (n, d)."""
+    return np.sum(states[:, first : first + 3] ** 2, axis=1) - 1

@@ -128,7 +128,7 @@ class Planes:
         low, high = STOKES
         ratios = [worst[name, low] / worst[name, high] for name in self.bodies]
         largest = max(worst[name, high] for name in self.bodies)
-        found = ", ".join(f"{worst[name, low]:.2g} {_bracketed(body)}" for name, body in self.bodies.items())
+        found = ", ".join(f"{worst[name, low]:.2g} ({_name(body).strip('()')})" for name, body in self.bodies.items())
         starts = ", ".join(f"({momentum:g}, {theta:g})" for momentum, theta in STARTS)
         return Verdict(
             Word.SHARPENED,
@@ -148,7 +148,3 @@ class Planes:
 
 def _name(body: Ellipsoid) -> str:
     return axes_of(body) if body.kind == "triaxial" else f"κ = {body.semi_axes[2]:g}"
-
-
-def _bracketed(body: Ellipsoid) -> str:
-    return f"({_name(body).strip('()')})"

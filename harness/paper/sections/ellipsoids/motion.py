@@ -1,7 +1,5 @@
 """Section "Triaxial ellipsoids" in time: slow variables of the paper's two starts, and the singular fixed point."""
 
-from math import pi
-
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -13,13 +11,11 @@ from polhode.harness.paper.slow_motion import SlowMotion
 from polhode.harness.paper.tables import columns, stacked
 from polhode.models.forms.averaged import Averaged
 from polhode.models.operations import FLOAT
-from polhode.models.scene import EulerStart
-from polhode.models.scenes import PAPER_ELLIPSOID, PAPER_START
+from polhode.models.scenes import PAPER_ELLIPSOID, PAPER_START, SADDLE_START
 from polhode.models.shape import Ellipsoid
 from polhode.models.theory.separatrix import Separatrix, Side
 
 ELLIPSOID = Ellipsoid(PAPER_ELLIPSOID)
-SADDLE_START = EulerStart((1.57, 0.0, pi / 2), (0.0, -0.61, 0.0003))
 FIRST = SlowMotion(ELLIPSOID, PAPER_START, 0.6, Word.SHARPENED, 1e3, (8.0, 30.0), (0.0, 0.2))
 SHOWN = (100.0, 150.0, 500.0, 5e3)
 SECOND = SlowMotion(ELLIPSOID, SADDLE_START, 1.2, Word.CORRECTED, 5e3, (8.0, 30.0), (0.2, 0.35), SHOWN, lingers=True)
