@@ -59,8 +59,8 @@ def every_pose(
     return Torus(polhode, SIZES, zero, EVERY_FRAME[:, 0], EVERY_FRAME[:, 1], masks, averaging)
 
 
-def _at(side: SidedBody, y: float, masks: tuple[Mask, ...]) -> tuple[list[float], float]:
-    torus = every_pose(side, y, phases(side, y), masks, averaging=True)
+def _at(side: SidedBody, level: float, masks: tuple[Mask, ...]) -> tuple[list[float], float]:
+    torus = every_pose(side, level, phases(side, level), masks, averaging=True)
     mean = np.real(torus.spectrum[:, 0, 0])
     second = second_order(torus)
     x, y, z = (EVERY_FRAME[:, i] for i in range(3))
@@ -116,7 +116,7 @@ def fitted(parts: Iterable[tuple[Sequence[Array], Array]]) -> tuple[list[float],
     factors, misfit, largest = [], 0.0, 0.0
     for columns, values in parts:
         found = np.stack([each.ravel() for each in (*columns, values)], axis=1)
-        rows = np.concatenate([found.real, found.imag])
+        rows = np.concatenate([np.real(found), np.imag(found)])
         solution = np.linalg.lstsq(rows[:, :-1], rows[:, -1], rcond=1e-10)[0]
         factors += solution.tolist()
         misfit = max(misfit, float(np.abs(rows[:, :-1] @ solution - rows[:, -1]).max()))
