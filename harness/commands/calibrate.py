@@ -14,16 +14,24 @@ from polhode.harness.commands._study_options import open_store, out_folder, quie
     "--to", type=click.Path(path_type=Path, dir_okay=False), help="File for the laws; by default this user's."
 )
 @click.option("--scenes", type=click.IntRange(min=3), default=160, show_default=True, help="Training scenes.")
+@click.option("--first-runs", is_flag=True, help="Measure first runs alone, and keep all else in the file.")
 @resume
 @quiet
-def calibrate(out: Path, to: Path | None, scenes: int, resume: bool, quiet: bool) -> None:
+def calibrate(out: Path, to: Path | None, scenes: int, first_runs: bool, resume: bool, quiet: bool) -> None:
     """Measure the training scenes on this machine, over an hour, and fit the laws behind `polhode pick`."""
+    from polhode.harness.calibration.first_runs import with_first_runs
     from polhode.harness.calibration.fit import fit_laws
     from polhode.harness.calibration.training import train
     from polhode.harness.common.machine import machine, versions
-    from polhode.harness.picking.laws import own_laws_path
+    from polhode.harness.picking.laws import own_laws_path, parse_laws
 
     path = to or own_laws_path()
+    if first_runs:
+        with bad_input():
+            known = parse_laws(path.read_text(encoding="utf-8"))
+        with_first_runs(known).save(path)
+        click.echo(f"{path}: first runs of {len(known.methods)} methods")
+        return
     with bad_input():
         path.parent.mkdir(parents=True, exist_ok=True)
     with running_into(open_store(out, resume, "training")) as store:
