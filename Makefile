@@ -13,7 +13,7 @@ BEFORE ?= HEAD~1
 AFTER  ?= HEAD
 
 .DEFAULT_GOAL := help
-.PHONY: help setup bench test test-all check format benchmark benchmark-compare report clean
+.PHONY: help setup bench test test-all check format benchmark benchmark-compare cold-start report clean
 
 help: ## list the commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-18s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -35,6 +35,9 @@ test-all: check ## the checks, then all tests, the slow ones too
 
 benchmark: $(READY) ## every solver under pytest-benchmark, into .benchmarks/ (2 minutes)
 	$(BIN)/pytest tests/benchmarks -o python_files='bench_*.py' --benchmark-autosave
+
+cold-start: $(READY) ## commands in processes of their own: wall and processor time
+	$(BIN)/python tests/benchmarks/cold_start.py
 
 benchmark-compare: $(READY) ## time two commits in turns (6 minutes): make benchmark-compare BEFORE=v0.1 AFTER=HEAD
 	@set -e; for commit in $(BEFORE) $(AFTER); do \
