@@ -19,8 +19,6 @@ Array = np.ndarray
 @lru_cache(maxsize=64)
 def estimated(scene: Scene) -> Estimate:
     """Model errors: the second-order term along the path, times the size of the transformation that it rests on."""
-    from scipy.integrate import cumulative_trapezoid
-
     run, factor, unit = prepared(scene), scene.torque_factor, max(scene.ellipsoid.inertia)
     rhs = SlowField(run.table.series.shape[1])(FLOAT)
     both, without = (triaxial.parameters(scene.ellipsoid, each, run.table) for each in (factor, 0.0))
@@ -46,11 +44,16 @@ def estimated(scene: Scene) -> Estimate:
     swing = factor * relative
     slow = (second + swing * torus.size / unit) * swing
     speed = torus.polhode.precession * unit
-    phase = cumulative_trapezoid(slow / factor * speed, times, initial=0.0) + swing
+    phase = _integral(slow / factor * speed, times) + swing
     # Errors of L accumulate angles, a speed per error over I_max; a kick is as wrong as the phase at which it comes.
     for each in (*run.treated, *run.dropped):
         i = int(np.searchsorted(times[:-1], each.slow_time))
         wrong = min(1.0, phase[i] + swing[i]) if each in run.treated else 1.0
         slow[i:] += each.kick * wrong
-    phase = cumulative_trapezoid(slow / factor * speed, times, initial=0.0) + swing.max()
+    phase = _integral(slow / factor * speed, times) + swing.max()
     return Estimate(float(slow.max()), min(float(phase[-1]), pi))
+
+
+def _integral(values: Array, times: Array) -> Array:
+    """From the first time to each, by trapezia; SciPy would take longer to import than to integrate."""
+    return np.concatenate([[0.0], np.cumsum(np.diff(times) * (values[1:] + values[:-1]) / 2)])
