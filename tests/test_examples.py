@@ -51,7 +51,7 @@ def test_own_form_agrees_with_the_quaternion_form(example):
 
 
 def test_a_form_and_a_solver_of_ones_own_stand_in_the_tables(tmp_path: Path):
-    environment = {**os.environ, "PYTHONPATH": str(EXAMPLES), "POLHODE_CACHE": str(tmp_path / "cache")}
+    environment = {**os.environ, "PYTHONPATH": str(EXAMPLES)}
     words = [SCRIPT, "bench", str(EXAMPLES / "own_study.toml"), "--out", "own", "--quick", "--quiet"]
     done = subprocess.run(
         words, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120, check=False
