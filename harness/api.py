@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from polhode.harness.common.observables_csv import COLUMNS
+from polhode.harness.common.text import short
 from polhode.harness.picking.choice import check_tolerance, choose
 from polhode.harness.picking.ranking import Recommendation
 from polhode.harness.picking.ranking import pick as recommend
@@ -71,8 +72,8 @@ class SceneSolution:
 
     def __repr__(self) -> str:
         """One fact a line, without the arrays."""
-        problem = f"{self.form}, St = {self.scene.stokes:g}, to t = {self.scene.time:g}"
-        return described(self, problem, f"tolerance {self.tolerance:g}")
+        problem = f"{self.form}, St = {short(self.scene.stokes)}, to t = {short(self.scene.time)}"
+        return described(self, problem, f"tolerance {short(self.tolerance)}")
 
     @property
     def success(self) -> bool:

@@ -10,7 +10,7 @@ import click
 from polhode.harness.cli import BadInput, bad_input
 from polhode.harness.commands import setup
 from polhode.harness.commands._study_options import as_json
-from polhode.harness.common.text import aligned, duration, on_terminal, scientific, short
+from polhode.harness.common.text import aligned, duration, in_full, on_terminal, scientific, short
 from polhode.solvers.catalogue import SOLVERS
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def pick(scene: str, error: float, want: str, samples: int, everything: bool, as
         click.echo(json.dumps({name: value for name, value in asdict(found).items() if name in names}))
         return
     click.echo(pick_page(found, everything))
-    options = f"--error {error!r} --want {want} --samples {samples}"
+    options = f"--error {in_full(error)} --want {want} --samples {samples}"
     click.echo(f"\nTo run the first: polhode solve {quote(scene)} {options} --out FILE.csv")
 
 

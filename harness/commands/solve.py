@@ -55,7 +55,7 @@ def solve(scene: str, out: Path | None, quiet: bool, verbose: bool, **given: Any
     """
     from polhode.harness.common.files import PartialFile
     from polhode.harness.common.progress import Progress
-    from polhode.harness.common.text import aligned, duration
+    from polhode.harness.common.text import aligned, duration, short
     from polhode.models.spent import SPENT, spent_on
 
     # What came before this, in processor time.
@@ -71,7 +71,7 @@ def solve(scene: str, out: Path | None, quiet: bool, verbose: bool, **given: Any
             if target:
                 target.open()
         if not quiet:
-            click.echo(f"{what.form.name} by {what.solver.name} at tolerance {what.tolerance:g}", err=True)
+            click.echo(f"{what.form.name} by {what.solver.name} at tolerance {short(what.tolerance)}", err=True)
             for note in _notes(what, given["tolerance"]):
                 click.echo(f"note: {note}", err=True)
         solution = _run(what, target, progress)

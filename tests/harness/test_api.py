@@ -180,6 +180,6 @@ def test_a_printed_solution_is_short():
     found = solve("paper", form="quaternion", solver="taylor", tolerance=1e-8, samples=11)
     lines = repr(found).splitlines()
     assert lines[0] == "SceneSolution"
-    assert "  solver: taylor at tolerance 1e-08" in lines
+    assert "  solver: taylor at tolerance 1e-8" in lines
     assert "  rows: 11, t = 0 to 500" in lines
     assert len(lines) < 10
