@@ -106,7 +106,7 @@ def decade(request):
     rows = []
     for stokes in (2e4, 2e5):
         scene = Scene(Ellipsoid(axes), stokes, BodyStart(POSE, omega), 0.03 * stokes)
-        true = observed("quaternion", scene, tolerance=1e-17, samples=401)
+        true = observed("quaternion", scene, tolerance=1e-16, samples=401)
         found = observed(NAME, scene, solver="dop853", tolerance=1e-12, samples=401)
         rows.append((errors(scene.ellipsoid, found, true), form(NAME).estimate(scene)))
     return rows
