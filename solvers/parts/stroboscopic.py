@@ -137,7 +137,8 @@ class Strobe:
 
     def error(self, estimates: np.ndarray, scale: np.ndarray) -> float:
         """Error of a macro-step over the one allowed, as DOP853 has it, from its estimates of orders 5 and 3."""
-        fifth, third = (float(np.sum((each / scale) ** 2)) for each in estimates)
+        with np.errstate(over="ignore"):
+            fifth, third = (float(np.sum((each / scale) ** 2)) for each in estimates)
         return 0.0 if fifth == 0 else fifth / float(np.sqrt((fifth + 0.01 * third) * len(scale)))
 
     def stretch(self, point: np.ndarray, turns: float, record: Record) -> Outcome | None:

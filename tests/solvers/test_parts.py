@@ -301,9 +301,13 @@ def test_ctrl_c_keeps_the_finished_rows(name: str):
         pressed.append(time.perf_counter())
         os.kill(os.getpid(), signal.SIGINT)
 
-    Timer(0.3, press).start()
-    with pytest.raises(KeyboardInterrupt) as caught:
-        solve(each, name, TOLERANCE, times)
+    timer = Timer(0.3, press)
+    timer.start()
+    try:
+        with pytest.raises(KeyboardInterrupt) as caught:
+            solve(each, name, TOLERANCE, times)
+    finally:
+        timer.cancel()
     assert time.perf_counter() - pressed[0] < 1.5
     assert isinstance(caught.value, Interrupted)
     solution = caught.value.solution
