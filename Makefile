@@ -28,7 +28,7 @@ bench: $(READY) ## the main job: cost against accuracy as St grows, into reports
 	$(BIN)/polhode bench
 
 test: check ## the checks, then the tests
-	$(BIN)/pytest -m "not slow" --numprocesses 2
+	$(BIN)/pytest -m "not slow" --numprocesses 2 --dist loadfile
 
 test-all: check ## the checks, then all tests, the slow ones too
 	$(BIN)/pytest
@@ -39,7 +39,7 @@ benchmark: $(READY) ## every solver under pytest-benchmark, into .benchmarks/ (2
 cold-start: $(READY) ## commands in processes of their own: wall and processor time
 	$(BIN)/python tests/benchmarks/cold_start.py
 
-benchmark-compare: $(READY) ## time two commits in turns (6 minutes): make benchmark-compare BEFORE=v0.1 AFTER=HEAD
+benchmark-compare: $(READY) ## time two commits in turns (6 minutes): make benchmark-compare BEFORE=HEAD~5 AFTER=HEAD
 	@set -e; for commit in $(BEFORE) $(AFTER); do \
 	  folder=.benchmarks/$$(git rev-parse --short $$commit); rm -rf $$folder; mkdir -p $$folder/tree; \
 	  git archive $$commit | tar -x -C $$folder/tree; \

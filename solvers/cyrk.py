@@ -19,7 +19,7 @@ from polhode.models.problem import Problem
 from polhode.solvers.compile import c_callback, parameter_array
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status
 from polhode.solvers.cyrk_library import load_cyrk
-from polhode.solvers.machine_code.underflow import flushed_to_zero
+from polhode.solvers.machine_code.underflow import FlushedToZero
 
 # Deadline and Ctrl-C are looked at once per this many steps: a tenth of a second at most.
 CHUNK = 20_000
@@ -143,7 +143,7 @@ def _run(call: Call, record: Record) -> Outcome:
     steps = 0
     while True:
         wanted = record.times[record.filled :]
-        with flushed_to_zero():
+        with FlushedToZero():
             result = call(time, end, state, wanted, min(CHUNK, record.max_steps - steps))
         try:
             size, code = library.c_get_size(result), library.c_get_status(result)

@@ -6,8 +6,7 @@ goes on long after its particle has settled would stall.
 
 import ctypes
 import platform
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import cache
 
 from polhode.solvers.machine_code.llvm import Signature, compile_lines
@@ -24,15 +23,15 @@ call void @llvm.x86.sse.ldmxcsr(ptr %place)
 _HELPERS = "declare void @llvm.x86.sse.stmxcsr(ptr)\ndeclare void @llvm.x86.sse.ldmxcsr(ptr)"
 
 
-@contextmanager
-def flushed_to_zero() -> Iterator[None]:
-    """Take numbers below 2e-308 for zero in this thread; on x86 alone, elsewhere nothing happens."""
-    exchange = _exchange()
-    before = exchange(_FLUSHING)
-    try:
-        yield
-    finally:
-        exchange(before)
+class FlushedToZero:
+    """Within it numbers below 2e-308 are zero in this thread; on x86 alone, elsewhere nothing happens."""
+
+    def __enter__(self) -> None:
+        self._exchange = _exchange()
+        self._before = self._exchange(_FLUSHING)
+
+    def __exit__(self, *_: object) -> None:
+        self._exchange(self._before)
 
 
 @cache

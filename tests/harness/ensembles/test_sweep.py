@@ -87,6 +87,20 @@ def children(pid: int) -> list[int]:
     return [child for child in found if "spawn_main" in Path(f"/proc/{child}/cmdline").read_text()]
 
 
+def gone(pid: int, seconds: float = 10.0) -> bool:
+    """Whether a process ends soon; one that waits to be reaped has ended."""
+    status = Path(f"/proc/{pid}/stat")
+    until = time.monotonic() + seconds
+    while time.monotonic() < until:
+        try:
+            if status.read_text().rpartition(")")[2].split()[0] == "Z":
+                return True
+        except (FileNotFoundError, ProcessLookupError):
+            return True
+        time.sleep(0.05)
+    return False
+
+
 def test_killed_and_resumed_gives_the_same_numbers(
     here: Run, environment, sweep_file: Path, tmp_path: Path, undisturbed
 ):
@@ -110,7 +124,7 @@ def test_killed_and_resumed_gives_the_same_numbers(
     assert (done.returncode, done.stdout, done.stderr) == (0, "out/README.md\n", "")
     assert rows(path) == undisturbed
     for pid in workers:
-        assert not Path(f"/proc/{pid}").exists()
+        assert gone(pid)
 
 
 def test_killed_workers_cost_nothing(environment, sweep_file: Path, tmp_path: Path, undisturbed):
@@ -154,7 +168,7 @@ def test_ends_cleanly_and_says_how_to_go_on(
     assert "Traceback" not in text
     assert len(pids) == int(workers)
     for pid in pids:
-        assert not Path(f"/proc/{pid}").exists()
+        assert gone(pid)
     early = rows(path)
     assert early.items() <= undisturbed.items()
     assert 2 <= len(early) < TASKS

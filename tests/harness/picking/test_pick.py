@@ -11,6 +11,7 @@ from polhode.harness.calibration.scenes import SAMPLES as MEASURED
 from polhode.harness.calibration.scenes import TRAINING_SEED, questions
 from polhode.harness.cli import main
 from polhode.harness.commands.pick import FEW, pick_page
+from polhode.harness.common.text import short
 from polhode.harness.picking.laws import Interval
 from polhode.harness.picking.ranking import LOOSEST, TIGHTEST, NotAttainableError, Recommendation, Way, pick
 from polhode.harness.picking.refusals import one_digit
@@ -230,7 +231,7 @@ def test_solve_runs_what_pick_says(tmp_path, capsys):
     assert ended.value.code == 0
     scene = named_scene("paper")
     row = pick(scene, 1e-6).ranking[0]
-    assert f"{row.form} by {row.solver} at tolerance {row.tolerance:g}" in capsys.readouterr().err
+    assert f"{row.form} by {row.solver} at tolerance {short(row.tolerance)}" in capsys.readouterr().err
     table = np.loadtxt(tmp_path / "paper.csv", delimiter=",", skiprows=1)
     written = Observables(table[:, 2:5], table[:, 5], table[:, 6:].reshape(-1, 3, 3))
     assert errors(scene.ellipsoid, written, exact(scene)).slow <= 1e-6
