@@ -13,7 +13,7 @@ BEFORE ?= HEAD~1
 AFTER  ?= HEAD
 
 .DEFAULT_GOAL := help
-.PHONY: help setup bench test test-all check format benchmark benchmark-compare cold-start report clean
+.PHONY: help setup bench test test-all check lint format benchmark benchmark-compare cold-start report clean
 
 help: ## list the commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-18s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -27,8 +27,10 @@ $(READY): pyproject.toml setup.py constraints.txt bootstrap.sh
 bench: $(READY) ## the main job: cost against accuracy as St grows, into reports/bench/
 	$(BIN)/polhode bench
 
-test: check ## the checks, then the tests
-	$(BIN)/pytest -m "not slow" --numprocesses 2 --dist loadfile
+test: lint ## the checks and the tests; types are checked beside the tests
+	@$(BIN)/basedpyright & types=$$!; \
+	$(BIN)/pytest -m "not slow" --numprocesses 2 --dist loadfile; tests=$$?; \
+	wait $$types && exit $$tests
 
 test-all: check ## the checks, then all tests, the slow ones too
 	$(BIN)/pytest
@@ -53,11 +55,13 @@ benchmark-compare: $(READY) ## time two commits in turns (6 minutes): make bench
 report: $(READY) ## one offline site of everything measured, into reports/site/
 	$(BIN)/polhode report
 
-check: $(READY) ## format, lint, direction of imports, types
+check: lint ## format, lint, direction of imports, types
+	$(BIN)/basedpyright
+
+lint: $(READY)
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	cd typings && PYTHONPATH=. ../$(BIN)/lint-imports --config ../pyproject.toml --no-cache
-	$(BIN)/basedpyright
 
 format: $(READY) ## format the code
 	$(BIN)/ruff format .
