@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from polhode.harness.common.timing import time_runs
-from polhode.harness.pages.work_precision import work_precision
+from polhode.harness.pages.figures.work_precision import work_precision
 from polhode.harness.references.extended import extended_run
 from polhode.harness.references.uncertainty import least_known
 from polhode.models.problem import Problem

@@ -8,7 +8,7 @@ import pandas as pd
 
 from polhode.harness.common.store import Record
 from polhode.harness.common.text import duration, scientific
-from polhode.models.scene_file import parse_scene
+from polhode.models.files.scene_file import parse_scene
 from polhode.solvers.catalogue import SOLVERS
 from polhode.solvers.contract import Status
 

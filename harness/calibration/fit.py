@@ -30,8 +30,8 @@ from polhode.harness.picking.load import held_back, load_of
 from polhode.harness.picking.pilot import Pilot, PilotFailedError, form_sensitivity, pilot
 from polhode.harness.studies.cost import first_seconds
 from polhode.models.catalogue import form as find_form
+from polhode.models.files.scene_file import parse_scene
 from polhode.models.scene import Scene
-from polhode.models.scene_file import parse_scene
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Status
 

@@ -58,7 +58,7 @@ def scenes(scene: str | None, as_json: bool) -> None:
 
     if scene is not None:
         from polhode.harness.studies.scenes import find_scene
-        from polhode.models.scene_file import scene_table
+        from polhode.models.files.scene_file import scene_table
 
         with bad_input():
             table = scene_table(find_scene(scene))
@@ -70,7 +70,7 @@ def scenes(scene: str | None, as_json: bool) -> None:
 
 
 def scene_text(table: dict[str, Any]) -> str:
-    """A scene file with the contents of `polhode.models.scene_file.scene_table`, and what its keys mean."""
+    """A scene file with the contents of `polhode.models.files.scene_file.scene_table`, and what its keys mean."""
     lines = [
         f"stokes = {table['stokes']!r}  # St, from 0 to inf",
         f"time = {table['time']!r}  # in inverse shear rates; or: slow_time = t/St",

@@ -20,9 +20,9 @@ from polhode.harness.ensembles.ensemble import Ensemble, Task, run_task
 from polhode.harness.ensembles.starts import Starts
 from polhode.harness.ensembles.statistics import Statistics
 from polhode.harness.studies.study_file import Name, Stokes
-from polhode.models.scene_file import FourVector, Positive, Vector
+from polhode.models.files.scene_file import FourVector, Positive, Vector
+from polhode.models.files.toml_file import checked, read_toml
 from polhode.models.shape import Ellipsoid
-from polhode.models.toml_file import checked, read_toml
 
 # Written into every record: side by side, tasks slow each other down.
 NO_TIMES = "no times: tasks may run side by side"

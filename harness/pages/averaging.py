@@ -14,7 +14,7 @@ from polhode.harness.averaging.measure import SAMPLES, SOLVER, TOLERANCE, UNCERT
 from polhode.harness.averaging.orders import FITTED_FROM, LEAST_POINTS, SAME_HORIZON, TARGETS, Law, first_order, laws
 from polhode.harness.common.machine import versions
 from polhode.harness.common.text import aligned, in_two_digits, markdown, scientific, short
-from polhode.harness.pages.work_precision import save
+from polhode.harness.pages.figures.work_precision import save
 from polhode.models.shape import Ellipsoid
 
 if TYPE_CHECKING:

@@ -14,12 +14,12 @@ from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record, export
 from polhode.harness.common.text import bracketed, duration, markdown, scientific, short
+from polhode.harness.pages.figures.work_precision import save, work_precision_panels
 from polhode.harness.pages.verdict import averaged_costs, ties, verdict
-from polhode.harness.pages.work_precision import save, work_precision_panels
 from polhode.harness.references.uncertainty import BRACKETS, least_known, uncertainty_of
 from polhode.harness.studies.study import Study
+from polhode.models.files.scene_file import parse_scene, scene_table
 from polhode.models.scene import Scene
-from polhode.models.scene_file import parse_scene, scene_table
 from polhode.solvers.contract import Status
 
 # By the name of their file: error, and label of its axis.

@@ -14,7 +14,7 @@ from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record, export
 from polhode.harness.common.text import duration, markdown, scientific, short
 from polhode.harness.pages.bench import error_of, whole
-from polhode.harness.pages.work_precision import save, work_precision_panels
+from polhode.harness.pages.figures.work_precision import save, work_precision_panels
 from polhode.harness.studies.cost import STARTS, FirstRun
 from polhode.harness.studies.overhead import Overhead
 from polhode.solvers.catalogue import SOLVERS

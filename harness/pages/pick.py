@@ -8,8 +8,8 @@ import pandas as pd
 
 from polhode.harness.calibration.evaluation import CHEAP, FACTOR, MEETS, PREDICTED, Evaluation, close
 from polhode.harness.common.text import duration, markdown, scientific
-from polhode.harness.pages.style import family_colour
-from polhode.harness.pages.work_precision import save
+from polhode.harness.pages.figures.style import family_colour
+from polhode.harness.pages.figures.work_precision import save
 from polhode.harness.picking.laws import Laws, MethodLaws
 from polhode.solvers.catalogue import solver as find_solver
 

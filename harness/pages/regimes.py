@@ -15,8 +15,8 @@ from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record
 from polhode.harness.common.text import duration, in_two_digits, markdown, short
-from polhode.harness.pages.map_picture import ERRORS, picture
-from polhode.harness.pages.work_precision import save
+from polhode.harness.pages.figures.map_picture import ERRORS, picture
+from polhode.harness.pages.figures.work_precision import save
 from polhode.harness.studies.study import Study
 from polhode.models.scene import Scene
 

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from PIL import Image
 
-from polhode.harness.pages.style import power
+from polhode.harness.pages.figures.style import power
 from polhode.harness.paper.item import Table
 from polhode.harness.paper.tables import groups
 

@@ -7,8 +7,8 @@ from typing import Any
 import pandas as pd
 
 from polhode.harness.analysis.frames import by_stokes, where
-from polhode.harness.pages.style import is_averaged, looks
-from polhode.harness.pages.work_precision import LARGEST_ERROR
+from polhode.harness.pages.figures.style import is_averaged, looks
+from polhode.harness.pages.figures.work_precision import LARGEST_ERROR
 from polhode.harness.site.markup import Page, missing
 from polhode.harness.site.sources import read_studies
 from polhode.solvers.catalogue import SOLVERS

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from polhode.harness.analysis.regime_map import Cell, usual_form
 from polhode.harness.common.text import duration, factor, short
-from polhode.harness.pages.map_picture import ERRORS, HEADINGS
+from polhode.harness.pages.figures.map_picture import ERRORS, HEADINGS
+from polhode.harness.pages.figures.style import colour, rank
 from polhode.harness.pages.regimes import read_cells
-from polhode.harness.pages.style import colour, rank
 from polhode.harness.site.markup import prose, scroll
 
 TITLE = "What should I run?"

@@ -16,10 +16,10 @@ from polhode.harness.references.reference import Reference, reference, reference
 from polhode.harness.references.rotations import rotations
 from polhode.harness.studies.cost import rhs_seconds
 from polhode.models.catalogue import form as find_form
+from polhode.models.files.scene_file import scene_table
 from polhode.models.observables import Observables
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
-from polhode.models.scene_file import scene_table
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Backend, Jacobian, Status
 from polhode.solvers.solve import INVARIANT_FLOOR, INVARIANT_TOLERANCES, Solution, solve

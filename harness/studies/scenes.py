@@ -17,7 +17,7 @@ def find_scene(word: str) -> Scene:
     """
     path = Path(word)
     if path.exists() and not path.is_dir():
-        from polhode.models.scene_file import read_scene
+        from polhode.models.files.scene_file import read_scene
 
         return read_scene(path)
     if word in SCENES:

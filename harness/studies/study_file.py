@@ -9,11 +9,11 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_valida
 
 from polhode.harness.studies.study import Choice, Page, Study
 from polhode.models.catalogue import FORMS
+from polhode.models.files.scene_file import Positive, parse_scene, scene_table
+from polhode.models.files.toml_file import checked, read_toml
 from polhode.models.registry import NotFoundError
 from polhode.models.scene import Scene
-from polhode.models.scene_file import Positive, parse_scene, scene_table
 from polhode.models.scenes import named_scene
-from polhode.models.toml_file import checked, read_toml
 from polhode.solvers.catalogue import SOLVERS
 from polhode.solvers.contract import Backend, Jacobian
 

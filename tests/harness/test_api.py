@@ -13,9 +13,9 @@ import pytest
 from commandline import SCENE, Run
 
 from polhode import Ellipsoid, EulerStart, Scene, SceneSolution, WorkPrecision, pick, solve
-from polhode.harness.pages.motion import slow_variables
-from polhode.harness.pages.style import GREY
-from polhode.harness.pages.work_precision import UNKNOWN
+from polhode.harness.pages.figures.motion import slow_variables
+from polhode.harness.pages.figures.style import GREY
+from polhode.harness.pages.figures.work_precision import UNKNOWN
 from polhode.models.catalogue import form
 from polhode.models.forms.quaternion import Quaternion
 from polhode.models.scenes import named_scene

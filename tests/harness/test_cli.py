@@ -11,7 +11,7 @@ from commandline import SCENE, Run
 from polhode.harness.cli import COMMANDS, FORMER, GROUPS
 from polhode.harness.commands.show import scene_text
 from polhode.models.catalogue import FORMS
-from polhode.models.scene_file import parse_scene, scene_table
+from polhode.models.files.scene_file import parse_scene, scene_table
 from polhode.models.scenes import SCENES, named_scene
 from polhode.solvers.catalogue import SOLVERS
 

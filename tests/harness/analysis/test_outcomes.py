@@ -10,7 +10,7 @@ from commandline import STUDY
 from polhode.harness.analysis.outcomes import INACCURATE, limits, outcome
 from polhode.harness.pages.outcomes import reasons, write_page
 from polhode.harness.studies.study_file import parse_study
-from polhode.models.scene_file import scene_table
+from polhode.models.files.scene_file import scene_table
 from polhode.models.scenes import named_scene
 
 RUN = {"status": "reached_end", "seconds": 0.1, "solver_slow_error": 1e-9, "model_slow_error": 0.0, "message": ""}

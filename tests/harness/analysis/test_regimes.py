@@ -13,9 +13,9 @@ from polhode.harness.analysis.pareto import Method, cost, front
 from polhode.harness.analysis.regime_map import LONGEST_SLOW_TIME, cells, scatter, standings
 from polhode.harness.commands.bench import ahead, regimes
 from polhode.harness.common.store import Store
-from polhode.harness.pages.map_picture import draw, picture
+from polhode.harness.pages.figures.map_picture import draw, picture
+from polhode.harness.pages.figures.style import LOOKS, colour
 from polhode.harness.pages.regimes import horizon, read_cells, sentences, write_page
-from polhode.harness.pages.style import LOOKS, colour
 from polhode.harness.studies.study_file import read_study
 from polhode.models.catalogue import form as find_form
 

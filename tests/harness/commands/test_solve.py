@@ -15,9 +15,9 @@ from scipy.spatial.transform import Rotation
 
 from polhode.harness.references.errors import errors
 from polhode.harness.references.reference import reference
+from polhode.models.files.scene_file import parse_scene, read_scene
 from polhode.models.observables import Observables
 from polhode.models.rotation import Triple, matrix_from_quaternion
-from polhode.models.scene_file import parse_scene, read_scene
 
 # Nothing left open, so that nothing needs to be picked.
 GIVEN = ("--form", "quaternion", "--tolerance", "1e-8", "--solver", "taylor")

@@ -9,8 +9,8 @@ import pytest
 
 from polhode.harness.analysis.frames import frame
 from polhode.harness.analysis.pareto import pareto_front
-from polhode.harness.pages.style import GREY, power
-from polhode.harness.pages.work_precision import (
+from polhode.harness.pages.figures.style import GREY, power
+from polhode.harness.pages.figures.work_precision import (
     UNKNOWN,
     mark_failures,
     save,

@@ -29,8 +29,8 @@ from polhode.harness.picking.pilot import form_sensitivity, oriented, pilot
 from polhode.harness.references import rotations
 from polhode.harness.references.errors import errors
 from polhode.models.catalogue import form
+from polhode.models.files.scene_file import scene_table
 from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart
-from polhode.models.scene_file import scene_table
 from polhode.models.scenes import named_scene
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.catalogue import SOLVERS

@@ -11,8 +11,8 @@ from sites import TAG, data_of, site
 
 from polhode.harness.common.store import export, read_export
 from polhode.harness.common.text import duration
+from polhode.harness.pages.figures.style import looks
 from polhode.harness.pages.regimes import read_cells
-from polhode.harness.pages.style import looks
 from polhode.harness.site.build import REPORTS
 from polhode.harness.site.markdown import section
 from polhode.harness.site.markup import Page, document, plain, prose

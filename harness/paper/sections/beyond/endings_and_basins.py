@@ -7,7 +7,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
 from polhode.harness.common.fits import wilson
-from polhode.harness.pages.style import power
+from polhode.harness.pages.figures.style import power
 from polhode.harness.paper.drawing import (
     AVERAGED,
     BLUE,

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from scipy.signal import find_peaks
 
-from polhode.harness.pages.style import power
+from polhode.harness.pages.figures.style import power
 from polhode.harness.paper.drawing import (
     BLACK,
     BLUE,

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from scipy.signal import find_peaks
 
 from polhode.harness.common.fits import power_law
-from polhode.harness.pages.style import power
+from polhode.harness.pages.figures.style import power
 from polhode.harness.paper.drawing import BLUE, CYCLE, NODE, draw_groups, draw_law, label, logarithmic, panels
 from polhode.harness.paper.item import Data, Grid, Item, Number, Section, Table, Verdict, Word
 from polhode.harness.paper.runs import Run, axes_of, full_run, spheroid

@@ -8,7 +8,7 @@ from polhode.harness.analysis.pareto import Side
 from polhode.harness.analysis.regime_map import Cell, usual_form
 from polhode.harness.analysis.winners import TIE
 from polhode.harness.common.text import duration, factor, short
-from polhode.harness.pages.style import colour, power, rank
+from polhode.harness.pages.figures.style import colour, power, rank
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

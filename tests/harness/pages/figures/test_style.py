@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from polhode.harness.analysis.pareto import Method
-from polhode.harness.pages.style import LOOKS, OTHER, colour, family_colour, looks, rank
+from polhode.harness.pages.figures.style import LOOKS, OTHER, colour, family_colour, looks, rank
 from polhode.harness.studies.study_file import read_study
 from polhode.solvers.catalogue import SOLVERS
 from polhode.solvers.catalogue import solver as find_solver

@@ -12,7 +12,7 @@ import pandas as pd
 from polhode.harness.analysis.frames import by_stokes, where
 from polhode.harness.analysis.pareto import pareto_front
 from polhode.harness.common.text import short
-from polhode.harness.pages.style import GREY, is_averaged, looks, power, rank
+from polhode.harness.pages.figures.style import GREY, is_averaged, looks, power, rank
 from polhode.harness.references.uncertainty import KNOWN, known
 
 if TYPE_CHECKING:

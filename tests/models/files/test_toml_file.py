@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from polhode.models.toml_file import read_toml
+from polhode.models.files.toml_file import read_toml
 
 
 @pytest.fixture

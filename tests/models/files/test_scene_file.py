@@ -14,8 +14,8 @@ from commandline import SCENE
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from polhode.models.files.scene_file import parse_scene, read_scene, scene_table
 from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart
-from polhode.models.scene_file import parse_scene, read_scene, scene_table
 from polhode.models.scenes import SCENES
 from polhode.models.shape import Ellipsoid
 

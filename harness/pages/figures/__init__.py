@@ -1,0 +1,1 @@
+"""The look of solvers, and the figures that pages, site and Python share; imports `analysis`."""
