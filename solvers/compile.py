@@ -18,6 +18,7 @@ from polhode.models.spent import spent_on
 from polhode.solvers.contract import Backend
 from polhode.solvers.machine_code import kept_code
 from polhode.solvers.machine_code.array_function import array_function
+from polhode.solvers.machine_code.derivatives import trace_jacobian
 from polhode.solvers.machine_code.llvm import CALLBACK, MachineCode, compile_lines, counting
 from polhode.solvers.machine_code.tracing import FieldFactory, trace
 
@@ -150,18 +151,14 @@ def tangent_system(factory: FieldFactory, dimension: int, parameters: int) -> li
 @cache
 def exact_jacobian(factory: FieldFactory, dimension: int, parameters: int) -> Callable[..., np.ndarray]:
     """The Jacobian ``jacobian(y, p) -> (d, d)`` by automatic differentiation of the traced field."""
-    heyoka = load_heyoka()
-    system = traced_system(factory, dimension, parameters)
-    variables = [variable for variable, _ in system]
-    tensors = heyoka.diff_tensors([rate for _, rate in system], diff_args=variables, diff_order=1)
-    compiled = heyoka.cfunc(list(tensors.jacobian.ravel()), variables, compact_mode=False)
-    shape = (dimension, dimension)
+    lines = trace_jacobian(factory, dimension, parameters)
+    compiled = array_function(lines, {"y": dimension, "p": parameters, "out": dimension**2})
 
     def jacobian(y: np.ndarray, p: np.ndarray) -> np.ndarray:
-        return compiled(np.ascontiguousarray(y), pars=p).reshape(shape)
+        out = np.empty(dimension**2)
+        compiled(np.ascontiguousarray(y), p, out)
+        return out.reshape(dimension, dimension).T
 
-    if parameters == 0:
-        return lambda y, p: compiled(np.ascontiguousarray(y)).reshape(shape)
     return jacobian
 
 

@@ -23,7 +23,7 @@ Jacobian = Literal["exact", "difference"]
 UNLIMITED = 10**9
 
 # What a choice needs besides the solver's own library; module and package are of one name.
-_NEEDS = {"numba": "llvmlite", "exact": "heyoka"}
+_NEEDS = {"numba": "llvmlite", "exact": "llvmlite"}
 
 
 @cache

@@ -9,7 +9,7 @@ the meaning; the compiler may change nothing else.
 import inspect
 import math
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import cache, partial
 from numbers import Real
@@ -63,7 +63,7 @@ class Number:
 
     def __pow__(self, exponent: Any) -> Any:
         if isinstance(exponent, Number) or exponent not in MULTIPLIED_OUT:
-            return _call("pow", self, exponent)
+            return call("pow", self, exponent)
         n = int(exponent)
         if n < 2:
             return (1.0, self)[n] if n >= 0 else 1.0 / self**-n
@@ -71,7 +71,7 @@ class Number:
         return half * half * self if n % 2 else half * half
 
     def __rpow__(self, base: Any) -> "Number":
-        return _call("pow", base, self)
+        return call("pow", base, self)
 
     def _compare(self, other: Any = None) -> bool:
         raise TypeError("a field cannot compare or branch; use ops.where_positive(x, a, b)")
@@ -94,7 +94,7 @@ def _arithmetic(instruction: str, left: Any, right: Any) -> Any:
     return number.emit(f"{instruction} contract double {_operand(left)}, {_operand(right)}")
 
 
-def _call(function: str, *arguments: Any) -> Any:
+def call(function: str, *arguments: Any) -> Any:
     """A mathematical function of numbers and constants."""
     wrong = next((x for x in arguments if not isinstance(x, Number | Real)), None)
     if wrong is not None:
@@ -113,7 +113,7 @@ def _where_positive(x: Any, a: Any, b: Any) -> Any:
     return x.emit(f"select i1 {positive}, double {_operand(a)}, double {_operand(b)}")
 
 
-OPERATIONS = Operations(partial(_call, "sin"), partial(_call, "cos"), partial(_call, "sqrt"), _where_positive)
+OPERATIONS = Operations(partial(call, "sin"), partial(call, "cos"), partial(call, "sqrt"), _where_positive)
 
 
 @cache
@@ -134,19 +134,25 @@ def trace(factory: FieldFactory, dimension: int, parameters: int, mass: bool = F
         If the field does what no field may do.
     """
     lines: dict[str, str] = {}
-
-    def array(name: str, size: int) -> tuple[Number, ...]:
-        start = Number(lines, f"%{name}")
-        places = [start.emit(f"getelementptr double, ptr %{name}, i64 {i}") for i in range(size)]
-        return tuple(place.emit(f"load double, ptr {place.name}") for place in places)
-
-    rates = _evaluate(factory, array("y", dimension), array("p", parameters))
+    rates = _evaluate(factory, read(lines, "y", dimension), read(lines, "p", parameters))
     if mass:
-        slopes, masses = array("slope", dimension), array("mass", dimension)
+        slopes, masses = read(lines, "slope", dimension), read(lines, "mass", dimension)
         rates = [m * slope - rate for m, slope, rate in zip(masses, slopes, rates, strict=True)]
+    return written(lines, rates)
+
+
+def read(lines: dict[str, str], name: str, size: int) -> tuple[Number, ...]:
+    """The numbers of an array."""
+    start = Number(lines, f"%{name}")
+    places = [start.emit(f"getelementptr double, ptr %{name}, i64 {i}") for i in range(size)]
+    return tuple(place.emit(f"load double, ptr {place.name}") for place in places)
+
+
+def written(lines: dict[str, str], numbers: Iterable[Any]) -> str:
+    """The lines, and those that write numbers at %out."""
     text = [f"{name} = {line}" for line, name in lines.items()]
-    for i, rate in enumerate(rates):
-        text += [f"%out{i} = getelementptr double, ptr %out, i64 {i}", f"store double {_operand(rate)}, ptr %out{i}"]
+    for i, number in enumerate(numbers):
+        text += [f"%out{i} = getelementptr double, ptr %out, i64 {i}", f"store double {_operand(number)}, ptr %out{i}"]
     return "\n".join(text)
 
 

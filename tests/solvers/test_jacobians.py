@@ -1,4 +1,4 @@
-"""Exact Jacobians against central differences in forty digits, for the fields of all forms and classical problems."""
+"""Exact Jacobians against central differences in forty digits and heyoka's, of all forms and classical problems."""
 
 import mpmath
 import numpy as np
@@ -6,11 +6,27 @@ import pytest
 
 from oracle.classical import CLASSICAL
 from oracle.runs import runs
-from polhode.models.operations import Operations
+from polhode.models.operations import Field, Operations
 from polhode.models.problem import Problem
-from polhode.solvers.compile import exact_jacobian
+from polhode.solvers.compile import exact_jacobian, load_heyoka, traced_system
+
+
+def every_operation(ops: Operations) -> Field:
+    sin, cos, sqrt, where_positive = ops.sin, ops.cos, ops.sqrt, ops.where_positive
+
+    def rhs(y, p):
+        a, b, c = y
+        return (
+            3 - (a - 2) + (1 - b) - a / c + 2 / b - (+c) / 7 + p[0] * b**0 + 0 * sin(p[0]),
+            where_positive(a - b, a * b, 1.5) + where_positive(b - a, p[0], sqrt(c) / a) + cos(-b * a) * p[0] ** 2,
+            a**2 + b**-3 + c**0.5 + c**17 + a**b + p[0] ** c + 1.7**b + where_positive(1.0, sin(c), c) + sqrt(2.0),
+        )
+
+    return rhs
+
 
 PROBLEMS = {str(run): run.problem for run in runs()} | {name: each.problem for name, each in CLASSICAL.items()}
+PROBLEMS["every operation"] = Problem("every operation", every_operation, (0.7, 0.4, 0.9), 1.0, (1.2,))
 CONTEXT = mpmath.MPContext()
 CONTEXT.dps = 40
 MPMATH = Operations(CONTEXT.sin, CONTEXT.cos, CONTEXT.sqrt, lambda x, a, b: a if x > 0 else b)
@@ -41,3 +57,15 @@ def test_exact_jacobian(name: str):
     exact = exact_jacobian(problem.field, problem.dimension, len(parameters))(state, np.array(parameters))
     expected = differences(problem, [CONTEXT.mpf(y) for y in state], [CONTEXT.mpf(p) for p in parameters])
     assert np.abs(exact - expected).max() <= 1e-11 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("name", ["triaxial-quaternion", "prolate-spheroid-axis", "stiff-van-der-pol"])
+def test_exact_jacobian_is_that_of_heyoka(name: str):
+    problem, heyoka = PROBLEMS[name], load_heyoka()
+    d, p = problem.dimension, np.array(problem.parameters)
+    system = traced_system(problem.field, d, len(p))
+    variables = [variable for variable, _ in system]
+    tensors = heyoka.diff_tensors([rate for _, rate in system], diff_args=variables, diff_order=1)
+    state = np.array(problem.start) + 0.01
+    expected = heyoka.cfunc(list(tensors.jacobian.ravel()), variables)(state, pars=p).reshape(d, d)
+    assert exact_jacobian(problem.field, d, len(p))(state, p) == pytest.approx(expected, rel=1e-14, abs=1e-15)

@@ -130,12 +130,12 @@ def test_absent_library(name: str, monkeypatch):
 
 
 @pytest.mark.parametrize("name", [name for name in INTEGRATORS if "exact" in solver(name).jacobians])
-def test_without_heyoka_jacobians_are_differences(name: str, monkeypatch):
-    monkeypatch.setattr(contract, "installed", lambda library: library != "heyoka")
+def test_without_a_compiler_jacobians_are_differences(name: str, monkeypatch):
+    monkeypatch.setattr(contract, "installed", lambda library: library != "llvmlite")
     solution = solve(RUN.problem, name, 1e-6)
     assert solution.success
     assert solution.settings.jacobian == "difference"
-    with pytest.raises(SolverNotValidError, match="pip install heyoka"):
+    with pytest.raises(SolverNotValidError, match="pip install llvmlite"):
         solve(RUN.problem, name, 1e-6, jacobian="exact")
 
 
@@ -243,7 +243,7 @@ def test_a_limit_of_steps_holds_for_all_pieces_of_a_run():
 
     problem = replace(form("spheroid-angles").problem(SCENES["prolate"]), end=2000.0)
     times = np.linspace(0.0, problem.end, 401)
-    assert solve(problem, "taylor", 1e-9, times).work.steps > 1500
+    assert (solve(problem, "taylor", 1e-9, times).work.steps or 0) > 1500
     for limit in (1, 100, 700, 701, 702):
         solution = solve(problem, "taylor", 1e-9, times, max_steps=limit)
         assert solution.status is Status.STEP_LIMIT

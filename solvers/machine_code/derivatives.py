@@ -1,0 +1,131 @@
+"""The exact Jacobian of a vector field: dual numbers, which carry their derivatives along, traced like any other."""
+
+from collections.abc import Callable
+from functools import cache, partial
+from typing import Any
+
+from polhode.models.operations import Operations
+from polhode.solvers.machine_code.tracing import OPERATIONS, FieldFactory, Number, call, read, trace, written
+
+
+class Dual:
+    """A number and its derivatives by the components of the state, those that are not zero."""
+
+    # NumPy's numbers leave arithmetic to it.
+    __array_ufunc__ = None
+
+    def __init__(self, value: Any, slopes: dict[int, Any]) -> None:
+        self.value, self.slopes = value, slopes
+
+    def __add__(self, other: Any) -> "Dual":
+        return _chained(self.value + _value(other), (self, 1.0), (other, 1.0))
+
+    def __sub__(self, other: Any) -> "Dual":
+        return _chained(self.value - _value(other), (self, 1.0), (other, -1.0))
+
+    def __rsub__(self, other: Any) -> "Dual":
+        return _chained(other - self.value, (self, -1.0))
+
+    def __mul__(self, other: Any) -> "Dual":
+        return _chained(self.value * _value(other), (self, _value(other)), (other, self.value))
+
+    def __truediv__(self, other: Any) -> "Dual":
+        return _quotient(self, other)
+
+    def __rtruediv__(self, other: Any) -> "Dual":
+        return _quotient(other, self)
+
+    def __neg__(self) -> "Dual":
+        return _chained(-self.value, (self, -1.0))
+
+    def __pos__(self) -> "Dual":
+        return self
+
+    def __pow__(self, exponent: Any) -> "Dual":
+        return _power(self, exponent)
+
+    def __rpow__(self, base: Any) -> "Dual":
+        return _power(base, self)
+
+    __radd__, __rmul__ = __add__, __mul__
+
+
+def _value(x: Any) -> Any:
+    return x.value if isinstance(x, Dual) else x
+
+
+def _slopes(x: Any) -> dict[int, Any]:
+    return x.slopes if isinstance(x, Dual) else {}
+
+
+def _chained(value: Any, *parts: tuple[Any, Any]) -> Dual:
+    """A number made of others, each beside the derivative by it."""
+    slopes: dict[int, Any] = {}
+    for x, derivative in parts:
+        for i, slope in _slopes(x).items():
+            term = _product(slope, derivative)
+            slopes[i] = slopes[i] + term if i in slopes else term
+    return Dual(value, slopes)
+
+
+def _product(a: Any, b: Any) -> Any:
+    """a*b without lines for nothing: most derivatives of sums are 1 or -1."""
+    if isinstance(b, float) and b in (1.0, -1.0):
+        return a if b == 1.0 else -a
+    return b if isinstance(a, float) and a == 1.0 else a * b
+
+
+def _quotient(above: Any, below: Any) -> Dual:
+    inverse = 1.0 / _value(below)
+    quotient = _value(above) / _value(below)
+    return _chained(quotient, (above, inverse), (below, -quotient * inverse))
+
+
+def _power(base: Any, exponent: Any) -> Dual:
+    x, n = _value(base), _value(exponent)
+    power = x**n
+    by_base = n * x ** (n - 1) if isinstance(exponent, Dual) or n != 0 else 0.0
+    return _chained(power, (base, by_base), (exponent, power * call("log", x) if _slopes(exponent) else 0.0))
+
+
+def _function(name: str, derivative: Callable[[Any], Any], x: Any) -> Any:
+    if not isinstance(x, Dual):
+        return call(name, x)
+    return _chained(call(name, x.value), (x, derivative(x.value)))
+
+
+def _where_positive(x: Any, a: Any, b: Any) -> Dual:
+    where = partial(OPERATIONS.where_positive, _value(x))
+    slopes = _slopes(a), _slopes(b)
+    return Dual(
+        where(_value(a), _value(b)),
+        {i: where(*(each.get(i, 0.0) for each in slopes)) for i in {*slopes[0], *slopes[1]}},
+    )
+
+
+_DUAL = Operations(
+    partial(_function, "sin", lambda x: call("cos", x)),
+    partial(_function, "cos", lambda x: -call("sin", x)),
+    partial(_function, "sqrt", lambda x: 0.5 / call("sqrt", x)),
+    _where_positive,
+)
+
+
+@cache
+def trace_jacobian(factory: FieldFactory, dimension: int, parameters: int, mass: bool = False) -> str:
+    """LLVM's lines that compute a field's Jacobian column by column, read and written as by `tracing.trace`.
+
+    Of the mass form it is that of the residual, ``cj * mass - jacobian``, where the slope follows the state by %cj.
+    """
+    # Refuses what no field may do, and says where.
+    trace(factory, dimension, parameters)
+    lines: dict[str, str] = {}
+    y = [Dual(each, {i: 1.0}) for i, each in enumerate(read(lines, "y", dimension))]
+    rates = factory(_DUAL)(y, [Dual(each, {}) for each in read(lines, "p", parameters)])
+    columns = [[_slopes(rate).get(i, 0.0) for rate in rates] for i in range(dimension)]
+    if mass:
+        masses, cj = read(lines, "mass", dimension), Number(lines, "%cj")
+        columns = [[-entry for entry in column] for column in columns]
+        for i, each in enumerate(masses):
+            columns[i][i] = cj * each + columns[i][i]
+    return written(lines, [entry for column in columns for entry in column])
