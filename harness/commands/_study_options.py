@@ -68,31 +68,34 @@ def command_line() -> str:
 
 def open_store(folder: Path, resume: bool, name: str = "store") -> "Store":
     """Open FOLDER/NAME.sqlite, made with its folder; a run that starts afresh moves the last one's aside."""
-    from polhode.harness.common.store import DamagedStoreError, Store
+    from polhode.harness.common.store import DamagedStoreError, Store, set_aside
 
-    previous = "previous" if name == "store" else f"previous-{name}"
+    path = folder / f"{name}.sqlite"
     with bad_input():
         folder.mkdir(parents=True, exist_ok=True)
-        # With what SQLite has put beside it.
-        for ending in () if resume else (".sqlite", ".sqlite-wal", ".sqlite-shm"):
-            (folder / (previous + ending)).unlink(missing_ok=True)
-            if (folder / (name + ending)).exists():
-                (folder / (name + ending)).rename(folder / (previous + ending))
+        if not resume and path.exists():
+            set_aside(path, path.with_name("previous.sqlite" if name == "store" else f"previous-{name}.sqlite"))
         try:
-            return Store(folder / f"{name}.sqlite")
+            return Store(path)
         except DamagedStoreError as error:
             raise BadInput(f"{error}, expected one of an earlier run or none") from None
+        except OSError as error:
+            raise RunFailed(f"{error}; --resume goes on") from None
 
 
 @contextmanager
 def running_into(store: "Store", what: str = "cases") -> Iterator["Store"]:
-    """Close the store in any case; say how to go on after Ctrl-C, and what is wrong with a damaged store."""
+    """Close the store in any case; say in one line what ended the run, and how to go on."""
     from polhode.harness.common.store import DamagedStoreError
+    from polhode.harness.common.worker import KilledFromOutsideError
 
+    goes_on = f"finished {what} are in {store.path}, --resume goes on"
     with store:
         try:
             yield store
         except KeyboardInterrupt:
-            raise RunFailed(f"interrupted: finished {what} are in {store.path}, --resume goes on") from None
-        except DamagedStoreError as error:
+            raise RunFailed(f"interrupted: {goes_on}") from None
+        except (OSError, KilledFromOutsideError) as error:
+            raise RunFailed(f"{error}; {goes_on}") from None
+        except (DamagedStoreError, ValueError) as error:
             raise RunFailed(str(error)) from None

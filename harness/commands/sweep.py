@@ -2,7 +2,6 @@
 
 import json
 import os
-import sqlite3
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from polhode.harness.cli import BadInput, RunFailed, bad_input
-from polhode.harness.commands._study_options import FOLDER, as_json, out_folder, quiet, running_into
+from polhode.harness.commands._study_options import FOLDER, as_json, open_store, out_folder, quiet, running_into
 
 if TYPE_CHECKING:
     from polhode.harness.ensembles.engines import Engine
@@ -42,11 +41,8 @@ def sweep(
     Finished tasks are kept in FOLDER/store.sqlite; whatever ends a run, it goes on with --resume, and gives the same
     numbers. Several runs with --resume may share one store.
     """
-    from polhode.harness.common.store import DamagedStoreError, Store
     from polhode.harness.ensembles.results import write_results
     from polhode.harness.ensembles.sweep import read_sweep, run_sweep
-
-    full = "expected a writable file and room for it"
 
     with bad_input():
         what = read_sweep(sweep_file)
@@ -55,24 +51,11 @@ def sweep(
         if path.exists() and not resume:
             raise BadInput(f"{path}: exists, expected --resume to go on with it, or another --out")
         engine = _engine(workers, address)
-        try:
-            store = Store(path)
-        except DamagedStoreError as error:
-            # SQLite's complaint about the place, not about the contents.
-            if isinstance(cause := error.__context__, sqlite3.OperationalError):
-                raise RunFailed(f"{path}: {cause}, {full}; --resume goes on") from None
-            raise BadInput(f"{error}, expected one of an earlier run or none") from None
-    with running_into(store, "tasks"):
-        try:
-            tally = run_sweep(what, store, engine, quiet=quiet, spread=resume)
-            if tally.failed:
-                raise RunFailed(f"{tally.failed} of {what.size} tasks failed, --resume tries again: {tally.message}")
-            page, ensembles = write_results(what, store, folder)
-        except ValueError as error:
-            raise RunFailed(str(error)) from None
-        except (sqlite3.Error, OSError) as error:
-            what_failed = f"{path}: {error}, {full}" if isinstance(error, sqlite3.Error) else error
-            raise RunFailed(f"{what_failed}; finished tasks are in {path}, --resume goes on") from None
+    with running_into(open_store(folder, resume=True), "tasks") as store:
+        tally = run_sweep(what, store, engine, quiet=quiet, spread=resume)
+        if tally.failed:
+            raise RunFailed(f"{tally.failed} of {what.size} tasks failed, --resume tries again: {tally.message}")
+        page, ensembles = write_results(what, store, folder)
     click.echo(json.dumps(ensembles) if as_json else f"{page}")
 
 

@@ -1,4 +1,4 @@
-"""Where references are kept between runs: content-addressed files with a checksum."""
+"""Where references are kept between runs: files with a checksum of key and content, so that none stands for another."""
 
 import hashlib
 import io
@@ -16,9 +16,9 @@ CHECKSUM = 64
 
 
 def load(key: str) -> dict[str, np.ndarray] | None:
-    """Arrays kept under a key; None if there are none, or if the file is damaged.
+    """Arrays kept under a key; None if there are none, or if the file is damaged, or another one's.
 
-    The checksum shows a damaged file, which is removed and named on stderr.
+    The checksum shows such a file, which is removed and named on stderr.
     """
     path = path_of(key)
     try:
@@ -26,8 +26,11 @@ def load(key: str) -> dict[str, np.ndarray] | None:
     except OSError:
         return None
     checksum, payload = content[:CHECKSUM], content[CHECKSUM:]
-    if _checksum(payload) != checksum:
-        print(f"polhode: {path}: damaged, its checksum does not match; computed anew", file=sys.stderr)
+    if _checksum(key, payload) != checksum:
+        print(
+            f"polhode: {path}: damaged, or another one renamed; computed anew",
+            file=sys.stderr,
+        )
         with suppress(OSError):
             path.unlink()
         return None
@@ -41,13 +44,13 @@ def keep(key: str, arrays: dict[str, np.ndarray]) -> None:
     np.savez(buffer, allow_pickle=False, **arrays)
     payload = buffer.getvalue()
     with suppress(OSError):
-        write_file(path_of(key), _checksum(payload) + payload)
+        write_file(path_of(key), _checksum(key, payload) + payload)
 
 
 def path_of(key: str) -> Path:
     """File that keeps the arrays of a key."""
-    return cache_folder() / "references" / f"{key}.npz"
+    return cache_folder() / "references" / f"{key}.reference"
 
 
-def _checksum(payload: bytes) -> bytes:
-    return hashlib.sha256(payload).hexdigest().encode()
+def _checksum(key: str, payload: bytes) -> bytes:
+    return hashlib.sha256(key.encode() + payload).hexdigest().encode()

@@ -1,27 +1,33 @@
-"""The store: SQLite, one row per case, its key the hash of the case, so that resume means skipping known keys."""
+"""The store: SQLite, one row per case, its key the hash of the case, so that resume means skipping known keys.
+
+Every row has a digest of all that it holds, which is compared whenever the row is read.
+"""
 
 import csv
 import json
 import sqlite3
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator
+from contextlib import closing, contextmanager, suppress
+from hashlib import sha256
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from polhode.harness.common.files import PartialFile
+from polhode.harness.common.machine import now
 from polhode.harness.common.plain_json import dumps, loads
 
 Record = dict[str, Any]
 
+# What marks a file as ours: "plhd", and the version of the table. Before version 2 rows had no digest.
+APPLICATION, VERSION = 0x706C6864, 2
 _TABLE = """
 CREATE TABLE IF NOT EXISTS cases (
-    key TEXT PRIMARY KEY,
-    "case" TEXT NOT NULL,
-    result TEXT NOT NULL,
-    written TEXT NOT NULL DEFAULT (datetime('now'))
+    key TEXT PRIMARY KEY, "case" TEXT NOT NULL, result TEXT NOT NULL, written TEXT NOT NULL, digest TEXT NOT NULL
 )
 """
-_ALL = """SELECT key, strftime('%Y-%m-%dT%H:%M:%SZ', written), "case", result FROM cases ORDER BY rowid"""
+_ROW = 'SELECT key, "case", result, written, digest FROM cases '
+_PUT = "INSERT INTO cases VALUES (?, ?, ?, ?, ?) ON CONFLICT (key) DO NOTHING"
 
 
 class DamagedStoreError(RuntimeError):
@@ -31,7 +37,8 @@ class DamagedStoreError(RuntimeError):
 class Store:
     """A store file, made if it does not exist; two runs may share one.
 
-    Raises DamagedStoreError if the file is no readable SQLite database, which is never overwritten.
+    Raises DamagedStoreError if the file is no readable SQLite database, which is never overwritten; OSError, here and
+    later, if it cannot be opened or written.
     """
 
     def __init__(self, path: Path) -> None:
@@ -46,14 +53,28 @@ class Store:
                 raise
 
     def _prepare(self) -> None:
-        self._connection.execute("PRAGMA journal_mode=WAL")
-        if self._connection.execute("PRAGMA quick_check").fetchone()[0] != "ok":
+        run = self._connection.execute
+        run("PRAGMA journal_mode=WAL")
+        if run("PRAGMA quick_check").fetchone()[0] != "ok":
             raise DamagedStoreError(f"{self.path}: the store is damaged")
-        tables = {name for (name,) in self._connection.execute("SELECT name FROM sqlite_master")}
-        if tables and "cases" not in tables:
-            raise DamagedStoreError(f"{self.path}: a database of something else")
         with self._connection:
-            self._connection.execute(_TABLE)
+            run("BEGIN IMMEDIATE")
+            tables = {name for (name,) in run("SELECT name FROM sqlite_master")}
+            application, version = (run(f"PRAGMA {name}").fetchone()[0] for name in ("application_id", "user_version"))
+            if (tables and "cases" not in tables) or application not in (0, APPLICATION):
+                raise DamagedStoreError(f"{self.path}: a database of something else")
+            if version > VERSION:
+                raise DamagedStoreError(f"{self.path}: got version {version} of the store, expected at most {VERSION}")
+            if version < VERSION:
+                if tables:
+                    run("ALTER TABLE cases RENAME TO before")
+                run(_TABLE)
+                if tables:
+                    old = run("""SELECT key, "case", result, strftime('%Y-%m-%dT%H:%M:%SZ', written) FROM before""")
+                    self._connection.executemany(_PUT, ((*row, _digest(*row)) for row in old))
+                    run("DROP TABLE before")
+                run(f"PRAGMA application_id = {APPLICATION}")
+                run(f"PRAGMA user_version = {VERSION}")
 
     def close(self) -> None:
         """Close the file."""
@@ -73,41 +94,79 @@ class Store:
     def result(self, key: str) -> Record | None:
         """Result of one case; None if the store does not hold it."""
         with self._readable():
-            row = self._connection.execute("SELECT result FROM cases WHERE key = ?", (key,)).fetchone()
-        return None if row is None else json.loads(row[0])
+            row = self._connection.execute(_ROW + "WHERE key = ?", (key,)).fetchone()
+            return None if row is None else json.loads(self._sound(row)[2])
 
     def put(self, key: str, case: Record, result: Record) -> None:
         """Write a case once; a second writer of the same key changes nothing."""
-        row = key, json.dumps(case, sort_keys=True), json.dumps(result, sort_keys=True)
-        with self._connection:
-            self._connection.execute('INSERT OR IGNORE INTO cases (key, "case", result) VALUES (?, ?, ?)', row)
+        row = key, json.dumps(case, sort_keys=True), json.dumps(result, sort_keys=True), now()
+        with self._readable(), self._connection:
+            self._connection.execute(_PUT, (*row, _digest(*row)))
 
-    def records(self) -> list[Record]:
-        """All cases with their results, each as one flat dictionary, in the order of writing.
+    def __iter__(self) -> Iterator[Record]:
+        """All cases with their results, each as one flat dictionary, in the order of writing; one at a time in memory.
 
         `date` is the date and time in UTC, ISO 8601; that of the writing where the result does not tell.
         """
         with self._readable():
-            rows = self._connection.execute(_ALL).fetchall()
-        return [
-            {"key": key, "date": written, **json.loads(case), **json.loads(result)}
-            for key, written, case, result in rows
-        ]
+            for row in self._connection.execute(_ROW + "ORDER BY rowid"):
+                key, case, result, written, _ = self._sound(row)
+                yield {"key": key, "date": written, **json.loads(case), **json.loads(result)}
+
+    def records(self) -> list[Record]:
+        """All at once."""
+        return list(self)
+
+    def _sound(self, row: tuple[str, ...]) -> tuple[str, ...]:
+        """The row, whose digest is that of its content."""
+        if _digest(*row[:4]) != row[4]:
+            raise DamagedStoreError(
+                f"{self.path}: the store is damaged: case {row[0]} fails its checksum, expected what was written; take "
+                "an undamaged copy, or delete that row"
+            )
+        return row
 
     @contextmanager
     def _readable(self) -> Iterator[None]:
         try:
             yield
-        except sqlite3.DatabaseError as error:
-            if isinstance(error, sqlite3.OperationalError) and "locked" in str(error):
-                raise
+        except sqlite3.OperationalError as error:
+            # About the place, not about the contents; what names a table or a column is about these.
+            if "table" in str(error) or "column" in str(error) or "malformed" in str(error):
+                raise DamagedStoreError(f"{self.path}: not a readable store: {error}") from None
+            raise OSError(f"{self.path}: {error}, expected a writable file and room for it") from None
+        except (sqlite3.DatabaseError, UnicodeDecodeError) as error:
             raise DamagedStoreError(f"{self.path}: not a readable store: {error}") from None
 
 
-def export(records: list[Record], path: Path) -> None:
+def set_aside(path: Path, to: Path) -> None:
+    """Rename a store, with all that SQLite has put beside it; OSError if a run is writing it."""
+    with suppress(sqlite3.DatabaseError), closing(sqlite3.connect(path, timeout=0.0)) as connection:
+        try:
+            # It takes the file for itself alone, and moves what stands beside it into the file.
+            connection.execute("PRAGMA journal_mode=DELETE")
+        except sqlite3.OperationalError as error:
+            if "locked" in str(error):
+                raise OSError(
+                    f"{path}: a run is writing it, expected its end, --resume to join it, or another --out"
+                ) from None
+            raise
+    for ending in ("", "-wal", "-shm"):
+        beside = path.with_name(path.name + ending)
+        to.with_name(to.name + ending).unlink(missing_ok=True)
+        if beside.exists():
+            beside.rename(to.with_name(to.name + ending))
+
+
+def _digest(*content: object) -> str:
+    return sha256(json.dumps(content).encode(errors="surrogatepass")).hexdigest()
+
+
+def export(records: Iterable[Record], path: Path) -> None:
     """Write records as CSV or JSON Lines, as the file's ending says, for sharing; ValueError if it has another one.
 
-    Numbers that are not finite are words, which `read_export` and `float` read (`polhode.harness.common.plain_json`).
+    Records of a store are read one by one, for CSV twice. Numbers that are not finite are words, which `read_export`
+    and `float` read (`polhode.harness.common.plain_json`).
     """
     if path.suffix not in (".csv", ".jsonl"):
         raise ValueError(f"{path}: expected a file name ending in .csv or .jsonl")
@@ -115,13 +174,23 @@ def export(records: list[Record], path: Path) -> None:
         if path.suffix == ".jsonl":
             file.writelines(dumps(record) + "\n" for record in records)
             return
-        columns = list(dict.fromkeys(name for record in records for name in record))
-        writer = csv.DictWriter(file, columns)
+        columns: dict[str, None] = {}
+        count = 0
+        for record in records:
+            columns |= dict.fromkeys(record)
+            count += 1
+        writer = csv.DictWriter(file, list(columns))
         writer.writeheader()
-        writer.writerows(
-            {name: dumps(value) if isinstance(value, dict | list) else value for name, value in record.items()}
-            for record in records
-        )
+        # Another run may have added some.
+        for record in islice(records, count):
+            writer.writerow({name: _cell(value) for name, value in record.items()})
+
+
+def _cell(value: Any) -> Any:
+    """A cell of CSV: nested values as JSON, and a text that a spreadsheet would run as a formula in quotes."""
+    if isinstance(value, dict | list):
+        return dumps(value)
+    return "'" + value if isinstance(value, str) and value.startswith(("=", "+", "-", "@")) else value
 
 
 def read_export(path: Path) -> list[Record]:

@@ -1,7 +1,8 @@
 """A spawned process that runs one function after another, and is killed and replaced when it hangs or crashes.
 
 What the solvers' own deadlines cannot stop (a library that spins without calling back, a call that holds the
-interpreter's lock) is stopped here. What libraries print from C, on either stream, goes nowhere.
+interpreter's lock) is stopped here. What libraries print from C, on either stream, goes nowhere. It ends with its
+parent, and a call is tried again whose process something else killed, such as a system without memory.
 """
 
 import multiprocessing
@@ -10,14 +11,21 @@ import pickle
 import signal
 import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
+from multiprocessing.connection import wait
+from threading import Thread
 from time import perf_counter
 from typing import Any, Self
 
 # Beyond twice the limit, in seconds: a run that stops by itself is not killed for a slow machine.
 GRACE = 0.5
 STARTUP = 120.0
+# A call whose process is killed from outside this many times is given up.
+ATTEMPTS = 3
+# Signals that no library sends to itself.
+OUTSIDE = (signal.SIGKILL, signal.SIGTERM)
 
 
 class Failure(StrEnum):
@@ -26,6 +34,11 @@ class Failure(StrEnum):
     KILLED = "killed"
     CRASHED = "crashed"
     RAISED = "raised"
+    LOST = "lost"  # killed from outside, every time: says nothing about the function
+
+
+class KilledFromOutsideError(RuntimeError):
+    """Calls were lost, and are nothing to be written down."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +61,7 @@ class Worker:
     def __init__(self) -> None:
         self._process: Any = None
         self._connection: Any = None
+        self._stopped = False
 
     def __enter__(self) -> Self:
         return self
@@ -65,10 +79,25 @@ class Worker:
 
         It should stop by itself within `limit` seconds; it is killed at twice that and a little grace.
         """
-        connection = self._connection or self._start()
-        began = perf_counter()
-        value, failure = None, None
+        reply = self._once(function, arguments, limit)
+        for _ in range(ATTEMPTS - 1):
+            if reply.failure is not Failure.LOST or self._stopped:
+                break
+            reply = self._once(function, arguments, limit)
+        return reply
+
+    def stop(self) -> None:
+        """Kill the process from another thread, for good: a call under way is not tried again."""
+        self._stopped = True
+        with suppress(ValueError, AttributeError, ProcessLookupError):
+            if self.pid is not None:
+                os.kill(self.pid, signal.SIGKILL)
+
+    def _once(self, function: Callable[..., Any], arguments: tuple[Any, ...], limit: float) -> Reply:
+        value, failure, began = None, None, perf_counter()
         try:
+            connection = self._connection or self._start()
+            began = perf_counter()
             connection.send((function, arguments))
             if connection.poll(2 * limit + GRACE):
                 value, message = connection.recv()
@@ -78,7 +107,7 @@ class Worker:
                 failure = Failure.KILLED
                 message = f"killed after {perf_counter() - began:.1f} s, limit {limit:g} s"
         except (EOFError, ConnectionError):
-            failure, message = Failure.CRASHED, self._cause()
+            failure, message = self._cause()
         except BaseException:
             self.close()
             raise
@@ -100,23 +129,29 @@ class Worker:
         context = multiprocessing.get_context("spawn")
         self._connection, remote = context.Pipe()
         self._process = context.Process(target=_serve, args=(remote,), daemon=True)
-        try:
-            with remote:
-                self._process.start()
-            if not self._connection.poll(STARTUP):
-                raise TimeoutError(f"worker: no sign of life after {STARTUP:g} s")
-            self._connection.recv()
-        except BaseException:
-            self.close()
-            raise
+        with remote:
+            self._process.start()
+        if not self._connection.poll(STARTUP):
+            raise TimeoutError(f"worker: no sign of life after {STARTUP:g} s")
+        self._connection.recv()
         return self._connection
 
-    def _cause(self) -> str:
-        """How the process ended by itself."""
+    def _cause(self) -> tuple[Failure, str]:
+        """How the process ended by itself, or was ended."""
         self._process.join()
         code = self._process.exitcode
         self.close()
-        return f"crashed with {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
+        if code >= 0:
+            return Failure.CRASHED, f"ended with exit code {code}"
+        return Failure.LOST if -code in OUTSIDE else Failure.CRASHED, f"crashed with {signal.Signals(-code).name}"
+
+
+def _end_with_parent() -> None:
+    """Not even a task of hours outlives the parent, whatever ended it."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        wait([parent.sentinel])
+        os._exit(1)
 
 
 def _serve(connection: Any) -> None:
@@ -126,6 +161,7 @@ def _serve(connection: Any) -> None:
     silence = os.open(os.devnull, os.O_WRONLY)
     for stream in (1, 2):
         os.dup2(silence, stream)
+    Thread(target=_end_with_parent, daemon=True).start()
     connection.send("ready")
     while True:
         try:

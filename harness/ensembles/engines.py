@@ -1,27 +1,19 @@
 """Engines: who runs the tasks of a sweep. One code path; only the place differs."""
 
 import logging
-import multiprocessing
-import os
 import re
-import signal
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent import futures
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor
-from contextlib import contextmanager, suppress
-from functools import cache
+from contextlib import contextmanager
 from importlib import import_module
 from itertools import islice
-from multiprocessing.connection import wait
 from queue import SimpleQueue
-from threading import Event, Thread
 from typing import Any, NamedTuple
 
 from polhode.harness.common.worker import Failure, Reply, Worker
 from polhode.solvers.contract import installed
 
-# A task that takes its process with it this many times is given up.
-ATTEMPTS = 3
 # Tasks that wait for each worker: enough that none is ever idle, few enough to stop soon.
 AHEAD = 2
 CONNECT_SECONDS = 30
@@ -42,7 +34,8 @@ Engine = Callable[[Callable[[Any], Any], Iterable[Any]], Generator[Finished, Non
 
 1. The function belongs to a module and is pure; a task may be run more than once.
 2. Tasks are taken from their iterable one by one, as there is room for them.
-3. A worker that is killed costs its task a new attempt, not its place; after `ATTEMPTS` the outcome is a message.
+3. A worker that is killed costs its task a new attempt, not its place; after `worker.ATTEMPTS` the outcome is a
+   message.
 4. An exception of the function is a message, never the end of the run.
 5. Closing the generator (Ctrl-C does) stops everything under way at once.
 """
@@ -64,23 +57,17 @@ def processes(
 
     One per core; more gain nothing. A process that takes twice `max_seconds` for a task is killed.
     """
-    workers, stop = [Worker() for _ in range(count)], Event()
+    workers = [Worker() for _ in range(count)]
     idle: SimpleQueue[Worker] = SimpleQueue()
     for worker in workers:
         idle.put(worker)
 
     def attempt(task: Any) -> Finished:
         worker = idle.get()
-        reply = Reply(None, Failure.CRASHED, "", 0.0)
         try:
-            for _ in range(ATTEMPTS):
-                try:
-                    reply = worker.run(_call, function, task, limit=max_seconds)
-                except (EOFError, ConnectionError, TimeoutError) as error:
-                    worker.close()
-                    reply = Reply(None, Failure.CRASHED, f"no worker: {error}", 0.0)
-                if stop.is_set() or reply.failure is not Failure.CRASHED:
-                    break
+            reply = worker.run(function, task, limit=max_seconds)
+        except TimeoutError as error:
+            reply = Reply(None, Failure.LOST, f"no worker: {error}", 0.0)
         finally:
             idle.put(worker)
         return Finished(task, reply.value, reply.message.strip().rpartition("\n")[2] if reply.failure else "")
@@ -96,38 +83,13 @@ def processes(
             for future in done:
                 yield future.result()
     finally:
-        stop.set()
         threads.shutdown(wait=False, cancel_futures=True)
         while not all(future.done() for future in pending):
-            _kill(workers)
+            for worker in workers:
+                worker.stop()
             futures.wait(pending, timeout=0.1)
         for worker in workers:
             worker.close()
-
-
-def _call(function: Callable[[Any], Any], task: Any) -> Any:
-    """Run a task in a worker, which does not outlive its parent: not even a task of hours, after a SIGKILL."""
-    _end_with_parent()
-    return function(task)
-
-
-@cache
-def _end_with_parent() -> None:
-    def watch(parent: int) -> None:
-        wait([parent])
-        os._exit(1)
-
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        Thread(target=watch, args=(parent.sentinel,), daemon=True).start()
-
-
-def _kill(workers: list[Worker]) -> None:
-    """Kill the processes; the threads that wait for them close what is left."""
-    for worker in workers:
-        with suppress(ValueError, AttributeError, ProcessLookupError):
-            if worker.pid is not None:
-                os.kill(worker.pid, signal.SIGKILL)
 
 
 def check_dask(address: str) -> None:

@@ -4,7 +4,6 @@ import time
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass
-from json import JSONDecodeError
 from pathlib import Path
 from random import Random
 from typing import Annotated, Any, Literal, NamedTuple
@@ -13,8 +12,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_valida
 from tqdm import tqdm
 
 from polhode.harness.common.machine import machine
-from polhode.harness.common.plain_json import digest
-from polhode.harness.common.store import DamagedStoreError, Record, Store
+from polhode.harness.common.store import Record, Store
 from polhode.harness.ensembles.engines import Engine
 from polhode.harness.ensembles.ensemble import Ensemble, Task, run_task
 from polhode.harness.ensembles.starts import Starts
@@ -109,15 +107,13 @@ class Tally(NamedTuple):
 
 def perform(task: Task) -> Record:
     """Record of a task: its statistics, the machine it ran on, and that no times were taken."""
-    statistics = run_task(task)
-    return {"statistics": statistics, "checksum": digest(statistics), "machine": machine(), "timing": NO_TIMES}
+    return {"statistics": run_task(task), "machine": machine(), "timing": NO_TIMES}
 
 
 def run_sweep(sweep: Sweep, store: Store, engine: Engine, *, quiet: bool = False, spread: bool = False) -> Tally:
     """Run what the store does not hold yet; several runs may share it, at the same time too.
 
-    With `spread` the tasks are taken in random order, so that such runs seldom work on the same one. Raises
-    sqlite3.Error if the disk is full, or the store cannot be written for another reason.
+    With `spread` the tasks are taken in random order, so that such runs seldom work on the same one.
     """
     finished, failed, message = 0, 0, ""
     progress = tqdm(total=sweep.size, disable=quiet or None, unit="task", desc=sweep.name, leave=False)
@@ -152,24 +148,11 @@ def gather(ensemble: Ensemble, store: Store) -> Statistics:
     """
     total = Statistics.empty(ensemble.layout)
     for task in ensemble.tasks():
-        total.merge(_statistics(task, store))
-    return total
-
-
-def _statistics(task: Task, store: Store) -> Statistics:
-    """Statistics of one task."""
-    try:
         record = store.result(task.key)
         if record is None:
             raise ValueError(f"{store.path}: task {task.index} is missing, expected a finished sweep; --resume")
-        if digest(record["statistics"]) == record["checksum"]:
-            return Statistics.from_record(record["statistics"], task.ensemble.layout)
-    except (KeyError, TypeError, JSONDecodeError):
-        pass
-    raise DamagedStoreError(
-        f"{store.path}: the store is damaged: task {task.key} fails its checksum, expected the numbers that were "
-        "written; take an undamaged copy, or delete that row"
-    )
+        total.merge(Statistics.from_record(record["statistics"], task.ensemble.layout))
+    return total
 
 
 def read_sweep(path: Path | None) -> Sweep:

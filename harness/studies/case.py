@@ -161,7 +161,9 @@ def judge(case: Case, tried: Attempt) -> Record:
 
 
 def time_once(case: Case) -> float:
-    """Wall time, in seconds, of one warm run of a case that `attempt` has prepared in this process."""
+    """Wall time, in seconds, of one warm run of a case, prepared here if that was done in a process now gone."""
+    if case.key not in _PREPARED:
+        _first_preparation(case)
     _ = case.times
     return seconds_of(case.solve)
 
@@ -196,7 +198,11 @@ def _first_preparation(case: Case) -> float:
     moment = replace(case.problem, end=case.problem.end * 1e-9, least_steps=0)
     began = perf_counter()
     solve(moment, case.solver, case.tolerance, backend=case.backend, jacobian=case.jacobian)
+    _PREPARED.add(case.key)
     return perf_counter() - began
+
+
+_PREPARED: set[str] = set()
 
 
 def _error_columns(total: Errors, full: Reference) -> Record:

@@ -11,7 +11,7 @@ from tqdm import tqdm
 from polhode.harness.common.machine import machine, now, versions
 from polhode.harness.common.store import Record, Store
 from polhode.harness.common.timing import Patience, Timing, sentinel
-from polhode.harness.common.worker import Failure, Worker
+from polhode.harness.common.worker import ATTEMPTS, Failure, KilledFromOutsideError, Worker
 from polhode.harness.studies.case import Attempt, Case, attempt, judge, missing, time_once
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Backend, Jacobian, Status
@@ -45,6 +45,7 @@ class Runner:
     _worker: Worker = field(default_factory=Worker)
     _too_slow: dict[Group, Record] = field(default_factory=dict)
     _patience: Patience = field(init=False)
+    _lost: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
         self._patience = Patience(self._sentinel)
@@ -64,8 +65,11 @@ class Runner:
                 for case, record in self._measure(fresh, progress):
                     self.store.put(case.key, case.content, {**record, **surroundings})
                 progress.update(len(batch) - len(fresh))
+        if self._lost:
+            lost = f"{self._lost} of {len(wanted)} cases were killed from outside {ATTEMPTS} times each"
+            raise KilledFromOutsideError(f"{lost}, perhaps for want of memory")
         of_study = set(wanted)
-        return [record for record in self.store.records() if record["key"] in of_study]
+        return [record for record in self.store if record["key"] in of_study]
 
     def _measure(self, batch: list[Case], progress: tqdm) -> list[tuple[Case, Record]]:
         gc.collect()
@@ -73,16 +77,20 @@ class Runner:
         timed: list[Case] = []
         for case in batch:
             progress.set_postfix_str(f"St = {case.scene.stokes:g} {case.solver} {case.tolerance:g}")
-            records[case] = {"date": now(), "tags": list(case.tags), **self._examine(case)}
-            if records[case]["status"] == Status.REACHED_END:
-                timed.append(case)
             progress.update()
+            found = self._examine(case)
+            if found is None:
+                self._lost += 1
+                continue
+            records[case] = {"date": now(), "tags": list(case.tags), **found}
+            if found["status"] == Status.REACHED_END:
+                timed.append(case)
         timings: dict[Case, Timing] = {}
         steadiness = self._patience.look() if batch else 0.0
         while timed:
             steadiness = min(steadiness, self._patience.steady())
             for case in timed:
-                reply = self._worker.run(time_once, case, limit=case.max_seconds)
+                reply = self._worker.run(time_once, case, limit=case.max_seconds + COMPILATION)
                 earlier = timings[case].runs if case in timings else ()
                 timings[case] = Timing((*earlier, reply.value) if reply.failure is None else earlier)
             timed = [case for case in timed if timings[case].runs and timings[case].wants_more]
@@ -100,15 +108,18 @@ class Runner:
         reply = self._worker.run(sentinel, limit=COMPILATION)
         return inf if reply.failure else float(reply.value)
 
-    def _examine(self, case: Case) -> Record:
+    def _examine(self, case: Case) -> Record | None:
+        """Record of a first run; None if it was killed from outside, which says nothing about the library."""
         if not find_solver(case.solver).available:
             return missing(case)
         earlier = self._too_slow.get(_group(case))
         if earlier is not None:
             return {"status": earlier["status"], "message": "at a looser tolerance already", "inferred": True}
         reply = self._worker.run(attempt, case, limit=case.max_seconds + COMPILATION)
+        if reply.failure is Failure.LOST:
+            return None
         tried: Attempt | None = reply.value
-        record = judge(case, tried) if tried else _lost(reply.failure, reply.message)
+        record = judge(case, tried) if tried else _failed(reply.failure, reply.message)
         if _too_slow(record):
             self._too_slow[_group(case)] = record
         return record
@@ -120,7 +131,7 @@ class Runner:
                 self._too_slow.setdefault(_group(case), record)
 
 
-def _lost(failure: Failure | None, message: str) -> Record:
+def _failed(failure: Failure | None, message: str) -> Record:
     """Record of a run that took its process with it, or raised."""
     status = Status.TIME_LIMIT if failure is Failure.KILLED else Status.CRASHED
     return {"status": str(status), "message": message.strip().splitlines()[-1], "inferred": False}

@@ -1,8 +1,18 @@
 """A call that nothing but the end of its process stops; in a module, so that a spawned process finds it."""
 
 import ctypes
+import os
+from pathlib import Path
 
 
 def sleep_holding_the_lock(seconds: int) -> None:
     """Sleep in C with the interpreter's lock held."""
     ctypes.PyDLL(None).sleep(seconds)
+
+
+def die_once(mark: Path, number: int) -> str:
+    """Die of a signal, unless the file says that it happened before."""
+    if not mark.exists():
+        mark.touch()
+        os.kill(os.getpid(), number)
+    return "alive"

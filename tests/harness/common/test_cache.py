@@ -42,9 +42,15 @@ def test_a_damaged_file_is_noticed_named_and_removed(damage, capsys):
     assert not path.exists()
 
 
+def test_a_file_under_another_name_is_not_used():
+    cache.keep("abc", ARRAYS)
+    cache.path_of("abc").rename(cache.path_of("xyz"))
+    assert cache.load("xyz") is None
+
+
 def test_nothing_but_the_file_is_left_behind(folder):
     cache.keep("abc", ARRAYS)
-    assert [path.name for path in (folder / "references").iterdir()] == ["abc.npz"]
+    assert [path.name for path in (folder / "references").iterdir()] == ["abc.reference"]
 
 
 def test_a_folder_that_cannot_be_written_is_no_error(folder):

@@ -7,14 +7,17 @@ import sqlite3
 import subprocess
 import sys
 import time
+import tracemalloc
+from contextlib import closing, suppress
 from datetime import UTC, datetime
 from math import inf, isnan, nan
 from pathlib import Path
+from random import Random
 
 import pytest
 
 from polhode.harness.analysis.frames import frame
-from polhode.harness.common.store import DamagedStoreError, Store, export, read_export
+from polhode.harness.common.store import DamagedStoreError, Store, export, read_export, set_aside
 
 WRITER = """
 import sys, time
@@ -49,17 +52,72 @@ def test_records_come_back_in_the_order_of_writing(path: Path):
         ]
 
 
-def test_a_store_of_before_tells_its_dates_by_when_it_was_written(path: Path):
-    Store(path).close()
-    with sqlite3.connect(path) as connection:
+BEFORE = """CREATE TABLE cases (key TEXT PRIMARY KEY, "case" TEXT NOT NULL, result TEXT NOT NULL,
+written TEXT NOT NULL DEFAULT (datetime('now')))"""
+
+
+def test_a_store_of_before_is_taken_up(path: Path):
+    with closing(sqlite3.connect(path)) as connection, connection:
+        connection.execute(BEFORE)
         row = ("old", '{"form": "x", "stokes": Infinity}', '{"seconds": 1.0}', "2025-03-04 05:06:07")
-        connection.execute('INSERT INTO cases (key, "case", result, written) VALUES (?, ?, ?, ?)', row)
-    connection.close()
+        connection.execute("INSERT INTO cases VALUES (?, ?, ?, ?)", row)
     with Store(path) as store:
         store.put("new", {"form": "x"}, {"date": "2026-01-01T00:00:00Z"})
         records = store.records()
     assert [record["date"] for record in records] == ["2025-03-04T05:06:07Z", "2026-01-01T00:00:00Z"]
     assert records[0]["stokes"] == inf
+    with closing(sqlite3.connect(path)) as connection, connection:
+        connection.execute("UPDATE cases SET result = '{\"seconds\": 2.0}' WHERE key = 'old'")
+    with Store(path) as store, pytest.raises(DamagedStoreError, match="case old fails its checksum"):
+        store.records()
+
+
+def test_a_store_of_a_later_version_is_left_alone(path: Path):
+    filled(path)
+    with closing(sqlite3.connect(path)) as connection:
+        connection.execute("PRAGMA user_version = 9")
+    with pytest.raises(DamagedStoreError, match="got version 9 of the store, expected at most 2"):
+        Store(path)
+
+
+def test_no_single_flipped_bit_is_used_as_good(path: Path):
+    filled(path)
+    with Store(path) as store:
+        true = store.records()
+    content, random = path.read_bytes(), Random(5)
+    for bit in random.sample(range(8 * len(content)), 60):
+        damaged = bytearray(content)
+        damaged[bit // 8] ^= 1 << bit % 8
+        path.write_bytes(damaged)
+        with suppress(DamagedStoreError), Store(path) as store:
+            assert all(record in true for record in store)
+        for beside in path.parent.glob("*-*"):
+            beside.unlink()
+
+
+def test_a_store_is_read_one_record_at_a_time(path: Path, tmp_path: Path):
+    with Store(path) as store:
+        for number in range(40):
+            store.put(str(number), {"n": number}, {"text": "x" * 100_000})
+        tracemalloc.start()
+        for ending in ("csv", "jsonl"):
+            export(store, tmp_path / f"out.{ending}")
+        assert tracemalloc.get_traced_memory()[1] < 1.5e6
+        tracemalloc.stop()
+    with (tmp_path / "out.csv").open(newline="", encoding="utf-8") as file:
+        assert [row["n"] for row in csv.DictReader(file)] == [str(number) for number in range(40)]
+
+
+def test_a_store_that_a_run_is_writing_is_not_set_aside(path: Path):
+    filled(path)
+    with Store(path) as store:
+        with pytest.raises(OSError, match="a run is writing it, expected its end, --resume"):
+            set_aside(path, path.with_name("previous.sqlite"))
+        store.put("more", {}, {})
+    set_aside(path, path.with_name("previous.sqlite"))
+    assert [file.name for file in path.parent.iterdir()] == ["previous.sqlite"]
+    with Store(path.with_name("previous.sqlite")) as store:
+        assert len(store.keys()) == 20
 
 
 def test_a_second_result_of_a_case_changes_nothing(path: Path):
@@ -146,7 +204,7 @@ def test_a_database_of_something_else_is_left_alone(path: Path):
 
 def test_a_folder_is_no_store(path: Path):
     path.mkdir()
-    with pytest.raises(DamagedStoreError, match=str(path)):
+    with pytest.raises(OSError, match=f"{path}: unable to open database file, expected a writable file"):
         Store(path)
 
 
@@ -210,6 +268,11 @@ def test_export_as_csv(tmp_path: Path):
     assert json.loads(rows[0]["work"]) == {"steps": 7}
     assert rows[0]["note"] == "ü\n"
     assert (rows[1]["seconds"], rows[1]["more"]) == ("", "1")
+
+
+def test_a_text_that_a_spreadsheet_would_run_is_text(tmp_path: Path):
+    export([{"key": "=1+1", "seconds": -1.0}], tmp_path / "out.csv")
+    assert (tmp_path / "out.csv").read_text(encoding="utf-8").split() == ["key,seconds", "'=1+1,-1.0"]
 
 
 def test_export_refuses_other_endings_and_keeps_the_earlier_file(tmp_path: Path):

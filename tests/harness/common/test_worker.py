@@ -6,11 +6,12 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from oracle.hang import sleep_holding_the_lock
+from oracle.hang import die_once, sleep_holding_the_lock
 from polhode.harness.common.worker import GRACE, Failure, Worker
 
 
@@ -76,6 +77,17 @@ def test_a_crash_is_data(worker: Worker, crash, arguments, cause):
     assert worker.run(abs, -1, limit=10.0).value == 1
 
 
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_a_call_killed_from_outside_is_tried_again(worker: Worker, tmp_path: Path, number: int):
+    assert worker.run(die_once, tmp_path / "mark", number, limit=10.0).value == "alive"
+
+
+def test_a_call_killed_every_time_is_lost(worker: Worker):
+    reply = worker.run(signal.raise_signal, signal.SIGKILL, limit=10.0)
+    assert (reply.failure, reply.value) == (Failure.LOST, None)
+    assert worker.run(abs, -1, limit=10.0).value == 1
+
+
 def test_what_cannot_be_sent_is_data_or_refused_at_once(worker: Worker):
     reply = worker.run(open, os.devnull, limit=10.0)
     assert reply.failure is Failure.RAISED
@@ -116,7 +128,8 @@ def _no_room(process: object) -> None:
     raise OSError("no room for a process")
 
 
-def test_ctrl_c_ends_the_worker_with_its_parent(tmp_path):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_the_worker_ends_with_its_parent(tmp_path, number: int):
     program = """
 import sys, time
 from polhode.harness.common.worker import Worker
@@ -132,8 +145,11 @@ if __name__ == "__main__":
     assert process.stdout is not None
     pid = int(process.stdout.readline())
     time.sleep(0.2)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     _, errors = process.communicate(timeout=20)
     assert process.returncode != 0
-    assert "KeyboardInterrupt" in errors
+    assert number == signal.SIGKILL or "KeyboardInterrupt" in errors
+    until = time.monotonic() + 5
+    while _pid_alive(pid) and time.monotonic() < until:
+        time.sleep(0.01)
     assert not _pid_alive(pid)

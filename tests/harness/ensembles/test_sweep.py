@@ -270,7 +270,7 @@ def test_a_changed_record_is_named_and_left_alone(tmp_path: Path, damage: str):
     with Store(path) as store:
         assert run_sweep(sweep, store, serial, quiet=True).finished == 0
         (key,) = store.keys()
-        with pytest.raises(DamagedStoreError, match=f"store.sqlite: the store is damaged: task {key} fails its checks"):
+        with pytest.raises(DamagedStoreError, match=f"store.sqlite: the store is damaged: case {key} fails its checks"):
             gather(sweep.ensembles[0], store)
     assert path.read_bytes() == content
 
