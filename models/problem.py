@@ -70,6 +70,37 @@ class Parts:
 
 
 @dataclass(frozen=True)
+class Piece:
+    """One piece of a run: a problem of its own, from where the run stands to a time of the run.
+
+    Parameters
+    ----------
+    problem : Problem
+        Its start is the run's state, and its clock the run's, in its own unit of time (`Problem.time_unit`).
+    end : float
+        Where it ends, in the run's time.
+    states : callable, optional
+        ``states(own) -> (n, d)``: states of the run, of the problem's own ones; the same ones if absent.
+    reason : str
+        Why this problem here, in words.
+    error : float
+        What is expected to be added to the run's error here by approximations of the problem itself.
+    tolerance : float, optional
+        What the solver is asked for here; by default what it is asked for in the whole run.
+    """
+
+    problem: "Problem"
+    end: float
+    states: Callable[[np.ndarray], np.ndarray] | None = None
+    reason: str = ""
+    error: float = 0.0
+    tolerance: float | None = None
+
+
+Course = Callable[[float, np.ndarray, float], Piece]
+
+
+@dataclass(frozen=True)
 class Problem:
     """An autonomous initial value problem ``y' = field(y, p)``, ``y(0) = start``, on ``0 <= t <= end``.
 
@@ -100,6 +131,9 @@ class Problem:
         One unit of the problem's time in units of the inverse shear rate (St for averaged forms).
     parts : Parts, optional
         The field as the sum of two parts whose flows are known.
+    course : callable, optional
+        ``course(time, state, tolerance) -> Piece``: how to go on from a state of the run. A run of several pieces, of
+        which `field` is the exact one; without it a run is one piece.
     """
 
     name: str
@@ -114,6 +148,7 @@ class Problem:
     least_steps: int = 1
     time_unit: float = 1.0
     parts: Parts | None = None
+    course: Course | None = None
 
     @property
     def dimension(self) -> int:

@@ -132,6 +132,8 @@ class Record:
         Limit of steps for this piece.
     now : float
         Time that the solver has reached, which may lie beyond the last row filled; an observer of the run reads it.
+    unit : float
+        One unit of these times in units of the run's.
     """
 
     times: np.ndarray
@@ -141,11 +143,12 @@ class Record:
     filled: int = 1
     work: Work = field(default_factory=Work)
     now: float = -inf
+    unit: float = 1.0
 
     @property
     def reached(self) -> float:
-        """Time that the run has reached, as far as is known."""
-        return max(self.now, float(self.times[self.filled - 1]))
+        """Time of the run that it has reached, as far as is known."""
+        return self.unit * max(self.now, float(self.times[self.filled - 1]))
 
     @property
     def start(self) -> np.ndarray:

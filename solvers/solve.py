@@ -2,16 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import pairwise
-from math import inf, pi
+from math import inf
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
-from polhode.models.operations import FLOAT
 from polhode.models.problem import Problem
-from polhode.models.spent import spent_on
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import (
     UNLIMITED,
@@ -23,9 +20,8 @@ from polhode.solvers.contract import (
     Status,
     Work,
 )
+from polhode.solvers.pieces import Run, Stage, wrapped
 
-# Growth of an angle, in rad, after which it is wrapped: small against what a tolerance relative to it would lose.
-WRAP_AFTER = 100 * pi
 # An invariant may drift by this many tolerances, within these bounds, before success counts as false.
 INVARIANT_TOLERANCES = 1e6
 INVARIANT_FLOOR, INVARIANT_CEILING = 1e-6, 0.5
@@ -50,6 +46,8 @@ class Solution:
     work : Work
     seconds : float
         Wall time of the integrator alone, compilation left out.
+    stages : tuple of Stage
+        The pieces of a run of several, in the run's time.
     """
 
     problem: Problem
@@ -61,6 +59,7 @@ class Solution:
     message: str
     work: Work
     seconds: float
+    stages: tuple[Stage, ...] = ()
 
     @property
     def success(self) -> bool:
@@ -150,44 +149,17 @@ def solve(
         nothing = Work(), Status.ADAPTER_MISSING, str(method.why_not)
         return Solution(problem, method.name, settings, times[:1], start[None], nothing[1], nothing[2], nothing[0], 0.0)
     method.check(problem)
-    with spent_on("compilation"):
-        integrate = method.prepare(problem, settings)
-    rows = np.empty((len(times), len(start)))
-    rows[0] = start
-    done, work, status, message = 1, Work(), Status.REACHED_END, ""
-    began = perf_counter()
+    run = Run(problem, method, settings, times)
 
     def finished() -> Solution:
-        seconds = perf_counter() - began
-        return Solution(problem, method.name, settings, times[:done], rows[:done], status, message, work, seconds)
+        seconds, stages = perf_counter() - run.began, tuple(run.stages) if problem.course else ()
+        head = problem, method.name, settings, times[: run.done], run.rows[: run.done]
+        return Solution(*head, run.status, run.message, run.work, seconds, stages)
 
-    for first, last in _pieces(problem, times):
-        steps_left = max_steps - (work.steps or 0)
-        if steps_left < 1:
-            status, message = Status.STEP_LIMIT, f"{work.steps} steps"
-            break
-        record = Record(times[first : last + 1], rows[first : last + 1], began + max_seconds, steps_left)
-        if watch:
-            watch(record)
-        try:
-            status, message = integrate(record)
-            message = "" if status.success else message
-        except KeyboardInterrupt:
-            done = first + record.filled
-            raise Interrupted(finished()) from None
-        done = first + record.filled
-        if first == 0:
-            work = record.work
-        else:
-            own = f"{record.work.steps} steps"
-            work.add(record.work)
-            # The solver knows the steps of its own piece alone.
-            message = message.replace(own, f"{work.steps} steps")
-        if not status.success:
-            break
-        if problem.periodic:
-            columns = list(problem.periodic)
-            rows[first + 1 : last + 1, columns] %= 2 * pi
+    try:
+        run.through(problem.course or wrapped(problem, times), max_seconds, max_steps, watch)
+    except KeyboardInterrupt:
+        raise Interrupted(finished()) from None
     return _examined(finished(), times)
 
 
@@ -199,18 +171,6 @@ def _wanted(problem: Problem, times: np.ndarray | None) -> np.ndarray:
     if times.ndim != 1 or len(times) < 2 or times[0] != 0 or not (times[1:] > times[:-1]).all():
         raise ValueError(f"times: got {times!r}, expected at least two increasing numbers from 0 on")
     return times
-
-
-def _pieces(problem: Problem, times: np.ndarray) -> list[tuple[int, int]]:
-    """Index ranges (first, last) of the pieces in which to run, so that angles can be wrapped between them."""
-    last = len(times) - 1
-    if not problem.periodic or problem.parameters is None:
-        return [(0, last)]
-    rates = problem.field(FLOAT)(problem.start, problem.parameters)
-    speed = max(1.0, *(abs(rates[i]) for i in problem.periodic))
-    marks = np.searchsorted(times, np.arange(times[0], times[-1], WRAP_AFTER / speed)[1:])
-    # Not by `np.unique`, whose first call imports masked arrays.
-    return list(pairwise(sorted({0, *marks.tolist(), last})))
 
 
 def _examined(solution: Solution, times: np.ndarray) -> Solution:

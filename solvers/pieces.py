@@ -1,0 +1,131 @@
+"""A run on its way, piece by piece: what is solved next, where its rows go, what is kept of a piece cut short."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import pi
+from time import perf_counter
+
+import numpy as np
+
+from polhode.models.operations import FLOAT
+from polhode.models.problem import Course, Piece, Problem
+from polhode.models.spent import spent_on
+from polhode.solvers.contract import Integrator, Record, Settings, Solver, Status, Work
+
+# Growth of an angle, in rad, after which it is wrapped: small against what a tolerance relative to it would lose.
+WRAP_AFTER = 100 * pi
+# Times closer than this share of the run count as the same one.
+CLOSE = 1e-12
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A piece of a run that was run: when, why, the error expected of its equations, and the steps it took."""
+
+    begin: float
+    end: float
+    reason: str
+    error: float
+    steps: int | None
+
+
+class Run:
+    """A run on its way, piece by piece."""
+
+    def __init__(self, problem: Problem, method: Solver, settings: Settings, times: np.ndarray) -> None:
+        self.problem, self.method, self.settings, self.times = problem, method, settings, times
+        self.rows = np.empty((len(times), problem.dimension))
+        self.rows[0] = self.state = np.array(problem.start)
+        self.now, self.done, self.stages = float(times[0]), 1, []
+        self.work, self.status, self.message = Work(), Status.REACHED_END, ""
+        self.prepared: tuple[Problem, float, Integrator] | None = None
+        self.began = perf_counter()
+
+    def through(self, course: Course, seconds: float, max_steps: int, watch: Callable[[Record], None] | None) -> None:
+        """Run to the last requested time, or until a piece fails."""
+        while self.status.success and self.now < self.times[-1]:
+            if (steps_left := max_steps - (self.work.steps or 0)) < 1:
+                self.status, self.message = Status.STEP_LIMIT, f"{self.work.steps} steps"
+                return
+            if perf_counter() > self.began + seconds and self.stages:
+                self.status, self.message = Status.TIME_LIMIT, f"after {self.work.steps} steps"
+                return
+            piece = course(self.now, self.state, self.settings.tolerance)
+            piece = replace(piece, end=self._aligned(piece.end))
+            integrate = self._integrator(piece)
+            record = self._record(piece, self.began + seconds, steps_left)
+            if watch:
+                watch(record)
+            try:
+                self.status, message = integrate(record)
+            finally:
+                self._keep(piece, record)
+            # The solver knows the steps of its own piece alone.
+            message = message.replace(f"{record.work.steps} steps", f"{self.work.steps} steps")
+            self.message = "" if self.status.success else message
+            if record.filled < len(record.times) or not np.isfinite(self.state).all():
+                return
+
+    def _aligned(self, end: float) -> float:
+        """The end of a piece: a requested time, if it lies so near one that a solver could not step between them."""
+        close, end = CLOSE * self.times[-1], min(end, float(self.times[-1]))
+        near = float(self.times[np.searchsorted(self.times, end - close)])
+        return near if near <= end + close else end
+
+    def _integrator(self, piece: Piece) -> Integrator:
+        """The solver, ready for a piece; compilation is not the run's time."""
+        tolerance, before = piece.tolerance or self.settings.tolerance, perf_counter()
+        if self.prepared and self.prepared[0] is piece.problem and self.prepared[1] == tolerance:
+            return self.prepared[2]
+        with spent_on("compilation"):
+            integrate = self.method.prepare(piece.problem, replace(self.settings, tolerance=tolerance))
+        self.prepared = piece.problem, tolerance, integrate
+        self.began += perf_counter() - before
+        return integrate
+
+    def _record(self, piece: Piece, deadline: float, steps: int) -> Record:
+        """Where the solver writes: among the run's rows where the piece's are those, else in rows of its own."""
+        first, last = self.done - 1, int(np.searchsorted(self.times, piece.end, side="right")) - 1
+        unit = piece.problem.time_unit / self.problem.time_unit
+        if piece.problem is self.problem and self.now == self.times[first] and piece.end == self.times[last]:
+            return Record(self.times[first : last + 1], self.rows[first : last + 1], deadline, steps)
+        beyond = [piece.end] if self.times[last] < piece.end < self.times[-1] else []
+        times = np.concatenate([[self.now], self.times[first + 1 : last + 1], beyond]) / unit
+        rows = np.empty((len(times), piece.problem.dimension))
+        rows[0] = piece.problem.start
+        return Record(times, rows, deadline, steps, unit=unit)
+
+    def _keep(self, piece: Piece, record: Record) -> None:
+        """Take over what a piece has finished, whether it reached its end or not."""
+        found = piece.states(record.rows[: record.filled]) if piece.states else record.rows[: record.filled]
+        # Its end need not be among the requested times.
+        wanted = int(np.searchsorted(self.times, piece.end, side="right")) - self.done
+        new = found[1 : wanted + 1]
+        self.rows[self.done : self.done + len(new)] = new
+        self.done, self.state = self.done + len(new), found[-1]
+        if self.stages:
+            self.work.add(record.work)
+        else:
+            self.work = record.work
+        begin, self.now = self.now, min(record.reached, piece.end) if record.filled < len(record.times) else piece.end
+        self.stages.append(Stage(begin, self.now, piece.reason, piece.error, record.work.steps))
+
+
+def wrapped(problem: Problem, times: np.ndarray) -> Course:
+    """The course of a run of one problem, in pieces between which its angles are wrapped."""
+    if not problem.periodic or problem.parameters is None:
+        return lambda time, state, tolerance: Piece(problem, float(times[-1]))
+    columns = list(problem.periodic)
+    rates = problem.field(FLOAT)(problem.start, problem.parameters)
+    most = WRAP_AFTER / max(1.0, *(abs(rates[i]) for i in columns))
+
+    def wrap(states: np.ndarray) -> np.ndarray:
+        states[1:, columns] %= 2 * pi
+        return states
+
+    def course(time: float, state: np.ndarray, tolerance: float) -> Piece:
+        after = int(np.searchsorted(times, time, side="right"))
+        last = max(after, int(np.searchsorted(times, time + most)))
+        return Piece(problem, float(times[min(last, len(times) - 1)]), wrap)
+
+    return course

@@ -1,0 +1,125 @@
+"""A run of several pieces, each a problem of its own: it gives what one piece gives, whatever stops it where."""
+
+import numpy as np
+import pytest
+
+from oracle.accepting import accepting
+from polhode.models.operations import Field, Operations
+from polhode.models.problem import Piece, Problem
+from polhode.solvers import contract
+from polhode.solvers.contract import Record, Status
+from polhode.solvers.solve import Interrupted, Solution, solve
+
+
+def circle_field(ops: Operations) -> Field:
+    def rhs(y, p):
+        return -p[0] * y[1], p[0] * y[0]
+
+    return rhs
+
+
+def angle_field(ops: Operations) -> Field:
+    sin, cos = ops.sin, ops.cos
+
+    def rhs(y, p):
+        return (p[0] * (sin(y[0]) ** 2 + cos(y[0]) ** 2),)
+
+    return rhs
+
+
+# Pieces end at multiples of this time: turning of a point, by turns as itself and as an angle in a slower clock.
+LENGTH, UNIT, TURNS = 0.7, 5.0, (2.0,)
+
+
+def point(angles: np.ndarray) -> np.ndarray:
+    return np.column_stack([np.cos(angles[:, 0]), np.sin(angles[:, 0])])
+
+
+def course(time: float, state: np.ndarray, tolerance: float) -> Piece:
+    number = int(np.rint(time / LENGTH))
+    end = (number + 1) * LENGTH
+    if number % 2:
+        angle = float(np.arctan2(state[1], state[0]))
+        slow = Problem("angle", angle_field, (angle,), 9.0, (TURNS[0] * UNIT,), time_unit=UNIT)
+        return Piece(slow, end, point, "odd", 1e-3)
+    return Piece(Problem("point", circle_field, tuple(state.tolist()), 9.0, TURNS), end, reason="even", error=2e-3)
+
+
+COURSE = Problem("several", circle_field, (1.0, 0.0), 9.0, TURNS, course=course)
+# Few times, many, and among them the ends of pieces.
+EVERY = np.sort(np.concatenate([np.linspace(0.0, 9.0, 32), LENGTH * np.arange(1, 7)]))
+
+
+def assert_right(solution: Solution, tolerance: float) -> None:
+    exact = point(2.0 * solution.times[:, None])
+    assert np.abs(solution.states - exact).max() < tolerance
+
+
+@pytest.mark.parametrize("name", accepting(COURSE))
+def test_every_solver_runs_the_pieces(name: str):
+    # 3 LENGTH is 2.1 but for rounding, which leaves no room for a step.
+    for times in (EVERY, np.array([0.0, 2.1, 9.0])):
+        solution = solve(COURSE, name, 1e-7, times)
+        assert solution.status is Status.REACHED_END, solution.message
+        assert len(solution.times) == len(times)
+        assert_right(solution, 2e-4)
+        assert [stage.reason for stage in solution.stages] == ["even", "odd"] * 6 + ["even"]
+        assert solution.stages[3].begin == solution.stages[2].end == pytest.approx(3 * LENGTH)
+        assert solution.work.steps in (None, sum(stage.steps or 0 for stage in solution.stages))
+
+
+@pytest.mark.parametrize("stopped", [1, 2])
+def test_a_deadline_in_each_kind_of_piece_keeps_the_rows(stopped: int, monkeypatch: pytest.MonkeyPatch):
+    now = [0.0]
+
+    def watch(record: Record) -> None:
+        # The clock jumps in the piece number `stopped`, before its third call of the field.
+        now[0] = 1e6 if record.reached > (stopped - 0.5) * LENGTH else 0.0
+
+    monkeypatch.setattr(contract, "perf_counter", lambda: now[0])
+    solution = solve(COURSE, "dop853", 1e-6, EVERY, max_seconds=1e3, watch=watch, backend="python")
+    assert solution.status is Status.TIME_LIMIT
+    assert len(solution.stages) == stopped + 1
+    assert stopped * LENGTH <= solution.times[-1] < (stopped + 1) * LENGTH
+    assert len(solution.times) == np.searchsorted(EVERY, solution.times[-1], side="right")
+    assert_right(solution, 1e-4)
+
+
+def test_limits_of_steps_hold_for_the_whole_run():
+    whole = solve(COURSE, "dop853", 1e-8, EVERY)
+    assert whole.work.steps
+    cut = solve(COURSE, "dop853", 1e-8, EVERY, max_steps=whole.work.steps // 2)
+    assert cut.status is Status.STEP_LIMIT
+    assert cut.message == f"{whole.work.steps // 2} steps"
+    assert 0 < len(cut.times) < len(EVERY)
+
+
+def test_an_observer_reads_the_time_of_the_run():
+    records: list[tuple[Record, float]] = []
+    solve(COURSE, "dop853", 1e-8, EVERY, watch=lambda record: records.append((record, record.reached)))
+    assert [begin for _, begin in records] == pytest.approx(LENGTH * np.arange(13))
+    assert [record.reached for record, _ in records] == pytest.approx([*(LENGTH * np.arange(1, 13)), 9.0])
+
+
+def test_an_interrupted_run_keeps_what_was_finished():
+    def watch(record: Record) -> None:
+        if record.reached > 3 * LENGTH:
+            raise KeyboardInterrupt
+
+    with pytest.raises(Interrupted) as caught:
+        solve(COURSE, "dop853", 1e-8, EVERY, watch=watch)
+    kept = caught.value.solution
+    assert kept.times[-1] == pytest.approx(4 * LENGTH)
+    assert_right(kept, 1e-6)
+
+
+def test_a_piece_may_ask_for_a_tolerance_of_its_own():
+    def tight(time: float, state: np.ndarray, tolerance: float) -> Piece:
+        return Piece(Problem("point", circle_field, tuple(state.tolist()), 9.0, TURNS), 9.0, tolerance=tolerance**2)
+
+    loose, own = (
+        solve(COURSE, "dop853", 1e-4, EVERY),
+        Problem("tight", circle_field, (1.0, 0.0), 9.0, TURNS, course=tight),
+    )
+    assert np.abs(solve(own, "dop853", 1e-4, EVERY).states - point(2 * EVERY[:, None])).max() < 1e-6
+    assert np.abs(loose.states - point(2 * EVERY[:, None])).max() > 1e-6
