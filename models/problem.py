@@ -31,13 +31,13 @@ class Part:
     Parameters
     ----------
     constants : callable
-        ``constants(p, h) -> tuple of float``: what the flow over a time h needs to know besides the state, with the
-        functions of `math` alone; h may be negative.
+        ``constants(p, h, ops) -> tuple``: what the flow over a time h needs to know besides the state, over generic
+        numbers; h may be negative, and `ops` has `expm1` besides what fields may use. By default over floats.
     flow : callable
         The flow's factory, over generic numbers like a vector field: ``flow(ops) -> advance(y, constants) -> tuple``.
     """
 
-    constants: Callable[[Sequence[float], float], Floats]
+    constants: Callable[..., tuple[Any, ...]]
     flow: Factory
 
 

@@ -1,7 +1,6 @@
 """Spheroid in space axes: angular momentum and symmetry axis. No angle, no singularity, six equations."""
 
 from collections.abc import Callable, Sequence
-from math import expm1
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,7 @@ from polhode.models.form import Form
 from polhode.models.forms.motion import full_problem
 from polhode.models.forms.spheroid import Spheroid, axis_rotation, require_spheroid
 from polhode.models.observables import Observables
-from polhode.models.operations import Field, Operations
+from polhode.models.operations import FLOAT, Field, Operations
 from polhode.models.problem import Part, Parts, Problem
 from polhode.models.scene import Scene
 
@@ -59,7 +58,7 @@ COSINE = (
 )
 
 
-def rotation_constants(p: Sequence[float], h: float) -> tuple[float, ...]:
+def rotation_constants(p: Any, h: Any, ops: Operations = FLOAT) -> tuple[Any, ...]:
     """What `rotation` needs to know: the time."""
     return (h,)
 
@@ -95,11 +94,11 @@ def rotation(ops: Operations) -> Field:
     return advance
 
 
-def relaxation_constants(p: Sequence[float], h: float) -> tuple[float, ...]:
+def relaxation_constants(p: Any, h: Any, ops: Operations = FLOAT) -> tuple[Any, ...]:
     """What `relaxation` needs to know: how much of the way L goes along and across p̂ in a time h."""
     to_axial_spin = 1 + p[4]
-    across = -expm1(-p[1] * p[2] * h)
-    along = -expm1(-p[1] * (p[2] + p[3]) * to_axial_spin * h)
+    across = -ops.expm1(-p[1] * p[2] * h)
+    along = -ops.expm1(-p[1] * (p[2] + p[3]) * to_axial_spin * h)
     return across, 0.5 * across, 0.5 * p[5] * across, across - along, 0.5 * (across - along / to_axial_spin)
 
 

@@ -12,6 +12,7 @@ declare double @llvm.cos.f64(double)
 declare double @llvm.sqrt.f64(double)
 declare double @llvm.pow.f64(double, double)
 declare double @llvm.log.f64(double)
+declare double @expm1(double)
 """
 
 
@@ -53,9 +54,15 @@ class MachineCode:
 
 def compile_lines(signature: Signature, lines: str) -> MachineCode:
     """Compile a function for this processor."""
-    llvm = _llvm()
     text = f"define {signature.head} {{\n{signature.prologue}\n{lines}\nret {signature.result}\n}}"
-    module = llvm.parse_assembly("\n".join([_DECLARATIONS, signature.helpers, text]))
+    engine = compile_text("\n".join([signature.helpers, text]))
+    return MachineCode(engine.get_function_address("function"), engine)
+
+
+def compile_text(text: str) -> Any:
+    """Compile definitions for this processor into an engine, which knows the addresses of the functions."""
+    llvm = _llvm()
+    module = llvm.parse_assembly(_DECLARATIONS + text)
     target = llvm.Target.from_default_triple()
     machine = target.create_target_machine(
         cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=3
@@ -64,7 +71,7 @@ def compile_lines(signature: Signature, lines: str) -> MachineCode:
     passes.getModulePassManager().run(module, passes)
     engine = llvm.create_mcjit_compiler(module, machine)
     engine.finalize_object()
-    return MachineCode(engine.get_function_address("function"), engine)
+    return engine
 
 
 @cache

@@ -82,7 +82,7 @@ class Number:
         raise TypeError("a field cannot use float() or math's functions; use ops.sin, ops.cos, ops.sqrt")
 
 
-def _operand(x: Any) -> str:
+def operand(x: Any) -> str:
     """How a line refers to a number or a constant."""
     return x.name if isinstance(x, Number) else f"0x{unpack('<Q', pack('<d', float(x)))[0]:016X}"
 
@@ -91,7 +91,7 @@ def _arithmetic(instruction: str, left: Any, right: Any) -> Any:
     if not (isinstance(left, Number | Real) and isinstance(right, Number | Real)):
         return NotImplemented
     number: Any = left if isinstance(left, Number) else right
-    return number.emit(f"{instruction} contract double {_operand(left)}, {_operand(right)}")
+    return number.emit(f"{instruction} contract double {operand(left)}, {operand(right)}")
 
 
 def call(function: str, *arguments: Any) -> Any:
@@ -102,7 +102,7 @@ def call(function: str, *arguments: Any) -> Any:
     number = next((x for x in arguments if isinstance(x, Number)), None)
     if number is None:
         return getattr(math, function)(*arguments)
-    operands = ", ".join(f"double {_operand(x)}" for x in arguments)
+    operands = ", ".join(f"double {operand(x)}" for x in arguments)
     return number.emit(f"call contract double @llvm.{function}.f64({operands})")
 
 
@@ -110,10 +110,14 @@ def _where_positive(x: Any, a: Any, b: Any) -> Any:
     if not isinstance(x, Number):
         return a if x > 0 else b
     positive = x.emit(f"fcmp ogt double {x.name}, 0.0").name
-    return x.emit(f"select i1 {positive}, double {_operand(a)}, double {_operand(b)}")
+    return x.emit(f"select i1 {positive}, double {operand(a)}, double {operand(b)}")
 
 
-OPERATIONS = Operations(partial(call, "sin"), partial(call, "cos"), partial(call, "sqrt"), _where_positive)
+def _expm1(x: Any) -> Any:
+    return x.emit(f"call contract double @expm1(double {x.name})") if isinstance(x, Number) else math.expm1(x)
+
+
+OPERATIONS = Operations(partial(call, "sin"), partial(call, "cos"), partial(call, "sqrt"), _where_positive, _expm1)
 
 
 @cache
@@ -152,7 +156,7 @@ def written(lines: dict[str, str], numbers: Iterable[Any]) -> str:
     """The lines, and those that write numbers at %out."""
     text = [f"{name} = {line}" for line, name in lines.items()]
     for i, number in enumerate(numbers):
-        text += [f"%out{i} = getelementptr double, ptr %out, i64 {i}", f"store double {_operand(number)}, ptr %out{i}"]
+        text += [f"%out{i} = getelementptr double, ptr %out, i64 {i}", f"store double {operand(number)}, ptr %out{i}"]
     return "\n".join(text)
 
 

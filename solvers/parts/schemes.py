@@ -41,6 +41,11 @@ class Scheme:
         """All shares of a step, of the fast flows, shape (stages + 1,), and of the slow ones, shape (stages,)."""
         return _mirrored(self.fast, self.stages + 1), _mirrored(self.slow, self.stages)
 
+    @cached_property
+    def numbers(self) -> np.ndarray:
+        """What machine code receives: stages and shares."""
+        return np.concatenate([[self.stages], *self.shares])
+
     def factor(self, error: float) -> float:
         """The number H of ``step``, at which the law promises an error over γ."""
         return (error / self.coefficient) ** (1 / self.order)

@@ -5,7 +5,7 @@ from math import inf, isfinite, pi, sqrt
 
 import numpy as np
 
-from polhode.models.operations import FLOAT
+from polhode.models.operations import FLOAT, numpy_operations
 from polhode.models.problem import Parts, Problem
 from polhode.solvers.compile import parameter_array
 from polhode.solvers.contract import (
@@ -18,7 +18,8 @@ from polhode.solvers.contract import (
     SolverNotValidError,
     Status,
 )
-from polhode.solvers.parts.kernels import FINISHED, NO_STEP, NOT_FINITE, STEPS_DONE, kernels, start_of
+from polhode.solvers.machine_code.underflow import FlushedToZero
+from polhode.solvers.parts.kernels import At, Code, clock, kernel
 from polhode.solvers.parts.schemes import SCHEMES, Scheme
 
 # Deadline and Ctrl-C are looked at once per this many slow flows, some 20 ms.
@@ -44,7 +45,7 @@ HOPELESS = 1e3
 # Errors that rounding makes are no reason for smaller steps.
 ROUNDING = 1e-13
 
-_FAILED = {NOT_FINITE: Status.NON_FINITE, NO_STEP: Status.STEP_UNDERFLOW}
+_FAILED: dict[int, Status] = {Code.NOT_FINITE: Status.NON_FINITE, Code.NO_STEP: Status.STEP_UNDERFLOW}
 
 
 @dataclass(frozen=True)
@@ -55,11 +56,9 @@ class Plan:
     factor: float
     floor: float
 
-    def compiled(self, smaller: float = 1.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """What the kernels receive as scheme; all steps smaller by a factor, if asked."""
-        fast, slow = self.scheme.shares
-        law = self.factor * smaller, self.scheme.exponent, self.scheme.widest * smaller, self.floor
-        return fast, slow, np.array(law)
+    def law(self, smaller: float = 1.0) -> np.ndarray:
+        """What machine code receives as law; all steps smaller by a factor, if asked."""
+        return np.array([self.factor * smaller, self.scheme.exponent, self.scheme.widest * smaller, self.floor])
 
     def flows_per_time(self, rate: float) -> float:
         """Slow flows in a unit of time at a rate of the fast angle."""
@@ -81,7 +80,7 @@ class Split:
         assert problem.parts is not None
         self.parts: Parts = problem.parts
         self.p, self.error = parameter_array(problem), AIM * tolerance
-        self.kernels = kernels(problem.parts, problem.dimension)
+        self.dimension = problem.dimension
         self.strength = problem.parts.strength(self.p.tolist())
         self.floor = SHEAR * self.strength
         self.resting = np.isin(np.arange(problem.dimension), problem.parts.resting)
@@ -135,11 +134,10 @@ class Split:
         rows = np.empty((2, len(times), len(state)))
         rows[:, 0] = state
         for each, smaller in zip(rows, (1.0, FINER), strict=True):
-            progress = start_of(state, now)
-            code = self.kernels.advance(plan.compiled(smaller), self.p, *progress, times, each, inf, UNLIMITED)
-            if code != FINISHED:
+            own = clock(now)
+            if self.advance(plan.scheme, plan.law(smaller), state.copy(), own, times, each) != Code.FINISHED:
                 return inf
-            record.work.rejected = (record.work.rejected or 0) + int(progress[-1][2])
+            record.work.rejected = (record.work.rejected or 0) + int(own[At.STEPS])
         apart = (rows[0] - rows[1])[1:]
         slow, fast = apart[:, self.resting], apart[:, ~self.resting]
         drift = np.linalg.norm(slow[POINTS:].mean(axis=0) - slow[:POINTS].mean(axis=0)) / (window - span)
@@ -162,38 +160,59 @@ class Split:
     def run(self, record: Record) -> Outcome:
         """Fill the record's rows."""
         plan, work = self.plan(record), record.work
-        state, clock, count = start_of(record.start, float(record.times[0]))
+        state, own = record.start.copy(), clock(float(record.times[0]))
         for mark in self.marks(record):
-            now = float(clock[0] + count[0] * clock[1])
-            ratio = self.off(plan, state, now, record) if count[2] else 1.0
+            now = float(own[At.BEGIN] + own[At.SINCE] * own[At.STEP])
+            ratio = self.off(plan, state, now, record) if own[At.STEPS] else 1.0
             if ratio > FITTING[1]:
                 plan = replace(plan, factor=plan.factor * ratio ** (-1 / plan.scheme.order))
-                # No rate lies between these bounds: the next step is a new one.
-                clock[:], count[0] = (now, 0.0, 0.0, -1.0), 0
-            until = inf if mark == record.times[-1] else mark
-            scheme, chunk = plan.compiled(), CHUNK // plan.scheme.stages
-            code = STEPS_DONE
-            while code == STEPS_DONE:
-                steps = min(chunk, record.max_steps - int(count[2]))
-                code = self.kernels.advance(
-                    scheme, self.p, state, clock, count, record.times, record.rows, until, steps
-                )
-                record.filled, work.steps = int(count[1]), int(count[2])
-                record.now = float(clock[0] + count[0] * clock[1])
-                if code == STEPS_DONE and work.steps >= record.max_steps:
+                own[: At.FILLED] = clock(now)[: At.FILLED]
+            own[At.UNTIL] = inf if mark == record.times[-1] else mark
+            law, chunk = plan.law(), CHUNK // plan.scheme.stages
+            code = Code.STEPS_DONE
+            while code == Code.STEPS_DONE:
+                limit = min(chunk, record.max_steps - int(own[At.STEPS]))
+                code = self.advance(plan.scheme, law, state, own, record.times, record.rows, limit)
+                record.filled, work.steps = int(own[At.FILLED]), int(own[At.STEPS])
+                record.now = float(own[At.BEGIN] + own[At.SINCE] * own[At.STEP])
+                if code == Code.STEPS_DONE and work.steps >= record.max_steps:
                     return Status.STEP_LIMIT, f"{work.steps} steps"
-                if code == STEPS_DONE and record.expired:
+                if code == Code.STEPS_DONE and record.expired:
                     return Status.TIME_LIMIT, f"after {work.steps} steps"
             if code in _FAILED:
                 return _FAILED[code], f"after {work.steps} steps"
-            if code == FINISHED:
+            if code == Code.FINISHED:
                 break
         return Status.REACHED_END, ""
 
+    def advance(
+        self,
+        scheme: Scheme,
+        law: np.ndarray,
+        state: np.ndarray,
+        own: np.ndarray,
+        times: np.ndarray,
+        rows: np.ndarray,
+        limit: int = UNLIMITED,
+    ) -> int:
+        """Advance state and clock until the rows are filled, or a limit is met; says which."""
+        own[[At.LIMIT, At.ROWS]] = limit, len(times)
+        with FlushedToZero():
+            kernel(self.parts, self.dimension)(scheme.numbers, law, self.p, state, own, times, rows)
+        return int(own[At.CODE])
+
     def free(self, record: Record) -> Outcome:
-        """Fill the record's rows by the fast flow alone, in one step."""
-        self.kernels.turn(self.p, record.start, record.times, record.rows)
-        record.filled, record.work.steps = len(record.times), 1
+        """Fill the record's rows by the fast flow alone, modulo whole turns."""
+        rate = self.parts.rate(FLOAT)(record.start.tolist(), self.p)
+        left = record.times[1:] - record.times[0]
+        left -= np.floor(left * rate / (2 * pi)) * (2 * pi / rate) if rate > 0 else 0.0
+        state, pieces = tuple(record.start), int(2 * pi / self.parts.reach) + 1
+        ops = numpy_operations()
+        flow, constants = self.parts.fast.flow(ops), self.parts.fast.constants(self.p, left / pieces, ops)
+        for _ in range(pieces):
+            state = flow(state, constants)
+        record.put(np.stack(np.broadcast_arrays(*state), axis=1))
+        record.work.steps = 1
         return Status.REACHED_END, ""
 
 
@@ -201,8 +220,8 @@ class PartsSolver(Solver):
     """What solvers share that need a problem's parts."""
 
     accepts = "forms that state their parts: spheroid-axis"
-    library = "numba"
-    package = "numba"
+    library = "llvmlite"
+    package = "llvmlite"
     family = "polhode"
     backends = ("compiled",)
 

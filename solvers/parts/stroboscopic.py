@@ -1,15 +1,21 @@
 """Stroboscopic averaging: the averaged field from turns of the full equations, integrated by steps of whole turns."""
 
 from dataclasses import dataclass
+from functools import cache
+from importlib.util import find_spec, module_from_spec, spec_from_file_location
 from math import isfinite, pi
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from polhode.models.operations import numpy_operations
 from polhode.models.problem import Problem
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Status
+from polhode.solvers.machine_code.underflow import FlushedToZero
+from polhode.solvers.parts.kernels import strobe_kernels
 from polhode.solvers.parts.schemes import SCHEMES
 from polhode.solvers.parts.splitting import PartsSolver, Split
-from polhode.solvers.parts.strobe_kernels import strobe_kernels
 
 # Runs of fewer turns are left to splitting, and so is a stretch of turns wherever a macro-step would be of fewer than
 # so many times its order: it costs fifteen times its order. A stretch is doubled so often while that fails.
@@ -22,6 +28,12 @@ FIRST, FEWEST, MOST = 6, 4, 24
 EASY = 0.1
 # Orders of the difference, and what rounding makes of it, which no choice improves.
 ORDERS, ROUNDING = (2, 4, 6), 3e-15
+# Weights of (Φ^k - Φ^-k) in the central differences, Φ the map of a turn.
+WEIGHTS = np.array([[1 / 2, 0.0, 0.0], [2 / 3, -1 / 12, 0.0], [3 / 4, -3 / 20, 1 / 60]])
+# Turns between a row and the point of whole turns from which it is reached, at most.
+NEAR = 0.505
+# Stages of a macro-step, the field at its end included.
+N = 13
 # Of the macro-steps: order of the error estimate, safety, bounds of a change.
 EXPONENT, SAFETY, SHRINK, GROW = 1 / 8, 0.9, 0.2, 5.0
 # The first one, in times of relaxation.
@@ -38,15 +50,29 @@ class Setting:
     failed: int = 0
 
 
+@cache
+def dop853() -> Any:
+    """SciPy's coefficients of DOP853, without the 0.2 s that its package takes to import."""
+    scipy = find_spec("scipy")
+    assert scipy is not None
+    assert scipy.origin is not None
+    path = Path(scipy.origin).parent / "integrate" / "_ivp" / "dop853_coefficients.py"
+    spec = spec_from_file_location("dop853_coefficients", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
 class Strobe:
     """A problem bound to the machine code of stroboscopic averaging, with splitting for what that cannot do."""
 
     def __init__(self, problem: Problem, tolerance: float) -> None:
         assert problem.parts is not None
         self.split, self.tolerance = Split(problem, tolerance), tolerance
-        self.kernels = strobe_kernels(problem.parts, problem.dimension)
-        self.shares = SCHEMES[-1].shares
-        self.p = self.split.p
+        self.kernels, self.scheme = strobe_kernels(problem.parts, problem.dimension), SCHEMES[-1].numbers
+        self.p, self.table = self.split.p, dop853()
 
     def run(self, record: Record) -> Outcome:
         """Fill the record's rows."""
@@ -87,7 +113,7 @@ class Strobe:
         order = self.order(fields, horizon)
         if order is None:
             return None
-        stages, ends = np.empty((16, len(point))), np.empty((3, len(point)))
+        stages, end = np.empty((len(self.table.A), len(point))), np.empty(len(point))
         stages[0] = fields[ORDERS.index(order)]
         turns = setting.turns or max(FIRST_STEP * memory, 2 * PAYING * order)
         while True:
@@ -95,8 +121,10 @@ class Strobe:
             if turns < min(PAYING * order, left / period):
                 setting.turns = 0.0
                 return None
-            self.kernels.macro(self.shares, self.p, point, order, setting.micro, turns, stages, ends)
-            error = self.error(ends[1:], scale * MACRO + turns * ROUNDING)
+            numbers = np.array([setting.micro, order // 2, 1, 1, N, turns], dtype=float)
+            self.stages(numbers, point, stages, end)
+            estimates = turns * (self.table.E5 @ stages[:N]), turns * (self.table.E3 @ stages[:N])
+            error = self.error(estimates, scale * MACRO + turns * ROUNDING)
             factor = SAFETY * error**-EXPONENT if error > 0 else GROW
             if error <= 1:
                 break
@@ -104,29 +132,72 @@ class Strobe:
             turns *= max(SHRINK, factor) if np.isfinite(error) else SHRINK
         setting.turns = turns * min(GROW, factor)
         record.work.steps = (record.work.steps or 0) + 1
-        if record.times[record.filled] <= ends[0, -1]:
-            self.kernels.extend(self.shares, self.p, point, order, setting.micro, turns, stages)
-            record.filled = self.kernels.rows(
-                *(self.shares, self.p, point, setting.micro, turns, stages, ends[0]),
-                *(record.times, record.rows, record.filled),
-            )
-        return ends[0].copy()
+        last = int(np.searchsorted(record.times, end[-1], side="right"))
+        if last > record.filled:
+            numbers[3:5] = N, len(stages)
+            self.stages(numbers, point, stages, end.copy())
+            record.put(self.rows(point, end, stages, turns, setting.micro, record.times[record.filled : last]))
+        return end
+
+    def rows(
+        self, point: np.ndarray, end: np.ndarray, stages: np.ndarray, turns: float, micro: int, times: np.ndarray
+    ) -> np.ndarray:
+        """Rows within a macro-step: from the end of a whole turn next to them by a part of a turn."""
+        change = end - point
+        terms = [change, turns * stages[0] - change, 2 * change - turns * (stages[N - 1] + stages[0])]
+        terms += list(turns * (self.table.D @ stages))
+
+        def value(x: np.ndarray) -> np.ndarray:
+            result = np.zeros((len(x), len(point)))
+            for k, term in enumerate(reversed(terms)):
+                result = (result + term) * (x if k % 2 == 0 else 1 - x)[:, None]
+            return point + result
+
+        def reached(whole: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+            """Points after so many turns; how much time is left to the rows, and how many turns."""
+            at = value(whole / turns)
+            rest = times - at[:, -1]
+            return at, rest, rest * self.split.parts.rate(numpy_operations())(at.T, self.p) / (2 * pi)
+
+        whole = np.rint(turns * (times - point[-1]) / change[-1])
+        at, rest, off = reached(whole)
+        for _ in range(20):
+            if not np.max(np.abs(off)) > NEAR:
+                break
+            whole += np.rint(off)
+            at, rest, off = reached(whole)
+        pieces = np.concatenate([[len(times)], 1 + np.floor(np.abs(off) * micro)])
+        rows = np.ascontiguousarray(at[:, :-1])
+        self.kernels.spread(self.scheme, self.p, pieces, rest, rows)
+        return rows
 
     def fields(self, point: np.ndarray, setting: Setting, horizon: np.ndarray) -> np.ndarray:
         """Averaged fields of all orders, with as many micro-steps as their error allows."""
         fields, others = np.empty((2, len(ORDERS), len(point)))
         if setting.easy:
             setting.micro = max(FEWEST, setting.micro - 1)
-        self.kernels.differences(self.shares, self.p, point, setting.micro, fields)
+        self.mean(point, setting.micro, fields)
         while True:
             finer = min(MOST, setting.micro + 2)
-            self.kernels.differences(self.shares, self.p, point, finer, others)
+            self.mean(point, finer, others)
             off = np.max(np.maximum(np.abs(fields[-1] - others[-1]) - ROUNDING, 0.0) * horizon) / MICRO
             if not off > 1 or setting.micro >= MOST:
                 break
             setting.micro, fields, others = finer, others, fields
         setting.easy = off < EASY
         return fields
+
+    def stages(self, numbers: np.ndarray, point: np.ndarray, stages: np.ndarray, end: np.ndarray) -> None:
+        """Stages of a macro-step; `end` is the point of the last one."""
+        weights = WEIGHTS[int(numbers[1]) - 1]
+        with FlushedToZero():
+            self.kernels.macro(self.scheme, self.p, numbers, weights, point, self.table.A, stages, end)
+
+    def mean(self, point: np.ndarray, micro: int, out: np.ndarray) -> None:
+        """Averaged fields of all orders by so many micro-steps."""
+        setting = np.array([micro, len(ORDERS), len(ORDERS)], dtype=float)
+        with FlushedToZero():
+            self.kernels.mean(self.scheme, self.p, setting, WEIGHTS, point, out)
 
     def order(self, fields: np.ndarray, horizon: np.ndarray) -> int | None:
         """The lowest order whose difference errs little enough, by comparison with the next one."""
@@ -135,7 +206,7 @@ class Strobe:
         errors = second, fourth, fourth * min(1.0, fourth / second) if second > 0 else 0.0
         return next((order for order, error in zip(ORDERS, errors, strict=True) if error <= AVERAGING), None)
 
-    def error(self, estimates: np.ndarray, scale: np.ndarray) -> float:
+    def error(self, estimates: tuple[np.ndarray, np.ndarray], scale: np.ndarray) -> float:
         """Error of a macro-step over the one allowed, as DOP853 has it, from its estimates of orders 5 and 3."""
         with np.errstate(over="ignore"):
             fifth, third = (float(np.sum((each / scale) ** 2)) for each in estimates)

@@ -26,8 +26,9 @@ from polhode.models.shape import Ellipsoid
 from polhode.solvers import contract
 from polhode.solvers.catalogue import SOLVERS, solver
 from polhode.solvers.contract import SolverNotValidError, Status
-from polhode.solvers.parts.kernels import kernels, start_of
+from polhode.solvers.parts.kernels import Code, clock
 from polhode.solvers.parts.schemes import SCHEMES, Scheme
+from polhode.solvers.parts.splitting import Split
 from polhode.solvers.solve import Interrupted, solve
 
 FORM = form("spheroid-axis")
@@ -117,9 +118,8 @@ def test_a_scheme_is_a_quadrature_in_the_slow_part(scheme: Scheme):
 def end_state(each: Problem, scheme: Scheme, steps: int) -> np.ndarray:
     rows = np.array([each.start, each.start])
     law = np.array([each.end / steps, 0.0, inf, 0.0])
-    progress, times = start_of(rows[0], 0.0), np.array([0.0, each.end])
-    compiled = kernels(PARTS, 6)
-    compiled.advance((*scheme.shares, law), np.array(each.parameters or ()), *progress, times, rows, inf, 10**6)
+    split = Split(each, TOLERANCE)
+    assert split.advance(scheme, law, rows[0].copy(), clock(0.0), np.array([0.0, each.end]), rows) == Code.FINISHED
     return rows[1]
 
 

@@ -1,0 +1,176 @@
+"""Functions with loops and branches around traced numbers. Every number is a double, counts included.
+
+A program is written as it runs: ``with program.repeat() as leave: ...; leave(less(a, b))``. What outlives a block lies
+in an `Array`; LLVM keeps small ones of the program's own in registers.
+"""
+
+import ctypes
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from polhode.solvers.machine_code.llvm import compile_text
+from polhode.solvers.machine_code.tracing import Number, operand
+
+
+class Program(dict[str, str]):
+    """A function without result, its arguments arrays and numbers: the lines known in the block at hand, and the text.
+
+    Parameters
+    ----------
+    name : str
+    arrays, numbers : str
+        Names of the arguments, between blanks, arrays first.
+    linkage : str
+        "internal" if it is to be called by other programs alone.
+    attribute : str
+        "alwaysinline" or "noinline".
+    """
+
+    def __init__(self, name: str, arrays: str, numbers: str = "", linkage: str = "", attribute: str = "") -> None:
+        super().__init__()
+        arguments = [f"ptr noalias %{each}" for each in arrays.split()] + [
+            f"double %{each}" for each in numbers.split()
+        ]
+        self.head = f"define {linkage} void @{name}({', '.join(arguments)}) {attribute} {{\nstart:"
+        self.name, self.linkage, self.text, self.rooms, self.count = name, linkage, [], [], 0
+        self.arguments: list[Any] = [Array(self, f"%{each}") for each in arrays.split()]
+        self.arguments += [Number(self, f"%{each}") for each in numbers.split()]
+
+    def __str__(self) -> str:
+        """The function in LLVM's language."""
+        return "\n".join([self.head, *self.rooms, *self.text, "ret void\n}"])
+
+    def setdefault(self, line: str, _: str) -> str:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """The number that a line computes, a new line or an equal one of this block."""
+        if line not in self:
+            self[line] = self.fresh(line)
+        return self[line]
+
+    def fresh(self, line: str) -> str:
+        """The number that a line computes, which may differ from that of an equal line before."""
+        name = f"%{self.new()}"
+        self.text.append(f"{name} = {line}")
+        return name
+
+    def new(self) -> str:
+        """A name not used so far."""
+        self.count += 1
+        return f"v{self.count}"
+
+    def room(self, size: int = 1) -> "Array":
+        """Space for numbers."""
+        name = f"%{self.new()}"
+        self.rooms.append(f"{name} = alloca double, i64 {size}")
+        return Array(self, name)
+
+    def cell(self, value: Any) -> "Array":
+        """Space for a number that changes."""
+        room = self.room()
+        room[0] = value
+        return room
+
+    def call(self, other: "Program", *arguments: Any) -> None:
+        """Run another program."""
+        given = [f"ptr {each.pointer}" if isinstance(each, Array) else f"double {operand(each)}" for each in arguments]
+        self.text.append(f"call void @{other.name}({', '.join(given)})")
+
+    def _begin(self, label: str) -> None:
+        """End the block at hand."""
+        self.text += [f"br label %{label}", f"{label}:"]
+        self.clear()
+
+    def _branch(self, condition: str, yes: str, no: str, follows: str) -> None:
+        self.text += [f"br i1 {condition}, label %{yes}, label %{no}", f"{follows}:"]
+        self.clear()
+
+    @contextmanager
+    def when(self, condition: str) -> Iterator[None]:
+        """Do what follows if a condition holds."""
+        inside, after = self.new(), self.new()
+        self._branch(condition, inside, after, inside)
+        yield
+        self._begin(after)
+
+    @contextmanager
+    def repeat(self) -> Iterator[Callable[[str], None]]:
+        """Do what follows again and again, until it is left on a condition."""
+        begin, after = self.new(), self.new()
+        self._begin(begin)
+
+        def leave(condition: str) -> None:
+            following = self.new()
+            self._branch(condition, after, following, following)
+
+        yield leave
+        self.text += [f"br label %{begin}", f"{after}:"]
+        self.clear()
+
+    @contextmanager
+    def times(self, number: Any) -> Iterator[Number]:
+        """Do what follows so many times; yields how many have been."""
+        done = self.cell(0.0)
+        with self.repeat() as leave:
+            now = done[0]
+            leave(compare("oge", now, number))
+            yield now
+            done[0] = now + 1.0
+
+
+class Array:
+    """Numbers in memory, by an index that is counted from 0."""
+
+    def __init__(self, program: Program, pointer: str) -> None:
+        self.program, self.pointer = program, pointer
+
+    def __add__(self, index: Any) -> "Array":
+        """What begins with the entry of that index."""
+        whole = str(index)
+        if isinstance(index, Number):
+            whole = self.program.setdefault(f"fptosi double {index.name} to i64", "")
+        return Array(
+            self.program, self.program.setdefault(f"getelementptr double, ptr {self.pointer}, i64 {whole}", "")
+        )
+
+    def __getitem__(self, index: Any) -> Number:
+        return Number(self.program, self.program.fresh(f"load double, ptr {(self + index).pointer}"))
+
+    def __setitem__(self, index: Any, value: Any) -> None:
+        self.program.text.append(f"store double {operand(value)}, ptr {(self + index).pointer}")
+
+    def load(self, size: int) -> tuple[Number, ...]:
+        """The first numbers."""
+        return tuple(self[i] for i in range(size))
+
+    def store(self, values: Sequence[Any]) -> None:
+        """Overwrite the first numbers."""
+        for i, value in enumerate(values):
+            self[i] = value
+
+
+def compare(how: str, left: Any, right: Any) -> str:
+    """The condition that numbers compare as "olt", "ole", "ogt" or "oge"; NaN fulfils "uge" and its like alone."""
+    number: Any = left if isinstance(left, Number) else right
+    return number.lines.setdefault(f"fcmp {how} double {operand(left)}, {operand(right)}", "")
+
+
+def compiled(*programs: Program) -> list[Callable[..., None]]:
+    """Compile programs together; those that are not internal have arrays alone as arguments, and become functions.
+
+    The arrays are contiguous and of float64: nothing checks that. A call releases Python's lock.
+    """
+    engine = compile_text("\n".join(str(each) for each in programs))
+
+    def function(program: Program) -> Callable[..., None]:
+        types = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * len(program.arguments))
+        code = types(engine.get_function_address(program.name))
+
+        def call(*arrays: np.ndarray) -> None:
+            code(*[each.ctypes.data for each in arrays])
+
+        call.engine = engine  # pyright: ignore[reportFunctionMemberAccess]
+        return call
+
+    return [function(each) for each in programs if each.linkage != "internal"]
