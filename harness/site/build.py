@@ -12,15 +12,15 @@ from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import machine, versions
 from polhode.harness.site.cost import cost_page
 from polhode.harness.site.markdown import FIGURES, page_name, render, section
-from polhode.harness.site.markup import Page, document, missing, prose
+from polhode.harness.site.markup import Page, document, missing
 from polhode.harness.site.motion import motion_page
-from polhode.harness.site.verdict import LEAD, TITLE, maps
+from polhode.harness.site.verdict import LEAD, TITLE, question
 from polhode.models.scene import Scene
 
 # Folders of the reports in the order of the menu: what the menu calls them, and the command that fills them.
 REPORTS = {
     "bench": ("Bench", "polhode bench"),
-    "regimes": ("", "polhode regimes"),
+    "regimes": ("Map", "polhode regimes"),
     "solvers": ("Solvers", "polhode equal-error"),
     "accuracy": ("Averaging", "polhode accuracy"),
     "second-order": ("Second order", "polhode accuracy --order 2"),
@@ -29,8 +29,7 @@ REPORTS = {
     "paper": ("Paper", "polhode paper"),
     "sweep": ("Ensembles", "polhode throughput"),
 }
-# The map of this report is shown on the opening page; what these pictures show is on the page of costs.
-MAP = "regimes"
+# What these pictures show is on the page of costs.
 OVERWRITTEN = " Do not edit: the next run overwrites this page."
 ON_COSTS = re.compile(r"(slow|orientation)(-[\w-]+)?\.png")
 
@@ -42,11 +41,11 @@ def build(reports: Path, out: Path, scenes: dict[str, Scene], say: Callable[[str
     """
     files = {page_name(path): path for path in sorted(reports.glob("*/*.md"))}
     texts = {name: path.read_text(encoding="utf-8").replace(OVERWRITTEN, "") for name, path in files.items()}
-    known = {path.resolve(): f"{'index' if name == MAP else name}.html" for name, path in files.items()}
-    rendered = {name: render(texts[name], path, known, _as_costs) for name, path in files.items() if name != MAP}
+    known = {path.resolve(): f"{name}.html" for name, path in files.items()}
+    rendered = {name: render(texts[name], path, known, _as_costs) for name, path in files.items()}
     folders = [name for name in [*REPORTS, *files] if name in rendered and files[name].stem == "README"]
     menu = {name: REPORTS.get(name, (name.capitalize(), ""))[0] for name in dict.fromkeys(folders)}
-    menu = {"index": "Verdict", "cost": "Cost", **menu, "motion": "Motion"}
+    menu = {"index": "What to run", "cost": "Cost", **menu, "motion": "Motion"}
     (out / FIGURES).mkdir(parents=True, exist_ok=True)
     foot = _foot()
 
@@ -54,7 +53,8 @@ def build(reports: Path, out: Path, scenes: dict[str, Scene], say: Callable[[str
         say(page.title)
         write_file(out / f"{name}.html", document(name, page, menu, foot))
 
-    write("index", Page(TITLE, LEAD, _verdict(files, texts, known)))
+    asked, data = question(reports / "regimes")
+    write("index", Page(TITLE, LEAD, asked + _verdict(files, texts, known), data, ("tables.js", "verdict.js")))
     write("cost", cost_page(reports))
     write("motion", motion_page(scenes, say))
     for name, found in rendered.items():
@@ -65,17 +65,14 @@ def build(reports: Path, out: Path, scenes: dict[str, Scene], say: Callable[[str
 
 
 def _verdict(files: dict[str, Path], texts: dict[str, str], known: dict[Path, str]) -> str:
-    """Body of the opening page."""
-    body = []
-    if MAP in files:
-        drawn = maps(files[MAP].with_name("cells.csv"))
-        found = render(texts[MAP], files[MAP], known, drawn)
-        body.append(f"<h2>{prose(found.title)}</h2>{found.body}")
+    """When averaging pays, from the bench, and what the reports lack."""
+    body = ""
     if "bench" in files:
         text = section(texts["bench"], "Verdict")
-        body.append(f"<h2>When averaging pays</h2>{render(text, files['bench'], known).body}")
-    body += [missing(f"reports/{name} is", command) for name, (_, command) in REPORTS.items() if name not in files]
-    return "".join(body)
+        body = f"<h2>When averaging pays</h2>{render(text, files['bench'], known).body}"
+    return body + "".join(
+        missing(f"reports/{name} is", command) for name, (_, command) in REPORTS.items() if name not in files
+    )
 
 
 def _as_costs(picture: str) -> str:

@@ -97,7 +97,8 @@ const polhode = (() => {
         ". Arrow keys go from point to point." });
       frame(svg, x, y, width, height, strip);
       const flat = [];
-      spec.series.forEach((s, row) => drawSeries(svg, s, row, x, y, flat));
+      if (spec.front) path(svg, spec.front, x, y, { class: "line front" });
+      spec.series.forEach((s, row) => drawSeries(node("g", { class: "series" }, svg), s, row, x, y, flat));
       if (strip) drawStrip(svg, x, flat, spec.series.length);
       view = { svg, x, y, flat, ring: node("circle", { r: 9, class: "ring", visibility: "hidden" }, svg),
         dot: node("circle", { r: 6, class: "dot", visibility: "hidden" }, svg) };
@@ -133,7 +134,7 @@ const polhode = (() => {
 
     function path(svg, points, x, y, attributes) {
       const clip = "c" + Math.random().toString(36).slice(2);
-      const area = node("clipPath", { id: clip }, svg), box = svg.querySelector(".frame");
+      const area = node("clipPath", { id: clip }, svg), box = (svg.ownerSVGElement || svg).querySelector(".frame");
       node("rect", Object.fromEntries(["x", "y", "width", "height"].map((k) => [k, box.getAttribute(k)])), area);
       const d = points.map(([a, b]) => x.at(a).toFixed(1) + " " + y.at(b).toFixed(1)).join("L");
       node("path", { d: "M" + d, fill: "none", "clip-path": `url(#${clip})`, ...attributes }, svg);
@@ -167,6 +168,9 @@ const polhode = (() => {
       current = point;
       tip.hidden = !point;
       view.ring.setAttribute("visibility", point ? "visible" : "hidden");
+      // The others step back while one line is looked at.
+      view.svg.classList.toggle("faded", Boolean(point) && point.row < spec.series.length && spec.series.length > 1);
+      view.svg.querySelectorAll(".series").forEach((group, row) => group.classList.toggle("chosen", point?.row === row));
       if (!point) return;
       view.ring.setAttribute("cx", point.px);
       view.ring.setAttribute("cy", point.py);
@@ -192,10 +196,12 @@ const polhode = (() => {
       svg.addEventListener("pointerdown", point);
       // A finger leaves as soon as it is lifted: what it chose stays.
       svg.addEventListener("pointerleave", (event) => event.pointerType === "touch" || show(null));
+      svg.addEventListener("dblclick", () => spec.isolate?.(current && spec.series[current.row]?.name));
       svg.addEventListener("blur", () => show(null));
       svg.addEventListener("keydown", (event) => {
         const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key], turn = { ArrowDown: 1, ArrowUp: -1 }[event.key];
         if (event.key === "Escape") show(null);
+        if (event.key === "Enter") spec.isolate?.(current && spec.series[current.row]?.name);
         if ((!step && !turn) || !view.flat.length) return;
         event.preventDefault();
         show(neighbour(step, turn));

@@ -8,7 +8,7 @@
   const column = Object.fromEntries(data.columns.map((name, i) => [name, i]));
   const form = document.getElementById("filters");
   const DASHES = ["", "6 3", "2 3", "8 3 2 3", "1 2"];
-  const number = (v) => (v === null ? "–" : v >= 0.01 && v < 1e4 ? String(Number(v.toPrecision(3))) : v.toExponential(1).replace(".0e", "e"));
+  const number = (v) => (v === null ? "–" : v >= 0.01 && v < 1e4 ? String(Number(v.toPrecision(3))) : v.toExponential(1).replace(".0e", "e").replace("e+", "e"));
   const time = (s) => (s === null ? "–" : s >= 1 ? s.toPrecision(2) + " s" : s >= 1e-3 ? (s * 1e3).toPrecision(3) + " ms"
     : (s * 1e6).toPrecision(3) + " µs");
 
@@ -56,8 +56,13 @@
     line: !data.forms[name].averaged, dash: dash(name), mark: data.forms[name].averaged && data.forms[name].mark })]));
   const tags = boxes("Kinds", ["explicit", "implicit", "compiled", "Python in the loop"].map((tag) => [tag]));
   const solvers = boxes("Solvers", Object.entries(data.solvers).map(([name, s]) => [name, swatch({ ...s, line: true })]));
-  let before = null, drawn = null;
-  offer(which.find((name) => name.startsWith("bench:")));
+  const csv = html("button", { type: "button", textContent: "CSV of these runs" }, form);
+  csv.addEventListener("click", save);
+  const address = new URLSearchParams(location.hash.slice(1));
+  let before = null, drawn = null, alone = "", seen = [];
+  for (const [name, control] of [["error", want], ["cost", cost]])
+    if (address.get(name)) control.value = address.get(name);
+  offer(address.get("scene") ?? which.find((name) => name.startsWith("bench:")));
 
   // The scenes that bear the tag chosen.
   function offer(wanted) {
@@ -74,7 +79,8 @@
   function refresh() {
     if (before !== scene.value) {
       const own = data.groups.map((g, i) => [i, g]).filter(([, g]) => named(g) === scene.value);
-      const kept = stokes.selectedOptions[0]?.textContent;
+      // First what the address asks for, then a Stokes number at which forms and solvers differ most.
+      const kept = stokes.selectedOptions[0]?.textContent ?? address.get("St") ?? "10000";
       stokes.replaceChildren(...own.map(([i, g]) => html("option", { value: i, textContent: g[2] === null ? "∞" : g[2] })));
       for (const option of stokes.options) if (option.textContent === kept) option.selected = true;
       const present = data.rows.filter((row) => own.some(([i]) => i === row[0]));
@@ -83,6 +89,10 @@
       before = scene.value;
     }
     const rows = data.rows.filter((row) => String(row[0]) === stokes.value && shown(row));
+    history.replaceState(null, "", "#" + new URLSearchParams({ scene: scene.value,
+      St: stokes.selectedOptions[0]?.textContent ?? "", error: want.value, cost: cost.value }));
+    seen = rows;
+    finding(rows);
     if (drawn) drawn.update(spec(rows));
     else drawn = chart(document.getElementById("cost-chart"), spec(rows));
     failures(rows);
@@ -90,6 +100,7 @@
 
   function shown(row) {
     const own = tags();
+    if (alone && alone !== row[1] + "," + row[2]) return false;
     return forms().has(row[1]) && solvers().has(row[2]) && data.solvers[row[2]].tags.every((tag) => own.has(tag));
   }
 
@@ -113,9 +124,46 @@
         log: true, reverse: true, max: largest(rows, x) },
       y: { label: { seconds: "wall time of a warm run, s", "work.rhs_calls": "calls of the right-hand side" }[cost.value] || "steps", log: true },
       series: [...series.values()],
+      front: steps(front(rows)),
+      isolate: (name) => { alone = alone ? "" : name || ""; refresh(); },
       rules: [...rules.values()],
       strip: { label: "no result", points: failed.map((row) => [row[5], data.solvers[row[2]].color, data.solvers[row[2]].mark, tip(row)]) },
     };
+  }
+
+  // Runs than which none is both cheaper and more accurate, from the least accurate to the most.
+  function front(rows) {
+    const x = column[want.value], y = column[cost.value], found = [];
+    const known = rows.filter((row) => row[3] === "reached_end" && row[x] !== null && row[y] !== null);
+    for (const row of known.sort((a, b) => a[y] - b[y])) if (!found.length || row[x] < found[found.length - 1][x]) found.push(row);
+    return found;
+  }
+
+  function steps(found) {
+    const x = column[want.value], y = column[cost.value];
+    return found.flatMap((row, i) => (i ? [[found[i - 1][x], row[y]], [row[x], row[y]]] : [[row[x], row[y]]]));
+  }
+
+  // The cheapest run at a few errors, in words.
+  function finding(rows) {
+    const x = column[want.value], y = column[cost.value], found = front(rows);
+    const unit = (v) => (cost.value === "seconds" ? time(v) : `${number(v)} ${cost.selectedOptions[0].textContent}`);
+    const parts = [1e-2, 1e-4, 1e-6, 1e-8, 1e-10].flatMap((target) => {
+      const run = found.find((row) => row[x] <= target);
+      return run ? [`${number(target)}: ${run[1]} by ${run[2]}, ${unit(run[y])}`] : [];
+    });
+    document.getElementById("finding").textContent = parts.length ? `Cheapest, by error reached. ${parts.join("; ")}.`
+      : "No run shown reaches an error of 0.01.";
+  }
+
+  function save() {
+    const names = ["study", "scene", "St", ...data.columns.slice(1)];
+    // A cell that begins like a formula would be one to a spreadsheet.
+    const cell = (v) => (v === null ? "" : typeof v === "number" ? v : `"${String(v).replace(/^[=+@-]/, "'$&").replaceAll('"', '""')}"`);
+    const lines = seen.map((row) => [...data.groups[row[0]].slice(0, 3), ...row.slice(1)].map(cell).join(","));
+    const url = URL.createObjectURL(new Blob([[names.join(","), ...lines, ""].join("\n")], { type: "text/csv" }));
+    html("a", { href: url, download: "runs.csv" }).click();
+    setTimeout(() => URL.revokeObjectURL(url), 1000);
   }
 
   function largest(rows, x) {

@@ -1,46 +1,92 @@
-"""The opening page: when averaging pays, and the regime map as a table that names methods and times."""
+"""The opening page: a question with its answer from the measured cells, and the regime map as a table."""
 
-from collections.abc import Callable, Sequence
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from html import escape
-from math import isnan
+from math import inf, isnan
 from pathlib import Path
+from typing import Any
 
 from polhode.harness.analysis.regime_map import Cell, usual_form
 from polhode.harness.common.text import duration, factor, short
 from polhode.harness.pages.figures.map_picture import ERRORS, HEADINGS
-from polhode.harness.pages.figures.style import colour, rank
+from polhode.harness.pages.figures.style import colour, is_averaged, rank
 from polhode.harness.pages.regimes import read_cells
 from polhode.harness.site.markup import prose, scroll
+from polhode.solvers.contract import Status
 
 TITLE = "What should I run?"
 LEAD = (
-    "For a massive ellipsoid in simple shear flow: which form of the equations, which solver, at what cost, as the "
-    "Stokes number St grows and the error allowed shrinks. For a scene of your own: "
-    "`polhode pick ice.toml --error 1e-6 --want slow`."
+    "A massive ellipsoid tumbles in simple shear flow. Its Stokes number St and the error you allow decide which form "
+    "of the equations and which solver is the cheapest."
 )
+OWN = "This is measured on the two particles of the map. For a scene of your own: `polhode pick scene.toml`."
 NOTE = (
-    "The map as a table: the cheapest method, its time, and by what factor it leads; = names a method that ties with "
-    "it. Averaged forms stand under their own name, whichever solver runs them. “none”: no run measured gets there. "
-    "“unknown”: no reference is good enough."
+    "Each cell: the cheapest method, its time, and by what factor it leads; = names a method that ties with it. "
+    "Averaged forms stand under their own name, whichever solver runs them. “none”: no run measured gets there. "
+    "“unknown”: no reference is good enough. A cell leads to its answer."
 )
+PARTICLES = {"ellipsoid": "triaxial ellipsoid"}
+# What the page calls the two kinds of error, and the word of `--want`.
+WANTS = {"slow_error": ("slow", "L and E"), "orientation_error": ("orientation", "orientation")}
 # Letters of a name that may be broken at its hyphens.
 LONG = 12
 
 
-def maps(path: Path) -> Callable[[str], str]:
-    """The maps in `cells.csv` as tables, by the name of the picture of the same scene."""
+def question(folder: Path) -> tuple[str, dict[str, Any]]:
+    """The question, its maps, and the data of its script, from the cells and runs in `folder`; empty without cells."""
+    path = folder / "cells.csv"
     found = read_cells(path) if path.is_file() else {}
+    if not found:
+        return "", {}
+    particles = {name: PARTICLES.get(name, name) for name, _ in found}
+    sections = "".join(
+        f'<section class="region" data-particle="{escape(name)}" data-want="{WANTS[error][0]}"><h3>'
+        f"The {particles[name]}: {prose(ERRORS[error][1].replace('$I_{max}$', 'I_max'))}</h3>"
+        f"{_key(cells)}{_map(name, WANTS[error][0], cells)}</section>"
+        for (name, error), cells in found.items()
+    )
+    body = (
+        '<form class="filters ask" id="ask" aria-label="Question"></form><div id="answer" role="status"></div>'
+        f'<p class="note">{prose(OWN)}</p><h2>The map</h2><p class="note">{NOTE}</p>{sections}'
+    )
+    data = {"particles": particles, "wants": dict(WANTS.values()), "cells": _answers(found, folder / "runs.csv")}
+    return body, {"question-data": data}
 
-    def drawn(picture: str) -> str:
-        own = {error: cells for (scene, error), cells in found.items() if picture == f"{scene}.png"}
-        parts = (
-            f'<section class="region"><h3>{prose(ERRORS[error][1].replace("$I_{max}$", "I_max"))}</h3>'
-            f"{_key(cells)}{_map(cells)}</section>"
-            for error, cells in own.items()
-        )
-        return f"<p>{NOTE}</p>{''.join(parts)}" if own else ""
 
-    return drawn
+def _answers(found: Mapping[tuple[str, str], Sequence[Cell]], path: Path) -> list[dict[str, Any]]:
+    """What the script knows of each cell: the method, the loosest tolerance that reaches the error, and averaging."""
+    reached = _reached(path)
+    answers = []
+    for (name, error), cells in found.items():
+        for cell in cells:
+            runs = [run for run in reached[name, cell.stokes] if not isnan(run[error])]
+            averaging: dict[str, float] = {}
+            for run in runs:
+                if is_averaged(run["form"]):
+                    averaging[run["form"]] = min(run[error], averaging.get(run["form"], inf))
+            answer = {"particle": name, "want": WANTS[error][0], "St": cell.stokes, "error": cell.target}
+            answer |= {"known": cell.known, "averaging": averaging}
+            if cell.winner:
+                method = cell.winner.form, cell.winner.solver
+                answer |= dict(zip(("form", "solver"), method, strict=True))
+                answer |= {"time": duration(cell.seconds), "next": str(cell.second or ""), "tied": cell.tied}
+                answer["lead"] = "" if isnan(cell.lead) else factor(cell.lead)
+                own = [run for run in runs if (run["form"], run["solver"]) == method and run[error] <= cell.target]
+                answer["tolerance"] = short(max(run["tolerance"] for run in own)) if own else ""
+            answers.append(answer)
+    return answers
+
+
+def _reached(path: Path) -> Mapping[tuple[str, float], list[dict[Any, Any]]]:
+    """Finished runs by scene and St."""
+    import pandas as pd
+
+    found = defaultdict(list)
+    for run in pd.read_csv(path).to_dict("records") if path.is_file() else ():
+        if run["status"] == Status.REACHED_END:
+            found[run["scene_name"], run["stokes"]].append(run)
+    return found
 
 
 def _key(found: Sequence[Cell]) -> str:
@@ -55,22 +101,22 @@ def _key(found: Sequence[Cell]) -> str:
     return f"{''.join(lines)}<p class=note>{note}</p>"
 
 
-def _map(found: Sequence[Cell]) -> str:
+def _map(particle: str, want: str, found: Sequence[Cell]) -> str:
     numbers = sorted({cell.stokes for cell in found})
     targets = sorted({cell.target for cell in found}, reverse=True)
     at = {(cell.stokes, cell.target): cell for cell in found}
     usual = usual_form(found)
     head = "".join(f"<th scope=col>{prose(short(stokes))}</th>" for stokes in numbers)
-    rows = "".join(
-        f"<tr><th scope=row>{prose(short(target))}</th>"
-        f"{''.join(_cell(at[stokes, target], usual) for stokes in numbers)}</tr>"
-        for target in targets
-    )
+
+    def cells(target: float) -> str:
+        return "".join(_cell(at[stokes, target], usual, f"particle={particle}&want={want}") for stokes in numbers)
+
+    rows = "".join(f"<tr><th scope=row>{prose(short(target))}</th>{cells(target)}</tr>" for target in targets)
     corner = "<th class=axis>error ↓ St →</th>"
     return scroll(f"<table class=map><thead><tr>{corner}{head}</tr></thead><tbody>{rows}</tbody></table>")
 
 
-def _cell(cell: Cell, usual: str) -> str:
+def _cell(cell: Cell, usual: str, question: str) -> str:
     if cell.winner is None:
         words = "none" if cell.known else "unknown"
         tip = "no run measured gets there" if cell.known else "below what the reference resolves"
@@ -82,4 +128,6 @@ def _cell(cell: Cell, usual: str) -> str:
         f" ={cell.second.label}" if cell.tied and cell.second else "" if isnan(cell.lead) else f" {factor(cell.lead)}"
     )
     tip = escape(f"{cell.winner}: {time}; next: {cell.second or 'none'}")
-    return f'<td style="--c:{colour(label)}" title="{tip}">{name}{form}<span>{time}{escape(lead)}</span></td>'
+    address = escape(f"#{question}&St={short(cell.stokes)}&error={short(cell.target)}")
+    content = f'<a href="{address}">{name}{form}<span>{time}{escape(lead)}</span></a>'
+    return f'<td style="--c:{colour(label)}" title="{tip}">{content}</td>'

@@ -77,6 +77,19 @@ addEventListener("load", () => {
     svg.dispatchEvent(new PointerEvent("pointerleave", touch));
     seen.touched = svg.parentElement.querySelector(".tip:not([hidden])")?.textContent;
   }
+  if (document.getElementById("ask")) {
+    // Questions typed, and one asked by a cell of the map.
+    const [stokes, error] = document.querySelectorAll("#ask input");
+    const type = (field, text) => { field.value = text; field.dispatchEvent(new Event("input")); };
+    type(stokes, "fast");
+    seen.refused = document.getElementById("answer").textContent;
+    type(stokes, "100");
+    type(error, "1 %");
+    seen.asked = document.querySelector("#answer .first")?.textContent;
+    seen.address = location.hash;
+    seen.shown = document.querySelectorAll("section.region:not([hidden])").length;
+  }
+  seen.finding = document.getElementById("finding")?.textContent;
   seen.failures = document.getElementById("failures")?.textContent;
   seen.fetched = performance.getEntriesByType("resource").map((e) => e.name);
   seen.wrong = wrong;
@@ -162,6 +175,18 @@ def test_what_a_finger_chose_stays(seen: dict[tuple[str, int], dict]):
 
 def test_failures_are_listed(seen: dict[tuple[str, int], dict]):
     assert "time limit" in seen["cost", 390]["failures"]
+
+
+def test_a_question_is_answered_and_kept_in_the_address(seen: dict[tuple[str, int], dict]):
+    page = seen["index", 390]
+    assert "positive numbers" in page["refused"]
+    assert re.fullmatch(r"Run [\w-]+ by [\w-]+ at tolerance \S+: about \S+ \S+\.", page["asked"])
+    assert "St=100" in page["address"]
+    assert page["shown"] == 1
+
+
+def test_the_page_of_costs_names_the_cheapest(seen: dict[tuple[str, int], dict]):
+    assert re.search(r"Cheapest, by error reached\. .*: [\w-]+ by [\w-]+, \S+ \S*s", seen["cost", 1100]["finding"])
 
 
 def test_the_sphere_turns(seen: dict[tuple[str, int], dict]):

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from commandline import Run
 from sites import TAG, data_of, site
@@ -20,7 +21,7 @@ from polhode.harness.site.motion import examples, motion
 from polhode.harness.site.sources import read_studies
 from polhode.models.scenes import named_scene
 
-PAGES = ("index", "cost", "hard-cases", "own", "own-more", "motion")
+PAGES = ("index", "cost", "regimes", "hard-cases", "own", "own-more", "motion")
 
 
 def test_what_is_missing_is_named_with_its_command(tmp_path: Path):
@@ -37,7 +38,10 @@ def test_pages_load_nothing_and_link_to_each_other_alone(site_pages: dict[str, s
     within = {f"#{place}" for place in re.findall(r'id="([^"]*)"', page)}
     links = set(re.findall(r'(?:src|href|action)="([^"]*)"', page))
     pages = {f"{other}.html" for other in PAGES} | {"own.html#lx-of-1", "figures/own-drawn.webp", "data:,"}
-    assert links <= pages | within
+    pages |= {link for link in links if re.fullmatch(r"figures/regimes-\w+\.webp", link)}
+    questions = {link for link in links if link.startswith("#particle=")}
+    assert (name == "index") == bool(questions)
+    assert links - questions <= pages | within
     assert set(re.findall(r"https?://[^\s\"']*", page)) <= {"http://www.w3.org/2000/svg"}
     assert "@import" not in page
     assert "url(" not in page.replace("url(#", "")
@@ -123,6 +127,17 @@ def test_the_map_shows_the_cells_of_the_report(site_pages: dict[str, str], site_
         f"{cell.winner}: {duration(cell.seconds)}; next: {cell.second or 'none'}" for cell in cells if cell.winner
     ]
     assert sorted(re.findall(r'<td style="[^"]*" title="([^"]*)"', site_pages["index"])) == sorted(titles)
+
+
+def test_an_answer_is_a_measured_run_that_reaches_the_error(site_pages: dict[str, str], site_reports: Path):
+    runs = pd.read_csv(site_reports / "regimes" / "runs.csv")
+    answers = [each for each in data_of(site_pages["index"], "question-data")["cells"] if each.get("tolerance")]
+    assert answers
+    for each in answers:
+        own = runs[(runs["stokes"] == each["St"]) & (runs["form"] == each["form"]) & (runs["solver"] == each["solver"])]
+        error = "slow_error" if each["want"] == "slow" else "orientation_error"
+        reached = own.loc[(own["status"] == "reached_end") & (own[error] <= each["error"]), "tolerance"]
+        assert float(each["tolerance"]) == pytest.approx(reached.max())
 
 
 @pytest.mark.parametrize("name", examples())
