@@ -1,20 +1,23 @@
 """What Python users call, and the command `solve` with them: a scene, a plan, a solution."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from math import nan
 from os import PathLike, fspath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from polhode.harness.common.machine import versions
 from polhode.harness.common.observables_csv import COLUMNS
 from polhode.harness.common.text import short
 from polhode.harness.picking.choice import check_tolerance, choose
 from polhode.harness.picking.ranking import Recommendation
 from polhode.harness.picking.ranking import pick as recommend
+from polhode.harness.picking.second_look import UNKNOWN, RunError, run_error
 from polhode.harness.studies.scenes import find_scene
 from polhode.models.catalogue import form as find_form
+from polhode.models.files.scene_file import scene_table
 from polhode.models.form import Form
 from polhode.models.observables import Observables
 from polhode.models.problem import Problem
@@ -57,6 +60,8 @@ class SceneSolution:
     work : Work
     seconds : float
         Wall time of the integrator alone, compilation left out.
+    error : RunError
+        Estimated error of this very run, `slow` and `orientation`.
     """
 
     scene: Scene
@@ -69,11 +74,15 @@ class SceneSolution:
     observables: Observables
     work: Work
     seconds: float
+    error: RunError = UNKNOWN
 
     def __repr__(self) -> str:
         """One fact a line, without the arrays."""
         problem = f"{self.form}, St = {short(self.scene.stokes)}, to t = {short(self.scene.time)}"
-        return described(self, problem, f"tolerance {short(self.tolerance)}")
+        lines = [described(self, problem, f"tolerance {short(self.tolerance)}")]
+        if self.error is not UNKNOWN:
+            lines.append(f"  error: {self.error.words(self.scene.ellipsoid, self.observables)}")
+        return "\n".join([*lines, *[f"  advice: {self.error.advice}"] * bool(self.error.advice)])
 
     @property
     def success(self) -> bool:
@@ -107,10 +116,26 @@ class SceneSolution:
         return np.column_stack([self.times, self.slow_times, self.observables.slow, rotation])
 
     def frame(self) -> "pd.DataFrame":
-        """One row per time, with the columns of `polhode solve`'s CSV: t, t2, Lx, Ly, Lz, E, R11 … R33."""
+        """One row per time, with the columns of `polhode solve`'s CSV: t, t2, Lx, Ly, Lz, E, R11 … R33.
+
+        Its `attrs` are `provenance`.
+        """
         import pandas as pd
 
-        return pd.DataFrame(self.table(), columns=COLUMNS)
+        table = pd.DataFrame(self.table(), columns=COLUMNS)
+        table.attrs.update(self.provenance())
+        return table
+
+    def provenance(self) -> dict[str, Any]:
+        """Where the numbers come from, as plain data: scene, form, solver, tolerance, error, versions."""
+        names = ("form", "solver", "tolerance", "seconds")
+        return {
+            "scene": scene_table(self.scene),
+            **{name: getattr(self, name) for name in names},
+            "status": str(self.status),
+            "error": asdict(self.error),
+            "versions": versions(),
+        }
 
 
 @dataclass(frozen=True)
@@ -124,13 +149,22 @@ class Plan:
     problem: Problem
     samples: int
     note: str  # Why the error asked for may not be met; empty where it will be.
+    asked: tuple[float, str] | None = None  # Error and what it is of, where they chose the tolerance.
+    estimate: bool = True  # Whether a second look estimates the error.
 
     def run(self, watch: Callable[[Record], None] | None = None) -> SceneSolution:
         """Solve the problem; raises `polhode.solvers.solve.Interrupted` on Ctrl-C."""
         times = np.linspace(0.0, self.problem.end, self.samples)
         with spent_on("integration"):
             found = run(self.problem, self.solver, self.tolerance, times, watch=watch)
-        return self.observed(found)
+        solution = self.observed(found)
+        if not self.estimate:
+            return solution
+        with spent_on("error"):
+            seen = run_error(self.scene, self.form, self.solver, found, solution.observables)
+        if self.asked:
+            seen = seen.asked(*self.asked, self.form, self.scene, self.tolerance)
+        return replace(solution, error=seen)
 
     def observed(self, found: Solution) -> SceneSolution:
         """The motion of the scene that a solution of the problem stands for."""
@@ -149,7 +183,14 @@ class Plan:
 
 
 def plan(
-    scene: SceneLike, form: FormLike, solver: SolverLike, tolerance: float | None, error: float, want: str, samples: int
+    scene: SceneLike,
+    form: FormLike,
+    solver: SolverLike,
+    tolerance: float | None,
+    error: float,
+    want: str,
+    samples: int,
+    estimate: bool = True,
 ) -> Plan:
     """What `solve` will run; arguments and refusals as there, in one place for Python and the command line."""
     what = as_scene(scene)
@@ -169,7 +210,8 @@ def plan(
         raise ValueError(f"solver: {method.why_not}")
     method.check(problem)
     check_field(problem)
-    return Plan(what, equations, method, choice.tolerance, problem, samples, choice.note)
+    asked = None if tolerance else (error, want)
+    return Plan(what, equations, method, choice.tolerance, problem, samples, choice.note, asked, estimate)
 
 
 def solve(
@@ -181,6 +223,7 @@ def solve(
     error: float = 1e-6,
     want: str = "slow",
     samples: int = 201,
+    estimate: bool = True,
 ) -> SceneSolution:
     """Solve a scene.
 
@@ -199,6 +242,8 @@ def solve(
         Whether that error is of L and E over I_max, or of the orientation in rad.
     samples : int
         Equispaced times of the output, start and end included.
+    estimate : bool
+        Whether a second look estimates the error of the run, in less time than it took or in 5 ms.
 
     Returns
     -------
@@ -219,7 +264,7 @@ def solve(
     >>> solve("paper", form="quaternion", solver="taylor", tolerance=1e-10).status
     <Status.REACHED_END: 'reached_end'>
     """
-    return plan(scene, form, solver, tolerance, error, want, samples).run()
+    return plan(scene, form, solver, tolerance, error, want, samples, estimate).run()
 
 
 def pick(scene: SceneLike, error: float = 1e-6, want: str = "slow", samples: int = 201) -> Recommendation:

@@ -1,7 +1,7 @@
 """Random scenes from a seed: some to fit the laws on, others, from another seed, to hold out."""
 
 from dataclasses import dataclass
-from math import acos, inf, pi, sqrt
+from math import acos, inf, log10, pi, sqrt
 from typing import Literal
 
 import numpy as np
@@ -11,6 +11,9 @@ from polhode.models.scene import BodyStart, EulerStart, Scene
 from polhode.models.shape import Ellipsoid
 
 Want = Literal["slow", "orientation"]
+# Short: whatever a user may ask for, within hundreds of rotations. Long: t₂ of order one at large St, up to millions.
+Stratum = Literal["short", "long"]
+STRATA: tuple[Stratum, ...] = ("short", "long")
 
 TRAINING_SEED, TRAINING_SCENES = 1922, 160
 HELD_OUT_SEED, HELD_OUT_SCENES = 1765, 40
@@ -22,6 +25,9 @@ MOST_ROTATIONS = 600.0
 # References are explicit: their cost grows with the number of damping times, T max(8πX/I)/St, held between these.
 MOST_DAMPING_TIMES = (5e4, 5e5)
 SAMPLES = (51, 201, 501)
+# The long stratum: its place among the seeds, its Stokes numbers and slow times, log-uniform as its shorter axes are.
+LONG = 0x5C
+LONG_STOKES, LONG_SLOW_TIMES, SHORTEST, LONG_FROM_REST = (1e3, 1e8), (0.03, 2.0), 0.15, 0.1
 
 
 @dataclass(frozen=True)
@@ -35,16 +41,19 @@ class Question:
     want: Want
 
 
-def questions(seed: int, count: int) -> list[Question]:
+def questions(seed: int, count: int, stratum: Stratum = "short") -> list[Question]:
     """Random questions: shapes, starts, Stokes numbers, durations, errors and wants.
 
     Each has its own generator, so that the first ones do not depend on how many are asked for.
     """
-    return [_question(f"random-{seed}-{i}", np.random.default_rng((seed, i))) for i in range(count)]
+    head = {"short": (seed,), "long": (seed, LONG)}[stratum]
+    name = {"short": "random", "long": "long"}[stratum]
+    return [_question(f"{name}-{seed}-{i}", np.random.default_rng((*head, i)), stratum) for i in range(count)]
 
 
-def _question(name: str, random: np.random.Generator) -> Question:
-    scene = _planar(random) if random.random() < PLANAR else _scene(random)
+def _question(name: str, random: np.random.Generator, stratum: Stratum) -> Question:
+    drawn = _long if stratum == "long" else _planar if random.random() < PLANAR else _scene
+    scene = drawn(random)
     samples = int(random.choice(SAMPLES))
     error = float(f"{10 ** random.uniform(-11, -2):.1e}")
     want: Want = "orientation" if random.random() < 0.4 and scene.ellipsoid.kind != "sphere" else "slow"
@@ -53,12 +62,30 @@ def _question(name: str, random: np.random.Generator) -> Question:
 
 def _scene(random: np.random.Generator) -> Scene:
     ellipsoid, stokes = Ellipsoid(_semi_axes(random)), _stokes(random)
-    angles = (acos(random.uniform(-1, 1)), random.uniform(0, 2 * pi), random.uniform(0, 2 * pi))
-    quaternion = EulerStart(angles).quaternion
+    quaternion = _oriented(random)
     size = _speed(random) if stokes > 0 else 0.0
     x, y, z = (size * random.normal(size=3)).tolist()
     start = BodyStart(quaternion, (x, y, z))
     return Scene(ellipsoid, stokes, start, _duration(random, ellipsoid, stokes, size))
+
+
+def _long(random: np.random.Generator) -> Scene:
+    """A run of St-scale: t₂ of order one, whatever the Stokes number; some from rest."""
+    middle, short = sorted(10 ** random.uniform(log10(SHORTEST), 0, 2), reverse=True)
+    spheroids: list[Triple] = [(1.0, short, short), (1.0, 1.0, short)]
+    axes = (1.0, middle, short) if random.random() < 0.5 else spheroids[random.integers(2)]
+    a, b, c = (float(axes[i]) for i in random.permutation(3))
+    stokes, slow_time = (10 ** random.uniform(*np.log10(limits)) for limits in (LONG_STOKES, LONG_SLOW_TIMES))
+    size = 0.0 if random.random() < LONG_FROM_REST else 1.0
+    x, y, z = (size * random.normal(size=3)).tolist()
+    start = BodyStart(_oriented(random), (x, y, z))
+    return Scene(Ellipsoid((a, b, c)), float(stokes), start, float(slow_time * stokes))
+
+
+def _oriented(random: np.random.Generator) -> tuple[float, float, float, float]:
+    """Any orientation, each as likely."""
+    angles = (acos(random.uniform(-1, 1)), random.uniform(0, 2 * pi), random.uniform(0, 2 * pi))
+    return EulerStart(angles).quaternion
 
 
 def _planar(random: np.random.Generator) -> Scene:

@@ -6,7 +6,7 @@ which every rotation stands for several. Where there is no slow motion, only the
 """
 
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cache, cached_property, lru_cache
 from itertools import pairwise
 from math import inf, isfinite, isinf, pi
 from typing import NamedTuple
@@ -119,6 +119,7 @@ def oriented(scene: Scene) -> Scene:
     return replace(scene, start=BodyStart((w, x, y, z), (v1, v2, v3)))
 
 
+@lru_cache(maxsize=100)
 def pilot(scene: Scene) -> Pilot:
     """Follow a scene loosely; raises PilotFailedError if no run at any tolerance comes far enough."""
     whole = oriented(scene)

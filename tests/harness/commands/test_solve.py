@@ -55,7 +55,7 @@ def solved(here: Run, tmp_path: Path):
         (tmp_path / "scene.toml").write_text(text, encoding="utf-8")
         done = here("solve", "scene.toml", *arguments, "--out", "out.csv")
         assert (done.returncode, done.stdout) == (0, "")
-        assert sorted(path.name for path in tmp_path.iterdir()) == ["out.csv", "scene.toml"]
+        assert sorted(path.name for path in tmp_path.iterdir()) == ["out.csv", "out.csv.json", "scene.toml"]
         return Table(tmp_path / "out.csv")
 
     return solve
@@ -238,7 +238,7 @@ def test_a_link_stays_and_what_it_points_to_is_replaced(here: Run, tmp_path: Pat
     assert here("solve", scene_file.name, *GIVEN, "--samples", 3, "--out", "a.csv").returncode == 0
     assert (tmp_path / "a.csv").is_symlink()
     assert (tmp_path / "there" / "a.csv").read_text(encoding="utf-8").startswith(HEADER)
-    assert [path.name for path in (tmp_path / "there").iterdir()] == ["a.csv"]
+    assert sorted(path.name for path in (tmp_path / "there").iterdir()) == ["a.csv", "a.csv.json"]
 
 
 def test_where_the_time_went_is_said_on_request(polhode: Run):

@@ -1,0 +1,124 @@
+"""What `solve` states of its own error, held against references: random scenes, each by a random way to run it."""
+
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from tqdm import tqdm
+
+from polhode.harness.api import SceneSolution, plan
+from polhode.harness.calibration.scenes import STRATA, Question, questions
+from polhode.harness.calibration.training import fast_solvers, forms_for, solvers_for
+from polhode.harness.common.plain_json import digest
+from polhode.harness.common.store import Record, Store
+from polhode.harness.picking.pilot import pilot
+from polhode.harness.picking.second_look import LEAST, SHARE
+from polhode.harness.references.errors import errors
+from polhode.harness.references.extended import ReferenceFailedError
+from polhode.harness.references.reference import reference, reference_form
+from polhode.models.catalogue import form as find_form
+from polhode.solvers.catalogue import SOLVERS
+from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.contract import SolverNotValidError
+
+# Rotations up to which references are certified in seconds, and solvers with Python in the loop are run.
+MOST_ROTATIONS, ASIDE_ROTATIONS = 2e4, 300.0
+TOLERANCES = (-13.0, -3.0)
+# Part of a scene's generator that draws the way to run it.
+WAY = 2
+# Errors beyond this share of what they are of mean that the run was lost; references know others to a tenth, at least.
+LOST, KNOWN = 0.1, 10.0
+
+
+def stated(store: Store, seed: int, count: int, quiet: bool = False) -> pd.DataFrame:
+    """One random way to run each of `count` scenes, over both strata: the error stated, and the true one."""
+    rows = []
+    wanted = [(stratum, each) for stratum in STRATA for each in questions(seed, count // 2, stratum)]
+    for index, (stratum, question) in enumerate(tqdm(wanted, disable=quiet, desc="errors stated", leave=False)):
+        content = {"question": question.name, "seed": seed, "schema": 1}
+        key = digest({"stated": content})
+        row = store.result(key)
+        if row is None:
+            row = _row(question, np.random.default_rng((seed, index, WAY)))
+            store.put(key, content, row)
+        rows.append({"stratum": stratum, **row})
+    return pd.DataFrame([row for row in rows if "want" in row])
+
+
+def _row(question: Question, random: np.random.Generator) -> Record:
+    """One run; what cannot be run or has no reference has a reason alone."""
+    scene = question.scene
+    rotations = pilot(scene).rotations
+    if rotations > MOST_ROTATIONS:
+        return {"left_out": "its reference takes too long"}
+    ways = _ways(question, rotations)
+    name, solver = ways[random.integers(len(ways))]
+    tolerance = float(f"{10 ** random.uniform(*TOLERANCES):.0e}")
+    solution, seconds = _timed(question, name, solver, tolerance)
+    if not solution.success:
+        return {"left_out": str(solution.status)}
+    try:
+        full = reference(scene, reference_form(scene), question.samples)
+    except ReferenceFailedError as failure:
+        return {"left_out": str(failure)}
+    n = full.meaningful
+    true = errors(scene.ellipsoid, solution.observables.first(n), full.observables.first(n))
+    unknown = {"slow": full.slow_uncertainty, "orientation": full.orientation_uncertainty}
+    want = "slow" if solution.error.orientation is None else question.want
+    stated = solution.error.wanted(want)
+    return {
+        "scene": question.name,
+        "form": name,
+        "solver": solver,
+        "tolerance": tolerance,
+        "rotations": rotations,
+        "want": want,
+        "error": getattr(true, want),
+        "uncertainty": unknown[want],
+        "stated": stated and stated.predicted,
+        "stated_high": stated and stated.high,
+        "seconds": solution.seconds,
+        "look_seconds": seconds,
+        "note": solution.error.note,
+    }
+
+
+def _ways(question: Question, rotations: float) -> list[tuple[str, str]]:
+    """Forms and solvers that take a scene and do not take for ever."""
+    found = []
+    aside = [name for name in SOLVERS if name not in fast_solvers()] if rotations < ASIDE_ROTATIONS else []
+    for name in forms_for(question.scene, rotations):
+        problem = find_form(name).problem(question.scene)
+        for solver in (*solvers_for(question.scene, 0), *aside):
+            with suppress(SolverNotValidError):
+                find_solver(solver).check(problem)
+                found.append((name, solver))
+    return found
+
+
+def _timed(question: Question, name: str, solver: str, tolerance: float) -> tuple[SceneSolution, float]:
+    """The run, and the seconds that its second look added, both with everything compiled."""
+    what = plan(question.scene, name, solver, tolerance, 1e-6, "slow", question.samples)
+    what.run()
+    with_look = what.run()
+    return with_look, with_look.error.seconds
+
+
+def judged(runs: Any) -> dict[str, float]:
+    """Shares and factors of the errors stated: bounded, the factor in the median, and what the looks cost.
+
+    Errors that the reference does not know, and runs that are lost, say nothing of a factor; every run counts as
+    bounded or not.
+    """
+    known: Any = runs.dropna(subset=["stated_high"])
+    bounded = known["error"] <= known["stated_high"] + known["uncertainty"].fillna(0.0)
+    clear: Any = known[(known["error"] > KNOWN * known["uncertainty"]) & (known["error"] < LOST)]
+    allowed = np.maximum(LEAST, SHARE * runs["seconds"])
+    return {
+        "runs": len(runs),
+        "stated": len(known) / max(1, len(runs)),
+        "bounded": float(bounded.mean()),
+        "factor": float((clear["stated_high"] / clear["error"]).median()),
+        "cheap": float((runs["look_seconds"] <= allowed).mean()),
+    }

@@ -1,0 +1,249 @@
+"""The error of a run that has just ended, from a second look at it that costs less.
+
+A short run is looked at by a tighter one: their difference is the error. A long one by what fits into `SHARE` of its
+time: another method that is cheaper at a tighter tolerance, else the same method at a looser one, whose error is larger
+by the ratio of the tolerances, more or less. Averaged forms add the error of averaging, known from pilots.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from math import inf, pi
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+
+from polhode.harness.common.text import in_two_digits, scientific, short
+from polhode.harness.picking.laws import EPS, STIFF, Interval
+from polhode.harness.picking.model_error import NotApplicableError, model_errors
+from polhode.harness.picking.pilot import SATURATED, PilotFailedError, damping_times, pilot, pilot_form
+from polhode.harness.picking.refusals import one_digit
+from polhode.harness.references.errors import orientation_difference
+from polhode.models.form import Form, FormNotValidError
+from polhode.models.observables import Observables
+from polhode.models.problem import Problem
+from polhode.models.scene import Scene
+from polhode.models.shape import Ellipsoid
+from polhode.models.spent import SPENT
+from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.contract import UNLIMITED, Solver, SolverNotValidError
+from polhode.solvers.solve import Solution, solve
+
+# A look takes no longer than this, in seconds, or than this share of the run.
+LEAST, SHARE = 5e-3, 0.6
+# Share of the runs whose error stays below the upper end, as `polhode validate` counts.
+BOUNDED = 0.975
+# Tolerances of a look over the run's, and what a tighter run of the same method costs at most, in runs.
+TIGHTER, LOOSER, DEARER = 1e-2, 1e2, 2.5
+# Taylor's method errs by less than its tolerance: what looks at it is tighter still, as far as time allows: Verner's
+# method takes about so many steps a rotation at a tolerance, and is of this order.
+TIGHTER_THAN_TAYLOR, VERNER = 1e-4, (10.0, 1e-9, 8)
+# Seconds of a step, explicit and implicit, of compiled solvers; what a limit of time may be exceeded by, should that
+# machine be slower.
+STEP, PATIENCE = (4e-7, 3e-6), 3.0
+TIGHTEST, LOOSEST = 1e-15, 1e-2
+# Upper ends over the middle: of a tighter look, of a looser one, and of a looser one by an implicit method, whose
+# errors follow its tolerance less closely.
+CERTAIN, SCALED, LOOSELY = 1.5, 6.0, 100.0
+# Output times that a look compares, at most.
+MOST_TIMES = 501
+# Rounding along a run, in eps of what is measured, and how it grows with the rotations (`laws.ErrorLaw`).
+ROUNDING, GROWTH = 2.0, {"slow": 0.7, "orientation": 1.7}
+
+
+@dataclass(frozen=True)
+class RunError:
+    """Estimated error of one run.
+
+    Parameters
+    ----------
+    slow, orientation : Interval or None
+        Of L and E over I_max, and of the orientation in rad; None where it is not known or there is none. The upper
+        end bounds the error of `share` of the runs.
+    note : str
+        What the estimate rests on, or why there is none.
+    share : float
+    seconds : float
+        What it cost, compilation left out.
+    advice : str
+        What to do about an error asked for that was missed; empty if none was.
+    """
+
+    slow: Interval | None
+    orientation: Interval | None
+    note: str
+    share: float = BOUNDED
+    seconds: float = 0.0
+    advice: str = ""
+
+    def wanted(self, want: str) -> Interval | None:
+        """That of what is wanted."""
+        return self.slow if want == "slow" else self.orientation
+
+    def words(self, ellipsoid: Ellipsoid, observables: Observables) -> str:
+        """The errors in a line, that of L and E also as a share of the run's largest |L_z|."""
+        parts = []
+        if self.slow:
+            largest = float(np.max(np.abs(observables.angular_momentum[:, 2]))) / max(ellipsoid.inertia)
+            share = in_two_digits(100 * self.slow.high / largest) if largest > 0 else ""
+            of_lz = f", {share} % of the largest |L_z|" if share else ""
+            parts.append(f"L and E within {scientific(self.slow.high)} of I_max{of_lz}")
+        if self.orientation:
+            parts.append(f"orientation within {scientific(self.orientation.high)} rad")
+        if not parts:
+            return f"not known: {self.note}"
+        return f"{'; '.join(parts)} (estimated; {100 * self.share:g} % of like runs)"
+
+    def asked(self, error: float, want: str, form: Form, scene: Scene, tolerance: float) -> "RunError":
+        """The same with advice, if the error asked for was missed."""
+        stated = self.wanted(want)
+        if stated is None or stated.high <= error:
+            return self
+        sure = "was missed" if stated.predicted > error else "may have been missed"
+        if form.averaged:
+            what = f"--form {pilot_form(scene).name}, whose error its tolerance alone sets"
+        else:
+            tighter = one_digit(tolerance * error / stated.high / 2)
+            what = f"--tolerance {short(tighter)}" if tighter >= TIGHTEST else "nothing: double precision holds no more"
+        advice = f"the error asked for, {short(error)}, {sure}: it is about {scientific(stated.predicted)}; do: {what}"
+        return replace(self, advice=advice)
+
+
+UNKNOWN = RunError(None, None, "not asked for")
+
+
+class Look(NamedTuple):
+    """A second run: by which solver, at which tolerance, and its error over that of the run that it looks at."""
+
+    solver: Solver
+    tolerance: float
+    larger: float
+    certainty: float
+
+
+def run_error(scene: Scene, form: Form, method: Solver, found: Solution, observables: Observables) -> RunError:
+    """Estimate the error of a run that has ended; an estimate that fails is none, with the reason."""
+    if not found.success:
+        return RunError(None, None, "the run did not reach its end")
+    began, before = perf_counter(), SPENT["compilation"]
+
+    def seconds() -> float:
+        return perf_counter() - began - (SPENT["compilation"] - before)
+
+    try:
+        with np.errstate(all="ignore"):
+            own, note = _solver_error(scene, form, method, found, observables)
+            if form.averaged:
+                model, note = model_errors(form, pilot(scene)), f"{note}; averaging by trial runs"
+                own = {want: _sum(own[want], model[want]) for want in own}
+    except (_NoLookError, NotApplicableError, PilotFailedError, FormNotValidError) as failure:
+        return RunError(None, None, str(failure), seconds=seconds())
+    return RunError(own["slow"], own["orientation"], note, seconds=seconds())
+
+
+def _sum(own: Interval | None, model: Interval | None) -> Interval | None:
+    return own.plus(model) if own and model else None
+
+
+class _NoLookError(Exception):
+    """No second look came to its end; the message says why."""
+
+
+Estimates = dict[str, Interval | None]
+
+
+def _solver_error(
+    scene: Scene, form: Form, method: Solver, found: Solution, observables: Observables
+) -> tuple[Estimates, str]:
+    if method.closed_form:
+        return _estimates(scene, form, observables, (0.0, 0.0), Look(method, 1.0, 1.0, 1.0)), "closed form: rounding"
+    limit = max(LEAST, SHARE * found.seconds)
+    step = -(-len(found.times) // MOST_TIMES)
+    rows = np.append(np.arange(0, len(found.times) - 1, step), len(found.times) - 1)
+    turns = 0.0 if form.averaged else _rotations(scene, observables)
+    for look in _looks(scene, method, found, turns, limit):
+        equations, problem = _takes(form, scene, found.problem, look.solver)
+        times = found.times[rows] * (problem.end / found.problem.end)
+        # Counted in steps, a limit of milliseconds is the same on a busy machine.
+        most = max(100, int(limit / STEP[look.solver.implicit])) if _compiled(look.solver) else UNLIMITED
+        run = solve(problem, look.solver, look.tolerance, times, max_seconds=PATIENCE * limit, max_steps=most)
+        if run.success:
+            there = equations.observe(scene, run.states)
+            here = Observables(observables.angular_momentum[rows], observables.energy[rows], observables.rotation[rows])
+            apart = _apart(scene, here, there)
+            words = f"a second run by {look.solver.name} at {look.tolerance:.0e}"
+            return _estimates(scene, form, here, apart, look), words
+        limit -= run.seconds
+        if limit <= 0:
+            break
+    raise _NoLookError("no second run came to its end in the time allowed")
+
+
+def _looks(scene: Scene, method: Solver, found: Solution, turns: float, limit: float) -> Iterator[Look]:
+    """Second runs worth trying, the most telling one first."""
+    tolerance, knows_parts = found.settings.tolerance, method.name in ("splitting", "stroboscopic")
+    stiff = damping_times(scene) > STIFF
+    tighter = max(TIGHTEST, tolerance * TIGHTER)
+    if method.library == "CyRK" or knows_parts:
+        usual = (found.work.steps or inf) * STEP[method.implicit] if _compiled(method) else found.seconds
+        if usual * DEARER <= limit and tighter < tolerance:
+            yield Look(method, tighter, tighter / tolerance, CERTAIN)
+    other = find_solver("cyrk-radau" if stiff else "cyrk-vern8")
+    if method.name == "taylor":
+        per_rotation, usual, order = VERNER
+        affordable = usual * (per_rotation * turns * STEP[False] / limit) ** order
+        tighter = min(LOOSEST, max(TIGHTEST, tolerance * TIGHTER_THAN_TAYLOR, affordable))
+        yield Look(other, tighter, 0.0, CERTAIN)
+    elif (method.implicit or method.library != "CyRK") and not knows_parts and other.name != method.name:
+        yield Look(other, tighter, 0.0, CERTAIN)
+    looser = min(LOOSEST, tolerance * LOOSER)
+    if method.name != "taylor" and looser > tolerance:
+        yield Look(method, looser, looser / tolerance, LOOSELY if method.implicit else SCALED)
+
+
+def _compiled(method: Solver) -> bool:
+    return method.library == "CyRK"
+
+
+def _takes(form: Form, scene: Scene, problem: Problem, other: Solver) -> tuple[Form, Problem]:
+    """The run's own problem, or that of a form that gives the same, where the other solver does not take it."""
+    try:
+        other.check(problem)
+    except SolverNotValidError:
+        form = pilot_form(scene)
+        return form, form.problem(scene)
+    return form, problem
+
+
+def _apart(scene: Scene, here: Observables, there: Observables) -> tuple[float, float | None]:
+    """Largest differences, slow and of the orientation."""
+    slow = float(np.max(np.abs(here.slow - there.slow))) / max(scene.ellipsoid.inertia)
+    angle = orientation_difference(scene.ellipsoid, here.rotation, there.rotation)
+    return slow, None if angle is None else float(np.max(angle))
+
+
+def _estimates(
+    scene: Scene, form: Form, observables: Observables, apart: tuple[float, float | None], look: Look
+) -> Estimates:
+    """Errors of the run from its distance to a look, and rounding."""
+    largest = float(np.max(np.abs(observables.slow))) / max(scene.ellipsoid.inertia)
+    turns = 0.0 if form.averaged else _rotations(scene, observables)
+    found: Estimates = {}
+    for want, distance, size in zip(GROWTH, apart, (largest, pi), strict=True):
+        if distance is None:
+            found[want] = None
+            continue
+        rounding = ROUNDING * EPS * size * (1 + turns) ** GROWTH[want]
+        # Of a looser look that lost the motion nothing follows but that the run may have lost it too.
+        lost = look.larger > 1 and distance > SATURATED * size
+        middle = distance if lost else distance / max(1.0, look.larger)
+        certainty = 2.0 if lost else look.certainty
+        found[want] = Interval(middle, middle / certainty, certainty * middle + rounding)
+    return found
+
+
+def _rotations(scene: Scene, observables: Observables) -> float:
+    """N = ∫|ω|dt/2π, about, from the output alone: |ω| is 2E/|L| and somewhat more."""
+    size = np.linalg.norm(observables.angular_momentum, axis=1)
+    speed = np.divide(2 * observables.energy, size, out=np.zeros_like(size), where=size > 0)
+    return float(np.mean(speed)) * scene.time / (2 * pi) if np.all(speed < inf) else 0.0

@@ -1,0 +1,102 @@
+"""The error with every answer: it bounds the true one, costs little, and says what to do where it is too large."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from commandline import Run
+
+from polhode import solve
+from polhode.harness.api import plan
+from polhode.harness.picking.second_look import LEAST, SHARE, UNKNOWN, run_error
+from polhode.harness.references.errors import errors
+from polhode.models.scenes import named_scene
+from polhode.solvers.contract import Work
+from polhode.solvers.solve import solve as run
+
+TIGHT = {"form": "quaternion", "solver": "taylor", "tolerance": 1e-15, "estimate": False}
+
+
+@pytest.mark.parametrize(
+    ("name", "form", "method", "tolerance"),
+    [
+        ("paper", "quaternion", "cyrk-tsit5", 1e-5),
+        ("paper", "euler-angles", "cyrk-vern8", 1e-10),
+        ("paper", "quaternion", "dop853", 1e-6),
+        ("paper", "quaternion", "taylor", 1e-7),
+        ("paper", "averaged", "cyrk-dop853", 1e-6),
+        ("spheroid", "spheroid-axis", "cyrk-lsoda", 1e-8),
+        ("near-spheroid", "quaternion", "cyrk-vern7", 1e-9),
+    ],
+)
+def test_the_error_stated_bounds_the_true_one_closely(name, form, method, tolerance):
+    found = solve(name, form=form, solver=method, tolerance=tolerance)
+    true = errors(found.scene.ellipsoid, found.observables, solve(name, **TIGHT).observables)
+    assert found.error.slow is not None
+    assert true.slow <= found.error.slow.high <= 10 * true.slow
+    if true.orientation is not None:
+        assert found.error.orientation is not None
+        assert true.orientation <= found.error.orientation.high <= 10 * true.orientation
+    assert not found.error.advice
+
+
+def test_a_long_run_is_looked_at_more_loosely_and_within_its_share():
+    scene = replace(named_scene("paper"), stokes=1e5, time=2e4)
+    what = plan(scene, "quaternion", "cyrk-dop853", 1e-8, 1e-6, "slow", 201)
+    problem = what.problem
+    found = run(problem, "cyrk-dop853", 1e-8, np.linspace(0, problem.end, 201))
+    # As a run of more steps would be.
+    slow = replace(found, seconds=0.02, work=Work(steps=10**6))
+    observables = what.form.observe(scene, found.states)
+    seen = run_error(scene, what.form, what.solver, slow, observables)
+    assert seen.note.endswith("cyrk-dop853 at 1e-06")
+    true = errors(scene.ellipsoid, observables, solve(scene, **TIGHT).observables)
+    assert seen.slow is not None
+    assert true.slow <= seen.slow.high <= 100 * true.slow
+
+
+def test_no_look_no_error_and_why():
+    what = plan("paper", "quaternion", "cyrk-dop853", 1e-8, 1e-6, "slow", 11)
+    assert replace(what, estimate=False).run().error is UNKNOWN
+    stopped = run(what.problem, "cyrk-dop853", 1e-8, np.linspace(0, what.problem.end, 11), max_steps=50)
+    seen = run_error(what.scene, what.form, what.solver, stopped, what.form.observe(what.scene, stopped.states))
+    assert (seen.slow, seen.orientation, seen.note) == (None, None, "the run did not reach its end")
+
+
+def test_a_closed_form_has_rounding_alone():
+    found = solve("top", form="euler-top", solver="exact", tolerance=1.0)
+    assert found.error.slow is not None
+    assert found.error.slow.predicted == 0 < found.error.slow.high < 1e-11
+
+
+@pytest.mark.parametrize(("form", "advice"), [("averaged", "--form quaternion"), ("quaternion", "--tolerance ")])
+def test_an_error_that_was_missed_has_advice(form, advice):
+    what = plan("paper", form, "cyrk-vern8", None, 1e-6, "slow", 51)
+    loose = replace(what, tolerance=1e-4)
+    found = loose.run()
+    assert "1e-6, was missed: it is about" in found.error.advice
+    assert advice in found.error.advice
+    assert found.error.advice in repr(found)
+    if form == "quaternion":
+        tighter = float(found.error.advice.split("--tolerance ")[1])
+        assert not replace(loose, tolerance=tighter).run().error.advice
+
+
+def test_what_a_table_comes_from_goes_with_it(here: Run, tmp_path):
+    assert here("solve", "paper", "--samples", 11, "--out", "a.csv").returncode == 0
+    beside = json.loads((tmp_path / "a.csv.json").read_text(encoding="utf-8"))
+    found = solve("paper", samples=11)
+    attributes = found.frame().attrs
+    for name in ("scene", "form", "solver", "tolerance", "versions"):
+        assert beside[name] == attributes[name]
+    assert beside["error"]["slow"]["high"] == attributes["error"]["slow"]["high"] > 0
+    done = here("solve", "paper", "--samples", 11)
+    assert "error: L and E within " in done.stderr
+    assert "of the largest |L_z|" in done.stderr
+    assert "error:" not in here("solve", "paper", "--samples", 11, "--no-estimate").stderr
+
+
+def test_a_look_costs_little():
+    found = [solve("paper", form="quaternion", solver="lsoda", tolerance=1e-8) for _ in range(2)][-1]
+    assert 0 < found.error.seconds <= max(LEAST, SHARE * found.seconds)
