@@ -114,7 +114,8 @@ def test_slow_time_is_empty_at_st_0_and_0_at_st_inf(solved):
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_a_form_that_knows_the_symmetry_axis_fills_its_row_alone(solved, axis: int):
-    axes = (1.0, 1.0, 2.0)[2 - axis :] + (1.0, 1.0, 2.0)[: 2 - axis]
+    a, b, c = (2.0 if i == axis else 1.0 for i in range(3))
+    axes = (a, b, c)
     assert axes[axis] == 2.0
     start = "euler_angles = [1.0, 0.5, 0.2]\neuler_rates = [1.0, 1.0, -1.0]"
     table = solved(scene_text(50.0, 2.0, axes, start), "--form", "spheroid-axis", *GIVEN[2:], "--samples", 3)
