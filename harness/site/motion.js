@@ -1,5 +1,5 @@
 "use strict";
-// An axis on the unit sphere, drawn on a canvas, beside the plane of L_z and E; both follow one slider.
+// The particle in the shear, its axis on the unit sphere, and the plane of L_z and E; all follow one slider.
 (() => {
   const { chart, html, read } = polhode;
   const motions = read("motion-data");
@@ -12,18 +12,32 @@
   html("span", { textContent: "motion" }, choice);
   const select = html("select", {}, choice);
   motions.forEach((m, i) => html("option", { value: i, textContent: m.name }, select));
-  const pair = html("div", { className: "pair" }, place);
-  const canvas = html("canvas", { tabIndex: 0 }, html("figure", { className: "sphere" }, pair));
-  canvas.setAttribute("role", "img");
-  canvas.setAttribute("aria-label", "Axis on the unit sphere. Arrow keys turn the view.");
+  const controls = html("div", { className: "controls" }, place);
+  const pair = html("div", { className: "trio" }, place);
+  const drawing = (label) => {
+    const made = html("canvas", { tabIndex: 0 }, html("figure", { className: "sphere" }, pair));
+    made.setAttribute("role", "img");
+    made.setAttribute("aria-label", label + " Arrow keys turn the view.");
+    return made;
+  };
+  const particle = drawing("The particle in the shear flow."), canvas = drawing("Axis on the unit sphere.");
   const plane = html("figure", { className: "chart" }, pair);
   html("figcaption", {}, plane);
-  const controls = html("div", { className: "controls" }, place);
   const play = html("button", { type: "button", textContent: "Play" }, controls);
   const slider = html("input", { type: "range", min: 0, value: 0, step: 1 }, controls);
   slider.setAttribute("aria-label", "time");
+  const step = (text, label, by) => {
+    const button = html("button", { type: "button", textContent: text }, controls);
+    button.setAttribute("aria-label", label);
+    button.addEventListener("click", () => { stop(); slider.value = Number(slider.value) + by; follow(); });
+  };
+  step("◂", "one sample back", -1);
+  step("▸", "one sample on", 1);
+  const pace = html("select", {}, controls);
+  pace.setAttribute("aria-label", "speed");
+  for (const value of [0.25, 0.5, 1, 2]) html("option", { value, textContent: value + " ×", selected: value === 1 }, pace);
   const readout = html("output", {}, controls);
-  let motion = motions[0], view = { turn: 0.6, tilt: 0.35 }, drawn = null, playing = 0;
+  let motion = motions[0], view = { turn: 0.45, tilt: 0.3 }, drawn = null, playing = 0;
 
   function spec() {
     const pairs = (flat) => Array.from({ length: flat.length / 2 }, (_, i) => [flat[2 * i], flat[2 * i + 1]]);
@@ -41,22 +55,109 @@
   }
 
   function project([x, y, z]) {
-    // The vorticity axis z points up; `turn` goes round it, `tilt` looks down on it.
+    // The gradient axis y points up, the flow to the right; `turn` goes round y, `tilt` looks down on it.
     const [c, s] = [Math.cos(view.turn), Math.sin(view.turn)], [u, v] = [Math.cos(view.tilt), Math.sin(view.tilt)];
-    const depth = -s * x + c * y;
-    return [c * x + s * y, u * z + v * depth, u * depth - v * z];
+    const depth = -s * x - c * z;
+    return [c * x - s * z, u * y + v * depth, u * depth - v * y];
+  }
+
+  // A pen whose origin is the middle of a canvas of so many pixels.
+  function paper(sheet, size) {
+    const density = window.devicePixelRatio || 1, pen = sheet.getContext("2d");
+    sheet.style.width = sheet.style.height = size + "px";
+    sheet.width = sheet.height = Math.round(size * density);
+    pen.setTransform(density, 0, 0, density, (size / 2) * density, (size / 2) * density);
+    pen.clearRect(-size, -size, 2 * size, 2 * size);
+    pen.lineCap = "round";
+    return pen;
+  }
+
+  const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+  const LATITUDES = 20, LONGITUDES = 40;
+
+  // Body axes in space at a sample; of a spheroid any two beside its own, since nothing tells them apart.
+  function bodyAxes(now) {
+    if (motion.rows) {
+      const [first, second] = [0, 3].map((k) => motion.rows.slice(6 * now + k, 6 * now + k + 3));
+      return [first, second, cross(first, second)];
+    }
+    const p = at(motion.axis, now), aside = cross(p, Math.abs(p[2]) < 0.9 ? [0, 0, 1] : [1, 0, 0]);
+    const length = Math.hypot(...aside), q = aside.map((v) => v / length), axes = [];
+    axes[motion.symmetry] = p;
+    axes[(motion.symmetry + 1) % 3] = q;
+    axes[(motion.symmetry + 2) % 3] = cross(p, q);
+    return axes;
+  }
+
+  function paintParticle(now) {
+    const size = Math.min(particle.parentElement.clientWidth, 460), pen = paper(particle, size), R = size * 0.3;
+    const style = getComputedStyle(document.body);
+    arrows(pen, R, style.color);
+    const axes = bodyAxes(now), quads = [];
+    const point = (i, j) => {
+      const a = (Math.PI * i) / LATITUDES, b = (2 * Math.PI * j) / LONGITUDES;
+      const u = [Math.sin(a) * Math.cos(b), Math.sin(a) * Math.sin(b), Math.cos(a)];
+      // The pole of the mesh is the axis that the page follows.
+      const k = motion.pole, own = [];
+      [own[(k + 1) % 3], own[(k + 2) % 3], own[k]] = u;
+      const add = (values) => [0, 1, 2].map((c) => values.reduce((sum, v, i) => sum + v * axes[i][c], 0));
+      return [project(add(own.map((v, i) => v * motion.semi[i]))), project(add(own.map((v, i) => v / motion.semi[i])))];
+    };
+    for (let i = 0; i < LATITUDES; i++)
+      for (let j = 0; j < LONGITUDES; j++) {
+        const corners = [point(i, j), point(i + 1, j), point(i + 1, j + 1), point(i, j + 1)];
+        const normal = [0, 1, 2].map((c) => corners.reduce((sum, corner) => sum + corner[1][c], 0));
+        if (normal[2] > 0) continue;
+        const light = Math.max(0, (-0.5 * normal[0] + 0.6 * normal[1] - 0.62 * normal[2]) / Math.hypot(...normal));
+        const cap = i < 3 || i >= LATITUDES - 3;
+        quads.push([corners.map((corner) => corner[0]), light, cap, motion.rows && j % 20 < 10]);
+      }
+    for (const [corners, light, cap, half] of quads) {
+      const [r, g, b] = cap ? [213, 94, 0] : half ? [120, 165, 205] : [160, 195, 225], shade = 0.35 + 0.75 * light;
+      pen.fillStyle = pen.strokeStyle = `rgb(${[r, g, b].map((v) => Math.min(255, v * shade)).join(",")})`;
+      pen.lineWidth = 0.7;
+      pen.beginPath();
+      corners.forEach(([x, y], k) => (k ? pen.lineTo(x * R, -y * R) : pen.moveTo(x * R, -y * R)));
+      pen.closePath();
+      pen.fill();
+      pen.stroke();
+    }
+  }
+
+  // The flow u = y along x, left and right of the particle.
+  function arrows(pen, R, ink) {
+    pen.strokeStyle = pen.fillStyle = ink;
+    pen.globalAlpha = 0.55;
+    pen.lineWidth = 1.2;
+    const draw = (from, to) => {
+      const [[a, b], [c, d]] = [project(from), project(to)], angle = Math.atan2(b - d, c - a);
+      pen.beginPath();
+      pen.moveTo(a * R, -b * R);
+      pen.lineTo(c * R, -d * R);
+      if (Math.hypot(c - a, d - b) > 0.05)
+        for (const side of [-0.5, 0.5]) {
+          pen.moveTo(c * R, -d * R);
+          pen.lineTo(c * R - 6 * Math.cos(angle + side), -d * R - 6 * Math.sin(angle + side));
+        }
+      pen.stroke();
+    };
+    for (const x of [-1.25, 1.25]) {
+      draw([x, -1.25, 0], [x, -1.25, 0]);
+      const line = [project([x, -1.25, 0]), project([x, 1.25, 0])];
+      pen.beginPath();
+      pen.moveTo(line[0][0] * R, -line[0][1] * R);
+      pen.lineTo(line[1][0] * R, -line[1][1] * R);
+      pen.stroke();
+      for (let y = -1.2; y < 1.25; y += 0.3) draw([x, y, 0], [x + 0.38 * y, y, 0]);
+    }
+    pen.globalAlpha = 1;
   }
 
   const at = (flat, i) => [flat[3 * i], flat[3 * i + 1], flat[3 * i + 2]];
 
   function paint() {
-    const size = Math.min(canvas.parentElement.clientWidth, 460), density = window.devicePixelRatio || 1;
-    canvas.style.width = canvas.style.height = size + "px";
-    canvas.width = canvas.height = Math.round(size * density);
-    const pen = canvas.getContext("2d"), R = size * 0.42;
-    pen.setTransform(density, 0, 0, density, (size / 2) * density, (size / 2) * density);
-    pen.clearRect(-size, -size, 2 * size, 2 * size);
-    pen.lineCap = "round";
+    paintParticle(Number(slider.value));
+    const size = Math.min(canvas.parentElement.clientWidth, 460), pen = paper(canvas, size), R = size * 0.42;
     const shade = pen.createRadialGradient(-R / 3, -R / 3, R / 8, 0, 0, R);
     shade.addColorStop(0, "#ffffff");
     shade.addColorStop(1, "#e9edf2");
@@ -84,13 +185,13 @@
     line(ring((a) => [Math.cos(a), Math.sin(a), 0]), "#b9c1cc", 0.8);
     line(ring((a) => [Math.cos(a), 0, Math.sin(a)]), "#dde2e9", 0.8);
     line(ring((a) => [0, Math.cos(a), Math.sin(a)]), "#dde2e9", 0.8);
-    for (const [name, end] of [["x flow", [1.22, 0, 0]], ["y gradient", [0, 1.22, 0]], ["z vorticity", [0, 0, 1.16]]]) {
+    for (const [name, end] of [["x flow", [1.22, 0, 0]], ["y gradient", [0, 1.14, 0]], ["z vorticity", [0, 0, 1.16]]]) {
       line([[0, 0, 0], end.map((v) => v * 0.94)], "#9aa3af", 0.9);
       const [px, py] = project(end);
       pen.fillStyle = "#5b6470";
       pen.font = "12px system-ui, sans-serif";
       pen.textAlign = Math.abs(px) < 0.3 ? "center" : px > 0 ? "right" : "left";
-      pen.fillText(name, Math.max(-size / 2 + 2, Math.min(size / 2 - 2, px * R * 1.02)), -py * R);
+      pen.fillText(name, Math.max(-size / 2 + 2, Math.min(size / 2 - 2, px * R * 1.02)), Math.max(12 - size / 2, -py * R));
     }
     const now = Number(slider.value), n = motion.samples;
     const range = (flat, from, to) => Array.from({ length: Math.max(0, to - from + 1) }, (_, i) => at(flat, from + i));
@@ -157,7 +258,7 @@
   function run(began, start) {
     const frame = (now) => {
       if (!playing) return;
-      const share = start + (now - began) / 1000 / SECONDS;
+      const share = start + (Number(pace.value) * (now - began)) / 1000 / SECONDS;
       slider.value = Math.round(Math.min(1, share) * (motion.samples - 1));
       follow();
       if (share < 1) playing = requestAnimationFrame(frame);
@@ -182,18 +283,18 @@
   slider.addEventListener("input", () => { stop(); follow(); });
   plane.addEventListener("redrawn", follow);
   window.addEventListener("resize", paint);
-  canvas.addEventListener("pointermove", (event) => {
-    if (!event.buttons) return;
-    view.turn -= event.movementX * 0.01;
-    view.tilt = Math.max(-1.57, Math.min(1.57, view.tilt + event.movementY * 0.01));
+  function turn(by, down) {
+    view = { turn: view.turn + by, tilt: Math.max(-1.57, Math.min(1.57, view.tilt + down)) };
     paint();
-  });
-  canvas.addEventListener("keydown", (event) => {
-    const move = { ArrowLeft: [0.1, 0], ArrowRight: [-0.1, 0], ArrowUp: [0, -0.1], ArrowDown: [0, 0.1] }[event.key];
-    if (!move) return;
-    event.preventDefault();
-    view = { turn: view.turn + move[0], tilt: Math.max(-1.57, Math.min(1.57, view.tilt + move[1])) };
-    paint();
-  });
+  }
+  for (const sheet of [particle, canvas]) {
+    sheet.addEventListener("pointermove", (event) => event.buttons && turn(-event.movementX * 0.01, event.movementY * 0.01));
+    sheet.addEventListener("keydown", (event) => {
+      const move = { ArrowLeft: [0.1, 0], ArrowRight: [-0.1, 0], ArrowUp: [0, -0.1], ArrowDown: [0, 0.1] }[event.key];
+      if (!move) return;
+      event.preventDefault();
+      turn(...move);
+    });
+  }
   take();
 })();

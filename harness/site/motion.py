@@ -18,15 +18,16 @@ from polhode.models.scenes import named_scene
 from polhode.solvers.contract import SolverNotValidError
 
 LEAD = (
-    "An axis of the particle on the unit sphere, the angular momentum it turns about, and the slow path in the plane "
-    "of L_z and E. Move through time with the slider; turn the sphere by dragging or with the arrow keys."
+    "The particle in the shear flow, its axis and its angular momentum on the unit sphere, and the slow path in the "
+    "plane of L_z and E. Play, or move through time with the slider; turn the view by dragging or with the arrow keys."
 )
 NOTE = (
-    "Black: L̂, and the path of its tip. Orange: the axis now and its path, darker where it has just been. Blue: the "
-    "path that the axis would take from here on without torque, for a spheroid the Euler cone. In the plane: the full "
-    "equations in blue, the averaged ones in pink; E never falls below the dotted parabola, L_z² over twice the "
-    "largest moment of inertia; dashed: over twice the smallest one. Times in inverse shear rates, L and E over the "
-    "largest moment of inertia. `polhode report --scene ice.toml` adds a scene of your own."
+    "Arrows: the flow, along x, growing with y. Black: L̂, and the path of its tip. Orange: the axis now and its path, "
+    "darker where it has just been. Blue: the path that the axis would take from here on without torque, for a "
+    "spheroid the Euler cone. In the plane: the full equations in blue, the averaged ones in pink; E never falls below "
+    "the dotted parabola, L_z² over twice the largest moment of inertia; dashed: over twice the smallest one. Times in "
+    "inverse shear rates, L and E over the largest moment of inertia. `polhode report --scene ice.toml` adds a scene "
+    "of your own."
 )
 # Samples per rotation that make a smooth path, and the fewest and most samples of a page of moderate size.
 PER_ROTATION, FEWEST, MOST = 80, 400, 3000
@@ -86,6 +87,10 @@ def motion(scene: Scene) -> dict[str, Any]:
         "time": scene.time,
         "samples": samples,
         "axis": _rounded(solution.rotation[:, axis]),
+        "pole": axis,
+        "symmetry": symmetry,
+        "semi": _rounded(np.array(scene.ellipsoid.semi_axes) / max(scene.ellipsoid.semi_axes)),
+        "rows": _rounded(solution.rotation[:, :2].reshape(samples, 6), 3) if symmetry is None else None,
         "L": _rounded(direction),
         "plane": _rounded(_plane(solution)),
         "averaged": _averaged(scene),

@@ -148,6 +148,17 @@ def test_motions_are_of_unit_vectors_and_start_on_their_paths(name: str):
     assert len(axis) == len(momentum) == found["samples"]
     assert found["time"] == scene.time
     np.testing.assert_allclose(np.linalg.norm(axis, axis=1), 1, atol=2e-4)
+    if found["rows"]:
+        rows = np.reshape(found["rows"], (-1, 2, 3))
+        np.testing.assert_allclose(
+            np.einsum("nij,nkj->nik", rows, rows), np.broadcast_to(np.eye(2), (len(rows), 2, 2)), atol=3e-3
+        )
+        third = np.cross(rows[:, 0], rows[:, 1])
+        np.testing.assert_allclose(
+            np.stack([*np.moveaxis(rows, 1, 0), third], axis=1)[:, found["pole"]], axis, atol=3e-3
+        )
+    else:
+        assert found["symmetry"] == found["pole"]
     moving = np.linalg.norm(momentum, axis=1) > 0
     np.testing.assert_allclose(np.linalg.norm(momentum[moving], axis=1), 1, atol=2e-4)
     moments = np.linspace(0, len(axis) - 1, len(found["paths"])).astype(int)
