@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from math import isfinite
 from typing import Literal
 
@@ -18,11 +18,14 @@ from polhode.models.catalogue import form as find_form
 from polhode.models.scene import BodyStart, Scene
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.contract import Status
+from polhode.solvers.ensembles.equal_steps import TAYLOR, Plan, plan, run
 from polhode.solvers.ensembles.runge_kutta_batch import run_vectorised
 from polhode.solvers.ensembles.taylor_batch import run_batches
 
 # Changes whenever a record's meaning does, so that no old record is taken for a new one.
-SCHEMA = 2
+SCHEMA = 3
+# Particles on which method and step are chosen.
+SAMPLE = 128
 # Numbers of a block of particles that are held at once, 8 bytes each; their observables take a few times as much.
 HELD = 2_000_000
 MOST_AT_ONCE = 8192
@@ -52,7 +55,7 @@ class Ensemble:
     particles: int = 10_000
     seed: int = 1
     equations: Equations = "full"  # in the fewest variables without angles; "averaged" ones
-    tolerance: float = 1e-9  # of `run_batches` for full equations, of `run_vectorised` for averaged ones
+    tolerance: float = 1e-6  # the error of `equal_steps.plan` for full equations, of `run_vectorised` for averaged ones
     block: int = 10_000  # particles of one task
     samples: int = 101  # equispaced times at which arrival is looked for, start and end included
     snapshots: int = 11  # those of them at which moments and distributions are kept; divides them evenly
@@ -71,7 +74,7 @@ class Ensemble:
                 raise ValueError(f"{name}: got {value!r}, expected a finite positive number")
         if self.equations == "averaged" and self.starts.motion == "rest":
             raise ValueError("start.motion: got 'rest' with averaged equations, expected L not 0; use 'full'")
-        find_form(self.form).problem(self.first_scene(self._drawn(0, 1)))
+        find_form(self.form).problem(self.first_scene(self.draw(0, 1)))
 
     @property
     def form(self) -> str:
@@ -116,14 +119,15 @@ class Ensemble:
             "form": self.form,
             **{name: int(getattr(self, name)) for name in LEAST},
             **{name: float(getattr(self, name)) for name in ("stokes", "time", "tolerance", "radius")},
-            "versions": {name: package_version(name) for name in ("polhode", "heyoka", "numpy")},
+            "versions": {name: package_version(name) for name in ("polhode", "heyoka", "llvmlite", "numpy")},
         }
 
     def tasks(self) -> Iterator["Task"]:
         """The blocks of particles, in order; all but the last are of the same size."""
         return (Task(self, index) for index in range(-(-self.particles // self.block)))
 
-    def _drawn(self, index: int, particles: int) -> Drawn:
+    def draw(self, index: int, particles: int) -> Drawn:
+        """Starts of the first particles of a block."""
         return self.starts.draw(self.ellipsoid, np.random.SeedSequence(self.seed, spawn_key=(index,)), particles)
 
     def first_scene(self, drawn: Drawn) -> Scene:
@@ -135,7 +139,7 @@ class Ensemble:
     def run(self, index: int) -> Statistics:
         """Statistics of a block of particles, in bounded memory."""
         particles = min(self.block, self.particles - index * self.block)
-        drawn = self._drawn(index, particles)
+        drawn = self.draw(index, particles)
         form, scene, layout = find_form(self.form), self.first_scene(drawn), self.layout
         problem, starts = form.problem(scene), drawn.states(self.form, self.ellipsoid)
         times = np.linspace(0.0, problem.end, self.samples)
@@ -145,9 +149,11 @@ class Ensemble:
             some = starts[first : first + at_once]
             if self.equations == "averaged":
                 states, statuses = run_vectorised(problem, some, times, self.tolerance)
+            elif (chosen := plan_of(self)) is not None:
+                states, statuses = run(problem, some, times, self.tolerance, chosen)
             else:
                 slow = form.observe(scene, some).slow
-                states, statuses = run_batches(problem, some, times, self.tolerance, slow)
+                states, statuses = run_batches(problem, some, times, self.tolerance * TAYLOR, slow)
             success = statistics.add_statuses(statuses, str(Status.REACHED_END))
             finished = states.swapaxes(0, 1)
             self._observe(scene, finished if success.all() else finished[success], statistics)
@@ -176,6 +182,15 @@ class Ensemble:
         statistics.add_slow(self.layout, slow_then)
         for k in range(len(self.attractors)):
             statistics.add_arrivals(k, close[k].T)
+
+
+@cache
+def plan_of(ensemble: Ensemble) -> Plan | None:
+    """How the particles of full equations are run; None by Taylor's method, where equal steps do not keep the error."""
+    drawn = ensemble.draw(0, SAMPLE)
+    problem = find_form(ensemble.form).problem(ensemble.first_scene(drawn))
+    times = np.linspace(0.0, problem.end, ensemble.samples)
+    return plan(problem, drawn.states(ensemble.form, ensemble.ellipsoid), times, ensemble.tolerance)
 
 
 @dataclass(frozen=True)

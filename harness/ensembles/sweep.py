@@ -26,7 +26,7 @@ from polhode.models.shape import Ellipsoid
 NO_TIMES = "no times: tasks may run side by side"
 # Seconds after which the store is asked again what another run has added.
 REFRESH = 5.0
-DEFAULT_TOLERANCE = {"full": 1e-9, "averaged": 1e-6}
+DEFAULT_TOLERANCE = {"full": 1e-6, "averaged": 1e-6}
 # Keys of a sweep file that an ensemble takes as they are.
 SHARED = {"equations", "particles", "block", "seed", "samples", "snapshots", "bins", "radius"}
 

@@ -74,6 +74,11 @@ def compile_text(text: str) -> Any:
     return engine
 
 
+def host_features() -> dict[str, bool]:
+    """What this processor can do, by LLVM's names."""
+    return _llvm().get_host_cpu_features()
+
+
 @cache
 @spent_on("import")
 def _llvm() -> Any:

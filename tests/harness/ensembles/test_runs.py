@@ -167,10 +167,10 @@ def test_motions_of_the_start(motion, momentum):
 def test_starts_depend_on_seed_and_block_alone():
     small = Ensemble(PROLATE, 100.0, 1.0, Starts("fluid"), particles=20, block=10, seed=5, samples=3, snapshots=3)
     other = replace(small, ellipsoid=TRIAXIAL, stokes=50.0)
-    first, same = small._drawn(1, 10).quaternion, other._drawn(1, 10).quaternion
+    first, same = small.draw(1, 10).quaternion, other.draw(1, 10).quaternion
     assert np.array_equal(first, same)
-    assert not np.array_equal(first, small._drawn(0, 10).quaternion)
-    assert not np.array_equal(first, replace(small, seed=6)._drawn(1, 10).quaternion)
+    assert not np.array_equal(first, small.draw(0, 10).quaternion)
+    assert not np.array_equal(first, replace(small, seed=6).draw(1, 10).quaternion)
 
 
 def test_a_task_is_a_pure_function_in_any_thread():

@@ -1,0 +1,201 @@
+"""Full forms for many particles at once by equal steps in SIMD lanes, the error of each particle checked.
+
+Method and step are chosen on a sample. Every particle then runs twice, by those steps and by steps twice as wide; one
+whose two runs differ by more than those of the sample that were right is run anew by smaller steps, and at last by
+Taylor's method, whose steps adapt.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from polhode.models.operations import numpy_operations
+from polhode.models.problem import Problem
+from polhode.solvers.contract import Status
+from polhode.solvers.ensembles.methods import RUNGE_KUTTA, Method, method, names
+from polhode.solvers.ensembles.taylor_batch import run_batches
+from polhode.solvers.machine_code.lanes import by_particle
+
+# Pieces that a run has at least; two runs of a particle are compared after every other one, or at as many times.
+PIECES = 16
+# Share of the sample whose error the chosen steps keep to, and the error aimed at, over the tolerance.
+KEPT, AIM = 0.98, 0.5
+# A reference's error over the tolerance, by comparison with half as many steps, and how often they are doubled.
+SURE, DOUBLINGS = 0.05, 8
+# Order of the methods that is counted on, and the usual one, which finds the steps; they are looked for so often.
+LEAST_ORDER, ORDER, ROUNDS = 5, 8, 6
+# Doubtful particles get twice as many steps, so often; then Taylor's method, at the tolerance times this.
+HALVINGS, TAYLOR = 4, 1e-3
+# Steps are first tried at this angle, in rad, and at this share of a relaxation time.
+ANGLE, RELAXATION = 1.0, 2.0
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How the particles of an ensemble are to be run.
+
+    Parameters
+    ----------
+    method : str
+        Of `polhode.solvers.ensembles.methods`.
+    steps : int
+        From one time to the next, or of each piece where there are few times.
+    apart : float
+        Largest difference between a run and one by steps twice as wide that is no reason for doubt.
+    error : float
+        That most particles of the sample stay below (`KEPT`), those in doubt not yet run anew.
+    cost : float
+        Of a particle, in flows of a splitting.
+    """
+
+    method: str
+    steps: int
+    apart: float
+    error: float
+    cost: float
+
+
+def plan(problem: Problem, sample: np.ndarray, times: np.ndarray, tolerance: float) -> Plan | None:
+    """The cheapest method and step that keep a sample's errors; None if none does, as where motion is chaotic.
+
+    Parameters
+    ----------
+    problem : Problem
+        Its own start is not used; not one with periodic components.
+    sample : ndarray, shape (n, d)
+        Starts.
+    times : ndarray, shape (m,)
+        Equispaced, from 0 to the end.
+    tolerance : float
+        Largest error of any component on the way, over the largest one at the start, or 1 if that is less.
+    """
+    times, _ = _in_pieces(times)
+    steps = _first_steps(problem, sample, times)
+    exact = _reference(problem, sample, times, tolerance, steps)
+    if exact is None:
+        return None
+    found = [_fitting(method(name, problem), sample, times, tolerance, exact, steps) for name in names(problem)]
+    return min((each for each in found if each), key=lambda each: each.cost, default=None)
+
+
+def run(
+    problem: Problem, starts: np.ndarray, times: np.ndarray, tolerance: float, chosen: Plan
+) -> tuple[np.ndarray, np.ndarray]:
+    """Solve a problem from many starts; parameters as those of `plan`.
+
+    Returns
+    -------
+    states : ndarray, shape (m, n, d)
+        NaN from where a particle failed.
+    statuses : ndarray of str, shape (n,)
+    """
+    by, steps, (times, pieces) = method(chosen.method, problem), chosen.steps, _in_pieces(times)
+    found = _march(by, starts, times, steps)
+    doubtful = np.flatnonzero(~(_doubt(by, starts, times, steps, found) <= chosen.apart))
+    states = by_particle(found, len(starts)).swapaxes(0, 1)
+    for _ in range(HALVINGS):
+        if not len(doubtful):
+            break
+        steps *= 2
+        finer = _march(by, starts[doubtful], times, steps)
+        apart = _doubt(by, starts[doubtful], times, steps, finer)
+        states[:, doubtful] = by_particle(finer, len(doubtful)).swapaxes(0, 1)
+        doubtful = doubtful[~(apart <= tolerance * 2**LEAST_ORDER)]
+    states = states[::pieces]
+    statuses = np.full(len(starts), str(Status.REACHED_END), dtype=object)
+    if len(doubtful):
+        states[:, doubtful], statuses[doubtful] = run_batches(
+            problem, starts[doubtful], times[::pieces], tolerance * TAYLOR
+        )
+    return states, statuses
+
+
+def _march(by: Method, starts: np.ndarray, times: np.ndarray, steps: int) -> np.ndarray:
+    """States in lanes by so many steps from one time to the next."""
+    return by.lanes.march(starts, len(times), by.constants(_step(times, steps)), steps)
+
+
+def _wider(by: Method, starts: np.ndarray, times: np.ndarray, steps: int) -> np.ndarray:
+    """States in lanes at some of the times by steps twice as wide."""
+    stride = _stride(times)
+    rows = 1 + (len(times) - 1) // stride
+    return by.lanes.march(starts, rows, by.constants(2 * _step(times, steps)), steps * stride // 2)
+
+
+def _step(times: np.ndarray, steps: int) -> float:
+    return float(times[-1]) / (len(times) - 1) / steps
+
+
+def _stride(times: np.ndarray) -> int:
+    """Times from one check to the next, an even number."""
+    return 2 * -(-(len(times) - 1) // (2 * PIECES))
+
+
+def _apart(states: np.ndarray, others: np.ndarray, stride: int = 1) -> np.ndarray:
+    """Largest difference of each particle's states over the largest component at the start or 1."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        apart = np.abs(states[:, ::stride][:, : others.shape[1]] - others).max(axis=(1, 2))
+        return (apart / np.maximum(1.0, np.abs(states[:, 0]).max(axis=1))).ravel()
+
+
+def _doubt(by: Method, starts: np.ndarray, times: np.ndarray, steps: int, states: np.ndarray) -> np.ndarray:
+    """Difference of each particle's states from those by steps twice as wide, shape (n,)."""
+    return _apart(states, _wider(by, starts, times, steps), _stride(times))[: len(starts)]
+
+
+def _in_pieces(times: np.ndarray) -> tuple[np.ndarray, int]:
+    """Times with others between them, if there are few, and how many of these make one."""
+    intervals = len(times) - 1
+    pieces = -(-PIECES // intervals)
+    return np.linspace(0.0, times[-1], intervals * pieces + 1), pieces
+
+
+def _first_steps(problem: Problem, sample: np.ndarray, times: np.ndarray) -> int:
+    """Steps between two times that are a fair guess."""
+    rates = problem.field(numpy_operations())(sample.T, np.array(problem.parameters))
+    length = ANGLE / max(0.5, *(float(np.max(np.abs(rate))) for rate in rates))
+    if problem.parts is not None and (strength := problem.parts.strength(problem.parameters or ())) > 0:
+        length = min(length, RELAXATION / strength)
+    return max(1, int(np.ceil(_step(times, 1) / length)))
+
+
+def _reference(
+    problem: Problem, sample: np.ndarray, times: np.ndarray, tolerance: float, steps: int
+) -> np.ndarray | None:
+    """States of the sample whose error is small against the tolerance."""
+    by, before = method(RUNGE_KUTTA, problem), None
+    for _ in range(DOUBLINGS):
+        states = _march(by, sample, times, steps)
+        if before is not None and _kept(_apart(states, before)) / 2**LEAST_ORDER <= SURE * tolerance:
+            return states
+        before, steps = states, 2 * steps
+    return None
+
+
+def _kept(errors: np.ndarray) -> float:
+    """What most errors of the sample stay below."""
+    return float(np.quantile(np.nan_to_num(errors, nan=np.inf), KEPT, method="higher"))
+
+
+def _fitting(
+    by: Method, sample: np.ndarray, times: np.ndarray, tolerance: float, exact: np.ndarray, steps: int
+) -> Plan | None:
+    """The fewest steps found that keep the sample's errors, if any do."""
+    tried: dict[int, np.ndarray] = {}
+    good: list[int] = []
+    for _ in range(ROUNDS):
+        states = tried[steps] = _march(by, sample, times, steps)
+        error = _kept(_apart(exact, states)) / (AIM * tolerance)
+        good += [steps] if error <= 1 else []
+        steps = int(np.ceil(steps * float(np.clip(error ** (1 / ORDER), 0.4, 2.5))))
+        if steps in tried:
+            break
+    if not good:
+        return None
+    steps = min(good)
+    errors = _apart(exact, tried[steps])
+    errors, apart = errors[: len(sample)], _doubt(by, sample, times, steps, tried[steps])
+    wrong = ~(errors <= AIM * tolerance)
+    doubt = min(float(apart[wrong].min(initial=np.inf)), _kept(apart), tolerance * 2**LEAST_ORDER)
+    again = float(np.mean(~(apart <= doubt)))
+    return Plan(by.name, steps, doubt, _kept(errors), by.cost * steps * (1.5 + 3 * again))

@@ -1,0 +1,103 @@
+"""Methods of equal steps for many particles at once, each as a map of states: splitting, and an eighth-order pair's."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from polhode.models.problem import Factory, Parts, Problem
+from polhode.solvers.machine_code.lanes import Lanes, lanes
+from polhode.solvers.machine_code.tracing import OPERATIONS
+from polhode.solvers.parts.schemes import SCHEMES, Scheme
+
+RUNGE_KUTTA = "DOP853"
+# Time of an evaluation of a field over that of a splitting's slow and fast flow.
+EVALUATION = 1.6
+
+
+@dataclass(frozen=True)
+class Method:
+    """A compiled step, bound to a problem's parameters.
+
+    Parameters
+    ----------
+    name : str
+    lanes : Lanes
+    constants : callable
+        What a step of a given length needs to know.
+    cost : float
+        Of a step, in slow and fast flows of a splitting.
+    """
+
+    name: str
+    lanes: Lanes
+    constants: Callable[[float], np.ndarray]
+    cost: float
+
+
+def names(problem: Problem) -> tuple[str, ...]:
+    """Methods that a problem can be solved by."""
+    splittings = tuple(scheme.name for scheme in SCHEMES) if problem.parts else ()
+    return (*splittings, RUNGE_KUTTA)
+
+
+def method(name: str, problem: Problem) -> Method:
+    """A method for a problem; its machine code is made once in the life of the process."""
+    p = [float(value) for value in problem.parameters or ()]
+    if name == RUNGE_KUTTA:
+        code, stages = _runge_kutta(problem.field, problem.dimension, len(p))
+        return Method(name, code, lambda h: np.array([h, *p]), EVALUATION * stages)
+    (scheme,) = (each for each in SCHEMES if each.name == name)
+    parts = problem.parts
+    assert parts is not None
+    constants = _splitting_constants(parts, scheme, p)
+    code = _splitting(parts, scheme, problem.dimension)
+    return Method(name, code, constants, scheme.stages)
+
+
+def _splitting_constants(parts: Parts, scheme: Scheme, p: Sequence[float]) -> Callable[[float], np.ndarray]:
+    def constants(h: float) -> np.ndarray:
+        fast = [value for share in scheme.fast for value in parts.fast.constants(p, share * h)]
+        return np.array([*fast, *(value for share in scheme.slow for value in parts.slow.constants(p, share * h))])
+
+    return constants
+
+
+@cache
+def _splitting(parts: Parts, scheme: Scheme, dimension: int) -> Lanes:
+    zeros = [0.0] * 64
+    fast, slow = parts.fast.flow(OPERATIONS), parts.slow.flow(OPERATIONS)
+    fast_size, slow_size = (len(part.constants(zeros, 0.0)) for part in (parts.fast, parts.slow))
+    begin = fast_size * len(scheme.fast)
+
+    def step(y: Sequence[Any], c: Sequence[Any]) -> Sequence[Any]:
+        fasts = [c[i * fast_size :] for i in range(len(scheme.fast))]
+        slows = [c[begin + i * slow_size :] for i in range(len(scheme.slow))]
+        for i in range(scheme.stages):
+            y = fast(y, fasts[min(i, scheme.stages - i)])
+            y = slow(y, slows[min(i, scheme.stages - 1 - i)])
+        return fast(y, fasts[0])
+
+    return lanes(step, dimension, begin + slow_size * len(scheme.slow))
+
+
+@cache
+def _runge_kutta(field: Factory, dimension: int, parameters: int) -> tuple[Lanes, int]:
+    from scipy.integrate import DOP853
+
+    nodes, weights = DOP853.A.tolist(), DOP853.B.tolist()
+    rhs = field(OPERATIONS)
+
+    def moved(y: Sequence[Any], h: Any, shares: Sequence[float], slopes: Sequence[Any]) -> list[Any]:
+        used = [(share, slope) for share, slope in zip(shares, slopes, strict=False) if share]
+        return [y[i] + h * sum((share * slope[i] for share, slope in used), start=0.0) for i in range(dimension)]
+
+    def step(y: Sequence[Any], c: Sequence[Any]) -> Sequence[Any]:
+        slopes: list[Any] = []
+        for row in nodes:
+            slopes.append(rhs(moved(y, c[0], row, slopes), c[1:]))
+        return moved(y, c[0], weights, slopes)
+
+    return lanes(step, dimension, 1 + parameters), len(nodes)

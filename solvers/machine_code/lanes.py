@@ -1,0 +1,114 @@
+"""Maps of states, repeated for many particles at once in machine code: one particle in each SIMD lane.
+
+A map is a straight line of arithmetic, traced like a vector field; its lines serve vectors of doubles as they are.
+"""
+
+import ctypes
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from polhode.solvers.machine_code.llvm import MachineCode, Signature, compile_lines, host_features
+from polhode.solvers.machine_code.tracing import Number, operand
+from polhode.solvers.machine_code.underflow import FlushedToZero
+
+Step = Callable[[Sequence[Any], Sequence[Any]], Sequence[Any]]
+
+# Registers per operation: two keep the processor's pipelines full; more spill.
+REGISTERS = 2
+# Left to itself, LLVM halves the widest registers.
+_HEAD = (
+    "void @function(ptr noalias %states, ptr noalias %constants, i64 %steps, i64 %rows, i64 %groups) "
+    '"prefer-vector-width"="512"'
+)
+
+
+@cache
+def width() -> int:
+    """Particles that this processor moves at once."""
+    features = host_features()
+    return REGISTERS * (8 if features.get("avx512f") else 4 if features.get("avx") else 2)
+
+
+@dataclass(frozen=True)
+class Lanes:
+    """A compiled map; see `lanes`."""
+
+    code: MachineCode
+    dimension: int
+
+    def march(self, starts: np.ndarray, rows: int, constants: np.ndarray, steps: int) -> np.ndarray:
+        """States in lanes, shape (groups, rows, d, width), each row so many times the map of the one before.
+
+        Parameters
+        ----------
+        starts : ndarray, shape (n, d)
+            The last one fills the lanes that are left over.
+        """
+        groups = -(-len(starts) // width())
+        states = np.empty((groups, rows, self.dimension, width()))
+        filled = starts[np.minimum(np.arange(groups * width()), len(starts) - 1)]
+        states[:, 0] = filled.reshape(groups, width(), self.dimension).swapaxes(1, 2)
+        function = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 2, *[ctypes.c_int64] * 3)(self.code.address)
+        with FlushedToZero():
+            # The machine code tests after a row, not before.
+            _ = rows > 1 and function(states.ctypes.data, constants.ctypes.data, steps, rows, groups)
+        return states
+
+
+def by_particle(states: np.ndarray, particles: int) -> np.ndarray:
+    """States in lanes as states of particles, shape (particles, rows, d)."""
+    groups, rows, dimension, wide = states.shape
+    return states.transpose(0, 3, 1, 2).reshape(groups * wide, rows, dimension)[:particles]
+
+
+def lanes(step: Step, dimension: int, constants: int) -> Lanes:
+    """Compile ``step(y, constants) -> y`` over generic numbers; the constants are the same for all particles."""
+    lines: dict[str, str] = {}
+    before, given = (
+        [Number(lines, f"%{name}{i}") for i in range(n)] for name, n in (("y", dimension), ("c", constants))
+    )
+    results = [_widened(operand(each)) for each in step(before, given)]
+    vector, each_state = f"<{width()} x double>", range(dimension)
+    text = []
+    for i in range(constants):
+        text += [
+            f"%c{i}_at = getelementptr double, ptr %constants, i64 {i}",
+            f"%c{i}_one = load double, ptr %c{i}_at",
+            f"%c{i}_first = insertelement {vector} poison, double %c{i}_one, i64 0",
+            f"%c{i} = shufflevector {vector} %c{i}_first, {vector} poison, <{width()} x i32> zeroinitializer",
+        ]
+    text += ["br label %group", "group:", "%g = phi i64 [0, %start], [%next_group, %group_end]"]
+    text += [f"%size = mul i64 %rows, {dimension}", "%first = mul i64 %g, %size"]
+    text += [f"%at = getelementptr {vector}, ptr %states, i64 %first"]
+    for i in each_state:
+        text += [f"%begin{i}_at = getelementptr {vector}, ptr %at, i64 {i}"]
+        text += [f"%begin{i} = load {vector}, ptr %begin{i}_at, align 8"]
+    text += ["br label %row", "row:", "%r = phi i64 [1, %group], [%next_row, %row_end]"]
+    text += [f"%row{i} = phi {vector} [%begin{i}, %group], [{results[i]}, %row_end]" for i in each_state]
+    text += ["br label %step", "step:", "%n = phi i64 [0, %row], [%next, %step]"]
+    text += [f"%y{i} = phi {vector} [%row{i}, %row], [{results[i]}, %step]" for i in each_state]
+    text += [_widened(f"{name} = {line}") for line, name in lines.items()]
+    text += ["%next = add i64 %n, 1", "%more = icmp slt i64 %next, %steps"]
+    text += ["br i1 %more, label %step, label %row_end", "row_end:", f"%row_first = mul i64 %r, {dimension}"]
+    for i in each_state:
+        text += [f"%place{i} = add i64 %row_first, {i}", f"%out{i} = getelementptr {vector}, ptr %at, i64 %place{i}"]
+        text += [f"store {vector} {results[i]}, ptr %out{i}, align 8"]
+    text += ["%next_row = add i64 %r, 1", "%another_row = icmp slt i64 %next_row, %rows"]
+    text += ["%next_group = add i64 %g, 1", "%another_group = icmp slt i64 %next_group, %groups"]
+    text += ["br i1 %another_row, label %row, label %group_end", "group_end:"]
+    text += ["br i1 %another_group, label %group, label %end", "end:"]
+    functions = "\n".join(f"declare {vector} @llvm.{name}.v{width()}f64({vector})" for name in ("sqrt", "sin", "cos"))
+    return Lanes(compile_lines(Signature(_HEAD, "start:", helpers=functions), "\n".join(text)), dimension)
+
+
+def _widened(line: str) -> str:
+    """A line about numbers as one about vectors of them."""
+    line = re.sub(r"\bdouble\b", f"<{width()} x double>", line)
+    line = re.sub(r"\b0x[0-9A-F]{16}", lambda number: f"splat (double {number[0]})", line)
+    line = re.sub(r"@llvm\.(\w+)\.f64", rf"@llvm.\1.v{width()}f64", line)
+    return line.replace("select i1", f"select <{width()} x i1>").replace(", 0.0", ", zeroinitializer")
