@@ -230,10 +230,9 @@ def test_particles_circle_their_attractor_at_the_distance_stated(ellipsoid: Elli
     stokes = 2000.0
     (attractor,) = attractors(ellipsoid, stokes, 1e-9, circling=True)
     axis = ellipsoid.order[2]
-    velocity = [0.0, 0.0, 0.0]
-    velocity[axis] = -0.5
+    velocity = {0: (-0.5, 0.0, 0.0), 2: (0.0, 0.0, -0.5)}[axis]
     q = {0: (0.5, -0.5, -0.5, -0.5), 2: (1.0, 0.0, 0.0, 0.0)}[axis]
-    scene = Scene(ellipsoid, stokes, BodyStart(q, tuple(velocity)), stokes)
+    scene = Scene(ellipsoid, stokes, BodyStart(q, velocity), stokes)
     assert scene.initial_rotation[axis] == pytest.approx([0, 0, 1], abs=1e-15)
     form = find_form("quaternion")
     solution = solve(form.problem(scene), "taylor", 1e-12, np.linspace(0, scene.time, 20001))
