@@ -18,6 +18,7 @@ GROUPS = {
     "Use": {
         "solve": ("solve:solve", "solve one scene: its L, E and orientation"),
         "pick": ("pick:pick", "what to run for a scene, and what it will cost"),
+        "draw": ("draw:draw", "the tumbling particle as a picture"),
         "shape": ("show:shape", "inertia, resistance and kind of an ellipsoid"),
         "scenes": ("show:scenes", "the built-in scenes, and scene files to start from"),
         "forms": ("show:forms", "the forms of the equations"),
