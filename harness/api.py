@@ -1,141 +1,34 @@
 """What Python users call, and the command `solve` with them: a scene, a plan, a solution."""
 
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
-from math import nan
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from os import PathLike, fspath
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from polhode.harness.common.machine import versions
-from polhode.harness.common.observables_csv import COLUMNS
-from polhode.harness.common.text import short
+from polhode.harness.events import EventLike, as_events, with_events
 from polhode.harness.picking.choice import check_tolerance, choose
 from polhode.harness.picking.ranking import Recommendation
 from polhode.harness.picking.ranking import pick as recommend
-from polhode.harness.picking.second_look import UNKNOWN, RunError, run_error
+from polhode.harness.picking.second_look import run_error
+from polhode.harness.solution import SceneSolution
 from polhode.harness.studies.scenes import find_scene
 from polhode.models.catalogue import form as find_form
-from polhode.models.files.scene_file import scene_table
 from polhode.models.form import Form
-from polhode.models.observables import Observables
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 from polhode.models.spent import spent_on
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.compile import check_field
-from polhode.solvers.contract import Record, Solver, Status, Work
-from polhode.solvers.solve import Solution, described
+from polhode.solvers.contract import Record, Solver
+from polhode.solvers.solve import Solution
 from polhode.solvers.solve import solve as run
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 SceneLike = Scene | str | PathLike[str]
 FormLike = str | Form | None
 SolverLike = str | Solver | None
 # A table of more rows would hold gigabytes.
 MOST_SAMPLES = 10_000_000
-
-
-@dataclass(frozen=True)
-class SceneSolution:
-    """The motion of a scene, finished or not; it pickles.
-
-    Parameters
-    ----------
-    scene : Scene
-    form, solver : str
-        What it was computed by.
-    tolerance : float
-    status : Status
-        Failure is a status, with the rows finished before it.
-    message : str
-        The library's own words.
-    times : ndarray, shape (n,)
-        In units of the inverse shear rate.
-    observables : Observables
-        L, E and the rotation matrix at these times.
-    work : Work
-    seconds : float
-        Wall time of the integrator alone, compilation left out.
-    error : RunError
-        Estimated error of this very run, `slow` and `orientation`.
-    """
-
-    scene: Scene
-    form: str
-    solver: str
-    tolerance: float
-    status: Status
-    message: str
-    times: np.ndarray
-    observables: Observables
-    work: Work
-    seconds: float
-    error: RunError = UNKNOWN
-
-    def __repr__(self) -> str:
-        """One fact a line, without the arrays."""
-        problem = f"{self.form}, St = {short(self.scene.stokes)}, to t = {short(self.scene.time)}"
-        lines = [described(self, problem, f"tolerance {short(self.tolerance)}")]
-        if self.error is not UNKNOWN:
-            lines.append(f"  error: {self.error.words(self.scene.ellipsoid, self.observables)}")
-        return "\n".join([*lines, *[f"  advice: {self.error.advice}"] * bool(self.error.advice)])
-
-    @property
-    def success(self) -> bool:
-        """Whether the run reached its end."""
-        return self.status.success
-
-    @property
-    def slow_times(self) -> np.ndarray:
-        """t₂ = t/St, shape (n,): NaN at St = 0, 0 at St = inf."""
-        stokes = self.scene.stokes
-        return np.full_like(self.times, nan if stokes == 0 else 0.0) if stokes in (0, np.inf) else self.times / stokes
-
-    @property
-    def angular_momentum(self) -> np.ndarray:
-        """L in space axes, shape (n, 3), without St."""
-        return self.observables.angular_momentum
-
-    @property
-    def energy(self) -> np.ndarray:
-        """E, shape (n,), without St."""
-        return self.observables.energy
-
-    @property
-    def rotation(self) -> np.ndarray:
-        """t_ij, shape (n, 3, 3): row i is body axis i in space components; NaN where the form does not know it."""
-        return self.observables.rotation
-
-    def table(self) -> np.ndarray:
-        """`frame` as an array, shape (n, 15)."""
-        rotation = self.rotation.reshape(len(self.times), 9)
-        return np.column_stack([self.times, self.slow_times, self.observables.slow, rotation])
-
-    def frame(self) -> "pd.DataFrame":
-        """One row per time, with the columns of `polhode solve`'s CSV: t, t2, Lx, Ly, Lz, E, R11 … R33.
-
-        Its `attrs` are `provenance`.
-        """
-        import pandas as pd
-
-        table = pd.DataFrame(self.table(), columns=COLUMNS)
-        table.attrs.update(self.provenance())
-        return table
-
-    def provenance(self) -> dict[str, Any]:
-        """Where the numbers come from, as plain data: scene, form, solver, tolerance, error, versions."""
-        names = ("form", "solver", "tolerance", "seconds")
-        return {
-            "scene": scene_table(self.scene),
-            **{name: getattr(self, name) for name in names},
-            "status": str(self.status),
-            "error": asdict(self.error),
-            "versions": versions(),
-        }
 
 
 @dataclass(frozen=True)
@@ -147,39 +40,39 @@ class Plan:
     solver: Solver
     tolerance: float
     problem: Problem
-    samples: int
+    times: np.ndarray  # Of the output, in units of the inverse shear rate.
     note: str  # Why the error asked for may not be met; empty where it will be.
     asked: tuple[float, str] | None = None  # Error and what it is of, where they chose the tolerance.
     estimate: bool = True  # Whether a second look estimates the error.
 
+    @property
+    def samples(self) -> int:
+        """Number of rows."""
+        return len(self.times)
+
+    @property
+    def _times(self) -> np.ndarray:
+        """Those of the run: of the output, after the start."""
+        return self.times if self.times[0] == 0 else np.concatenate([[0.0], self.times])
+
     def run(self, watch: Callable[[Record], None] | None = None) -> SceneSolution:
         """Solve the problem; raises `polhode.solvers.solve.Interrupted` on Ctrl-C."""
-        times = np.linspace(0.0, self.problem.end, self.samples)
+        times = self._times / self.scene.time * self.problem.end
         with spent_on("integration"):
             found = run(self.problem, self.solver, self.tolerance, times, watch=watch)
         solution = self.observed(found)
-        if not self.estimate:
-            return solution
-        with spent_on("error"):
-            seen = run_error(self.scene, self.form, self.solver, found, solution.observables)
-        if self.asked:
-            seen = seen.asked(*self.asked, self.form, self.scene, self.tolerance)
-        return replace(solution, error=seen)
+        if self.estimate:
+            with spent_on("error"):
+                seen = run_error(self.scene, self.form, self.solver, found, solution.observables)
+            if self.asked:
+                seen = seen.asked(*self.asked, self.form, self.scene, self.tolerance)
+            solution = replace(solution, error=seen)
+        return solution if self.times[0] == 0 else solution.rows(slice(1, None))
 
     def observed(self, found: Solution) -> SceneSolution:
         """The motion of the scene that a solution of the problem stands for."""
-        return SceneSolution(
-            scene=self.scene,
-            form=self.form.name,
-            solver=self.solver.name,
-            tolerance=self.tolerance,
-            status=found.status,
-            message=found.message,
-            times=found.times * self.problem.time_unit,
-            observables=self.form.observe(self.scene, found.states),
-            work=found.work,
-            seconds=found.seconds,
-        )
+        observables = self.form.observe(self.scene, found.states)
+        return SceneSolution(self.scene, self.form, found, self._times[: len(found.times)], observables)
 
 
 def plan(
@@ -191,10 +84,13 @@ def plan(
     want: str,
     samples: int,
     estimate: bool = True,
+    times: Sequence[float] | np.ndarray | None = None,
 ) -> Plan:
     """What `solve` will run; arguments and refusals as there, in one place for Python and the command line."""
     what = as_scene(scene)
     _check_samples(samples)
+    wanted = np.linspace(0.0, what.time, samples) if times is None else _checked_times(times, what)
+    what = replace(what, time=float(wanted[-1]))
     if tolerance is not None:
         check_tolerance(tolerance)
     # What is plainly wrong is refused before anything is tried.
@@ -203,7 +99,7 @@ def plan(
     if solver is not None:
         _solver(solver)
     with spent_on("pilots"):
-        choice = choose(what, _name(form), _name(solver), tolerance, error, want, samples)
+        choice = choose(what, _name(form), _name(solver), tolerance, error, want, len(wanted))
     equations, method = _form(form or choice.form), _solver(solver or choice.solver)
     problem = equations.problem(what)
     if not method.available:
@@ -211,7 +107,7 @@ def plan(
     method.check(problem)
     check_field(problem)
     asked = None if tolerance else (error, want)
-    return Plan(what, equations, method, choice.tolerance, problem, samples, choice.note, asked, estimate)
+    return Plan(what, equations, method, choice.tolerance, problem, wanted, choice.note, asked, estimate)
 
 
 def solve(
@@ -224,6 +120,8 @@ def solve(
     want: str = "slow",
     samples: int = 201,
     estimate: bool = True,
+    times: Sequence[float] | np.ndarray | None = None,
+    events: Sequence[EventLike] | EventLike = (),
 ) -> SceneSolution:
     """Solve a scene.
 
@@ -244,6 +142,12 @@ def solve(
         Equispaced times of the output, start and end included.
     estimate : bool
         Whether a second look estimates the error of the run, in less time than it took or in 5 ms.
+    times : sequence of float, optional
+        Times of the output instead, increasing, in units of the inverse shear rate; the run ends at the last one.
+    events : str, Event, callable, or a sequence of them
+        What to look for: ``"separatrix"`` (L² = 2EI₂), ``"lz"`` (L_z = 0), ``"settled"`` (arrival at the settled
+        state), or a function ``f(solution) -> (n,)`` of L, E and rotation that passes zero; `harness.events.Event`
+        gives it direction and end. The solution's ``events["lz"]`` is the motion at these times.
 
     Returns
     -------
@@ -264,7 +168,9 @@ def solve(
     >>> solve("paper", form="quaternion", solver="taylor", tolerance=1e-10).status
     <Status.REACHED_END: 'reached_end'>
     """
-    return plan(scene, form, solver, tolerance, error, want, samples, estimate).run()
+    wanted = as_events(events)
+    solution = plan(scene, form, solver, tolerance, error, want, samples, estimate, times).run()
+    return with_events(solution, wanted) if wanted else solution
 
 
 def pick(scene: SceneLike, error: float = 1e-6, want: str = "slow", samples: int = 201) -> Recommendation:
@@ -308,6 +214,14 @@ def as_scene(scene: SceneLike) -> Scene:
 def _check_samples(samples: int) -> None:
     if not 2 <= samples <= MOST_SAMPLES:
         raise ValueError(f"samples: got {samples}, expected a number from 2 to {MOST_SAMPLES}")
+
+
+def _checked_times(times: Sequence[float] | np.ndarray, scene: Scene) -> np.ndarray:
+    wanted = np.array(times, dtype=float)
+    increasing = wanted.ndim == 1 and wanted.size and wanted[0] >= 0 and (np.diff(wanted) > 0).all()
+    if not (increasing and 0 < wanted[-1] <= scene.time):
+        raise ValueError(f"times: got {times!r:.60}, expected increasing numbers from 0 to {scene.time:g}")
+    return wanted
 
 
 def _form(what: str | Form) -> Form:

@@ -48,3 +48,18 @@ def observe_body(ellipsoid: Ellipsoid, rotation: np.ndarray, angular_velocity: n
 def observe_slow(slow: np.ndarray) -> Observables:
     """Observables of slow variables (L_x, L_y, L_z, E), shape (n, 4), without orientation."""
     return Observables(slow[:, :3], slow[:, 3], np.full((len(slow), 3, 3), np.nan))
+
+
+def angular_velocity(ellipsoid: Ellipsoid, observables: Observables) -> np.ndarray:
+    """ω in space axes, shape (n, 3), of L and the rotation matrix; NaN where they leave it open.
+
+    Of a spheroid the symmetry axis' row is enough, of a sphere L.
+    """
+    momentum, rotation, inertia = observables.angular_momentum, observables.rotation, np.array(ellipsoid.inertia)
+    axis = ellipsoid.symmetry_axis
+    if ellipsoid.kind == "triaxial":
+        return np.einsum("nij,i,nik,nk->nj", rotation, 1 / inertia, rotation, momentum)
+    if axis is None:
+        return momentum / inertia[0]
+    along = np.sum(momentum * rotation[:, axis], axis=1, keepdims=True) * rotation[:, axis]
+    return (momentum - along) / inertia[axis - 1] + along / inertia[axis]

@@ -83,3 +83,11 @@ def matrix_from_quaternion(q: Array) -> Array:
         [2 * (q1 * q3 + q0 * q2), 2 * (q2 * q3 - q0 * q1), q0 * q0 - q1 * q1 - q2 * q2 + q3 * q3],
     ]
     return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+
+
+def quaternion_from_matrix(matrix: Array) -> Quaternion:
+    """Unit quaternion of a matrix t_ij, shape (3, 3); inverts `matrix_from_quaternion`, up to the sign."""
+    from scipy.spatial.transform import Rotation
+
+    q0, q1, q2, q3 = Rotation.from_matrix(matrix.T).as_quat(scalar_first=True).tolist()
+    return q0, q1, q2, q3

@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any
 __path__ = extend_path(__path__, __name__)
 
 if TYPE_CHECKING:
-    from polhode.harness.api import SceneSolution, pick, solve
+    from polhode.harness.api import pick, solve
+    from polhode.harness.solution import SceneSolution
     from polhode.harness.work_precision import WorkPrecision
     from polhode.models.problem import Problem
     from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart
@@ -41,7 +42,7 @@ __all__ = [
 _HOMES = {
     "solve": "harness.api",
     "pick": "harness.api",
-    "SceneSolution": "harness.api",
+    "SceneSolution": "harness.solution",
     "WorkPrecision": "harness.work_precision",
     "Scene": "models.scene",
     "EulerStart": "models.scene",

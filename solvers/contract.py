@@ -202,6 +202,8 @@ class Solver(ABC):
     switching: ClassVar[bool] = False
     low_order: ClassVar[bool] = False
     closed_form: ClassVar[bool] = False
+    # Chooses its step over many periods, so that a run of less than a few is not what it is for.
+    many_periods: ClassVar[bool] = False
     backends: ClassVar[tuple[Backend, ...]] = ("numba", "python")
     jacobians: ClassVar[tuple[Jacobian, ...]] = ()
     error_constant: ClassVar[float]

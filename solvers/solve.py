@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import inf
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,7 +20,11 @@ from polhode.solvers.contract import (
     Status,
     Work,
 )
+from polhode.solvers.dense_output import LikeSolveIvp, states_at
 from polhode.solvers.pieces import Run, Stage, wrapped
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 # An invariant may drift by this many tolerances, within these bounds, before success counts as false.
 INVARIANT_TOLERANCES = 1e6
@@ -28,14 +32,13 @@ INVARIANT_FLOOR, INVARIANT_CEILING = 1e-6, 0.5
 
 
 @dataclass(frozen=True)
-class Solution:
-    """Result of a run, finished or not.
+class Solution(LikeSolveIvp):
+    """Result of a run, finished or not; called with times it gives the solution there.
 
     Parameters
     ----------
     problem : Problem
-    solver : str
-        Catalogue name.
+    method : Solver
     settings : Settings
     times : ndarray, shape (n,)
         Times reached, in the problem's own time: all requested ones if the status is `reached_end`.
@@ -51,7 +54,7 @@ class Solution:
     """
 
     problem: Problem
-    solver: str
+    method: Solver
     settings: Settings
     times: np.ndarray
     states: np.ndarray
@@ -62,9 +65,19 @@ class Solution:
     stages: tuple[Stage, ...] = ()
 
     @property
+    def solver(self) -> str:
+        """The solver's name."""
+        return self.method.name
+
+    @property
     def success(self) -> bool:
         """Whether the run reached its end."""
         return self.status.success
+
+    def __call__(self, t: "ArrayLike") -> "Solution":
+        """The solution at other times of the run, a number or an array: `polhode.solvers.dense_output.states_at`."""
+        times = np.atleast_1d(np.asarray(t, dtype=float))
+        return replace(self, times=times, states=states_at(self, times, solve))
 
     def __repr__(self) -> str:
         """One fact a line, without the arrays."""
@@ -147,13 +160,13 @@ def solve(
     start = np.array(problem.start)
     if not method.available:
         nothing = Work(), Status.ADAPTER_MISSING, str(method.why_not)
-        return Solution(problem, method.name, settings, times[:1], start[None], nothing[1], nothing[2], nothing[0], 0.0)
+        return Solution(problem, method, settings, times[:1], start[None], nothing[1], nothing[2], nothing[0], 0.0)
     method.check(problem)
     run = Run(problem, method, settings, times)
 
     def finished() -> Solution:
         seconds, stages = perf_counter() - run.began, tuple(run.stages) if problem.course else ()
-        head = problem, method.name, settings, times[: run.done], run.rows[: run.done]
+        head = problem, method, settings, times[: run.done], run.rows[: run.done]
         return Solution(*head, run.status, run.message, run.work, seconds, stages)
 
     try:

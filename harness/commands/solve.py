@@ -11,9 +11,10 @@ from polhode.harness.cli import RunFailed, bad_input
 from polhode.harness.commands import setup
 
 if TYPE_CHECKING:
-    from polhode.harness.api import Plan, SceneSolution
+    from polhode.harness.api import Plan
     from polhode.harness.common.files import PartialFile
     from polhode.harness.common.progress import Progress
+    from polhode.harness.solution import SceneSolution
     from polhode.solvers.contract import Record
 
 # Rows of the table on the terminal, and its columns, the CSV's first ones: the orientation is for files.

@@ -11,12 +11,12 @@ import numpy as np
 from polhode.harness.common.machine import package_version
 from polhode.harness.common.plain_json import digest
 from polhode.harness.common.store import Record
-from polhode.harness.ensembles.attractors import Attractor, attractors
 from polhode.harness.ensembles.starts import Drawn, Starts
 from polhode.harness.ensembles.statistics import Layout, Statistics
 from polhode.models.catalogue import form as find_form
 from polhode.models.scene import BodyStart, Scene
 from polhode.models.shape import Ellipsoid
+from polhode.models.theory.attractors import Attractor, attractors
 from polhode.solvers.contract import Status
 from polhode.solvers.ensembles.equal_steps import TAYLOR, Plan, plan, run
 from polhode.solvers.ensembles.runge_kutta_batch import run_vectorised
@@ -93,7 +93,7 @@ class Ensemble:
 
     @cached_property
     def attractors(self) -> tuple[Attractor, ...]:
-        """The stable states that particles can be said to arrive at (`polhode.harness.ensembles.attractors`)."""
+        """The stable states that particles can be said to arrive at (`polhode.models.theory.attractors`)."""
         return attractors(self.ellipsoid, self.stokes, self.radius, circling=self.equations == "full")
 
     @cached_property

@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from polhode.harness.api import SceneSolution, solve
+from polhode.harness.api import solve
 from polhode.harness.picking.choice import simplest
 from polhode.harness.references.rotations import rotations
 from polhode.harness.site.markup import Page, missing, prose
+from polhode.harness.solution import SceneSolution
 from polhode.models.catalogue import averaged_form, form
 from polhode.models.form import FormNotValidError
 from polhode.models.scene import BodyStart, Scene

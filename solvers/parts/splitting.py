@@ -223,6 +223,7 @@ class PartsSolver(Solver):
     library = "llvmlite"
     package = "llvmlite"
     family = "polhode"
+    many_periods = True
     backends = ("compiled",)
 
     def check(self, problem: Problem) -> None:

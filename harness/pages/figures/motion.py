@@ -7,7 +7,7 @@ import numpy as np
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from polhode.harness.api import SceneSolution
+    from polhode.harness.solution import SceneSolution
 
 # Okabe and Ito's palette, safe for colour-blind readers.
 COLOURS = {"Lx": "#E69F00", "Ly": "#56B4E9", "Lz": "#0072B2", "E": "#D55E00"}

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from polhode.harness.ensembles.attractors import attractors, circle
 from polhode.harness.ensembles.ensemble import Ensemble, Task, run_task
 from polhode.harness.ensembles.starts import ENSEMBLE_FORMS, Drawn, Starts
 from polhode.models.catalogue import form as find_form
@@ -14,6 +13,7 @@ from polhode.models.observables import observe_body
 from polhode.models.rotation import matrix_from_quaternion
 from polhode.models.scene import BodyStart, Scene
 from polhode.models.shape import Ellipsoid
+from polhode.models.theory.attractors import attractors, circle
 from polhode.solvers.ensembles.runge_kutta_batch import run_vectorised
 from polhode.solvers.ensembles.taylor_batch import LEAST_FOR_SCOUTS, run_batches
 from polhode.solvers.solve import solve

@@ -1,0 +1,139 @@
+"""Events: the times at which a function of the solution passes zero, found between the rows."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from polhode.harness.solution import SceneSolution
+from polhode.models.registry import hint
+from polhode.models.theory.attractors import attractors
+
+# The function is looked at so often per step of the run, and between two rows at least; and so often at most.
+LOOKS_PER_STEP, LOOKS_PER_ROW, MOST_LOOKS = 16, 4, 1_000_000
+# SciPy's least.
+RTOL = np.float64(4 * np.finfo(float).eps)
+# Distance in L and E, over I_max, within which a particle has arrived.
+ARRIVED = 0.05
+
+
+@dataclass(frozen=True)
+class Event:
+    """A function of a solution of n times that returns n values, to be followed through zero.
+
+    Any function will do in its place, with SciPy's attributes `direction` and `terminal` if need be.
+
+    Parameters
+    ----------
+    name : str
+    function : callable
+    direction : float
+        Positive: only where it rises; negative: only where it falls; 0: both.
+    terminal : bool
+        Whether the solution ends there.
+    """
+
+    name: str
+    function: Callable[[Any], np.ndarray]
+    direction: float = 0.0
+    terminal: bool = False
+
+
+EventLike = str | Event | Callable[[Any], Any]
+
+
+def separatrix(solution: SceneSolution) -> np.ndarray:
+    """L² - 2EI₂, I₂ the middle moment of inertia: positive while the particle spins about its shortest axis."""
+    middle = sorted(solution.scene.ellipsoid.inertia)[1]
+    return np.sum(solution.angular_momentum**2, axis=1) - 2 * middle * solution.energy
+
+
+def vorticity_momentum(solution: SceneSolution) -> np.ndarray:
+    """L_z, along the vorticity."""
+    return solution.angular_momentum[:, 2]
+
+
+def distance_to_settled(solution: SceneSolution) -> np.ndarray:
+    """Distance of L and E, over I_max, from the nearest stable state, less that within which it counts as arrived."""
+    scene, form = solution.scene, solution.equations
+    states = attractors(scene.ellipsoid, scene.stokes, ARRIVED, circling=not form.averaged)
+    if not states:
+        raise ValueError(f"event 'settled': got St = {scene.stokes:g} and this shape, expected a stable state to reach")
+    slow = solution.observables.slow / max(scene.ellipsoid.inertia)
+    return np.min([np.linalg.norm(slow - each.state, axis=1) - each.reach for each in states], axis=0)
+
+
+EVENTS = {
+    event.name: event
+    for event in (
+        Event("separatrix", separatrix),
+        Event("lz", vorticity_momentum),
+        Event("settled", distance_to_settled, direction=-1.0),
+    )
+}
+
+
+def as_events(given: Iterable[EventLike] | EventLike) -> list[Event]:
+    """Events by name, as functions or as `Event`; raises ValueError if a name is unknown or stands there twice."""
+    found = []
+    for what in [given] if isinstance(given, str | Event) or callable(given) else given:
+        if isinstance(what, str) and what not in EVENTS:
+            expected = f"one of {', '.join(EVENTS)}, or a function{hint(what, EVENTS)}"
+            raise ValueError(f"events: got {what!r}, expected {expected}")
+        if isinstance(what, Event):
+            found.append(what)
+        elif isinstance(what, str):
+            found.append(EVENTS[what])
+        else:
+            direction, terminal = getattr(what, "direction", 0.0), bool(getattr(what, "terminal", False))
+            found.append(Event(getattr(what, "__name__", repr(what)), what, direction, terminal))
+    names = [event.name for event in found]
+    if len(set(names)) < len(names):
+        raise ValueError(f"events: got the names {names}, expected each once")
+    return found
+
+
+def happened(solution: Any, event: Event) -> Any:
+    """The solution at the times at which an event happens, to some rounding errors of these times.
+
+    Between the looks (sixteen for a step of the run, on the average) an even number of passages goes unseen.
+    """
+    from scipy.optimize import brentq
+
+    looked = solution(_looks(solution))
+    values = np.asarray(event.function(looked), dtype=float)
+    if values.shape != looked.times.shape:
+        raise ValueError(f"event {event.name!r}: got values of shape {values.shape}, expected {looked.times.shape}")
+
+    def value(t: float) -> float:
+        # From the look before t: a step or two.
+        return float(event.function(looked(t))[0])
+
+    sign, times = np.sign(values), []
+    rising = np.where(sign[1:] != 0, sign[1:], -sign[:-1])
+    passed = (sign[1:] != sign[:-1]) & (sign[:-1] != 0) & (event.direction * rising >= 0)
+    for i in np.flatnonzero(passed).tolist():
+        low, high = looked.times[i : i + 2].tolist()
+        times.append(high if values[i + 1] == 0 else brentq(value, low, high, xtol=1e-300, rtol=RTOL))
+    return looked(np.array(times))
+
+
+def with_events(solution: SceneSolution, events: Iterable[Event]) -> SceneSolution:
+    """The solution with what happened, and no further than to the first event that ends it."""
+    found = {event.name: happened(solution, event) for event in events}
+    ends = [found[event.name] for event in events if event.terminal and len(found[event.name].times)]
+    if ends:
+        first = min(ends, key=lambda each: each.times[0])
+        end = first(first.times[:1])
+        solution = solution.until(end)
+        found = {name: each(each.times[each.times <= end.times[0]]) for name, each in found.items()}
+    return replace(solution, events=found)
+
+
+def _looks(solution: Any) -> np.ndarray:
+    """The solution's times and equispaced ones between each two of them."""
+    rows = len(solution.times) - 1
+    wanted = max(LOOKS_PER_ROW * rows, LOOKS_PER_STEP * (solution.work.steps or rows))
+    between = -(-min(wanted, MOST_LOOKS) // max(rows, 1))
+    return np.interp(np.arange(rows * between + 1) / between, np.arange(rows + 1), solution.times)

@@ -1,0 +1,247 @@
+"""The motion of a scene: what `solve` returns."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from html import escape
+from math import nan
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from polhode.harness.common.machine import versions
+from polhode.harness.common.observables_csv import COLUMNS, OMEGA
+from polhode.harness.common.plain_json import dumps
+from polhode.harness.common.text import short
+from polhode.harness.picking.second_look import UNKNOWN, RunError
+from polhode.models.form import Form
+from polhode.models.observables import Observables, angular_velocity
+from polhode.models.scene import Scene, start_from
+from polhode.solvers.contract import Status, Work
+from polhode.solvers.dense_output import LikeSolveIvp
+from polhode.solvers.solve import Solution, described
+
+if TYPE_CHECKING:
+    from os import PathLike
+
+    import pandas as pd
+    import xarray as xr
+    from numpy.typing import ArrayLike
+
+
+@dataclass(frozen=True)
+class SceneSolution(LikeSolveIvp):
+    """The motion of a scene, finished or not; it pickles.
+
+    Called with times, a number or an array in units of the inverse shear rate, it gives the motion there: again a
+    `SceneSolution`, integrated from the row before each time by the solver, at the tolerance, of the run, so that it
+    is as accurate as the rows. It has the names of `solve_ivp`'s result too: `t`, `y` (the form's own state, shape
+    (d, n)), `sol`, `nfev`, `njev`, `status`, `message`, `success`.
+
+    Parameters
+    ----------
+    scene : Scene
+    equations : Form
+    run : Solution
+        The run of the form's problem: states, status, work.
+    times : ndarray, shape (n,)
+        In units of the inverse shear rate.
+    observables : Observables
+        L, E and the rotation matrix at these times.
+    error : RunError
+        Estimated error of this very run, `slow` and `orientation`.
+    events : mapping of str to SceneSolution
+        By name, the motion at the times at which an event asked for happened.
+    """
+
+    scene: Scene
+    equations: Form
+    run: Solution
+    times: np.ndarray
+    observables: Observables
+    error: RunError = UNKNOWN
+    events: Mapping[str, "SceneSolution"] = field(default_factory=dict)
+
+    def __call__(self, t: "ArrayLike") -> "SceneSolution":
+        """The motion at other times of the run."""
+        times = np.atleast_1d(np.asarray(t, dtype=float))
+        last = float(self.times[-1])
+        outside = times[~((times >= self.times[0]) & (times <= last))]
+        if len(outside):
+            raise ValueError(f"t: got {float(outside[0])!r}, expected times from {self.times[0]:g} to {last:g}")
+        # Where they are the run's, they are so to the last bit.
+        return self.at(times, self.run(np.interp(times, self.times, self.run.times)))
+
+    def at(self, times: np.ndarray, run: Solution) -> "SceneSolution":
+        """The motion that other rows of the run stand for."""
+        return replace(self, times=times, run=run, observables=self.equations.observe(self.scene, run.states))
+
+    def rows(self, which: slice | np.ndarray) -> "SceneSolution":
+        """Some of the rows."""
+        return self.at(self.times[which], replace(self.run, times=self.run.times[which], states=self.states[which]))
+
+    def until(self, end: "SceneSolution") -> "SceneSolution":
+        """The motion up to the one row of `end`, with which it counts as finished."""
+        kept = self.times < end.times[0]
+        states = np.vstack([self.states[kept], end.states])
+        times = np.append(self.run.times[kept], end.run.times)
+        run = replace(self.run, times=times, states=states, status=Status.REACHED_END, message="")
+        return self.at(np.append(self.times[kept], end.times), run)
+
+    def __repr__(self) -> str:
+        """One fact a line, without the arrays."""
+        problem = f"{self.form}, St = {short(self.scene.stokes)}, to t = {short(self.scene.time)}"
+        lines = [described(self, problem, f"tolerance {short(self.tolerance)}")]
+        if self.error is not UNKNOWN:
+            lines.append(f"  error: {self.error.words(self.scene.ellipsoid, self.observables)}")
+        return "\n".join([*lines, *[f"  advice: {self.error.advice}"] * bool(self.error.advice)])
+
+    def _repr_html_(self) -> str:
+        """The same facts as a table, for notebooks."""
+        facts = (line.strip().split(": ", 1) for line in repr(self).splitlines()[1:])
+        rows = "".join(f"<tr><th>{escape(name)}</th><td>{escape(fact)}</td></tr>" for name, fact in facts)
+        return f"<table><caption>{type(self).__name__}</caption>{rows}</table>"
+
+    @property
+    def form(self) -> str:
+        """Name of the form."""
+        return self.equations.name
+
+    @property
+    def solver(self) -> str:
+        """Name of the solver."""
+        return self.run.solver
+
+    @property
+    def tolerance(self) -> float:
+        """The solver's."""
+        return self.run.settings.tolerance
+
+    @property
+    def status(self) -> Status:
+        """How the run ended. Failure is a status, with the rows finished before it."""
+        return self.run.status
+
+    @property
+    def message(self) -> str:
+        """Why it failed, in the library's own words."""
+        return self.run.message
+
+    @property
+    def success(self) -> bool:
+        """Whether the run reached its end."""
+        return self.status.success
+
+    @property
+    def work(self) -> Work:
+        """What the run cost."""
+        return self.run.work
+
+    @property
+    def seconds(self) -> float:
+        """Wall time of the integrator alone, compilation left out."""
+        return self.run.seconds
+
+    @property
+    def states(self) -> np.ndarray:
+        """The form's own variables, shape (n, d); `equations.state` names them."""
+        return self.run.states
+
+    @property
+    def slow_times(self) -> np.ndarray:
+        """t₂ = t/St, shape (n,): NaN at St = 0, 0 at St = inf."""
+        stokes = self.scene.stokes
+        return np.full_like(self.times, nan if stokes == 0 else 0.0) if stokes in (0, np.inf) else self.times / stokes
+
+    @property
+    def angular_momentum(self) -> np.ndarray:
+        """L in space axes, shape (n, 3), without St."""
+        return self.observables.angular_momentum
+
+    @property
+    def energy(self) -> np.ndarray:
+        """E, shape (n,), without St."""
+        return self.observables.energy
+
+    @property
+    def rotation(self) -> np.ndarray:
+        """t_ij, shape (n, 3, 3): row i is body axis i in space components; NaN where the form does not know it."""
+        return self.observables.rotation
+
+    @property
+    def angular_velocity(self) -> np.ndarray:
+        """ω in space axes, shape (n, 3), in units of the shear rate; NaN where the form knows no orientation."""
+        return angular_velocity(self.scene.ellipsoid, self.observables)
+
+    def table(self, omega: bool = False) -> np.ndarray:
+        """`frame` as an array, shape (n, 15), or (n, 18)."""
+        rotation = self.rotation.reshape(len(self.times), 9)
+        more = [self.angular_velocity] if omega else []
+        return np.column_stack([self.times, self.slow_times, self.observables.slow, rotation, *more])
+
+    def frame(self, omega: bool = False) -> "pd.DataFrame":
+        """One row per time, with the columns of `polhode solve`'s CSV: t, t2, Lx, Ly, Lz, E, R11 … R33.
+
+        With `omega` the angular velocity in space axes stands behind them: wx, wy, wz. Its `attrs` are `provenance`.
+        """
+        import pandas as pd
+
+        table = pd.DataFrame(self.table(omega), columns=COLUMNS + OMEGA * omega)
+        table.attrs.update(self.provenance())
+        return table
+
+    def provenance(self) -> dict[str, Any]:
+        """Where the numbers come from, as plain data: scene, form, solver, tolerance, error, versions."""
+        from polhode.models.files.scene_file import scene_table
+
+        names = ("form", "solver", "tolerance", "seconds")
+        return {
+            "scene": scene_table(self.scene),
+            **{name: getattr(self, name) for name in names},
+            "status": str(self.status),
+            "error": asdict(self.error),
+            "versions": versions(),
+        }
+
+    def to_parquet(self, path: "str | PathLike[str]", omega: bool = False) -> None:
+        """Write `frame` as Parquet, where pyarrow is installed."""
+        self.frame(omega).to_parquet(path)
+
+    def to_xarray(self) -> "xr.Dataset":
+        """L, E, rotation matrix and ω over t, where xarray is installed; body axes count from 1."""
+        import xarray as xr
+
+        space, body = ["x", "y", "z"], [1, 2, 3]
+        return xr.Dataset(
+            {
+                "L": (("t", "space"), self.angular_momentum),
+                "E": ("t", self.energy),
+                "R": (("t", "body", "space"), self.rotation),
+                "omega": (("t", "space"), self.angular_velocity),
+            },
+            {"t": self.times, "t2": ("t", self.slow_times), "space": space, "body": body},
+            # Numbers and text alone can be written to any file.
+            {name: dumps(each) if isinstance(each, dict) else each for name, each in self.provenance().items()},
+        )
+
+    def restart(self, t: float | None = None, time: float | None = None) -> Scene:
+        """The scene that goes on from a time of this motion, for one more run or for a scene file.
+
+        Parameters
+        ----------
+        t : float, optional
+            Where it starts; by default the last time reached.
+        time : float, optional
+            Its duration; by default what remains of the scene's, or all of it again where nothing remains.
+
+        Raises
+        ------
+        ValueError
+            If t lies outside the run.
+
+        Notes
+        -----
+        A form that knows the symmetry axis alone leaves the angle about it open, which the motion does not depend on.
+        """
+        last = float(self.times[-1]) if t is None else t
+        start = start_from(self.scene.ellipsoid, self(last).observables)
+        return replace(self.scene, start=start, time=time or self.scene.time - last or self.scene.time)

@@ -1,0 +1,83 @@
+"""A solution between its rows, and what `scipy.integrate.solve_ivp` calls the parts of one."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from polhode.solvers.catalogue import solver as find_solver
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+BETWEEN = ("cyrk-dop853", "dop853")
+
+
+class LikeSolveIvp:
+    """The names of `solve_ivp`'s result, for whatever has times, states, work, and is called for those at other times.
+
+    Counts that the library does not report, or that were not asked for, are None.
+    """
+
+    @property
+    def t(self: Any) -> np.ndarray:
+        """Times, shape (n,)."""
+        return self.times
+
+    @property
+    def y(self: Any) -> np.ndarray:
+        """States, shape (d, n)."""
+        return self.states.T
+
+    @property
+    def nfev(self: Any) -> int | None:
+        """Evaluations of the right-hand side."""
+        return self.work.rhs_calls
+
+    @property
+    def njev(self: Any) -> int | None:
+        """Evaluations of the Jacobian."""
+        return self.work.jacobians
+
+    def sol(self: Any, t: "ArrayLike") -> np.ndarray:
+        """States at t, shape (d,) of a number and (d, k) of k times."""
+        y = self(t).y
+        return y if np.ndim(t) else y[:, 0]
+
+
+def states_at(solution: Any, times: np.ndarray, run: Callable[..., Any]) -> np.ndarray:
+    """States at any times of a run, shape (k, d): from the last row before each, by the run's own solver and tolerance.
+
+    So they lie on the solver's own interpolation within steps of its own, and add one step's error to that of the row.
+    Where a run has pieces with problems of their own, the exact one serves.
+    Solvers that choose their step over many periods leave this to an explicit Runge-Kutta method of order 8.
+
+    Raises
+    ------
+    ValueError
+        If a time lies outside the run, or the solver fails between two rows.
+    """
+    known, settings, problem = solution.times, solution.settings, solution.problem
+    outside = times[~((times >= known[0]) & (times <= known[-1]))]
+    if len(outside):
+        raise ValueError(f"t: got {float(outside[0])!r}, expected times from {known[0]:g} to {known[-1]:g}")
+    if solution.method.closed_form and problem.closed_form:
+        return problem.closed_form(times)
+    method, how = solution.method, {"backend": settings.backend}
+    if method.many_periods:
+        method, how = find_solver(next(name for name in BETWEEN if find_solver(name).available)), {}
+    if method.jacobians:
+        how["jacobian"] = settings.jacobian
+    rows = np.searchsorted(known, times, side="right") - 1
+    states = solution.states[rows]
+    for row in np.unique(rows[times > known[rows]]).tolist():
+        here = (rows == row) & (times > known[row])
+        since, order = np.unique(times[here] - known[row], return_inverse=True)
+        start = tuple(solution.states[row].tolist())
+        piece = replace(problem, start=start, end=float(since[-1]), least_steps=0, course=None)
+        found = run(piece, method, settings.tolerance, np.concatenate([[0.0], since]), **how)
+        if not found.success:
+            raise ValueError(f"t: no solution after t = {known[row]:g}: {found.status}. {found.message}".strip())
+        states[here] = found.states[1:][order]
+    return states
