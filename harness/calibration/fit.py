@@ -12,6 +12,7 @@ import pandas as pd
 from scipy.optimize import least_squares
 from scipy.special import ndtri, stdtrit
 
+from polhode.harness.calibration.training import lacking
 from polhode.harness.common.store import Record
 from polhode.harness.common.timing import Pace
 from polhode.harness.picking.laws import (
@@ -106,8 +107,11 @@ def _error(record: Record, want: str, at: Sensitivity) -> float | None:
     return max(error, uncertainty or 0.0, EPS * at.largest / 10, LUCKY * record["tolerance"])
 
 
-def fit_laws(records: Iterable[Record], source: dict[str, Any]) -> Laws:
-    """Fit the laws of every method of which there are enough records, and time its first run on this machine."""
+def fit_laws(records: Iterable[Record], source: dict[str, Any], base: Laws | None = None) -> Laws:
+    """Fit the laws of every method of which there are enough records, and time its first run on this machine.
+
+    Of methods that `base` knows, only laws of errors that it lacks are taken from the records; its others stay.
+    """
     records = list(records)
     pace = Pace.usual(records)
     samples: dict[tuple[str, str], list[Sample]] = {}
@@ -117,9 +121,14 @@ def fit_laws(records: Iterable[Record], source: dict[str, Any]) -> Laws:
             samples.setdefault((record["form"], record["solver"]), []).append(sample)
             examples.setdefault(record["form"], parse_scene(record["scene"]))
     samples = {method: runs for method, runs in samples.items() if len({run.scene for run in runs}) >= LEAST_SCENES}
-    firsts = first_seconds(examples, samples)
-    methods = {}
+    known = {name for name in base.methods if not lacking(base, *name)} if base else set()
+    firsts = first_seconds(examples, [name for name in samples if name not in known])
+    methods = dict(base.methods) if base else {}
     for (form, solver), runs in samples.items():
+        if (form, solver) in known:
+            law, found = methods[form, solver], fit_errors(runs, find_solver(solver).closed_form)
+            methods[form, solver] = replace(law, errors=found | law.errors)
+            continue
         methods[form, solver] = MethodLaws(
             form=form,
             solver=solver,
@@ -127,9 +136,13 @@ def fit_laws(records: Iterable[Record], source: dict[str, Any]) -> Laws:
             errors=fit_errors(runs, find_solver(solver).closed_form),
             compile_seconds=firsts[form, solver],
             tightest=min(run.tolerance for run in runs),
+            compiled="compiled" in find_solver(solver).backends,
         )
     scenes = {run.scene for runs in samples.values() for run in runs}
     count = sum(len(runs) for runs in samples.values())
+    if base:
+        added = {"added": {"scenes": len(scenes), "records": count, **source}}
+        return Laws(methods, base.source | added)
     return Laws(methods, {**source, "scenes": len(scenes), "records": count, "sentinel_seconds": pace.sentinel})
 
 
@@ -259,10 +272,14 @@ def fit_errors(runs: Sequence[Sample], closed_form: bool = False) -> dict[str, E
     """Fit the error laws of a method, of all wants and regimes of which there are enough runs."""
     laws = {}
     for want in WANTS:
-        for stiff in (False, True):
-            known = [run for run in runs if want in run.errors and run.errors[want][0].stiff == stiff]
+        groups: dict[str, list[Sample]] = {}
+        for run in runs:
+            if want in run.errors:
+                at = run.errors[want][0]
+                groups.setdefault(regime(want, at.stiff, at.long), []).append(run)
+        for name, known in groups.items():
             if len({run.scene for run in known}) >= LEAST_SCENES:
-                laws[regime(want, stiff)] = fit_error(known, want, closed_form)
+                laws[name] = fit_error(known, want, closed_form)
     return laws
 
 

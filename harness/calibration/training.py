@@ -1,13 +1,14 @@
 """What is measured to fit the laws: random scenes, by every form that accepts them and every solver, as studies."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 
 from polhode.harness.calibration.scenes import TRAINING_SCENES, TRAINING_SEED, Question, questions
 from polhode.harness.common.store import Record, Store
+from polhode.harness.picking.laws import Laws
 from polhode.harness.picking.model_error import LEAST_ROTATIONS
 from polhode.harness.picking.pilot import ANGLES, damping_times, pilot
 from polhode.harness.studies.case import Case
@@ -32,6 +33,10 @@ ANGLES_EVERY, ANGLES_ROWS = 3, (0, 2)
 # Solvers with Python in the loop: measured on every fourth scene, at two tolerances, to show where they stand; on every
 # second one in averaged forms, whose cost does not grow with the rotations.
 ASIDE_EVERY, ASIDE_ROTATIONS, ASIDE_AVERAGED_EVERY = 4, 300.0, 2
+# Of the long stratum are measured runs of so many rotations at most, by all methods up to the first number, and by some
+# beyond it; beside so many scenes of the short one there is one of the long one.
+EVERY_LONG, MOST_LONG, LONG_SHARE = 2e3, 2e4, 3
+QUICK = ("taylor", "cyrk-vern8", "cyrk-dop853", "splitting", "stroboscopic")
 # Counting right-hand sides slows compiled solvers down some thirtyfold, within the same limit of time.
 SECONDS, SECONDS_PER_ROTATION = 1.0, 1e-3
 
@@ -66,6 +71,34 @@ def forms_for(scene: Scene, rotations: float) -> list[str]:
         if not form.averaged or rotations > LEAST_ROTATIONS * damping_times(scene):
             accepted.append(name)
     return accepted
+
+
+def lacking(base: Laws, form: str, solver: str) -> bool:
+    """Whether laws know nothing of a method, or knew it when Python was still in its loop."""
+    law = base.methods.get((form, solver))
+    return law is None or ("compiled" in find_solver(solver).backends and not law.compiled)
+
+
+def missing_studies(question: Question, index: int, base: Laws) -> Iterator[Study]:
+    """What is measured of a training scene by the methods that the laws lack."""
+    for whole in studies(question, index):
+        for form in whole.forms:
+            if solvers := tuple(solver for solver in whole.solvers if lacking(base, form, solver)):
+                yield replace(whole, forms=(form,), solvers=solvers)
+
+
+def long_studies(question: Question, index: int) -> Iterator[Study]:
+    """What is measured of a training scene of the long stratum."""
+    scene, random = question.scene, np.random.default_rng((TRAINING_SEED, index, 2))
+    rotations = pilot(scene).rotations
+    if rotations > MOST_LONG:
+        return
+    forms = [name for name in forms_for(scene, rotations) if name not in ANGLES]
+    for row, choices in enumerate(LADDER):
+        tolerance, solvers = float(random.choice(choices)), solvers_for(scene, row)
+        for name in forms:
+            fit = solvers if rotations < EVERY_LONG or find_form(name).averaged else [s for s in solvers if s in QUICK]
+            yield study(question, [name], fit, (tolerance,), rotations)
 
 
 def studies(question: Question, index: int) -> Iterator[Study]:
@@ -124,12 +157,16 @@ class CaseGroups:
         return iter(self.groups)
 
 
-def training(count: int = TRAINING_SCENES) -> CaseGroups:
-    """All that is measured of the training scenes."""
-    scenes = enumerate(questions(TRAINING_SEED, count))
-    return CaseGroups.of("training", (part for index, question in scenes for part in studies(question, index)))
+def training(count: int = TRAINING_SCENES, base: Laws | None = None) -> CaseGroups:
+    """All that is measured of the training scenes, or what laws lack of it, and of a third as many long ones."""
+    parts: list[Study] = []
+    for index, question in enumerate(questions(TRAINING_SEED, count)):
+        parts += missing_studies(question, index, base) if base else studies(question, index)
+    for index, question in enumerate(questions(TRAINING_SEED, count // LONG_SHARE, "long")):
+        parts += long_studies(question, index)
+    return CaseGroups.of("training", parts)
 
 
-def train(store: Store, count: int = TRAINING_SCENES, quiet: bool = False) -> list[Record]:
+def train(store: Store, count: int = TRAINING_SCENES, quiet: bool = False, base: Laws | None = None) -> list[Record]:
     """Records of the training scenes, measured into a store where it does not hold them."""
-    return Runner(store, quiet).run(training(count))
+    return Runner(store, quiet).run(training(count, base))

@@ -14,10 +14,11 @@ from polhode.harness.commands._study_options import open_store, out_folder, quie
     "--to", type=click.Path(path_type=Path, dir_okay=False), help="File for the laws; by default this user's."
 )
 @click.option("--scenes", type=click.IntRange(min=3), default=160, show_default=True, help="Training scenes.")
+@click.option("--add", is_flag=True, help="Measure only what the file's laws lack, and keep them.")
 @click.option("--first-runs", is_flag=True, help="Measure first runs alone, and keep all else in the file.")
 @resume
 @quiet
-def calibrate(out: Path, to: Path | None, scenes: int, first_runs: bool, resume: bool, quiet: bool) -> None:
+def calibrate(out: Path, to: Path | None, scenes: int, add: bool, first_runs: bool, resume: bool, quiet: bool) -> None:
     """Measure the training scenes on this machine, over an hour, and fit the laws behind `polhode pick`."""
     from polhode.harness.calibration.first_runs import with_first_runs
     from polhode.harness.calibration.fit import fit_laws
@@ -34,9 +35,10 @@ def calibrate(out: Path, to: Path | None, scenes: int, first_runs: bool, resume:
         return
     with bad_input():
         path.parent.mkdir(parents=True, exist_ok=True)
+        base = parse_laws(path.read_text(encoding="utf-8")) if add else None
     with running_into(open_store(out, resume, "training")) as store:
-        records = train(store, scenes, quiet)
-    fitted = fit_laws(records, {"machine": machine(), "versions": versions()})
+        records = train(store, scenes, quiet, base)
+    fitted = fit_laws(records, {"machine": machine(), "versions": versions()}, base)
     fitted.save(path)
     click.echo(f"{path}: laws of {len(fitted.methods)} methods from {len(records)} runs")
 

@@ -31,9 +31,10 @@ FEW = 8
     help="L and E, their error over I_max, or the orientation, its error in rad.",
 )
 @click.option("--samples", type=int, default=201, show_default=True, help="Equispaced times of the output.")
+@click.option("--why", is_flag=True, help="Show why this way is the first, and why other forms will not do.")
 @click.option("--all", "everything", is_flag=True, help="Show all ways, and why each other one will not do.")
 @as_json
-def pick(scene: str, error: float, want: str, samples: int, everything: bool, as_json: bool) -> None:
+def pick(scene: str, error: float, want: str, samples: int, why: bool, everything: bool, as_json: bool) -> None:
     """Rank the ways to run SCENE: form, solver and tolerance, with predicted error and time and their 95 % intervals.
 
     Short trial runs at loose tolerances count the rotations and show how errors grow along them; laws fitted to many
@@ -57,18 +58,13 @@ def pick(scene: str, error: float, want: str, samples: int, everything: bool, as
         names = ("want", "error", "ranking", "excluded")
         click.echo(json.dumps({name: value for name, value in asdict(found).items() if name in names}))
         return
-    click.echo(pick_page(found, everything))
+    click.echo(pick_page(found, everything, why))
     options = f"--error {in_full(error)} --want {want} --samples {samples}"
     click.echo(f"\nTo run the first: polhode solve {quote(scene)} {options} --out FILE.csv")
 
 
-def pick_page(found: "Recommendation", everything: bool) -> str:
-    """What `polhode pick` prints of a recommendation."""
-    goal = "L and E within {} of I_max" if found.want == "slow" else "orientation within {} rad"
-    title = (
-        f"{goal.format(short(found.error))}, over {found.rotations:.3g} rotations "
-        f"and {found.damping_times:.3g} damping times"
-    )
+def pick_page(found: "Recommendation", everything: bool, why: bool = False) -> str:
+    """What `polhode pick` prints of a recommendation: what to run, the ways, and if asked why."""
     header = ["form", "solver", "tolerance", "error below", "time", "95 % interval", "first run", ""]
     shown = found.ranking if everything else found.ranking[:FEW]
     rows = [
@@ -84,17 +80,20 @@ def pick_page(found: "Recommendation", everything: bool) -> str:
         ]
         for row in shown
     ]
-    parts = [title, aligned(header, rows), _notes(found, len(shown))]
+    parts = [found.summary, aligned(header, rows), *filter(None, [_notes(found, len(shown), why or everything)])]
     header = ["excluded", "solvers", "why"] if everything else ["excluded", "why"]
-    if excluded := _why(found, everything):
+    if (why or everything) and (excluded := _why(found, everything)):
         parts.append(on_terminal(header, excluded))
     return "\n\n".join(parts)
 
 
-def _notes(found: "Recommendation", shown: int) -> str:
+def _notes(found: "Recommendation", shown: int, why: bool) -> str:
     """What the table does not say of itself."""
     first = found.ranking[0]
-    notes = [f"{first.form} by {first.solver}: {first.reason}"]
+    notes = []
+    if why:
+        size = f"{found.rotations:.3g} rotations and {found.damping_times:.3g} damping times"
+        notes.append(f"the run is of {size}\n{first.form} by {first.solver}: {first.reason}")
     if first.tied:
         notes.append("tied: its 95 % interval of time overlaps with the first one's, so that either may be the faster")
     if more := len(found.ranking) - shown:

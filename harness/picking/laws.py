@@ -37,6 +37,8 @@ EPS = float(np.finfo(float).eps)
 WANTS = ("slow", "orientation")
 # Damping times, T max(8πX/I)/St, from which on an explicit method is held back by stability.
 STIFF = 2e4
+# Rotations from which on a run is long.
+LONG = 500.0
 
 
 @dataclass(frozen=True)
@@ -118,6 +120,11 @@ class Sensitivity:
     largest: float  # size of what is measured: the largest |L|, E over I_max, or 1 rad
     stiff: bool = False  # whether there are more than `STIFF` damping times
 
+    @property
+    def long(self) -> bool:
+        """Whether there are more than `LONG` rotations."""
+        return self.rotations > LONG
+
 
 @dataclass(frozen=True)
 class ErrorLaw:
@@ -170,15 +177,19 @@ class MethodLaws:
     errors: dict[str, ErrorLaw]
     compile_seconds: float  # what the first of all runs takes more: importing the library and compiling the form
     tightest: float  # tolerance at which runs still ended well
+    compiled: bool = True  # whether no Python was in the loop
 
     def error_law(self, want: str, at: Sensitivity) -> ErrorLaw | None:
-        """The law of what is wanted, in the scene's regime."""
-        return self.errors.get(regime(want, at.stiff))
+        """The law of what is wanted, in the scene's regime, or of shorter runs."""
+        return self.errors.get(regime(want, at.stiff, at.long)) or self.errors.get(regime(want, at.stiff))
 
 
-def regime(want: str, stiff: bool) -> str:
-    """Name of the law of what is wanted: beyond `STIFF` damping times errors die out and the pilot is implicit."""
-    return f"stiff {want}" if stiff else want
+def regime(want: str, stiff: bool, long: bool = False) -> str:
+    """Name of the law of what is wanted: beyond `STIFF` damping times errors die out and the pilot is implicit.
+
+    Over more than `LONG` rotations errors have long added up, and laws of their own are the closer ones.
+    """
+    return f"stiff {want}" if stiff else f"long {want}" if long else want
 
 
 @dataclass(frozen=True)

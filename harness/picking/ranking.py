@@ -1,8 +1,10 @@
 """`pick`: which form, which solver, at what tolerance, and what it will cost, before anything is run in earnest."""
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
+from html import escape
 from math import inf, isfinite, pi
+from typing import TYPE_CHECKING
 
 from polhode.harness.common.text import aligned, duration, scientific, short
 from polhode.harness.picking.laws import EPS, STIFF, WANTS, Interval, Laws, MethodLaws, Sensitivity, load_laws
@@ -29,6 +31,9 @@ from polhode.models.scene import Scene, SlowStart
 from polhode.solvers.catalogue import SOLVERS
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import SolverNotValidError
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 # Laws were fitted between these tolerances.
 LOOSEST, TIGHTEST = 1e-3, 1e-15
@@ -115,13 +120,34 @@ class Recommendation:
     ranking: tuple[Way, ...]
     excluded: tuple[Excluded, ...]
 
+    @property
+    def summary(self) -> str:
+        """What to run, in a line."""
+        first, others = self.ranking[0], sum(way.tied for way in self.ranking) - 1
+        low, high = duration(first.seconds.low), duration(first.seconds.high)
+        of = "L and E within {} of I_max" if self.want == "slow" else "orientation within {} rad"
+        ties = f"; {others} other{'s' * (others > 1)} tie{'s' * (others == 1)}" if others > 0 else ""
+        way = f"{first.form} by {first.solver} at tolerance {short(first.tolerance)}"
+        time = f"about {duration(first.seconds.predicted)} ({low} to {high})"
+        return f"Run {way}: {time}, {of.format(scientific(first.error.high))}{ties}."
+
     def __repr__(self) -> str:
-        """The first ways, one a line."""
+        """What to run, and the first ways, one a line."""
         rows = [
             (way.form, way.solver, short(way.tolerance), scientific(way.error.high), duration(way.seconds.predicted))
             for way in self.ranking[:5]
         ]
-        return aligned(["form", "solver", "tolerance", "error below", "time"], rows)
+        return f"{self.summary}\n{aligned(['form', 'solver', 'tolerance', 'error below', 'time'], rows)}"
+
+    def frame(self) -> "pd.DataFrame":
+        """The ranking as a table: a row for each way, intervals in columns of their own, times in seconds."""
+        import pandas as pd
+
+        return pd.json_normalize([asdict(way) for way in self.ranking], sep="_")
+
+    def _repr_html_(self) -> str:
+        """What notebooks show."""
+        return f"<p>{escape(self.summary)}</p>{self.frame().to_html(max_rows=10)}"
 
 
 def pick(

@@ -193,11 +193,32 @@ def test_table_for_people(capsys):
     with pytest.raises(SystemExit):
         main(["pick", "paper", "--error", "1e-3"])
     out = capsys.readouterr().out
-    assert "no significant difference" in out
-    assert "crosses L² = 2EI₂" in out
-    assert "rotations" in out.splitlines()[0]
+    first = pick(named_scene("paper"), 1e-3).ranking[0]
+    assert out.startswith(f"Run {first.form} by {first.solver} at tolerance {short(first.tolerance)}: about ")
+    assert "within" in out.splitlines()[0]
+    assert "tie" in out.splitlines()[0]
+    assert "crosses L² = 2EI₂" not in out
     assert out.splitlines()[3].endswith("tied")
     assert out.count("\ntied: its 95 % interval of time overlaps with the first one's") == 1
+
+
+def test_why_for_people(capsys):
+    with pytest.raises(SystemExit):
+        main(["pick", "paper", "--error", "1e-3", "--why"])
+    out = capsys.readouterr().out
+    assert "no significant difference" in out
+    assert "crosses L² = 2EI₂" in out
+    assert " rotations and " in out
+
+
+def test_a_recommendation_is_a_line_a_table_and_a_page():
+    found = pick(named_scene("paper"), 1e-6)
+    assert repr(found).startswith(found.summary)
+    assert len(repr(found)) < 700
+    table = found.frame()
+    assert list(table["solver"]) == [way.solver for way in found.ranking]
+    assert table["seconds_high"].tolist()[0] == found.ranking[0].seconds.high
+    assert "<table" in found._repr_html_()
 
 
 @pytest.mark.parametrize(("count", "words"), [(1, "1 more way, not cheaper:"), (2, "2 more ways, not cheaper:")])
