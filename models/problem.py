@@ -55,18 +55,24 @@ class Parts:
         Rate of the fast angle, ``rate(ops) -> function(y, p)``, constant along the fast flow.
     strength : callable
         ``strength(p) -> float``: the largest rate of relaxation of the slow part; 0 where the fast flow is all.
+    forgetting : callable
+        ``forgetting(p) -> float``: the least rate at which the averaged motion forgets.
     reach : float
         Angle, in rad, up to which `fast` is exact to rounding.
-    resting : tuple of int
-        Components that the fast flow leaves alone.
+    moving : tuple of int
+        Components that the fast flow changes.
+    slow_quantities : callable
+        ``slow_quantities(states) -> ndarray``, of shapes (..., d) and (..., k): what the fast flow leaves alone.
     """
 
     fast: Part
     slow: Part
     rate: Callable[[Operations], Callable[[Any, Any], Any]]
     strength: Callable[[Sequence[float]], float]
+    forgetting: Callable[[Sequence[float]], float]
     reach: float
-    resting: tuple[int, ...]
+    moving: tuple[int, ...]
+    slow_quantities: Callable[[np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)

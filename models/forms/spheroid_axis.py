@@ -139,13 +139,27 @@ def relaxation_rate(p: Sequence[float]) -> float:
     return p[1] * max(p[2], (p[2] + p[3]) * (1 + p[4]))
 
 
+def forgetting_rate(p: Sequence[float]) -> float:
+    """The decay of L_y beside L_z (`lxsmain`–`nsmain`), of a rod that tumbles or a disc that spins: κ → ∞, κ → 0."""
+    across, along, ratio = p[1] * p[2], p[1] * (p[2] + p[3]) * (1 + p[4]), 1 / (1 + p[4])
+    return 0.5 * ratio * (across + along) if ratio < 1 else across * (2 / ratio - 1)
+
+
+def slow_quantities(states: np.ndarray) -> np.ndarray:
+    """L and L·p̂, which are constant while p̂ goes round L."""
+    momentum = states[..., :3]
+    return np.concatenate([momentum, np.sum(momentum * states[..., 3:], axis=-1, keepdims=True)], axis=-1)
+
+
 PARTS = Parts(
     fast=Part(rotation_constants, rotation),
     slow=Part(relaxation_constants, relaxation),
     rate=rotation_rate,
     strength=relaxation_rate,
+    forgetting=forgetting_rate,
     reach=2.0,
-    resting=(0, 1, 2),
+    moving=(3, 4, 5),
+    slow_quantities=slow_quantities,
 )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from polhode.models.problem import Parts
 from polhode.solvers.machine_code.program import Array, Program, compare, compiled
 from polhode.solvers.machine_code.tracing import OPERATIONS, Number
+from polhode.solvers.parts.schemes import AVOIDED
 
 # A step follows the rate of the fast angle when that has changed by this factor; in between it stays, since what errs
 # to and fro within a turn adds up to nothing only while steps are equal.
@@ -20,12 +21,12 @@ MOST_STAGES = 16
 # Turns of which the averaged field takes differences, at most; stages in a row of a Runge-Kutta table.
 MOST_TURNS, TABLE = 3, 16
 # How a call of `kernel` ends.
-Code = IntEnum("Code", "FINISHED STEPS_DONE PAUSED NOT_FINITE NO_STEP", start=0)
+Code = IntEnum("Code", "FINISHED STEPS_DONE PAUSED OUTSIDE NOT_FINITE NO_STEP", start=0)
 # Places in a clock: the time at which the step was last changed, the step, the rates between which it stays, the steps
 # since then, rows filled, steps in all, the code; then the limits of a call: a time, steps, and the number of times.
 At = IntEnum("At", "BEGIN STEP LOW HIGH SINCE FILLED STEPS CODE UNTIL LIMIT ROWS", start=0)
 
-sqrt = OPERATIONS.sqrt
+sqrt, where_positive = OPERATIONS.sqrt, OPERATIONS.where_positive
 
 
 @dataclass(frozen=True)
@@ -62,8 +63,8 @@ def kernel(parts: Parts, dimension: int) -> Callable[..., None]:
     """Compile ``advance(scheme, law, p, state, clock, times, rows)`` for a problem's parts, once in a process.
 
     It steps until the rows are filled, or a limit in the clock is met. A scheme holds the number of slow flows in a
-    step, and the fast and the slow shares; `law` the factor, the exponent and the widest angle of a step, and the
-    square of the least rate that counts. State and clock go on from there.
+    step, and the fast and the slow shares; `law` the factor, the exponent and the widest angle of a step, the square of
+    the least rate that counts, and the rates between which it holds. State and clock go on from there.
     """
     pieces = _Pieces(parts, dimension)
     return compiled(pieces.prepare, pieces.compose, pieces.step, _advance(pieces))[0]
@@ -131,7 +132,7 @@ class _Pieces:
         program = Program("compose", "constants y", "first stages", "internal", "alwaysinline")
         constants, y, first, stages = program.arguments
         with program.times(stages) as i:
-            self.fast_flow(y, self.row(constants, OPERATIONS.where_positive(i, i, first)))
+            self.fast_flow(y, self.row(constants, where_positive(i, i, first)))
             self.slow_flow(y, self.row(constants, i) + self.sizes[0])
         return program
 
@@ -181,10 +182,14 @@ def _advance(pieces: _Pieces) -> Program:
             open_[0] = 0.0
             begin[0], since[0] = begin[0] + since[0] * step[0], 0.0
             low[0], high[0] = speed / BAND, speed * BAND
-            wide, free = law[2] / speed, law[0] / speed ** law[1]
-            step[0] = OPERATIONS.where_positive(wide - free, free, wide)
+            free = law[0] * speed ** (1.0 - law[1])
+            wide = where_positive(law[2] - free, free, law[2])
+            step[0] = where_positive((wide - AVOIDED[0]) * (AVOIDED[1] - wide), AVOIDED[0], wide) / speed
             code[0] = float(Code.NOT_FINITE)
             leave(compare("uge", speed, inf))
+            code[0] = float(Code.OUTSIDE)
+            leave(compare("olt", speed, law[4]))
+            leave(compare("ogt", speed, law[5]))
             code[0] = float(Code.NO_STEP)
             leave(compare("ule", begin[0] + step[0], begin[0]))
             program.call(pieces.prepare, scheme, p, constants, step[0])
@@ -241,7 +246,7 @@ def _turn(pieces: _Pieces) -> Program:
             pieces.slow_flow(y, pieces.row(constants, i) + pieces.sizes[0])
         fast_flow(pieces.row(constants, scheme[0]), h * scheme[scheme[0] + 1.0])
     passed[0] = steps * h
-    full = OPERATIONS.where_positive(h, 2 * pi, -2 * pi)
+    full = where_positive(h, 2 * pi, -2 * pi)
     for _ in range(2):
         rest = (full - angle[0]) / pieces.rate(y, p)
         for part, size, share in ((fast, 0, 0.5), (slow, pieces.sizes[0], 1.0)):

@@ -5,6 +5,9 @@ from functools import cached_property
 
 import numpy as np
 
+# No step turns by an angle between these, in rad: at π, what goes to and fro twice a turn adds up.
+AVOIDED = 2.85, 3.35
+
 
 @dataclass(frozen=True)
 class Scheme:
@@ -61,7 +64,8 @@ class Scheme:
 
     def step(self, factor: float, rate: float) -> float:
         """Step ``H r**-m``, between one in angle (m = 1) and one in time (m = 0), and no wider than can be."""
-        return min(factor * rate**-self.exponent, self.widest / rate)
+        angle = min(factor * rate ** (1 - self.exponent), self.widest)
+        return (AVOIDED[0] if AVOIDED[0] < angle < AVOIDED[1] else angle) / rate
 
 
 def _mirrored(half: tuple[float, ...], length: int) -> np.ndarray:
@@ -72,12 +76,12 @@ def _mirrored(half: tuple[float, ...], length: int) -> np.ndarray:
 # 2001, S2 Strang's. On random spheroids SABA3 and ABA(8,4) gained over none of these at any error.
 SCHEMES = (
     Scheme("S2", (0.5,), (1.0,), 1, 2, 1.0, 0.05, 1.5),
-    Scheme("SABA2", (0.2113248654051871, 0.5773502691896258), (0.5,), 2, 2, 1.0, 0.01, 1.6),
+    Scheme("SABA2", (0.2113248654051871, 0.5773502691896258), (0.5,), 2, 2, 1.0, 0.01, 3.45),
     Scheme(
         "ABA(8,6,4)",
         (0.07113342649822312, 0.24115342795664010, 0.52141176177281479, -0.33369861622767801),
         (0.18308368747219722, 0.31078285989857487, -0.026564618511958801, 0.065396142282373418),
-        *(7, 6, 2.0, 3e-6, 2.8),
+        *(7, 6, 2.0, 3e-6, 3.5),
     ),
     Scheme(
         "ABA(10,6,4)",

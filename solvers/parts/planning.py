@@ -1,0 +1,164 @@
+"""How large steps may be: a law for each scheme, checked by short runs with two steps."""
+
+from dataclasses import dataclass
+from math import inf, isfinite, pi, sqrt
+from typing import Protocol
+
+import numpy as np
+
+from polhode.models.problem import Parts
+from polhode.solvers.contract import Record
+from polhode.solvers.parts.schemes import SCHEMES, Scheme
+
+# Error aimed at over the tolerance: estimates may be off, and what follows the check may amplify.
+AIM = 0.2
+# A check takes this share of what is left of the run, within so many turns, against steps smaller by this factor, at so
+# many times within some turns at its beginning and at its end. It takes all of a run of few turns, or of more where
+# they are damped, in proportion.
+CHECKED, LEAST_TURNS, MOST_TURNS = 0.005, 2.0, 2000.0
+ALL, DAMPED, MOST_ALL = 12.0, 5.0, 200.0
+FINER, POINTS, MEAN_OVER = 0.8, 12, 5.0
+# The step stands if the estimated error is within these factors of the one wanted; else the law is scaled, so often.
+FITTING, ROUNDS = (0.2, 1.3), 4
+# Of the errors, where they fall more slowly than by a law.
+LEAST_ORDER = 4
+# Another round for wider steps pays if they cost no more than this share of those at hand.
+REWARDING = 0.85
+# An angle of the fast components, in rad, that may be off per turn, in tolerances.
+PER_TURN = 3.0
+# Slow components remember for so many times of relaxation, between that of the fastest and that of the slowest one.
+MEMORY = 1.0
+# Scale of the error of a plan that ends in nothing.
+HOPELESS = 1e3
+# Errors that rounding makes are no reason for smaller steps.
+ROUNDING = 1e-13
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A scheme and the factor of its step, ``Scheme.step``, with the square of the least rate that counts.
+
+    It holds between two rates.
+    """
+
+    scheme: Scheme
+    factor: float
+    floor: float
+    between: tuple[float, float] = (0.0, inf)
+
+    def law(self, smaller: float = 1.0) -> np.ndarray:
+        """What machine code receives as law; all steps smaller by a factor, if asked."""
+        widest = self.scheme.widest * smaller
+        return np.array([self.factor * smaller, self.scheme.exponent, widest, self.floor, *self.between])
+
+    def flows_per_time(self, rate: float) -> float:
+        """Slow flows in a unit of time at a rate of the fast angle."""
+        return self.scheme.stages / self.scheme.step(self.factor, rate)
+
+
+class Runs(Protocol):
+    """What a planner needs to know of a problem."""
+
+    parts: Parts
+    strength: float
+    forgetting: float
+    floor: float
+    moving: list[int]
+
+    def rate(self, state: np.ndarray) -> float:
+        """Rate of the fast angle, no less than the least one that counts."""
+        ...
+
+    def short(self, plan: "Plan", smaller: float, state: np.ndarray, times: np.ndarray, rows: np.ndarray) -> int | None:
+        """Steps of a run by a plan with smaller steps, which fills all rows but the first; None if it fails."""
+        ...
+
+
+class Planner:
+    """Chooses plans for one problem and one tolerance, from its short runs.
+
+    Parameters
+    ----------
+    problem : Runs
+    """
+
+    def __init__(self, problem: Runs, tolerance: float) -> None:
+        self.problem, self.error = problem, AIM * tolerance
+        # What each scheme's errors are to its law, as far as is known.
+        self.scales = dict.fromkeys((each.name for each in SCHEMES), 1.0)
+
+    def cheapest(self, rate: float) -> Plan:
+        """The plan of fewest flows at a rate, where each scheme's errors are so many times those of its law."""
+        wanted = self.error / self.problem.strength
+        expected = [(each, each.factor(wanted / self.scales[each.name])) for each in SCHEMES]
+        plans = (Plan(*each, self.problem.floor) for each in expected)
+        return min(plans, key=lambda plan: plan.flows_per_time(rate))
+
+    def plan(self, old: Plan | None, state: np.ndarray, now: float, record: Record) -> Plan:
+        """The cheapest plan found that a check lets stand, beginning with that in use."""
+        rate, seen, good = self.problem.rate(state), set[str](), list[Plan]()
+        plan = old or self.cheapest(rate)
+        for _ in range(ROUNDS):
+            ratio = self.off(plan, state, now, record)
+            if ratio <= FITTING[1]:
+                good.append(plan)
+            if FITTING[0] <= ratio <= FITTING[1] or record.expired:
+                break
+            name = plan.scheme.name
+            found = ratio * self.error / self.problem.strength / plan.scheme.law(plan.factor, rate)
+            if not seen:
+                # What one scheme's errors have become, those of the others are expected to have become as well.
+                self.scales = {each: scale * found / self.scales[name] for each, scale in self.scales.items()}
+            elif name in seen and ratio > 1:
+                # The errors fall more slowly than by the law: where the slow part is not so small.
+                found *= ratio ** (plan.scheme.order / LEAST_ORDER - 1)
+            self.scales[name] = found
+            seen.add(name)
+            before, plan = plan, self.cheapest(rate)
+            if plan.flows_per_time(rate) > REWARDING * before.flows_per_time(rate) and good:
+                break
+        return min(good, key=lambda plan: plan.flows_per_time(rate)) if good else plan
+
+    def off(self, plan: Plan, state: np.ndarray, now: float, record: Record) -> float:
+        """Estimated error of a plan over the one aimed at."""
+        error = self.estimated(plan, state, now, record)
+        return max(error, ROUNDING) / max(self.error, ROUNDING) if isfinite(error) else HOPELESS
+
+    def estimated(self, plan: Plan, state: np.ndarray, now: float, record: Record) -> float:
+        """Error of the slow quantities in the rest of the run, from short runs by the plan and by smaller steps.
+
+        What the two differ by in a turn's mean grows with time, as long as the slow quantities remember; the rest goes
+        to and fro within a turn. What the fast components err by, in rad per turn, counts as well: over their amplitude
+        where that is small and grows, as at a saddle.
+        """
+        problem, length = self.problem, float(record.times[-1]) - now
+        turn = 2 * pi / problem.rate(state)
+        window = min(length, MOST_TURNS * turn, max(LEAST_TURNS * turn, CHECKED * length))
+        if length < turn * min(MOST_ALL, ALL * max(1.0, DAMPED * problem.strength * turn)):
+            window = length
+        span = MEAN_OVER * turn if window > 4 * MEAN_OVER * turn else window / 2
+        points = np.arange(1, POINTS + 1) / POINTS * span
+        times = now + np.concatenate([[0.0], points, window - span + points])
+        rows = np.empty((2, len(times), len(state)))
+        rows[:, 0] = state
+        for each, smaller in zip(rows, (1.0, FINER), strict=True):
+            steps = problem.short(plan, smaller, state, times, each)
+            if steps is None:
+                return inf
+            record.work.rejected = (record.work.rejected or 0) + steps
+        slow, fast = problem.parts.slow_quantities(rows), rows[:, 1:, problem.moving]
+        apart = np.maximum(_lengths(fast[1] - fast[0]) - ROUNDING, 0.0) / (1 + (times[1:] - now) / turn)
+        fast = fast[0].reshape(2, POINTS, -1)
+        begin, end = _lengths(fast - fast.sum(axis=1, keepdims=True) / POINTS).max(axis=1)
+        if end > begin:
+            apart /= min(1.0, end)
+        slow = (slow[1] - slow[0])[1:]
+        begin, end = slow.reshape(2, POINTS, -1).sum(axis=1) / POINTS
+        drift = _lengths(end - begin) / (window - span)
+        remaining = max(0.0, min(length, MEMORY / sqrt(problem.strength * problem.forgetting)) - window)
+        error = max(float(_lengths(slow).max() + drift * remaining), float(apart.max()) / PER_TURN)
+        return error / (1 - FINER**plan.scheme.order)
+
+
+def _lengths(vectors: np.ndarray) -> np.ndarray:
+    return np.sqrt(np.sum(vectors * vectors, axis=-1))
