@@ -23,7 +23,7 @@ Jacobian = Literal["exact", "difference"]
 UNLIMITED = 10**9
 
 # What a choice needs besides the solver's own library; module and package are of one name.
-_NEEDS = {"numba": "llvmlite", "exact": "llvmlite"}
+_NEEDS = {"compiled": "llvmlite", "numba": "llvmlite", "exact": "llvmlite"}
 
 
 @cache
@@ -218,6 +218,11 @@ class Solver(ABC):
         """What is missing and how to install it; None if nothing is."""
         return None if self.available else f"{self.package} is not installed: pip install {self.package}"
 
+    @property
+    def note(self) -> str | None:
+        """What is to be said of it although it is installed."""
+        return None
+
     def load(self) -> None:
         """Import the library, as a run does."""
         import_module(self.library)
@@ -239,10 +244,23 @@ class Solver(ABC):
         """
         if not (isfinite(tolerance) and tolerance > 0):
             raise SolverNotValidError(f"tolerance: got {tolerance!r}, expected a finite positive number")
-        chosen = (
-            _choose(self.name, "jacobian", jacobian, self.jacobians) if self.jacobians or jacobian else "difference"
-        )
-        return Settings(tolerance, _choose(self.name, "backend", backend, self.backends), chosen, count)
+        chosen = self._choose("jacobian", jacobian, self.jacobians) if self.jacobians or jacobian else "difference"
+        return Settings(tolerance, self._choose("backend", backend, self.backends), chosen, count)
+
+    def lacks(self, choice: str) -> str | None:
+        """What a back end or Jacobian needs that is not there."""
+        needed = _NEEDS.get(choice)
+        return f"{needed!r} installed: pip install {needed}" if needed and not installed(needed) else None
+
+    def _choose(self, kind: str, choice: Any, offered: tuple[Any, ...]) -> Any:
+        if choice is None:
+            return next((each for each in offered if not self.lacks(each)), offered[-1])
+        if choice not in offered:
+            expected = ", ".join(offered) or "none"
+            raise SolverNotValidError(f"{kind}: got {choice!r}, expected one of {expected} for solver {self.name!r}")
+        if lacking := self.lacks(choice):
+            raise SolverNotValidError(f"{kind}: got {choice!r}, expected {lacking}")
+        return choice
 
     def check(self, problem: Problem) -> None:
         """Refuse a problem that this solver cannot solve.
@@ -267,19 +285,3 @@ class Solver(ABC):
         What `solve` costs is measured against it.
         """
         return None
-
-
-def _choose(solver: str, kind: str, choice: Any, offered: tuple[Any, ...]) -> Any:
-    if choice is None:
-        return next((each for each in offered if _usable(each)), offered[-1])
-    if choice not in offered:
-        expected = ", ".join(offered) or "none"
-        raise SolverNotValidError(f"{kind}: got {choice!r}, expected one of {expected} for solver {solver!r}")
-    if not _usable(choice):
-        needed = _NEEDS[choice]
-        raise SolverNotValidError(f"{kind}: got {choice!r}, expected {needed!r} installed: pip install {needed}")
-    return choice
-
-
-def _usable(choice: str) -> bool:
-    return choice not in _NEEDS or installed(_NEEDS[choice])

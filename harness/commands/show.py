@@ -122,5 +122,5 @@ def solvers(as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps(rows))
         return
-    lines = [[row["name"], row["summary"], row["why_not"] or "available"] for row in rows]
+    lines = [[row["name"], row["summary"], row["why_not"] or solver(row["name"]).note or "available"] for row in rows]
     click.echo(on_terminal(["name", "summary", "state"], lines))

@@ -180,7 +180,7 @@ def _broken_balance(total: Errors, tolerance: float) -> Record:
 def _rhs_seconds(case: Case) -> float | None:
     """Wall time of one right-hand side by the case's back end, measured once per form and process."""
     method = find_solver(case.solver)
-    backend = case.backend or method.backends[0]
+    backend = case.backend or method.settings(case.tolerance).backend
     if case.problem.parameters is None or case.solver == "exact":
         return None
     key = case.form, backend

@@ -140,7 +140,7 @@ class Study:
     def _ways(self, solver_name: str) -> list[tuple[Backend | None, Jacobian | None]]:
         """Back ends and Jacobians with which to run a solver."""
         solver = find_solver(solver_name)
-        offered = set(solver.backends), set(solver.jacobians)
+        offered = {each for each in solver.backends if not solver.lacks(each)}, set(solver.jacobians)
         backends: list[Backend | None] = [name for name in self.backends or () if name in offered[0]]
         jacobians: list[Jacobian | None] = [name for name in self.jacobians or () if name in offered[1]]
         if self.backends is None:

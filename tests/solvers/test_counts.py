@@ -1,5 +1,7 @@
 """Work is counted truly: right-hand sides by a field that counts itself, steps and rejections by other means."""
 
+# pyright: reportOptionalOperand=false, reportOperatorIssue=false
+
 from dataclasses import replace
 
 import numpy as np
@@ -42,8 +44,9 @@ def test_calls_are_those_that_the_field_sees(name: str, jacobian):
     solution = solve(COUNTING, name, 1e-6, TIMES, backend="python", jacobian=jacobian, count=True)
     # IDA asks the field once for the rates at the start.
     assert solution.work.rhs_calls == CALLS[0] - (name == "ida")
-    with_numba = solve(RIGID_BODY, name, 1e-6, TIMES, backend="numba", jacobian=jacobian, count=True)
-    assert with_numba.work.rhs_calls == pytest.approx(solution.work.rhs_calls, rel=0.02)
+    for backend in set(solver(name).backends) - {"python"}:
+        other = solve(RIGID_BODY, name, 1e-6, TIMES, backend=backend, jacobian=jacobian, count=True)
+        assert other.work.rhs_calls == pytest.approx(solution.work.rhs_calls, rel=0.02)
 
 
 @pytest.mark.parametrize("name", ["dop853", "bdf", "radau", "lsoda"])
@@ -108,5 +111,5 @@ def test_counts_that_a_library_does_not_report_are_none():
     assert (taylor.rhs_calls, taylor.rejected, taylor.jacobians, taylor.factorizations) == (None,) * 4
     cyrk = solve(RIGID_BODY, "cyrk-bdf", 1e-6).work
     assert (cyrk.rhs_calls, cyrk.rejected, cyrk.jacobians, cyrk.factorizations) == (None,) * 4
-    cvode = solve(RIGID_BODY, "cvode-bdf", 1e-6).work
+    cvode = solve(RIGID_BODY, "cvode-bdf", 1e-6, backend="numba").work
     assert (cvode.steps, cvode.rejected, cvode.factorizations) == (None,) * 3

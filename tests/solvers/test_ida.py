@@ -32,7 +32,7 @@ def forms_without_inertia() -> list[str]:
 
 
 @pytest.mark.parametrize("jacobian", ["exact", "difference"])
-@pytest.mark.parametrize("backend", ["numba", "python"])
+@pytest.mark.parametrize("backend", ["compiled", "numba", "python"])
 @pytest.mark.parametrize("name", forms_without_inertia())
 def test_ida_at_zero_inertia_follows_jeffery(name: str, backend, jacobian):
     run, times = Run("no-inertia", name), JEFFERY.times

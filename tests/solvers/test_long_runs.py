@@ -29,17 +29,19 @@ problem = form("quaternion").problem(scene)
 
 INTERRUPTED = """
 times = np.concatenate([[0.0, 1.0], np.linspace(100.0, scene.time, 1000)])
-for name, count in [argument.split(":") for argument in sys.argv[1:]]:
-    solve(replace(problem, end=1.0), name, 1e-8, count=bool(count))
+for name, way in [argument.split(":") for argument in sys.argv[1:]]:
+    options = {"count": True} if way == "count" else {"backend": way or None}
+    solve(replace(problem, end=1.0), name, 1e-8, **options)
     print("running", flush=True)
     try:
-        solve(problem, name, 1e-8, times, count=bool(count))
+        solve(problem, name, 1e-8, times, **options)
     except Interrupted as interrupted:
         solution = interrupted.solution
         print(name, len(solution.times) == len(solution.states) >= 2, np.isfinite(solution.states).all(), flush=True)
 """
 
-CASES = ["dop853:", "lsoda:", "cvode-bdf:", "cvode-bdf:count", "ida:", "taylor:", "cyrk-vern8:", "cyrk-vern8:count"]
+CASES = ["dop853:", "lsoda:", "cvode-bdf:", "cvode-bdf:numba", "ida:", "ida:numba", "taylor:"]
+CASES += ["cyrk-vern8:", "cyrk-vern8:count"]
 
 
 def test_ctrl_c_keeps_the_finished_rows():

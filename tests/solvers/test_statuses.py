@@ -16,9 +16,24 @@ from polhode.solvers import contract
 from polhode.solvers.catalogue import solver
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, SolverNotValidError, Status
 from polhode.solvers.solve import solve
+from polhode.solvers.sundials.methods import CvodeBdf, Ida
+
+
+class CvodeCallback(CvodeBdf):
+    """Where SUNDIALS' C libraries are not found."""
+
+    backends = ("numba", "python")
+
+
+class IdaCallback(Ida):
+    """Where SUNDIALS' C libraries are not found."""
+
+    backends = ("numba", "python")
+
 
 RUN = Run("triaxial", "quaternion")
 INTEGRATORS = accepting(RUN.problem)
+WAYS = [*INTEGRATORS, *(pytest.param(one(), id=one.__name__) for one in (CvodeCallback, IdaCallback))]
 
 
 def square_field(ops: Operations) -> Field:
@@ -58,8 +73,8 @@ def assert_finished_rows(solution, exact):
     assert solution.states[:, 0] == pytest.approx(exact(solution.times), rel=1e-2)
 
 
-@pytest.mark.parametrize("name", INTEGRATORS)
-def test_blow_up_in_finite_time(name: str):
+@pytest.mark.parametrize("name", WAYS)
+def test_blow_up_in_finite_time(name: str | Solver):
     times = np.linspace(0.0, 2.0, 21)
     solution = solve(BLOW_UP, name, 1e-6, times)
     assert solution.status in (Status.STEP_UNDERFLOW, Status.NON_FINITE)
@@ -68,16 +83,16 @@ def test_blow_up_in_finite_time(name: str):
     assert_finished_rows(replace(solution, times=times[:9], states=solution.states[:9]), lambda t: 1 / (1 - t))
 
 
-@pytest.mark.parametrize("name", INTEGRATORS)
-def test_growth_beyond_double_precision(name: str):
+@pytest.mark.parametrize("name", WAYS)
+def test_growth_beyond_double_precision(name: str | Solver):
     solution = solve(GROWTH, name, 1e-7, np.linspace(0.0, 1000.0, 101))
     assert solution.status in (Status.STEP_UNDERFLOW, Status.NON_FINITE)
     assert len(solution.times) == 71
     assert_finished_rows(solution, np.exp)
 
 
-@pytest.mark.parametrize("name", INTEGRATORS)
-def test_step_limit_keeps_the_rows_before_it(name: str):
+@pytest.mark.parametrize("name", WAYS)
+def test_step_limit_keeps_the_rows_before_it(name: str | Solver):
     full = solve(RUN.problem, name, 1e-6, RUN.times, count=True)
     solution = solve(RUN.problem, name, 1e-6, RUN.times, max_steps=20)
     assert solution.status is Status.STEP_LIMIT
@@ -87,8 +102,8 @@ def test_step_limit_keeps_the_rows_before_it(name: str):
     assert np.abs(solution.states - full.states[: len(solution.states)]).max() < 1e-3
 
 
-@pytest.mark.parametrize("name", INTEGRATORS)
-def test_messages_count_the_steps_of_all_pieces(name: str):
+@pytest.mark.parametrize("name", WAYS)
+def test_messages_count_the_steps_of_all_pieces(name: str | Solver):
     times = np.linspace(0.0, TURNS.end, 701)
     steps = solve(TURNS, name, 1e-4, times, count=True).work.steps
     assert steps is not None
@@ -99,8 +114,8 @@ def test_messages_count_the_steps_of_all_pieces(name: str):
     assert (solution.work.steps, solution.message) == (limit, f"{limit} steps")
 
 
-@pytest.mark.parametrize("name", INTEGRATORS)
-def test_time_limit_keeps_the_rows_before_it(name: str):
+@pytest.mark.parametrize("name", WAYS)
+def test_time_limit_keeps_the_rows_before_it(name: str | Solver):
     long = replace(RUN.problem, end=1e7)
     times = np.concatenate([[0.0, 1.0], np.linspace(1e3, 1e7, 1000)])
     solve(RUN.problem, name, 1e-9)
@@ -112,8 +127,8 @@ def test_time_limit_keeps_the_rows_before_it(name: str):
     assert solution.states[1] == pytest.approx(solve(replace(long, end=1.0), name, 1e-9).states[-1], abs=1e-6)
 
 
-@pytest.mark.parametrize("name", ["cvode-adams", "cvode-bdf", "ida"])
-def test_sundials_refuses_a_tolerance_below_roundoff(name: str):
+@pytest.mark.parametrize("name", [*WAYS[-2:], "cvode-adams", "cvode-bdf", "ida"])
+def test_sundials_refuses_a_tolerance_below_roundoff(name: str | Solver):
     solution = solve(RUN.problem, name, 1e-17, RUN.times)
     assert solution.status is Status.TOLERANCE_UNATTAINABLE
     assert len(solution.times) == 1

@@ -1,4 +1,4 @@
-"""SUNDIALS' CVODE and IDA through scikit-sundae.
+"""SUNDIALS' CVODE and IDA, in machine code alone or through scikit-sundae.
 
 Tolerance: `rtol` = `atol` = tolerance, for the error of a step in the weighted root-mean-square norm. Rows come from
 the library's own interpolation, of the order of the step; of the requested times the first alone has a say in the
@@ -6,9 +6,10 @@ steps, the first one being at most a tenth of it (CVODE). The order and the step
 (a step grows by half or not at all), so that the error falls with the tolerance on the average only: by a factor of
 ten up or down between neighbours, whatever the Jacobian or the corrector.
 
-The library hands back its rows when it fails, but not when a callback raises. Past the deadline, or after Ctrl-C, the
-right-hand side therefore turns NaN, and the library gives up by itself. It reports steps only where it is called step
-by step, at 5 µs each: so it runs when counts or a limit of steps are asked for, over the very same steps.
+Through scikit-sundae the library hands back its rows when it fails, but not when a callback raises. Past the deadline,
+or after Ctrl-C, the right-hand side therefore turns NaN, and the library gives up by itself. It reports steps only
+where it is called step by step, at 5 µs each: so it runs when counts or a limit of steps are asked for, over the very
+same steps.
 """
 
 import io
@@ -31,15 +32,9 @@ from polhode.solvers.contract import (
     SolverNotValidError,
     Status,
 )
-from polhode.solvers.sundials_guard import Guard, deferred_interrupt, guarded, guarded_residual
-
-# SUNDIALS return values (cvode.h, ida.h; both libraries share these).
-_STATUS = {
-    -1: Status.STEP_LIMIT,
-    -2: Status.TOLERANCE_UNATTAINABLE,
-    -3: Status.STEP_UNDERFLOW,
-    -4: Status.STEP_UNDERFLOW,
-}
+from polhode.solvers.sundials.compiled import FAILURES, Memory, integrator
+from polhode.solvers.sundials.guard import Guard, deferred_interrupt, guarded, guarded_residual
+from polhode.solvers.sundials.library import load_sundials
 
 
 class SundialsSolver(Solver):
@@ -49,12 +44,30 @@ class SundialsSolver(Solver):
     package = "scikit-sundae"
     family = "SUNDIALS"
     implicit = True
+    backends = ("compiled", "numba", "python")
     jacobians = ("exact", "difference")
+    # How the names of the C library's functions begin, and the arguments of its constructor.
+    prefix: ClassVar[str]
+    number: ClassVar[tuple[int, ...]] = ()
+
+    def lacks(self, choice: str) -> str | None:
+        """What a back end or Jacobian needs that is not there: of ``compiled``, SUNDIALS' C libraries."""
+        found = choice != "compiled" or load_sundials(self.prefix)
+        return super().lacks(choice) or (None if found else "SUNDIALS' C libraries, which its wheels bring")
+
+    @property
+    def note(self) -> str | None:
+        """Whether Python is in the loop."""
+        return (
+            "available, in Python's loop: no C libraries found" if self.available and self.lacks("compiled") else None
+        )
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         """Bind the callbacks, compiled once per field."""
         # The library prints its warnings on standard output, where tables go.
         os.environ.setdefault("SUNLOGGER_WARNING_FILENAME", os.devnull)
+        if settings.backend == "compiled":
+            return integrator(self._memory(problem, settings), settings.count)
         guard = Guard()
         library, start = self.bind(problem, settings, guard)
 
@@ -73,15 +86,31 @@ class SundialsSolver(Solver):
 
         return integrate
 
+    def _memory(self, problem: Problem, settings: Settings) -> Memory:
+        library = load_sundials(self.prefix)
+        assert library is not None, "the settings have been asked"
+        return Memory(library, problem, settings, self.number)
+
     def bind(self, problem: Problem, settings: Settings, guard: Guard | None) -> tuple[Any, Callable[[Record], tuple]]:
         """The library's solver object, and what it starts from; without a guard nothing stops it."""
         raise NotImplementedError
 
     def bare_call(self, problem: Problem, settings: Settings, times: np.ndarray) -> Callable[[], object] | None:
-        """The solver object's `solve` with these times."""
+        """The solver object's `solve` with these times, or SUNDIALS' own calls; the rows."""
+        record = Record(times, np.array([problem.start] * len(times)))
+        if settings.backend == "compiled":
+            memory = self._memory(problem, settings)
+
+            def call() -> np.ndarray:
+                record.filled = 1
+                memory.begin(record)
+                memory.advance(record, UNLIMITED)
+                return record.rows
+
+            return call
         library, start = self.bind(problem, settings, None)
-        begin = start(Record(times, np.array([problem.start])))
-        return lambda: library.solve(times, *begin)
+        begin = start(record)
+        return lambda: library.solve(times, *begin).y
 
 
 def _at_once(library: Any, start: tuple, record: Record) -> Outcome:
@@ -127,11 +156,12 @@ def _step_by_step(library: Any, start: tuple, record: Record) -> Outcome:
 def _outcome(result: Any) -> Outcome:
     if result.success:
         return Status.REACHED_END, ""
-    return _STATUS.get(result.status, Status.NON_FINITE), result.message
+    return FAILURES.get(result.status, (Status.NON_FINITE,))[0], result.message
 
 
 class _Cvode(SundialsSolver):
     accepts = "every form with an explicit vector field"
+    prefix = "CVode"
     method: ClassVar[str]
 
     def bind(self, problem: Problem, settings: Settings, guard: Guard | None) -> tuple[Any, Callable[[Record], tuple]]:
@@ -178,6 +208,7 @@ class CvodeAdams(_Cvode):
     name = "cvode-adams"
     summary = "Adams methods of order 1 to 12 (SUNDIALS CVODE)"
     method = "Adams"
+    number = (1,)
     error_constant = 2000.0  # 439 measured
 
 
@@ -191,6 +222,7 @@ class CvodeBdf(_Cvode):
     name = "cvode-bdf"
     summary = "backward differentiation formulas of order 1 to 5 (SUNDIALS CVODE)"
     method = "BDF"
+    number = (2,)
     error_constant = 6000.0  # 1862 measured
 
 
@@ -205,6 +237,7 @@ class Ida(SundialsSolver):
 
     name = "ida"
     summary = "backward differentiation formulas for implicit equations (SUNDIALS IDA)"
+    prefix = "IDA"
     accepts = "every form; the full forms with body angular velocity also at St = 0"
     error_constant = 2500.0  # 667 measured
 

@@ -1,0 +1,74 @@
+"""SUNDIALS' C libraries, which scikit-sundae's wheel brings: found at run time, called by name."""
+
+import ctypes
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from polhode.models.spent import spent_on
+
+# The version whose functions are called here.
+MAJOR = 7
+# What functions return that do not return a code, negative where they fail.
+_MAKERS = ("N_VMake_Serial", "SUNDenseMatrix", "SUNLinSol_Dense", "CVodeCreate", "IDACreate")
+_SILENT = ("N_VSetArrayPointer", "N_VDestroy", "SUNMatDestroy", "CVodeFree", "IDAFree")
+
+
+class Sundials:
+    """The functions of CVODE or of IDA, and those that both libraries hold."""
+
+    def __init__(self, prefix: str, file: Path) -> None:
+        self.prefix, self._functions = prefix, ctypes.CDLL(str(file))
+        for names, result in ((_MAKERS, ctypes.c_void_p), (_SILENT, None)):
+            for name in names:
+                if hasattr(self._functions, name):
+                    getattr(self._functions, name).restype = result
+
+    def __call__(self, name: str, *arguments: float) -> int:
+        """Call a function; a name without an underscore is the library's own, ``SetStopTime``.
+
+        Raises
+        ------
+        RuntimeError
+            If it fails.
+        """
+        converted = [ctypes.c_double(x) if isinstance(x, float) else ctypes.c_int64(x) for x in arguments]
+        code = self.function(name)(*converted) or 0
+        if code < 0:
+            raise RuntimeError(f"{self.prefix}, {name}: code {code}")
+        return code
+
+    def function(self, name: str) -> Any:
+        """A function as ctypes has it."""
+        shared = name.startswith(("SUN", "N_V"))
+        return getattr(self._functions, name if shared else self.prefix + name)
+
+    def address(self, name: str) -> str:
+        """A function's address as LLVM's language has it."""
+        return f"inttoptr (i64 {ctypes.cast(self.function(name), ctypes.c_void_p).value} to ptr)"
+
+
+@cache
+@spent_on("import")
+def load_sundials(prefix: str) -> Sundials | None:
+    """The library whose functions begin with `prefix`, ``CVode`` or ``IDA``; None if it is not found or unknown."""
+    for file in _files(f"sundials_{prefix.lower()}[-.]*"):
+        try:
+            library = Sundials(prefix, file)
+            numbers, label = (ctypes.c_int * 3)(), ctypes.create_string_buffer(40)
+            places = [ctypes.addressof(numbers) + 4 * i for i in range(3)]
+            library("SUNDIALSGetVersionNumber", *places, ctypes.addressof(label), len(label))
+        except (OSError, AttributeError):
+            continue
+        if numbers[0] == MAJOR:
+            return library
+    return None
+
+
+def _files(pattern: str) -> list[Path]:
+    """Files beside the installed scikit-sundae, where wheels for Linux, Windows and macOS keep them."""
+    spec = find_spec("sksundae")
+    packages = [Path(place) for place in (spec.submodule_search_locations or ())] if spec else []
+    folders = [folder for one in packages for folder in (one.parent / "scikit_sundae.libs", one / ".dylibs")]
+    return sorted(file for folder in folders for file in folder.glob(f"*{pattern}"))

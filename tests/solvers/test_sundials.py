@@ -1,0 +1,141 @@
+"""CVODE and IDA in machine code alone: the same runs as through Python's callbacks, and nothing left behind."""
+
+import resource
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from oracle.classical import CLASSICAL
+from oracle.runs import Run
+from polhode.models.operations import Field, Operations
+from polhode.models.problem import Problem
+from polhode.solvers.catalogue import solver
+from polhode.solvers.contract import SolverNotValidError, Status
+from polhode.solvers.solve import solve
+from polhode.solvers.sundials import compiled, methods
+from polhode.solvers.sundials.library import Sundials, load_sundials
+
+NAMES = ["cvode-adams", "cvode-bdf", "ida"]
+PROBLEM = Run("triaxial", "quaternion").problem
+TIMES = np.linspace(0.0, PROBLEM.end, 41)
+
+
+@pytest.mark.parametrize("jacobian", ["exact", "difference"])
+@pytest.mark.parametrize("name", NAMES)
+def test_the_same_steps_as_through_python(name: str, jacobian):
+    """Bit for bit, but for IDA's exact Jacobian, whose last bits may be rounded once instead of twice."""
+    one, other = (
+        solve(PROBLEM, name, 1e-8, TIMES, backend=backend, jacobian=jacobian, count=True)
+        for backend in ("compiled", "numba")
+    )
+    assert one.states == pytest.approx(other.states, abs=1e-11 if (name, jacobian) == ("ida", "exact") else 0.0)
+    for count in ("rhs_calls", "steps", "jacobians"):
+        assert getattr(one.work, count) == getattr(other.work, count) > 0
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_looks_at_the_clock_change_nothing(name: str, monkeypatch: pytest.MonkeyPatch):
+    at_once = solve(PROBLEM, name, 1e-8, TIMES, count=True)
+    monkeypatch.setattr(compiled, "CHUNK", 3)
+    in_chunks = solve(PROBLEM, name, 1e-8, TIMES, count=True)
+    assert np.array_equal(at_once.states, in_chunks.states)
+    assert at_once.work == in_chunks.work
+
+
+def test_rejected_steps_and_factorizations_are_counted():
+    work = solve(CLASSICAL["stiff-van-der-pol"].problem, "cvode-bdf", 1e-6).work
+    steps, rejected, jacobians, factorizations = (
+        count or 0 for count in (work.steps, work.rejected, work.jacobians, work.factorizations)
+    )
+    # A step that was taken back makes a new matrix, of a Jacobian that may be an old one.
+    assert steps > factorizations > jacobians > 0
+    assert factorizations >= rejected > 0
+
+
+CALLS = [0]
+
+
+def counting_field(ops: Operations) -> Field:
+    def rhs(y, p):
+        CALLS[0] += 1
+        return -1.0 * y[0], y[0] * y[0]
+
+    return rhs
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_python_takes_no_part(name: str):
+    problem = Problem("counting", counting_field, (1.0, 0.0), 5.0)
+    solve(problem, name, 1e-8)
+    CALLS[0] = 0
+    assert solve(problem, name, 1e-8).success
+    assert CALLS[0] == 0
+
+
+def test_all_memory_is_given_back(monkeypatch: pytest.MonkeyPatch):
+    """Whatever is made is freed once, after failures too, and a thousand runs leave no trace."""
+    called: Counter[str] = Counter()
+    call = Sundials.__call__
+
+    def counted(self: Sundials, name: str, *arguments: float) -> int:
+        called[name] += 1
+        return call(self, name, *arguments)
+
+    monkeypatch.setattr(Sundials, "__call__", counted)
+    for name in NAMES:
+        solve(PROBLEM, name, 1e-8)
+        solve(PROBLEM, name, 1e-17)
+    pairs = {"N_VMake_Serial": "N_VDestroy", "SUNContext_Create": "SUNContext_Free", "Create": "Free"}
+    pairs |= {"SUNDenseMatrix": "SUNMatDestroy", "SUNLinSol_Dense": "SUNLinSolFree"}
+    assert all(called[made] == called[freed] >= 6 for made, freed in pairs.items())
+    monkeypatch.undo()
+
+    def peak() -> int:
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+    short = replace(PROBLEM, end=1e-3)
+    for _ in range(100):
+        solve(short, "ida", 1e-6)
+    before = peak()
+    for _ in range(1000):
+        solve(short, "ida", 1e-6)
+    assert peak() - before < 2000, "kB; one run's memory is some 20"
+
+
+def test_runs_side_by_side():
+    alone = [solve(PROBLEM, name, tolerance, TIMES).states for name in NAMES for tolerance in (1e-5, 1e-9)]
+    with ThreadPoolExecutor(4) as pool:
+        runs = [pool.submit(solve, PROBLEM, name, each, TIMES) for name in NAMES for each in (1e-5, 1e-9)] * 5
+        assert all(np.array_equal(run.result().states, alone[i % len(alone)]) for i, run in enumerate(runs))
+
+
+def square(ops: Operations) -> Field:
+    return lambda y, p: (y[0] * y[0],)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_stall_ends_without_a_word(name: str, capfd: pytest.CaptureFixture[str]):
+    """Before t = 1, where the solution is infinite, steps no longer advance the time, which the library warns of."""
+    solution = solve(Problem("blow-up", square, (1.0,), 2.0), name, 1e-4, max_seconds=20.0)
+    assert (solution.status, solution.message[:19]) == (Status.STEP_UNDERFLOW, "stalled at t = 0.99")
+    assert tuple(capfd.readouterr()) == ("", "")
+
+
+def test_a_library_unknown_is_left_alone(monkeypatch: pytest.MonkeyPatch):
+    for prefix in ("CVode", "IDA"):
+        assert load_sundials(prefix) is not None
+        assert load_sundials.__wrapped__(f"{prefix}S") is None
+    monkeypatch.setattr("polhode.solvers.sundials.library.MAJOR", 8)
+    assert load_sundials.__wrapped__("CVode") is None
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_without_the_libraries_python_calls(name: str, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(methods, "load_sundials", lambda prefix: None)
+    assert solve(PROBLEM, name, 1e-6).settings.backend == "numba"
+    assert "no C libraries found" in str(solver(name).note)
+    with pytest.raises(SolverNotValidError, match="backend: got 'compiled', expected SUNDIALS' C libraries"):
+        solve(PROBLEM, name, 1e-6, backend="compiled")
