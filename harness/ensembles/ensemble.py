@@ -12,7 +12,7 @@ from polhode.harness.common.machine import package_version
 from polhode.harness.common.plain_json import digest
 from polhode.harness.common.store import Record
 from polhode.harness.ensembles.starts import Drawn, Starts
-from polhode.harness.ensembles.statistics import Layout, Statistics
+from polhode.harness.ensembles.statistics import RATES, Layout, Statistics, squared_rates
 from polhode.models.catalogue import form as find_form
 from polhode.models.scene import BodyStart, Scene
 from polhode.models.shape import Ellipsoid
@@ -166,6 +166,7 @@ class Ensemble:
         every = (samples - 1) // (self.snapshots - 1)
         slow_then = np.empty((self.snapshots, n, 4))
         directions_then = np.empty((self.snapshots, n, len(axes), 3))
+        rates_then = np.empty((self.snapshots, n, len(axes), len(RATES)))
         close = np.empty((len(self.attractors), n, samples), dtype=bool)
         at_once = max(1, OBSERVED // samples)
         for first in range(0, n, at_once):
@@ -173,12 +174,17 @@ class Ensemble:
             seen = form.observe(scene, states[some].reshape(-1, d))
             slow = (seen.slow / unit).reshape(-1, samples, 4)
             slow_then[:, some] = slow[:, ::every].swapaxes(0, 1)
-            directions = seen.rotation.reshape(-1, samples, 3, 3)[:, ::every, axes]
-            directions_then[:, some] = directions.swapaxes(0, 1)
+            rotations = seen.rotation.reshape(-1, samples, 3, 3)[:, ::every]
+            directions_then[:, some] = rotations[:, :, axes].swapaxes(0, 1)
+            momenta = seen.angular_momentum.reshape(-1, samples, 3)[:, ::every]
+            for k, axis in enumerate(axes):
+                rates = squared_rates(self.ellipsoid, momenta.reshape(-1, 3), rotations.reshape(-1, 3, 3), axis)
+                rates_then[:, some, k] = rates.reshape(-1, self.snapshots, len(RATES)).swapaxes(0, 1)
             for k, attractor in enumerate(self.attractors):
                 away = slow - attractor.state
                 close[k, some] = np.einsum("nmk,nmk->nm", away, away) < attractor.reach**2
         statistics.add_orientations(directions_then)
+        statistics.add_rates(rates_then)
         statistics.add_slow(self.layout, slow_then)
         for k in range(len(self.attractors)):
             statistics.add_arrivals(k, close[k].T)

@@ -11,13 +11,17 @@ from polhode.harness.ensembles.summary import (
     distribution_rows,
     ensemble_row,
     moment_rows,
+    rate_rows,
     slow_rows,
+    voigt_rows,
 )
 from polhode.harness.ensembles.sweep import NO_TIMES, Sweep, gather
 
 PAGE = "README.md"
 FILES = {
     "moments.csv": (moment_rows, "orientation moments of second and fourth order, with standard errors"),
+    "voigt.csv": (voigt_rows, "the same of fourth order as matrices in Voigt's order"),
+    "rates.csv": (rate_rows, "mean squares of spinning and tumbling rates, with standard errors"),
     "slow.csv": (slow_rows, "means of L and E, with standard errors"),
     "distributions.csv": (distribution_rows, "histograms of L and E"),
     "arrivals.csv": (arrival_rows, "fraction arrived at each attractor against time, with 95 % intervals"),

@@ -6,8 +6,16 @@ from typing import Any, Self
 
 import numpy as np
 
+from polhode.models.shape import Ellipsoid
+
 SECOND = tuple(combinations_with_replacement(range(3), 2))
 FOURTH = tuple(combinations_with_replacement(range(3), 4))
+# Pairs of components in Voigt's order, and which of `FOURTH` the moment of two pairs is, shape (6, 6).
+VOIGT = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
+FOURTH_OF_VOIGT = np.array([[FOURTH.index(tuple(sorted((*one, *other)))) for other in VOIGT] for one in VOIGT])
+# Mean squares of rates, of rotation about a body axis p and of p itself (Voth and Soldati, Annu. Rev. Fluid Mech. 49
+# (2017) 249).
+RATES = ("spinning", "tumbling")
 # Slow variables whose distributions are kept, in units of the largest moment of inertia.
 SLOW_NAMES = ("Lx", "Ly", "Lz", "L", "E")
 
@@ -30,6 +38,20 @@ class Layout:
         return np.linspace(0.0 if name in ("L", "E") else -high, high, self.bins + 1)
 
 
+def squared_rates(ellipsoid: Ellipsoid, momentum: np.ndarray, rotation: np.ndarray, axis: int) -> np.ndarray:
+    """(ω·p)² and |dp/dt|² = ω² - (ω·p)² of a body axis p, shape (n, 2), from L and matrices whose rows are axes.
+
+    Of a spheroid its own axis' row is enough: about it L and ω differ by I_a, across it by I_e.
+    """
+    inertia = np.array(ellipsoid.inertia)
+    along = np.einsum("nj,nj->n", momentum, rotation[:, axis])
+    if ellipsoid.kind == "triaxial":
+        squares = np.square(np.einsum("nij,nj->ni", rotation, momentum) / inertia)
+        return np.column_stack([squares[:, axis], squares.sum(axis=1) - squares[:, axis]])
+    across = np.square(momentum).sum(axis=1) - along**2
+    return np.column_stack([along**2 / inertia[axis] ** 2, across / inertia[axis - 1] ** 2])
+
+
 @dataclass
 class Statistics:
     """Sums over the particles that did not fail, with S snapshots, A axes, M samples; `SLOW_NAMES` over I_max."""
@@ -39,6 +61,8 @@ class Statistics:
     second: np.ndarray  # Σ p_i p_j in the order of `SECOND`, shape (S, A, 6)
     fourth: np.ndarray  # Σ p_i p_j p_k p_l in the order of `FOURTH`, shape (S, A, 15)
     fourth_squares: np.ndarray
+    rates: np.ndarray  # Σ (ω·p)² and Σ |dp/dt|², shape (S, A, 2)
+    rates_squares: np.ndarray
     slow: np.ndarray  # shape (S, 5)
     slow_squares: np.ndarray
     histograms: np.ndarray  # of int, shape (S, 5, bins + 2)
@@ -54,6 +78,8 @@ class Statistics:
             np.zeros((times, axes, len(SECOND))),
             np.zeros((times, axes, len(FOURTH))),
             np.zeros((times, axes, len(FOURTH))),
+            np.zeros((times, axes, len(RATES))),
+            np.zeros((times, axes, len(RATES))),
             np.zeros((times, names)),
             np.zeros((times, names)),
             np.zeros((times, names, layout.bins + 2), dtype=np.int64),
@@ -82,6 +108,11 @@ class Statistics:
             product = pairs[i, j] * pairs[m, n]
             self.fourth[:, :, k] += product.sum(axis=1)
             self.fourth_squares[:, :, k] += np.square(product).sum(axis=1)
+
+    def add_rates(self, rates: np.ndarray) -> None:
+        """Add (ω·p)² and |dp/dt|² of axes p, shape (S, n, A, 2)."""
+        self.rates += rates.sum(axis=1)
+        self.rates_squares += np.square(rates).sum(axis=1)
 
     def add_slow(self, layout: Layout, slow: np.ndarray) -> None:
         """Add slow variables (L_x, L_y, L_z, E) over the largest moment of inertia, shape (S, n, 4)."""

@@ -9,7 +9,15 @@ from scipy.stats import binom
 
 from polhode.harness.common.fits import COVERAGE, wilson
 from polhode.harness.ensembles.ensemble import Ensemble
-from polhode.harness.ensembles.statistics import FOURTH, SECOND, SLOW_NAMES, Statistics
+from polhode.harness.ensembles.statistics import (
+    FOURTH,
+    FOURTH_OF_VOIGT,
+    RATES,
+    SECOND,
+    SLOW_NAMES,
+    VOIGT,
+    Statistics,
+)
 
 QUANTILES = (0.1, 0.5, 0.9)
 
@@ -35,6 +43,21 @@ def second_moments(statistics: Statistics) -> tuple[np.ndarray, np.ndarray]:
 def fourth_moments(statistics: Statistics) -> tuple[np.ndarray, np.ndarray]:
     """⟨p_i p_j p_k p_l⟩ and standard errors, both of shape (snapshots, axes, 15), in the order of `FOURTH`."""
     return _means(statistics.finished, statistics.fourth, statistics.fourth_squares)
+
+
+def fourth_in_voigt_order(statistics: Statistics) -> tuple[np.ndarray, np.ndarray]:
+    """⟨p_i p_j p_k p_l⟩ and standard errors as matrices in Voigt's order xx, yy, zz, yz, xz, xy.
+
+    Both of shape (snapshots, axes, 6, 6), as tensors of stiffness are written: no factors stand before the components
+    (Voigt 1910; of orientation: Advani and Tucker, J. Rheol. 31 (1987) 751).
+    """
+    mean, error = fourth_moments(statistics)
+    return mean[..., FOURTH_OF_VOIGT], error[..., FOURTH_OF_VOIGT]
+
+
+def rate_means(statistics: Statistics) -> tuple[np.ndarray, np.ndarray]:
+    """⟨(ω·p)²⟩ and ⟨|dp/dt|²⟩ and standard errors, both of shape (snapshots, axes, 2), in the order of `RATES`."""
+    return _means(statistics.finished, statistics.rates, statistics.rates_squares)
 
 
 def slow_means(statistics: Statistics) -> tuple[np.ndarray, np.ndarray]:
@@ -85,9 +108,13 @@ def transient_quantile(ensemble: Ensemble, statistics: Statistics, share: float)
     )
 
 
+def _axes(ensemble: Ensemble) -> dict[str, list[Any]]:
+    return {"time": snapshot_times(ensemble), "body_axis": [axis + 1 for axis in ensemble.layout.axes]}
+
+
 def moment_rows(ensemble: Ensemble, statistics: Statistics) -> list[dict[str, object]]:
     """Orientation moments, one row per snapshot, body axis and component."""
-    axes = {"time": snapshot_times(ensemble), "body_axis": [axis + 1 for axis in ensemble.layout.axes]}
+    axes = _axes(ensemble)
     moments = ((SECOND, second_moments(statistics)), (FOURTH, fourth_moments(statistics)))
     names = [["".join("xyz"[i] for i in component) for component in order] for order, _ in moments]
     return [
@@ -95,6 +122,19 @@ def moment_rows(ensemble: Ensemble, statistics: Statistics) -> list[dict[str, ob
         for (_, means), components in zip(moments, names, strict=True)
         for row in _mean_rows(ensemble, {**axes, "moment": components}, *means)
     ]
+
+
+def voigt_rows(ensemble: Ensemble, statistics: Statistics) -> list[dict[str, object]]:
+    """Fourth moments as matrices in Voigt's order, one row per snapshot, body axis and entry from the diagonal on."""
+    names = ["".join("xyz"[i] for i in pair) for pair in VOIGT]
+    axes = {**_axes(ensemble), "row": names, "column": names}
+    rows = _mean_rows(ensemble, axes, *fourth_in_voigt_order(statistics))
+    return [row for row in rows if names.index(str(row["row"])) <= names.index(str(row["column"]))]
+
+
+def rate_rows(ensemble: Ensemble, statistics: Statistics) -> list[dict[str, object]]:
+    """Mean squares of spinning and tumbling rates, one row per snapshot, body axis and rate."""
+    return _mean_rows(ensemble, {**_axes(ensemble), "rate": list(RATES)}, *rate_means(statistics))
 
 
 def slow_rows(ensemble: Ensemble, statistics: Statistics) -> list[dict[str, object]]:

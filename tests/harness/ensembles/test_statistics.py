@@ -12,16 +12,30 @@ from scipy.stats import binomtest
 
 from polhode.harness.ensembles.ensemble import Ensemble
 from polhode.harness.ensembles.starts import Starts
-from polhode.harness.ensembles.statistics import FOURTH, SECOND, SLOW_NAMES, Layout, Statistics
+from polhode.harness.ensembles.statistics import (
+    FOURTH,
+    RATES,
+    SECOND,
+    SLOW_NAMES,
+    VOIGT,
+    Layout,
+    Statistics,
+    squared_rates,
+)
 from polhode.harness.ensembles.summary import (
     arrived,
+    fourth_in_voigt_order,
     fourth_moments,
     fraction,
+    rate_means,
     second_moments,
     slow_means,
     transient_quantile,
 )
+from polhode.models.catalogue import form as find_form
+from polhode.models.scene import BodyStart, Scene
 from polhode.models.shape import Ellipsoid
+from polhode.solvers.solve import solve
 
 LAYOUT = Layout((0, 2), 2, 5, 2, 7, 1.5, 2.0)
 PROLATE = Ellipsoid((1.0, 1.0, 2.0))
@@ -46,6 +60,13 @@ def test_moments_against_numpy():
         products = np.stack([np.prod(directions[..., list(index)], axis=-1) for index in order], axis=-1)
         assert mean == pytest.approx(products.mean(axis=1), abs=1e-14)
         assert error == pytest.approx(products.std(axis=1, ddof=1) / sqrt(400), rel=1e-9)
+    voigt, errors = fourth_in_voigt_order(statistics)
+    for i, j in ((0, 0), (0, 1), (5, 5), (3, 2), (4, 5)):
+        products = np.prod(directions[..., [*VOIGT[i], *VOIGT[j]]], axis=-1)
+        assert voigt[..., i, j] == pytest.approx(products.mean(axis=1), abs=1e-14)
+        assert errors[..., j, i] == pytest.approx(products.std(axis=1, ddof=1) / sqrt(400), rel=1e-9)
+    # A unit vector's trace is 1.
+    assert voigt[..., :3, :3].sum(axis=(-2, -1)) == pytest.approx(1.0)
     mean, error = slow_means(statistics)
     columns = np.concatenate([slow[..., :3], np.linalg.norm(slow[..., :3], axis=-1)[..., None], slow[..., 3:]], axis=-1)
     assert mean == pytest.approx(columns.mean(axis=1), abs=1e-14)
@@ -159,6 +180,33 @@ def exact_moments(b: np.ndarray) -> tuple[list[float], list[float]]:
 
     second = [0.5 * integral(lambda r, s, i=i, j=j: r[i, j]) for i, j in SECOND]
     return second, [0.75 * integral(lambda r, s, index=index: fourth(r, s, *index)) for index in FOURTH]
+
+
+@pytest.mark.parametrize("form", ["quaternion", "spheroid-axis"])
+def test_rates_are_those_of_the_motion(form: str):
+    """|dp/dt|² by differences, (ω·p)² as what is left of ω² by energy and momentum alone."""
+    shape = Ellipsoid((0.8, 1.0, 0.5)) if form == "quaternion" else PROLATE
+    scene = Scene(shape, 50.0, BodyStart((0.3, -0.5, 0.7, 0.4), (0.4, -0.7, 0.9)), 1e-4)
+    problem = find_form(form).problem(scene)
+    seen = find_form(form).observe(scene, solve(problem, "taylor", 1e-15, np.array([0.0, 5e-5, 1e-4])).states)
+    for axis in (0, 1, 2) if form == "quaternion" else (2,):
+        found = squared_rates(shape, seen.angular_momentum, seen.rotation, axis)[1]
+        moved = (seen.rotation[2, axis] - seen.rotation[0, axis]) / 1e-4
+        assert found[1] == pytest.approx(moved @ moved, rel=1e-6)
+        spin = seen.rotation[1, axis] @ seen.angular_momentum[1] / shape.inertia[axis]
+        assert found[0] == pytest.approx(spin**2, rel=1e-12)
+    if form == "spheroid-axis":
+        assert shape.inertia[2] * found[0] + shape.inertia[0] * found[1] == pytest.approx(2 * seen.energy[1], rel=1e-12)
+
+
+@pytest.mark.parametrize(("ellipsoid", "anisotropy"), [(PROLATE, 0.6), (OBLATE, -21 / 29)])
+def test_isotropic_spheroids_without_inertia_spin_and_tumble_as_they_must(ellipsoid: Ellipsoid, anisotropy: float):
+    """⟨(ω·p)²⟩ = 1/12 and ⟨|dp/dt|²⟩ = 1/6 + Λ²/10 over all directions of p in a shear of unit rate, by Jeffery's p."""
+    ensemble = Ensemble(ellipsoid, 0.0, 1.0, particles=20_000, block=20_000, samples=2, snapshots=2)
+    mean, error = rate_means(ensemble.run(0))
+    assert mean.shape == (2, 1, len(RATES))
+    assert np.abs((mean[0, 0] - [1 / 12, 1 / 6 + anisotropy**2 / 10]) / error[0, 0]).max() < 4
+    assert error.max() < 0.002
 
 
 @pytest.mark.parametrize(("ellipsoid", "kappa", "axis"), [(PROLATE, 2.0, 2), (OBLATE, 0.4, 0)])
