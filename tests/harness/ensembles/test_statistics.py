@@ -195,7 +195,8 @@ def test_rates_are_those_of_the_motion(form: str):
         assert found[1] == pytest.approx(moved @ moved, rel=1e-6)
         spin = seen.rotation[1, axis] @ seen.angular_momentum[1] / shape.inertia[axis]
         assert found[0] == pytest.approx(spin**2, rel=1e-12)
-    if form == "spheroid-axis":
+        if form == "quaternion":
+            continue
         assert shape.inertia[2] * found[0] + shape.inertia[0] * found[1] == pytest.approx(2 * seen.energy[1], rel=1e-12)
 
 
@@ -268,7 +269,7 @@ def test_every_spheroid_ends_about_its_shortest_axis_at_large_stokes(ellipsoid, 
     statistics = ensemble.run(0)
     (attractor,) = ensemble.attractors
     assert attractor.rotation == ("equatorial axis" if ellipsoid is PROLATE else "symmetry axis")
-    shares = [interval.value for interval in arrived(statistics, 0)]
+    shares = [interval.value or 0.0 for interval in arrived(statistics, 0)]
     assert shares[0] == 0
     assert shares == sorted(shares)
     assert shares[25] > 0.5
