@@ -23,6 +23,8 @@ class Operations:
     sqrt: Callable[[Any], Any]
     where_positive: Callable[[Any, Any, Any], Any]  # (x, a, b): a where x > 0 and b elsewhere; both are evaluated
     expm1: Callable[[Any], Any] = math.expm1  # for `polhode.models.problem.Part` alone
+    exp: Callable[[Any], Any] = math.exp
+    log: Callable[[Any], Any] = math.log
 
     def use(self, factory: Callable[["Operations"], Callable[..., Any]]) -> Callable[..., Any]:
         """Bind the inner function that `factory` makes, ready to be called from a vector field."""
@@ -34,4 +36,4 @@ FLOAT = Operations(math.sin, math.cos, math.sqrt, lambda x, a, b: a if x > 0 els
 
 def numpy_operations() -> Operations:
     """Elementwise operations on arrays, to evaluate a field at many states at once."""
-    return Operations(np.sin, np.cos, np.sqrt, lambda x, a, b: np.where(x > 0, a, b), np.expm1)
+    return Operations(np.sin, np.cos, np.sqrt, lambda x, a, b: np.where(x > 0, a, b), np.expm1, np.exp, np.log)

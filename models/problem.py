@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from polhode.models.operations import Field, Operations
+from polhode.models.own_function import own_field
 
 Floats = tuple[float, ...]
 Factory = Callable[[Operations], Field]
@@ -155,6 +156,42 @@ class Problem:
     time_unit: float = 1.0
     parts: Parts | None = None
     course: Course | None = None
+
+    @classmethod
+    def from_function(
+        cls,
+        f: Callable[..., Any],
+        y0: Sequence[float],
+        t_end: float,
+        parameters: Sequence[float] = (),
+        *,
+        name: str = "",
+        t_start: float = 0.0,
+    ) -> "Problem":
+        """The problem of a right-hand side as SciPy's `solve_ivp` takes it, ``f(t, y, *parameters)``.
+
+        Parameters
+        ----------
+        f : callable
+            Returns the rates, one per component. It may use arithmetic, the functions sin, cos, tan, sqrt, exp and log
+            of NumPy or `math`, and functions of its module that do no more; it may not compare numbers. If it uses t,
+            time becomes one more component of the state, the last one.
+        y0 : sequence of float
+        t_end : float
+        parameters : sequence of float, optional
+            Numbers that may change without another compilation.
+        name : str, optional
+            By default the function's.
+        t_start : float, optional
+            Time at the start; the problem's own time begins at 0.
+
+        Raises
+        ------
+        ValueError
+            In one line, what is wrong with f or the numbers, and what was expected.
+        """
+        start, field = own_field(f, y0, (t_start, t_end), parameters)
+        return cls(name or f.__name__, field, start, float(t_end - t_start), tuple(map(float, parameters)))
 
     @property
     def dimension(self) -> int:

@@ -17,6 +17,7 @@ __path__ = extend_path(__path__, __name__)
 
 if TYPE_CHECKING:
     from polhode.harness.api import pick, solve
+    from polhode.harness.ivp import solve_ivp
     from polhode.harness.solution import SceneSolution
     from polhode.harness.work_precision import WorkPrecision
     from polhode.models.problem import Problem
@@ -37,10 +38,12 @@ __all__ = [
     "__version__",
     "pick",
     "solve",
+    "solve_ivp",
 ]
 
 _HOMES = {
     "solve": "harness.api",
+    "solve_ivp": "harness.ivp",
     "pick": "harness.api",
     "SceneSolution": "harness.solution",
     "WorkPrecision": "harness.work_precision",

@@ -175,4 +175,6 @@ def _heyoka_operations() -> Operations:
         heyoka.cos,
         heyoka.sqrt,
         lambda x, a, b: heyoka.select(heyoka.gt(x, heyoka.expression(0.0)), a, b),
+        exp=heyoka.exp,
+        log=heyoka.log,
     )

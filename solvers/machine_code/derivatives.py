@@ -108,6 +108,8 @@ _DUAL = Operations(
     partial(_function, "cos", lambda x: -call("sin", x)),
     partial(_function, "sqrt", lambda x: 0.5 / call("sqrt", x)),
     _where_positive,
+    exp=partial(_function, "exp", partial(call, "exp")),
+    log=partial(_function, "log", lambda x: 1.0 / x),
 )
 
 

@@ -117,7 +117,8 @@ def _expm1(x: Any) -> Any:
     return x.emit(f"call contract double @expm1(double {x.name})") if isinstance(x, Number) else math.expm1(x)
 
 
-OPERATIONS = Operations(partial(call, "sin"), partial(call, "cos"), partial(call, "sqrt"), _where_positive, _expm1)
+_SIN, _COS, _SQRT, _EXP, _LOG = (partial(call, name) for name in ("sin", "cos", "sqrt", "exp", "log"))
+OPERATIONS = Operations(_SIN, _COS, _SQRT, _where_positive, _expm1, _EXP, _LOG)
 
 
 @cache

@@ -1,0 +1,96 @@
+"""`solve_ivp` as SciPy has it, with every solver of the catalogue as a method."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from polhode.harness.events import as_events, happened
+from polhode.models.problem import Problem
+from polhode.solvers.compile import check_field
+from polhode.solvers.contract import Solver
+from polhode.solvers.solve import Solution, solve
+
+if TYPE_CHECKING:
+    from scipy.optimize import OptimizeResult
+
+SAMPLES = 201
+
+
+def solve_ivp(
+    fun: Callable[..., Any],
+    t_span: tuple[float, float],
+    y0: Sequence[float],
+    method: str | Solver = "cyrk-dop853",
+    t_eval: Sequence[float] | np.ndarray | None = None,
+    *,
+    events: Sequence[Callable[..., float]] | Callable[..., float] = (),
+    args: Sequence[float] = (),
+    rtol: float = 1e-6,
+) -> "OptimizeResult":
+    """Solve ``y' = fun(t, y, *args)``, forward in time, by a solver of the catalogue or of one's own.
+
+    Parameters
+    ----------
+    fun : callable
+        As `Problem.from_function` takes it.
+    t_span : tuple of float
+    y0 : sequence of float
+    method : str or Solver
+        A catalogue name (`polhode solvers`), ``"module:class"``, or a solver.
+    t_eval : sequence of float, optional
+        Times of the output, increasing; by default 201 equispaced ones.
+    events : callable or sequence of callables, optional
+        ``event(t, y, *args) -> float``, with SciPy's attributes `direction` and `terminal` if need be.
+    args : sequence of float
+    rtol : float
+        The solver's tolerance, relative and absolute alike.
+
+    Returns
+    -------
+    scipy.optimize.OptimizeResult
+        With the fields of SciPy's result: t, y, sol (always there), t_events, y_events, nfev, njev, status, message,
+        success.
+
+    Raises
+    ------
+    ValueError
+        In one line, what is wrong with an argument, and what was expected.
+    """
+    from scipy.optimize import OptimizeResult
+
+    began, d = float(t_span[0]), len(y0)
+    problem = Problem.from_function(fun, y0, t_span[1], args, t_start=began)
+    check_field(problem)
+    wanted = np.linspace(*t_span, SAMPLES) if t_eval is None else np.array(t_eval, dtype=float)
+    if not (wanted.ndim == 1 and wanted.size and began <= wanted[0] and wanted[-1] <= t_span[1]):
+        raise ValueError(f"t_eval: got {t_eval!r:.60}, expected increasing times from {began!r} to {t_span[1]!r}")
+    times = np.unique(np.concatenate([[0.0], wanted - began, [problem.end]]))
+    found = solve(problem, method, rtol, times, count=True)
+    looked_for, happenings = as_events(events), []
+    for event in looked_for:
+        value = replace(event, function=partial(_values, event.function, began, d, args))
+        happenings.append(happened(found, value))
+    ends = [each.t[0] for event, each in zip(looked_for, happenings, strict=True) if event.terminal and len(each.t)]
+    last = min([*ends, found.t[-1]])
+    happenings = [each(each.t[each.t <= last]) for each in happenings]
+    shown = wanted[wanted - began <= last]
+    return OptimizeResult(
+        t=shown,
+        y=found.sol(np.clip(shown - began, 0.0, last))[:d],
+        sol=lambda t: found.sol(np.asarray(t) - began)[:d],
+        t_events=[each.t + began for each in happenings],
+        y_events=[each.y[:d].T for each in happenings],
+        nfev=found.nfev,
+        njev=found.njev,
+        status=1 if ends else 0 if found.success else -1,
+        message="a terminal event happened" if ends else found.message or found.status.meaning,
+        success=found.success or bool(ends),
+    )
+
+
+def _values(event: Callable[..., Any], began: float, d: int, args: Sequence[float], found: Solution) -> np.ndarray:
+    """An event's values along a solution whose time begins at 0."""
+    return np.array([event(t + began, state[:d], *args) for t, state in zip(found.t, found.states, strict=True)])

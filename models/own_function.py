@@ -1,0 +1,145 @@
+"""A vector field from an ordinary function of Python: NumPy's and math's functions in it become those of any number."""
+
+import builtins
+import inspect
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from types import FunctionType, ModuleType
+from typing import Any
+
+import numpy as np
+
+from polhode.models.operations import FLOAT, Field, Operations
+
+LIBRARIES = (np, math)
+
+
+class _Absent:
+    """Stands for the time in a function that does not use it."""
+
+
+@dataclass(frozen=True)
+class OwnField:
+    """The factory of a field that a function ``f(t, y, *parameters)`` makes.
+
+    Parameters
+    ----------
+    function : callable
+    timed : bool
+        Whether it uses t, which then is the state's last component.
+    t_start : float
+    """
+
+    function: Callable[..., Any]
+    timed: bool
+    t_start: float
+
+    def __call__(self, ops: Operations) -> Field:
+        """Bind the function to a kind of number."""
+        function = self.function if ops is FLOAT else _rebound(self.function, _own(ops), {})
+
+        def rhs(y, p):
+            state = [y[i] for i in range(len(y) - self.timed)]
+            parameters = [p[i] for i in range(len(p))]
+            time = self.t_start + y[len(state)] if self.timed else 0.0
+            rates = function(time, _array(state), *parameters)
+            return (*_listed(rates), *[1.0] * self.timed)
+
+        return rhs
+
+
+def own_field(
+    f: Callable[..., Any], y0: Sequence[float], span: tuple[float, float], parameters: Sequence[float]
+) -> tuple[tuple[float, ...], OwnField]:
+    """The start and the factory of a function's field; raises ValueError as `Problem.from_function` does."""
+    start, given = _numbers("y0", y0), _numbers("parameters", parameters)
+    if not start:
+        raise ValueError("y0: got no numbers, expected one per component")
+    if not (math.isfinite(span[0]) and span[0] < span[1] < math.inf):
+        raise ValueError(f"t_end: got {span[1]!r}, expected a finite number above {span[0]!r}")
+    try:
+        inspect.signature(f).bind(*span[:1], start, *given)
+    except TypeError as error:
+        words = f"f(t, y{''.join(f', p{i}' for i in range(len(given)))})"
+        got = f"{getattr(f, '__name__', 'f')}{inspect.signature(f)}"
+        raise ValueError(f"f: got {got}, expected {words}, with the {len(given)} parameters ({error})") from None
+    timed = _uses_time(f, start, given)
+    try:
+        rates = _listed(f(span[0], np.array(start), *given))
+    except Exception as error:
+        raise ValueError(f"f: got {type(error).__name__} at the start: {error}") from error
+    if len(rates) != len(start):
+        raise ValueError(f"f: got {len(rates)} rates, expected {len(start)}, one per component of y0")
+    if not all(isinstance(rate, float | int) and math.isfinite(rate) for rate in rates):
+        raise ValueError(f"f: got the rates {rates} at the start, expected finite numbers")
+    return (*start, 0.0) if timed else start, OwnField(f, timed, span[0])
+
+
+def _numbers(name: str, values: Sequence[float]) -> tuple[float, ...]:
+    try:
+        found = tuple(np.array(values, dtype=float, ndmin=1).tolist()) if np.ndim(values) == 1 else None
+    except (TypeError, ValueError):
+        found = None
+    if found is None or not all(map(math.isfinite, found)):
+        raise ValueError(f"{name}: got {values!r:.60}, expected a sequence of finite numbers")
+    return found
+
+
+def _uses_time(f: Callable[..., Any], start: tuple[float, ...], parameters: tuple[float, ...]) -> bool:
+    try:
+        return any(isinstance(rate, _Absent) for rate in _listed(f(_Absent(), np.array(start), *parameters)))
+    except Exception:
+        return True
+
+
+def _listed(rates: Any) -> list[Any]:
+    """The rates as a list of Python's numbers, whatever held them."""
+    found = rates.ravel().tolist() if isinstance(rates, np.ndarray) else list(rates)
+    return [rate.item() if isinstance(rate, np.generic) else rate for rate in found]
+
+
+def _array(state: list[Any]) -> np.ndarray:
+    """An array of numbers of any kind."""
+    if all(isinstance(each, float) for each in state):
+        return np.array(state)
+    array = np.empty(len(state), dtype=object)
+    array[:] = state
+    return array
+
+
+def _own(ops: Operations) -> dict[str, Any]:
+    arrays = {name: partial(getattr(np, name), dtype=object) for name in ("zeros", "empty", "ones")}
+    own = {name: getattr(ops, name) for name in ("sin", "cos", "sqrt", "exp", "log")}
+    return {**arrays, **own, "tan": lambda x: own["sin"](x) / own["cos"](x)}
+
+
+class _Library:
+    """A library with functions of another kind of number."""
+
+    def __init__(self, module: ModuleType, own: dict[str, Any]) -> None:
+        self._module, self._own = module, own
+
+    def __getattr__(self, name: str) -> Any:
+        return self._own[name] if name in self._own else getattr(self._module, name)
+
+
+def _rebound(function: Any, own: dict[str, Any], done: dict[Any, Any]) -> Any:
+    """A function, and the functions of its module that it calls, with other functions for those of the libraries."""
+    if not isinstance(function, FunctionType):
+        return function
+    pairs = ((library, name) for library in LIBRARIES for name in own if hasattr(library, name))
+    theirs = {id(getattr(library, name)): own[name] for library, name in pairs}
+    names: dict[str, Any] = {"__builtins__": builtins}
+    made = FunctionType(function.__code__, names, function.__name__, function.__defaults__, function.__closure__)
+    made.__kwdefaults__ = function.__kwdefaults__
+    done[function] = made
+    for name, value in function.__globals__.items():
+        if isinstance(value, ModuleType) and value in LIBRARIES:
+            names[name] = _Library(value, own)
+        elif isinstance(value, FunctionType) and name in function.__code__.co_names:
+            names[name] = done.get(value) or _rebound(value, own, done)
+        else:
+            names.setdefault(name, theirs.get(id(value), value))
+    return made

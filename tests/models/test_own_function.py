@@ -1,0 +1,112 @@
+"""Problems of ordinary functions, as SciPy's `solve_ivp` takes them."""
+
+import math
+import pickle
+from math import sin
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp as scipys
+
+from polhode import Problem, solve_ivp
+from polhode.solvers.catalogue import SOLVERS, solver
+from polhode.solvers.compile import check_field
+from polhode.solvers.contract import SolverNotValidError
+from polhode.solvers.solve import solve
+
+NOTHING = None  # A global that is no function stays what it is.
+
+
+def bell(x):
+    return np.exp(-x * x)
+
+
+def driven(t, y, a, b):
+    x, v = y
+    assert NOTHING is None
+    return np.array([v, -a * sin(x) + 0.1 * bell(v) + b * math.cos(t)])
+
+
+def matrix(t, y, k):
+    rates = np.zeros(2)
+    rates[:] = np.array([[0.0, 1.0], [-1.0, 0.0]]) @ y
+    rates[1] -= k * np.log(2 + y[0] * y[0])
+    return rates
+
+
+def accepting(problem: Problem) -> list[str]:
+    found = []
+    for name in SOLVERS:
+        try:
+            solver(name).check(problem)
+        except SolverNotValidError:
+            continue
+        found.append(name)
+    return found
+
+
+@pytest.mark.parametrize(("f", "parameters", "timed"), [(driven, (1.0, 0.3), True), (matrix, (0.2,), False)])
+def test_every_solver_agrees_with_scipy(f, parameters, timed):
+    problem = Problem.from_function(f, [1.0, 0.5], 10.0, parameters)
+    assert (problem.name, problem.dimension) == (f.__name__, 2 + timed)
+    exact = scipys(f, (0, 10), [1.0, 0.5], "DOP853", rtol=1e-13, atol=1e-13, args=parameters).y[:, -1]
+    names = accepting(problem)
+    assert {"taylor", "radau", "ida", "cvode-bdf", "cyrk-vern8"} <= set(names)
+    for name in names:
+        np.testing.assert_allclose(solve(problem, name, 1e-9).states[-1, :2], exact, atol=1e-6, err_msg=name)
+    again = pickle.loads(pickle.dumps(problem))
+    assert again == problem
+
+
+@pytest.mark.parametrize(
+    ("f", "y0", "parameters", "words"),
+    [
+        (lambda t, y: [1.0], [1.0, 2.0], (), "f: got 1 rates, expected 2"),
+        (lambda y: [1.0], [1.0], (), r"f: got <lambda>\(y\), expected f\(t, y\)"),
+        (lambda t, y, a: [a], [1.0], (), r"f: got <lambda>\(t, y, a\), expected f\(t, y\)"),
+        (lambda t, y: [y[5]], [1.0], (), "f: got IndexError at the start: index 5"),
+        (lambda t, y: [math.inf], [1.0], (), r"f: got the rates \[inf\] at the start, expected finite"),
+        (driven, "ab", (), "y0: got 'ab', expected a sequence of finite numbers"),
+        (driven, [], (), "y0: got no numbers"),
+        (driven, [1.0, 2.0], 3.0, "parameters: got 3.0, expected a sequence"),
+        (driven, [1.0, 2.0], (1.0, math.nan), "parameters: got .*nan"),
+    ],
+)
+def test_errors_are_in_the_users_words(f, y0, parameters, words):
+    with pytest.raises(ValueError, match=words):
+        Problem.from_function(f, y0, 1.0, parameters)
+    with pytest.raises(ValueError, match="t_end: got -1"):
+        Problem.from_function(matrix, [1.0, 2.0], -1.0, (1.0,))
+
+
+def test_a_branch_is_refused_with_its_line():
+    def branching(t, y):
+        return [y[0] if y[0] > 0 else 0.0]
+
+    with pytest.raises(ValueError, match=r"test_own_function.py:\d+: a field cannot compare"):
+        check_field(Problem.from_function(branching, [1.0], 1.0))
+
+
+def falls(t, y, *args):
+    return y[0]
+
+
+falls.direction, falls.terminal = -1, True  # pyright: ignore
+
+
+@pytest.mark.parametrize("method", ["taylor", "cyrk-dop853", "radau"])
+def test_solve_ivp_gives_what_scipy_gives(method: str):
+    span, start, args = (0.5, 8.0), [1.0, 0.5], (1.0, 0.3)
+    times = np.linspace(1.0, 7.0, 13)
+    ours = solve_ivp(driven, span, start, method, times, args=args, events=falls, rtol=1e-10)
+    theirs = scipys(driven, span, start, "DOP853", times, args=args, events=falls, rtol=1e-12, atol=1e-12)
+    np.testing.assert_array_equal(ours.t, theirs.t)
+    np.testing.assert_allclose(ours.y, theirs.y, atol=1e-7)
+    np.testing.assert_allclose(ours.t_events[0], theirs.t_events[0], rtol=1e-7)
+    np.testing.assert_allclose(ours.y_events[0], theirs.y_events[0], atol=1e-7)
+    assert (ours.status, ours.success) == (theirs.status, theirs.success) == (1, True)
+    whole = solve_ivp(driven, span, start, method, args=args, rtol=1e-10)
+    assert (whole.status, whole.y.shape) == (0, (2, 201))
+    np.testing.assert_allclose(whole.sol(times[:3]), theirs.y[:, :3], atol=1e-7)
+    with pytest.raises(ValueError, match="t_eval: got"):
+        solve_ivp(driven, span, start, method, [0.0, 1.0], args=args)
