@@ -41,8 +41,8 @@ def sweep(
     Finished tasks are kept in FOLDER/store.sqlite; whatever ends a run, it goes on with --resume, and gives the same
     numbers. Several runs with --resume may share one store.
     """
-    from polhode.harness.ensembles.results import write_results
     from polhode.harness.ensembles.sweep import read_sweep, run_sweep
+    from polhode.harness.pages.sweep import write_results
 
     with bad_input():
         what = read_sweep(sweep_file)

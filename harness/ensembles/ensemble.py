@@ -11,6 +11,7 @@ import numpy as np
 from polhode.harness.common.machine import package_version
 from polhode.harness.common.plain_json import digest
 from polhode.harness.common.store import Record
+from polhode.harness.common.text import scientific
 from polhode.harness.ensembles.starts import Drawn, Starts
 from polhode.harness.ensembles.statistics import RATES, Layout, Statistics, squared_rates
 from polhode.models.catalogue import form as find_form
@@ -85,6 +86,14 @@ class Ensemble:
         if self.stokes == 0:
             return "jeffery"
         return "quaternion" if triaxial else "spheroid-axis"
+
+    @property
+    def method(self) -> str:
+        """What the particles are run by, in words."""
+        if self.equations == "averaged":
+            return "Dormand and Prince's pair"
+        chosen = plan_of(self)
+        return "Taylor's method" if chosen is None else f"{chosen.method}, error {scientific(chosen.error)}"
 
     @property
     def slow_time(self) -> float | None:

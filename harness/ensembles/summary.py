@@ -202,6 +202,7 @@ def ensemble_row(ensemble: Ensemble, statistics: Statistics) -> dict[str, object
     row["transient_time"] = {
         f"{share:g}": vars(transient_quantile(ensemble, statistics, share)) for share in QUANTILES if ends
     }
+    row["method"] = ensemble.method
     return row
 
 

@@ -12,14 +12,17 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
 from commandline import SCRIPT, Run
 
 from polhode.harness.common.store import DamagedStoreError, Store
 from polhode.harness.ensembles.engines import serial
-from polhode.harness.ensembles.results import write_results
+from polhode.harness.ensembles.statistics import SECOND
 from polhode.harness.ensembles.summary import second_moments
 from polhode.harness.ensembles.sweep import gather, parse_sweep, read_sweep, run_sweep
+from polhode.harness.pages.figures.ensembles import picture
+from polhode.harness.pages.sweep import write_results
 
 # Tasks of some hundredths of a second.
 SWEEP = """\
@@ -381,3 +384,19 @@ def test_the_page_says_where_nobody_arrives_or_could(tmp_path: Path):
     lost = page_of(AVERAGED.replace("1000.0", "20.0").replace("averaged", "full"), tmp_path / "lost")
     assert "| – " in lost
     assert "[moments.csv]" in lost
+    assert "(shape-1.png)" in lost
+    assert (tmp_path / "lost" / "shape-1.png").stat().st_size > 10_000
+
+
+def test_pictures_show_the_moments_and_arrivals(tmp_path: Path):
+    sweep = parse_sweep({**tomllib.loads(SWEEP), "particles": 50, "block": 50, "shapes": [[1.0, 1.0, 2.0]]})
+    found = [(ensemble, ensemble.run(0)) for ensemble in sweep.ensembles]
+    moments, distribution, arrivals = picture(found).axes
+    for k, (ensemble, statistics) in enumerate(found):
+        mean, _ = second_moments(statistics)
+        for i, component in enumerate(((0, 0), (1, 1), (2, 2))):
+            line = moments.lines[3 * k + i]
+            assert line.get_ydata() == pytest.approx(mean[:, 0, SECOND.index(component)])
+            assert line.get_xdata() == pytest.approx([0.0, 30 / ensemble.stokes, 60 / ensemble.stokes])
+        assert distribution.patches[3 * k].get_data().values @ np.diff(ensemble.layout.edges("Lz")) == pytest.approx(1)
+        assert arrivals.lines[k].get_ydata()[-1] == pytest.approx(statistics.arrivals.sum() / 50)
