@@ -117,7 +117,7 @@ def test_a_store_that_a_run_is_writing_is_not_set_aside(path: Path):
     set_aside(path, path.with_name("previous.sqlite"))
     assert [file.name for file in path.parent.iterdir()] == ["previous.sqlite"]
     with Store(path.with_name("previous.sqlite")) as store:
-        assert len(store.keys()) == 20
+        assert len(store.keys()) == 21
 
 
 def test_a_second_result_of_a_case_changes_nothing(path: Path):
