@@ -1,17 +1,19 @@
 """The command line: `polhode COMMAND …`."""
 
 import errno
+import os
 import signal
 import sys
 import threading
+import warnings
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from types import FrameType
 
 import click
 
-from polhode.models.registry import hint
+from polhode.models.registry import Question, hint
 
 # Each command's place in `harness/commands` and its summary, in the groups of `polhode --help`.
 GROUPS = {
@@ -130,8 +132,12 @@ def polhode() -> None:
 
 
 def complaint(error: click.ClickException) -> str:
-    """One line about what the command line cannot take: the command, click's words, and what was expected."""
+    """One line about what the command line cannot take: the command, click's words, and what was expected.
+
+    What a terminal would obey, such as the escapes of a file's content, is written out.
+    """
     message = " ".join(error.format_message().split())
+    message = "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in message)
     if not isinstance(error, click.UsageError) or error.ctx is None:
         return f"polhode: {message}"
     command, message = error.ctx.command, message.removesuffix(".")
@@ -150,6 +156,16 @@ def _terminated(number: int, frame: FrameType | None) -> None:
         raise KeyboardInterrupt
 
 
+def _note(message: Warning | str, *where: object) -> None:
+    click.echo(f"note: {message}", err=True)
+
+
+def _forget_output() -> None:
+    """Let what was not written go nowhere, so that the interpreter does not try again at its end."""
+    with suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit: 0 on success, 2 on bad input, 1 when a run failed.
 
@@ -157,15 +173,29 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, _terminated)
+    # Extreme input overflows; what comes of it is a status of the run.
+    warnings.filterwarnings("ignore", category=RuntimeWarning)
+    warnings.filterwarnings("always", category=Question)
+    warnings.showwarning = _note
+    code, said = 1, ""
     try:
         result = polhode.main(args=arguments, prog_name="polhode", standalone_mode=False)
         code = result if isinstance(result, int) else 0
+        sys.stdout.flush()
     except click.ClickException as error:
-        click.echo(complaint(error), err=True)
-        code = error.exit_code
+        code, said = error.exit_code, complaint(error)
     except (KeyboardInterrupt, click.Abort):
-        click.echo("polhode: interrupted", err=True)
-        code = 1
+        said = "polhode: interrupted"
     except BrokenPipeError:
         code = 0
+        _forget_output()
+    except MemoryError:
+        said = "polhode: out of memory, expected a smaller problem: fewer samples, a shorter time"
+    except OSError as error:
+        where = error.filename or "standard output"
+        said = f"polhode: {where}: {error.strerror or error}, expected a place to write and room for it"
+        _forget_output()
+    with suppress(OSError):
+        if said:
+            click.echo(said, err=True)
     sys.exit(code)

@@ -26,6 +26,10 @@ def near(word: str, names: Iterable[str]) -> str | None:
     return found[0] if found else None
 
 
+class Question(UserWarning):
+    """What is legal, and surely not meant."""
+
+
 class NotFoundError(ValueError):
     """No class of a kind goes by a name; `expected` says what would have done."""
 

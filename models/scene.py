@@ -13,6 +13,10 @@ from polhode.models.operations import FLOAT
 from polhode.models.rotation import Quaternion, Triple
 from polhode.models.shape import Ellipsoid
 
+# Bounds within which nothing that is computed of a scene, such as L²E, leaves the range of floating-point numbers.
+LARGEST = 1e30
+LEAST, MOST = 1e-60, 1e60
+
 
 @dataclass(frozen=True)
 class EulerStart:
@@ -68,15 +72,15 @@ class SlowStart:
 
     def __post_init__(self) -> None:
         _require_finite("start.angular_momentum", self.angular_momentum, 3)
-        if not (isfinite(self.energy) and self.energy >= 0):
-            raise ValueError(f"start.energy: got {self.energy!r}, expected a finite number, not negative")
+        if not 0 <= self.energy <= MOST:
+            raise ValueError(f"start.energy: got {self.energy!r}, expected a number from 0 to {MOST:g}")
 
 
 def _require_finite(name: str, numbers: tuple[float, ...], length: int) -> None:
     if len(numbers) != length:
         raise ValueError(f"{name}: got {len(numbers)} numbers, expected {length}")
-    if not all(isfinite(number) for number in numbers):
-        raise ValueError(f"{name}: got {list(numbers)}, expected finite numbers")
+    if not all(abs(number) <= LARGEST for number in numbers):
+        raise ValueError(f"{name}: got {list(numbers)}, expected finite numbers of at most {LARGEST:g}")
 
 
 # L² / 2E may lie outside by roundoff.
@@ -109,10 +113,10 @@ class Scene:
     time: float
 
     def __post_init__(self) -> None:
-        if not 0 <= self.stokes <= inf:
-            raise ValueError(f"stokes: got {self.stokes!r}, expected a number from 0 to inf")
-        if not (isfinite(self.time) and self.time > 0):
-            raise ValueError(f"time: got {self.time!r}, expected a finite positive number")
+        if not (self.stokes == 0 or LEAST <= self.stokes <= inf):
+            raise ValueError(f"stokes: got {self.stokes!r}, expected 0 or a number from {LEAST:g} to inf")
+        if not LEAST <= self.time < inf:
+            raise ValueError(f"time: got {self.time!r}, expected a finite number from {LEAST:g} on")
         if isinstance(self.start, SlowStart):
             self._require_possible(hypot(*self.start.angular_momentum), 2 * self.start.energy)
 

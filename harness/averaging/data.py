@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from polhode.harness.common.files import read_file, write_file
 from polhode.harness.common.store import Record
 from polhode.harness.common.tables import read_table, write_table
 from polhode.models.rotation import Triple
@@ -155,10 +156,10 @@ def write_second_order(study: SecondOrderStudy, slopes: Sequence[Slope], folder:
     for name, kind in _TABLES.items():
         write_table(folder / f"{name}.csv", kind, getattr(study, name))
     write_table(folder / "slopes.csv", Slope, slopes)
-    (folder / TIMED).write_text(json.dumps(study.timed, indent=2) + "\n", encoding="utf-8")
+    write_file(folder / TIMED, json.dumps(study.timed, indent=2) + "\n", summed=True)
 
 
 def read_second_order(folder: Path) -> SecondOrderStudy:
     """Read what `write_second_order` wrote; raises ValueError where that is missing."""
     tables = {name: read_table(folder / f"{name}.csv", kind) for name, kind in _TABLES.items()}
-    return SecondOrderStudy(**tables, timed=json.loads((folder / TIMED).read_text(encoding="utf-8")))
+    return SecondOrderStudy(**tables, timed=json.loads(read_file(folder / TIMED)))

@@ -23,13 +23,14 @@ def calibrate(out: Path, to: Path | None, scenes: int, add: bool, first_runs: bo
     from polhode.harness.calibration.first_runs import with_first_runs
     from polhode.harness.calibration.fit import fit_laws
     from polhode.harness.calibration.training import train
+    from polhode.harness.common.files import read_file
     from polhode.harness.common.machine import machine, versions
     from polhode.harness.picking.laws import own_laws_path, parse_laws
 
     path = to or own_laws_path()
     if first_runs:
         with bad_input():
-            known = parse_laws(path.read_text(encoding="utf-8"))
+            known = parse_laws(read_file(path).decode())
         with_first_runs(known).save(path)
         click.echo(f"{path}: first runs of {len(known.methods)} methods")
         return

@@ -105,16 +105,17 @@ def examine(watch: float = WATCH) -> dict[str, Any]:
 
 def _laws() -> str:
     """Whose cost laws `pick` uses: laws of another version are passed over, unreadable ones are named."""
+    from polhode.harness.common.files import read_file
     from polhode.harness.picking.laws import OtherSchemaError, own_laws_path, parse_laws
 
     own = own_laws_path()
     if not own.is_file():
         return "those of the package"
     try:
-        source = parse_laws(own.read_text(encoding="utf-8")).source
+        source = parse_laws(read_file(own).decode()).source
     except OtherSchemaError:
         return f"those of the package; passed over, since of another version: {own}"
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError) as error:
         return f"cannot be read ({error}), remove them to use those of the package: {own}"
     if "refitted" in source:
         return f"times rescaled by {source['refitted']} runs of this machine: {own}"

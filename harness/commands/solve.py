@@ -143,6 +143,9 @@ def _run(what: "Plan", target: "PartialFile | None", progress: "Progress") -> "S
         if target and target.atomic:
             beside = target.path.with_name(target.path.name + ".json")
             write_file(beside, dumps(solution.provenance()) + "\n")
+    except BrokenPipeError:
+        # Who reads has seen enough.
+        raise
     except OSError as full:
         place = target.path if target else "-"
         raise RunFailed(f"{place}: {full.strerror or full}, expected room for {what.samples} rows") from None

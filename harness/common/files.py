@@ -1,11 +1,20 @@
-"""The one way to write a file: it appears under its name when it is complete; what failed is left as FILE.partial."""
+"""The one way to write a file: it appears under its name when it is complete; what failed is left as FILE.partial.
 
+Files that are read again, such as tables and records, have their checksums in SHA256SUMS beside them, which `sha256sum
+--check` reads too.
+"""
+
+import fcntl
 import os
 import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from hashlib import file_digest, sha256
 from pathlib import Path
 from typing import IO, Any
 
 STANDARD_OUTPUT = Path("-"), Path("/dev/stdout")
+SUMS = "SHA256SUMS"
 
 
 class PartialFile:
@@ -20,6 +29,8 @@ class PartialFile:
         An earlier file of this name stays as it is until the new one is complete; ``-`` is standard output.
     binary : bool
         Whether bytes are written.
+    summed : bool
+        Whether its checksum is kept beside it, so that `read_file` notices damage.
 
     Attributes
     ----------
@@ -34,7 +45,7 @@ class PartialFile:
         At once, if the path is a folder or lies in none.
     """
 
-    def __init__(self, path: Path, *, binary: bool = False) -> None:
+    def __init__(self, path: Path, *, binary: bool = False, summed: bool = False) -> None:
         if path.is_dir():
             raise IsADirectoryError(21, "is a folder, expected a file name", str(path))
         if not path.parent.is_dir():
@@ -45,7 +56,7 @@ class PartialFile:
         self.partial = self.path.with_name(self.path.name + ".partial") if self.atomic else self.path
         self._private = self.path.with_name(f".{self.path.name}.{secrets.token_hex(8)}.partial")
         self._how: dict[str, Any] = {} if binary else {"encoding": "utf-8", "newline": ""}
-        self._binary = "b" * binary
+        self._binary, self._summed = "b" * binary, summed and self.atomic
         self._file: IO[Any] | None = None
 
     def open(self) -> IO[Any]:
@@ -75,19 +86,64 @@ class PartialFile:
             if self.atomic and failure is None:
                 os.fsync(file.fileno())
                 kept = self.path
+                if self._summed:
+                    _expect(self.path, self._private)
         finally:
             file.close()
             if self.atomic:
                 os.replace(self._private, kept)
+                if self._summed and kept is self.path:
+                    _expect(self.path)
 
 
-def write_file(path: Path, content: str | bytes) -> None:
+def write_file(path: Path, content: str | bytes, *, summed: bool = False) -> None:
     """Write a whole file at once, into a folder that is made if need be; a failure leaves nothing behind."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    target = PartialFile(path, binary=isinstance(content, bytes))
+    target = PartialFile(path, binary=isinstance(content, bytes), summed=summed)
     try:
         with target as file:
             file.write(content)
     except BaseException:
         target.discard()
         raise
+
+
+def read_file(path: Path) -> bytes:
+    """Content of a file; ValueError if it is not what was written, as far as a checksum of it is kept."""
+    content, sums = path.read_bytes(), _sums(path.parent).get(path.name)
+    if sums and sha256(content).hexdigest() not in sums:
+        raise ValueError(f"{path}: fails its checksum in {SUMS}, expected what was written")
+    return content
+
+
+def _sums(folder: Path) -> dict[str, list[str]]:
+    """Checksums by file name."""
+    known: dict[str, list[str]] = {}
+    with suppress(OSError):
+        for line in (folder / SUMS).read_text(encoding="utf-8", errors="replace").splitlines():
+            checksum, _, name = line.partition("  ")
+            known.setdefault(name, []).append(checksum)
+    return known
+
+
+def _expect(path: Path, *coming: Path) -> None:
+    """Keep the checksum of a file, and of one that is about to take its place: until then both hold."""
+    with _alone(path.parent):
+        sums = []
+        for file in (path, *coming):
+            with suppress(OSError), file.open("rb") as content:
+                sums.append(file_digest(content, "sha256").hexdigest())
+        known = _sums(path.parent) | {path.name: sums}
+        lines = [f"{checksum}  {name}\n" for name in sorted(known) for checksum in dict.fromkeys(known[name])]
+        write_file(path.with_name(SUMS), "".join(lines))
+
+
+@contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Hold a folder against other processes that do the same."""
+    number = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(number, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(number)

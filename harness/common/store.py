@@ -5,15 +5,17 @@ Every row has a digest of all that it holds, which is compared whenever the row 
 
 import csv
 import json
+import reprlib
 import sqlite3
 from collections.abc import Iterable, Iterator
 from contextlib import closing, contextmanager, suppress
 from hashlib import sha256
+from io import BytesIO
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from polhode.harness.common.files import PartialFile
+from polhode.harness.common.files import PartialFile, read_file
 from polhode.harness.common.machine import now
 from polhode.harness.common.plain_json import dumps, loads
 
@@ -170,7 +172,7 @@ def export(records: Iterable[Record], path: Path) -> None:
     """
     if path.suffix not in (".csv", ".jsonl"):
         raise ValueError(f"{path}: expected a file name ending in .csv or .jsonl")
-    with PartialFile(path) as file:
+    with PartialFile(path, summed=True) as file:
         if path.suffix == ".jsonl":
             file.writelines(dumps(record) + "\n" for record in records)
             return
@@ -194,5 +196,13 @@ def _cell(value: Any) -> Any:
 
 
 def read_export(path: Path) -> list[Record]:
-    """Records of a JSON Lines file that `export` wrote, now or before; ValueError if a line is no JSON."""
-    return [loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+    """Records of a JSON Lines file that `export` wrote, now or before; ValueError if a line is no JSON object."""
+    records = []
+    for number, line in enumerate(BytesIO(read_file(path)), start=1):
+        try:
+            records.append(record := loads(line.decode()))
+        except (ValueError, RecursionError) as error:
+            raise ValueError(f"{path}: line {number}: {error}, expected JSON") from None
+        if not isinstance(record, dict):
+            raise ValueError(f"{path}: line {number}: got {reprlib.repr(record)}, expected a JSON object")
+    return records

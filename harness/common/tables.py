@@ -3,10 +3,11 @@
 import csv
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import astuple, fields
+from io import StringIO
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_type_hints
 
-from polhode.harness.common.files import PartialFile
+from polhode.harness.common.files import PartialFile, read_file
 
 Entry = TypeVar("Entry")
 
@@ -16,7 +17,7 @@ def write_table(path: Path, kind: type, rows: Iterable[Any], columns: Sequence[s
 
     The columns are named as the fields are, unless other names are given.
     """
-    with PartialFile(path) as file:
+    with PartialFile(path, summed=True) as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns or [field.name for field in fields(kind)])
         for row in rows:
@@ -31,12 +32,11 @@ def read_table(path: Path, kind: type[Entry], columns: Sequence[str] = ()) -> li
     Raises
     ------
     ValueError
-        If the file is missing or has other columns.
+        If the file is missing, damaged, or has other columns or cells.
     """
     expected = list(columns or [field.name for field in fields(kind)])  # pyright: ignore[reportArgumentType]
     try:
-        with path.open(newline="", encoding="utf-8") as file:
-            head, *lines = list(csv.reader(file)) or [[]]
+        head, *lines = list(csv.reader(StringIO(read_file(path).decode(), newline=""))) or [[]]
     except OSError as error:
         raise ValueError(f"{path}: {error.strerror}, expected a table of {', '.join(expected)}") from None
     if head != expected:

@@ -34,8 +34,14 @@ MOST_AT_ONCE = 8192
 OBSERVED = 20_000
 # Angular velocities stay below the fastest start, or about the fluid's: histograms reach a little further.
 LEAST_LIMIT, MARGIN = 1.0, 1.05
-# The whole numbers of an ensemble.
-LEAST = {"particles": 1, "seed": 0, "block": 1, "samples": 2, "snapshots": 2, "bins": 1}
+# The whole numbers of an ensemble, least and most.
+BOUNDS = {
+    **dict.fromkeys(("particles", "block"), (1, 10**12)),
+    "seed": (0, 2**63 - 1),
+    "samples": (2, 10**6),
+    "snapshots": (2, 10**4),
+    "bins": (1, 10**4),
+}
 
 Equations = Literal["full", "averaged"]
 
@@ -64,9 +70,9 @@ class Ensemble:
     radius: float = 0.05
 
     def __post_init__(self) -> None:
-        for name, least in LEAST.items():
-            if getattr(self, name) < least:
-                raise ValueError(f"{name}: got {getattr(self, name)!r}, expected a whole number from {least} on")
+        for name, (least, most) in BOUNDS.items():
+            if not least <= getattr(self, name) <= most:
+                raise ValueError(f"{name}: got {getattr(self, name)!r}, expected a whole number from {least} to {most}")
         if (self.samples - 1) % (self.snapshots - 1):
             raise ValueError(f"snapshots: got {self.snapshots}, expected samples - 1 = {self.samples - 1} divisible")
         for name in ("tolerance", "radius"):
@@ -126,7 +132,7 @@ class Ensemble:
             "starts": self.starts.content,
             "equations": self.equations,
             "form": self.form,
-            **{name: int(getattr(self, name)) for name in LEAST},
+            **{name: int(getattr(self, name)) for name in BOUNDS},
             **{name: float(getattr(self, name)) for name in ("stokes", "time", "tolerance", "radius")},
             "versions": {name: package_version(name) for name in ("polhode", "heyoka", "llvmlite", "numpy")},
         }

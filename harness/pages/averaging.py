@@ -12,6 +12,7 @@ from polhode.harness.averaging.data import VARIABLES, Absent, AveragingErrors, w
 from polhode.harness.averaging.findings import statements
 from polhode.harness.averaging.measure import SAMPLES, SOLVER, TOLERANCE, UNCERTIFIED, Found
 from polhode.harness.averaging.orders import FITTED_FROM, LEAST_POINTS, SAME_HORIZON, TARGETS, Law, first_order, laws
+from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import versions
 from polhode.harness.common.text import aligned, in_two_digits, markdown, scientific, short
 from polhode.harness.pages.figures.work_precision import save
@@ -69,7 +70,7 @@ def write_page(found: Found, folder: Path, command: str) -> None:
     """Write the page, its figure and its data into a folder."""
     write_data(*found, folder)
     save(figure(found[0]), folder, "errors")
-    (folder / "README.md").write_text("\n".join(_lines(*found, command)), encoding="utf-8")
+    write_file(folder / "README.md", "\n".join(_lines(*found, command)))
 
 
 def figure(rows: Sequence[AveragingErrors]) -> Any:

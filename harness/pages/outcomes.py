@@ -7,6 +7,7 @@ import pandas as pd
 
 from polhode.harness.analysis.frames import frame
 from polhode.harness.analysis.outcomes import INACCURATE, KINDS, Block, Ending, blocks, columns, limits, outcome
+from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record, export
 from polhode.harness.common.text import duration, markdown, short
@@ -71,7 +72,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     folder.mkdir(parents=True, exist_ok=True)
     export([_shared(record) for record in records], folder / "records.jsonl")
     page = folder / "README.md"
-    page.write_text("\n".join(_lines(study, table, records, command)), encoding="utf-8")
+    write_file(page, "\n".join(_lines(study, table, records, command)))
     return page
 
 

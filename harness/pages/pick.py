@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from polhode.harness.calibration.evaluation import CHEAP, FACTOR, MEETS, PREDICTED, Evaluation, close
+from polhode.harness.common.files import write_file
 from polhode.harness.common.text import duration, markdown, scientific
 from polhode.harness.pages.figures.style import family_colour
 from polhode.harness.pages.figures.work_precision import save
@@ -25,15 +26,15 @@ LAWS_HEADER += ["strays 95 %"]
 def write_pages(folder: Path, laws: Laws, evaluation: Evaluation, command: str) -> Path:
     """Write the page, its figures and its tables into a folder and return the page's path."""
     folder.mkdir(parents=True, exist_ok=True)
-    _law_frame(laws).to_csv(folder / "laws.csv", index=False)
-    evaluation.scenes.to_csv(folder / "scenes.csv", index=False)
+    write_file(folder / "laws.csv", _law_frame(laws).to_csv(index=False), summed=True)
+    write_file(folder / "scenes.csv", evaluation.scenes.to_csv(index=False), summed=True)
     runs = evaluation.runs.copy()
     for name in runs.columns[4:]:
         runs[name] = [f"{value:.4g}" if value == value else "" for value in runs[name]]
-    runs.to_csv(folder / "runs.csv", index=False)
+    write_file(folder / "runs.csv", runs.to_csv(index=False), summed=True)
     _write_figures(folder, evaluation)
     page = folder / "README.md"
-    page.write_text("\n".join(_lines(laws, evaluation, command)), encoding="utf-8")
+    write_file(page, "\n".join(_lines(laws, evaluation, command)))
     return page
 
 

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from io import BytesIO
 from math import isnan
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from polhode.harness.analysis.frames import frame, where
 from polhode.harness.analysis.pareto import Method
 from polhode.harness.analysis.regime_map import Cell, cells, scatter, standings
 from polhode.harness.analysis.winners import TIE
-from polhode.harness.common.files import write_file
+from polhode.harness.common.files import read_file, write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record
 from polhode.harness.common.text import duration, in_two_digits, markdown, short
@@ -40,7 +41,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         times = {scene.stokes: scene.time for own, scene in study.scenes if own == name}
         save(picture([maps[name, error] for error in ERRORS], times), folder, name)
     runs = table[[column for column in RUN_COLUMNS if column in table]]
-    runs.to_csv(folder / "runs.csv", index=False, float_format="%.7g")
+    write_file(folder / "runs.csv", runs.to_csv(index=False, float_format="%.7g"), summed=True)
     _write_cells(maps, folder / "cells.csv")
     write_file(folder / "README.md", "\n".join(_lines(study, table, records, maps, command)))
     return folder / "README.md"
@@ -53,13 +54,13 @@ def _write_cells(maps: Maps, path: Path) -> None:
             winner = (cell.winner.form, cell.winner.solver) if cell.winner else ("", "")
             numbers = (*winner, cell.seconds, cell.lead, cell.tied, str(cell.second or ""))
             rows.append((name, error, cell.stokes, cell.target, cell.known, *numbers))
-    pd.DataFrame(rows, columns=pd.Index(CELL_COLUMNS)).to_csv(path, index=False)
+    write_file(path, pd.DataFrame(rows, columns=pd.Index(CELL_COLUMNS)).to_csv(index=False), summed=True)
 
 
 def read_cells(path: Path) -> Maps:
     """Cells as `write_page` wrote them."""
     maps: dict[tuple[str, str], list[Cell]] = {}
-    table = pd.read_csv(path, keep_default_na=False, na_values={"seconds": "", "lead": ""})
+    table = pd.read_csv(BytesIO(read_file(path)), keep_default_na=False, na_values={"seconds": "", "lead": ""})
     for row in table.to_dict("records"):
         winner = Method(row["form"], row["solver"]) if row["form"] else None
         second = Method(*row["next"].split(", ")) if row["next"] else None

@@ -20,6 +20,7 @@ from polhode.harness.averaging.second_order import (
     TARGET,
     TOLERANCE,
 )
+from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.text import duration, in_two_digits, markdown, scientific, short
 from polhode.models.scene import EulerStart
@@ -32,7 +33,7 @@ DATA = ("orders", "slopes", "resonances", "crossings", "cost")
 def write_page(study: SecondOrderStudy, folder: Path, command: str) -> None:
     """Write the page and its data into a folder."""
     write_second_order(study, slopes(study.orders), folder)
-    (folder / "README.md").write_text(page(study, command), encoding="utf-8")
+    write_file(folder / "README.md", page(study, command))
 
 
 def as_text(study: SecondOrderStudy) -> str:

@@ -19,6 +19,7 @@ Each law knows how far measurements strayed from it on scenes that it was not fi
 """
 
 import json
+import reprlib
 from dataclasses import asdict, dataclass, field
 from functools import cache
 from importlib.resources import files
@@ -28,7 +29,7 @@ from typing import Any
 
 import numpy as np
 
-from polhode.harness.common.files import write_file
+from polhode.harness.common.files import read_file, write_file
 from polhode.harness.common.timing import Pace
 from polhode.solvers.compile import cache_folder
 
@@ -208,7 +209,7 @@ class Laws:
         """Write as JSON, a line for each method."""
         lines = ",\n".join(_json(asdict(law)) for law in self.methods.values())
         head = f'"schema": {SCHEMA}, "source": {_json(self.source)}'
-        write_file(path, f'{{{head}, "methods": [\n{lines}\n]}}\n')
+        write_file(path, f'{{{head}, "methods": [\n{lines}\n]}}\n', summed=True)
 
 
 class OtherSchemaError(ValueError):
@@ -218,10 +219,15 @@ class OtherSchemaError(ValueError):
 def parse_laws(text: str) -> Laws:
     """Laws from JSON; raises OtherSchemaError if they are those of another version, ValueError if there are none."""
     content = json.loads(text)
+    if not isinstance(content, dict):
+        raise ValueError(f"got {reprlib.repr(content)}, expected a JSON object")
     if content.get("schema") != SCHEMA:
         raise OtherSchemaError(f"laws: got schema {content.get('schema')!r}, expected {SCHEMA}")
-    methods = [_method(**row) for row in content["methods"]]
-    return Laws({(law.form, law.solver): law for law in methods}, content["source"])
+    try:
+        methods = [_method(**row) for row in content["methods"]]
+        return Laws({(law.form, law.solver): law for law in methods}, content["source"])
+    except (KeyError, TypeError, AttributeError) as error:
+        raise ValueError(f"got no laws: {error!r}") from None
 
 
 def _method(cost: dict[str, Any], errors: dict[str, dict[str, Any]], **rest: Any) -> MethodLaws:
@@ -245,10 +251,10 @@ def load_laws() -> Laws:
     own = own_laws_path()
     if own.is_file():
         try:
-            return parse_laws(own.read_text(encoding="utf-8"))
+            return parse_laws(read_file(own).decode())
         except OtherSchemaError:
             pass
-        except (ValueError, KeyError, TypeError) as error:
+        except ValueError as error:
             raise ValueError(f"{own}: {error}, expected laws; remove it to use those of the package") from None
     return parse_laws((files("polhode.harness.picking") / "laws.json").read_text(encoding="utf-8"))
 

@@ -136,7 +136,12 @@ def _torque_free(solution: SceneSolution, axis: int) -> list[list[float]]:
         rotation, momentum = solution.rotation[k], solution.angular_momentum[k]
         x, y, z, w = Rotation.from_matrix(rotation.T).as_quat().tolist()
         omega = (rotation @ momentum / inertia).tolist()
-        turn = 2 * pi * float(np.median(inertia)) / float(np.linalg.norm(momentum))
+        size = float(np.linalg.norm(momentum))
+        if size == 0:
+            # At rest it stays where it is.
+            paths.append(_rounded(np.repeat(rotation[None, axis], TURNS * POINTS + 1, axis=0), 3))
+            continue
+        turn = 2 * pi * float(np.median(inertia)) / size
         start = BodyStart((w, x, y, z), (omega[0], omega[1], omega[2]))
         top = Scene(ellipsoid, inf, start, TURNS * turn)
         free = solve(top, form="euler-top", solver="exact", tolerance=1e-9, samples=TURNS * POINTS + 1)

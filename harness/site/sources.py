@@ -1,10 +1,12 @@
 """The records of all studies in a folder of reports."""
 
+from io import BytesIO
 from pathlib import Path
 
 import pandas as pd
 
 from polhode.harness.analysis.frames import frame
+from polhode.harness.common.files import read_file
 from polhode.harness.common.store import DamagedStoreError, Store, read_export
 
 NEEDED = ("scene_name", "form", "solver", "tolerance", "status")
@@ -47,7 +49,7 @@ def _files(folder: Path) -> list[Path]:
 
 def _table(path: Path) -> pd.DataFrame:
     if path.suffix == ".csv":
-        return pd.read_csv(path, dtype_backend="numpy_nullable")
+        return pd.read_csv(BytesIO(read_file(path)), dtype_backend="numpy_nullable")
     if path.suffix == ".jsonl":
         return frame(read_export(path))
     with Store(path) as store:

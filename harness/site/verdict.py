@@ -3,11 +3,13 @@
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from html import escape
+from io import BytesIO
 from math import inf, isnan
 from pathlib import Path
 from typing import Any
 
 from polhode.harness.analysis.regime_map import Cell, usual_form
+from polhode.harness.common.files import read_file
 from polhode.harness.common.text import duration, factor, short
 from polhode.harness.pages.figures.map_picture import ERRORS, HEADINGS
 from polhode.harness.pages.figures.style import colour, is_averaged, rank
@@ -83,7 +85,7 @@ def _reached(path: Path) -> Mapping[tuple[str, float], list[dict[Any, Any]]]:
     import pandas as pd
 
     found = defaultdict(list)
-    for run in pd.read_csv(path).to_dict("records") if path.is_file() else ():
+    for run in pd.read_csv(BytesIO(read_file(path))).to_dict("records") if path.is_file() else ():
         if run["status"] == Status.REACHED_END:
             found[run["scene_name"], run["stokes"]].append(run)
     return found

@@ -17,6 +17,8 @@ from polhode.models.scenes import named_scene
 from polhode.solvers.catalogue import SOLVERS
 from polhode.solvers.contract import Backend, Jacobian
 
+# Of a run that is compared with a reference.
+MOST_SAMPLES = 100_000
 # What a study may say of a built-in scene.
 BESIDE_BUILTIN = ("time", "tags", "forms", "solvers", "max_seconds")
 
@@ -52,7 +54,7 @@ class StudyTable(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True)
     name: Name
     title: str
-    samples: Annotated[int, Field(ge=2)] = 501
+    samples: Annotated[int, Field(ge=2, le=MOST_SAMPLES)] = 501
     max_seconds: Positive = 10.0
     tolerances: Annotated[list[Positive], Field(min_length=1)]
     forms: Annotated[list[str], Field(min_length=1)]

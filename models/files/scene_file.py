@@ -1,12 +1,14 @@
 """Scene files: TOML, checked key by key before a scene is made."""
 
-from math import inf, isfinite
+import warnings
+from math import hypot, inf, isfinite, pi
 from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from polhode.models.files.toml_file import checked, read_toml
+from polhode.models.registry import Question
 from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart, Start
 from polhode.models.shape import Ellipsoid
 
@@ -14,6 +16,10 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Vector = Annotated[list[Finite], Field(min_length=3, max_length=3)]
 FourVector = Annotated[list[Finite], Field(min_length=4, max_length=4)]
+
+
+# A quaternion further from unit norm than this was not rounded.
+UNIT_WITHIN = 0.01
 
 
 class _Table(BaseModel):
@@ -50,9 +56,15 @@ class StartTable(_Table):
         if self.angular_momentum is not None and self.energy is not None:
             return SlowStart(_triple(self.angular_momentum), self.energy)
         if self.euler_angles is not None:
+            if max(map(abs, self.euler_angles)) > 2 * pi:
+                words = f"start.euler_angles: got {self.euler_angles} rad, beyond 2π; were degrees meant?"
+                warnings.warn(words, Question, stacklevel=2)
             return EulerStart(_triple(self.euler_angles), _triple(self.euler_rates or _REST))
         assert self.quaternion is not None
         q0, q1, q2, q3 = self.quaternion
+        if (norm := hypot(*self.quaternion)) > 0 and abs(norm - 1) > UNIT_WITHIN:
+            words = f"start.quaternion: got {self.quaternion} of norm {norm:.3g}, which is divided out; was 1 meant?"
+            warnings.warn(words, Question, stacklevel=2)
         return BodyStart((q0, q1, q2, q3), _triple(self.angular_velocity or _REST))
 
 

@@ -13,6 +13,8 @@ from polhode.models.registry import hint, near
 
 Made = TypeVar("Made")
 Model = TypeVar("Model", bound=BaseModel)
+# A file of more bytes is none that somebody wrote, and might never end.
+MOST = 4_000_000
 
 
 def read_toml(source: Path | Traversable, parse: Callable[[dict[str, Any]], Made], where: str | None = None) -> Made:
@@ -27,8 +29,15 @@ def read_toml(source: Path | Traversable, parse: Callable[[dict[str, Any]], Made
     """
     where = where or str(source)
     try:
-        contents = tomllib.loads(source.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        with source.open("rb") as file:
+            content = file.read(MOST + 1)
+        if len(content) > MOST:
+            raise ValueError(f"got more than {MOST} bytes")
+        # With or without the mark that some editors begin a file with.
+        contents = tomllib.loads(content.decode("utf-8-sig"))
+    except RecursionError:
+        raise ValueError(f"{where}: expected a TOML file: nested too deeply") from None
+    except ValueError as error:
         raise ValueError(f"{where}: expected a TOML file: {error}") from None
     try:
         return parse(contents)

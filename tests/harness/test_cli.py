@@ -1,12 +1,13 @@
 """The command line: answers, and one clear line about whatever it cannot take."""
 
 import json
+import os
 import subprocess
 import tomllib
 from pathlib import Path
 
 import pytest
-from commandline import SCENE, Run
+from commandline import SCENE, SCRIPT, Run
 
 from polhode.harness.cli import COMMANDS, FORMER, GROUPS
 from polhode.harness.commands.show import scene_text
@@ -190,11 +191,19 @@ BAD_FILES = [
     ("stokes = [", "expected a TOML file", "Invalid value"),
     (SCENE.replace("1000.0", "-3.0"), "stokes: got -3.0", "expected a number greater than or equal to 0"),
     (SCENE.replace("0.8", "nan"), "shape.semi_axes[1]: got nan", "expected a finite number"),
+    (SCENE.replace("= [1.0, 1.0, -1.0]", "= [1e160, 1.0, 0.0]"), "got [1e+160, 1.0, 0.0]", "of at most 1e+30"),
+    (SCENE.replace("slow_time = 0.5", "time = 5e-324"), "time: got 5e-324", "expected a finite number from 1e-60"),
+    ("x = " + "[" * 20_000, "expected a TOML file", "nested too deeply"),
+    (SCENE + '"\\u001b[31mred" = 3', "start.\\x1b[31mred: unknown key", "expected one of euler_angles,"),
     (SCENE.replace("euler_rates", "euler_rate"), "start.euler_rate: unknown key", "expected one of euler_angles,"),
 ]
 
 
-@pytest.mark.parametrize(("text", "got", "expected"), BAD_FILES, ids=["empty", "bad TOML", "range", "NaN", "key"])
+@pytest.mark.parametrize(
+    ("text", "got", "expected"),
+    BAD_FILES,
+    ids=["empty", "bad TOML", "range", "NaN", "fast", "short", "nested", "escapes", "key"],
+)
 def test_a_bad_scene_file_gets_one_line(
     here: Run, scene_file: Path, tmp_path: Path, text: str, got: str, expected: str
 ):
@@ -208,6 +217,46 @@ def test_a_bad_scene_file_gets_one_line(
 def test_a_scene_that_is_no_text_gets_one_line(here: Run, scene_file: Path, tmp_path: Path):
     scene_file.write_bytes(b"\xff\xfe\x00")
     assert "expected a TOML file" in refusal(here("solve", "scene.toml", "--out", "a.csv"), tmp_path)
+
+
+def test_a_scene_without_end_gets_one_line(here: Run, tmp_path: Path):
+    (tmp_path / "scene.toml").symlink_to("/dev/zero")
+    assert "expected a TOML file: got more than" in refusal(here("solve", "scene.toml", "--out", "a.csv"), tmp_path)
+
+
+def test_a_scene_that_begins_with_a_byte_order_mark_is_a_scene(here: Run, tmp_path: Path):
+    (tmp_path / "scene.toml").write_text(SCENE, encoding="utf-8-sig")
+    assert json.loads(here("scenes", "scene.toml", "--json").stdout)["stokes"] == 1000
+
+
+@pytest.mark.parametrize(
+    ("start", "question"),
+    [
+        ("euler_angles = [60.0, 30.0, 0.0]", "start.euler_angles: got [60.0, 30.0, 0.0] rad, beyond 2π; were degrees"),
+        ("quaternion = [1.0, 1.0, 0.0, 0.0]", "start.quaternion: got [1.0, 1.0, 0.0, 0.0] of norm 1.41"),
+    ],
+)
+def test_what_is_legal_and_surely_not_meant_is_questioned(here: Run, scene_file: Path, start: str, question: str):
+    scene_file.write_text(SCENE.partition("euler_angles")[0] + f"{start}\nat_rest = true\n", encoding="utf-8")
+    done = here("scenes", "scene.toml")
+    assert done.returncode == 0
+    assert done.stderr.startswith(f"note: {question}")
+    assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("arguments", [("forms",), ("solve", "paper", *GIVEN, "--samples", "9", "--out", "-")])
+def test_a_full_standard_output_is_said_in_a_line_and_a_closed_one_is_none(environment, arguments: tuple[str, ...]):
+    with open("/dev/full", "w") as full:
+        done = subprocess.run([SCRIPT, *arguments], stdout=full, stderr=subprocess.PIPE, env=environment, check=False)
+    assert done.returncode == 1
+    assert done.stderr.decode().splitlines()[-1].startswith("polhode: ")
+    assert b"Traceback" not in done.stderr
+    reading, writing = os.pipe()
+    os.close(reading)
+    done = subprocess.run([SCRIPT, *arguments], stdout=writing, stderr=subprocess.PIPE, env=environment, check=False)
+    os.close(writing)
+    assert b"polhode:" not in done.stderr
+    assert b"Traceback" not in done.stderr
 
 
 def test_a_refusal_leaves_an_earlier_result_alone(here: Run, scene_file: Path, tmp_path: Path):

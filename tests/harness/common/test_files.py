@@ -2,12 +2,13 @@
 
 import os
 import stat
+import subprocess
 from pathlib import Path
 from typing import IO
 
 import pytest
 
-from polhode.harness.common.files import PartialFile, write_file
+from polhode.harness.common.files import SUMS, PartialFile, read_file, write_file
 
 
 def test_two_writers_of_one_file_do_not_meet(tmp_path: Path):
@@ -42,3 +43,18 @@ def test_a_link_stays_and_others_may_read(tmp_path: Path):
     usual = os.umask(0)
     os.umask(usual)
     assert stat.S_IMODE((tmp_path / "target").stat().st_mode) == 0o666 & ~usual
+
+
+def test_a_file_whose_checksum_is_kept_is_not_read_if_damaged(tmp_path: Path):
+    path = tmp_path / "a.csv"
+    for content in ("first\n", "second\n"):
+        write_file(path, content, summed=True)
+        assert read_file(path) == content.encode()
+    write_file(tmp_path / "b.csv", "other", summed=True)
+    subprocess.run(["sha256sum", "--check", "--quiet", SUMS], cwd=tmp_path, check=True)
+    path.write_text("secone\n", encoding="utf-8")
+    with pytest.raises(ValueError, match=f"{path}: fails its checksum in SHA256SUMS"):
+        read_file(path)
+    assert read_file(tmp_path / "b.csv") == b"other"
+    (tmp_path / "c.csv").write_text("of one's own", encoding="utf-8")
+    assert read_file(tmp_path / "c.csv") == b"of one's own"

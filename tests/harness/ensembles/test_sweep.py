@@ -295,7 +295,7 @@ def test_results_tell_what_the_store_holds(here: Run, sweep_file: Path, tmp_path
     assert dict(zip(header, first, strict=True))["moment"] == "xx"
     assert float(first[header.index("mean")]) == mean[0, 0, 0]
     names = sorted(path.name for path in (tmp_path / "out").iterdir() if not path.name.startswith("store"))
-    assert names == ["README.md", "arrivals.csv", "distributions.csv", "moments.csv", "slow.csv"]
+    assert names == ["README.md", "SHA256SUMS", "arrivals.csv", "distributions.csv", "moments.csv", "slow.csv"]
 
 
 def test_dask_gives_the_same_numbers(here: Run, cluster, sweep_file: Path, tmp_path: Path, undisturbed):
@@ -307,7 +307,7 @@ def test_dask_gives_the_same_numbers(here: Run, cluster, sweep_file: Path, tmp_p
 @pytest.mark.parametrize(
     ("change", "line"),
     [
-        ({"particles": 0}, "particles: got 0, expected a whole number from 1 on"),
+        ({"particles": 0}, "particles: got 0, expected a whole number from 1 to 10"),
         ({"slow_time": 1.0}, "got both of slow_time and time, expected exactly one"),
         ({"grid": 1}, "grid: unknown key, expected one of name, title"),
         ({"start": {"motion": "spin"}}, "start.motion: got 'spin', expected one of rest, fluid"),

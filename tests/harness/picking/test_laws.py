@@ -10,6 +10,7 @@ import pytest
 from polhode.harness.calibration.fit import Sample, fit_cost, fit_error, fit_errors, refit
 from polhode.harness.calibration.scenes import HELD_OUT_SEED, TRAINING_SEED, questions
 from polhode.harness.calibration.training import CaseGroups, fast_solvers, forms_for, solvers_for, training
+from polhode.harness.common.files import write_file
 from polhode.harness.picking import pilot as laws_pilot
 from polhode.harness.picking.laws import (
     EPS,
@@ -152,8 +153,8 @@ def test_own_laws_come_first_unless_they_are_of_another_version(tmp_path, monkey
         own = replace(shipped, source={"machine": "this one"})
         own.save(own_laws_path())
         assert load_laws() == own
-        for text, expected in (('{"schema": 0}', shipped), ("not JSON", None)):
-            own_laws_path().write_text(text)
+        for text, expected in (('{"schema": 0}', shipped), ("not JSON", None), ("5", None)):
+            write_file(own_laws_path(), text, summed=True)
             load_laws.cache_clear()
             if expected is None:
                 with pytest.raises(ValueError, match="remove it to use those of the package"):

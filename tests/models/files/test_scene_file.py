@@ -49,6 +49,7 @@ def test_the_manuals_scene(tmp_path: Path):
     assert read_scene(path) == Scene(Ellipsoid((1.0, 0.8, 0.5)), 1000.0, start, 500.0)
 
 
+@pytest.mark.filterwarnings("ignore::polhode.models.registry.Question")
 @pytest.mark.parametrize(
     ("start", "expected"),
     [
