@@ -9,7 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-PACKAGES = ("polhode", "numpy", "scipy", "numba", "heyoka", "scikit-sundae", "cyrk", "pandas", "matplotlib")
+PACKAGES = ("polhode", "numpy", "scipy", "llvmlite", "numba", "heyoka", "scikit-sundae", "cyrk", "pandas", "matplotlib")
 ABSENT = "absent"
 
 
