@@ -66,10 +66,6 @@ class Form(ABC):
         self.check(scene)
         return scene.slow_time
 
-    def demands(self, scene: Scene) -> str:
-        """What makes a scene so costly to prepare that nobody would run this form unasked; empty where nothing does."""
-        return ""
-
     def orientation_of(self, scene: Scene) -> Orientation:
         """What `observe` gives of a scene's orientation: the rotation matrix, the symmetry axis' row of it, or none."""
         return self.orientation

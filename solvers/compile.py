@@ -4,14 +4,13 @@ Every function here keeps what it compiled, under the field's factory, for the l
 """
 
 import atexit
-import os
 from collections.abc import Callable
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from polhode.models.files.kept import cache_folder
 from polhode.models.operations import FLOAT, Field, Operations
 from polhode.models.problem import Problem
 from polhode.models.spent import spent_on
@@ -23,17 +22,6 @@ from polhode.solvers.machine_code.llvm import CALLBACK, MachineCode, compile_lin
 from polhode.solvers.machine_code.tracing import FieldFactory, trace
 
 Callback = Callable[[np.ndarray, Any, np.ndarray], None]
-
-# Environment variable that names the folder for caches.
-CACHE_VARIABLE = "POLHODE_CACHE"
-
-
-def cache_folder(library: str = "") -> Path:
-    """Folder of polhode's caches, or a library's: ``$POLHODE_CACHE``, else in ``$XDG_CACHE_HOME`` or ``~/.cache``."""
-    own = os.environ.get(CACHE_VARIABLE)
-    if own:
-        return Path(own, library).absolute()
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache", library or "polhode")
 
 
 @cache

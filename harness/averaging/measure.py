@@ -10,7 +10,6 @@ from tqdm import tqdm
 
 from polhode.harness.averaging.cases import QUICK, Subject, paper_cases
 from polhode.harness.averaging.data import Absent, AveragingErrors, Each
-from polhode.harness.picking.refusals import why_unreached
 from polhode.harness.references.errors import errors
 from polhode.harness.references.reference import ReferenceFailedError, reference
 from polhode.models.catalogue import averaged_form
@@ -42,7 +41,7 @@ def measure(subject: Subject, stokes: float) -> Found:
         try:
             until = form.reach(whole)
         except FormNotValidError as refusal:
-            absent.append(Absent(*head, stokes, f"refused: {why_unreached(form, whole, refusal)}"))
+            absent.append(Absent(*head, stokes, f"refused: {refusal.condition}"))
             continue
         scene = replace(whole, time=until * stokes)
         full = reference(scene, "quaternion", SAMPLES)

@@ -14,7 +14,6 @@ from polhode.harness.averaging.cases import AWAY, CROSSING, RESONANT, Subject
 from polhode.harness.averaging.data import Cost, Passage, SecondOrderErrors, SecondOrderStudy
 from polhode.harness.common.machine import machine, now, versions
 from polhode.harness.common.store import Record
-from polhode.harness.picking.refusals import why_unreached
 from polhode.harness.references.errors import Errors, errors
 from polhode.harness.references.extended import extended_run
 from polhode.models.catalogue import averaged_form, full_form
@@ -24,7 +23,7 @@ from polhode.models.observables import Observables
 from polhode.models.scene import Scene
 from polhode.models.scenes import PROLATE, SPHEROID_START
 from polhode.models.second_order.form import SecondOrder
-from polhode.models.second_order.run import prepared
+from polhode.models.second_order.outline import outline
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.solve import solve
 
@@ -34,6 +33,8 @@ TOLERANCE = 1e-14
 # Resonances want many small steps of these runs; each time is the fastest of so many.
 PASSAGE_SOLVER, PASSAGE_REPEATS = "cyrk-vern8", 3
 QUICK_CASES, QUICK_POINTS = 1, 2
+# Kicks below this share of the slow error estimated are not named.
+SMALL_KICK = 0.1
 # What may be measured alone.
 PARTS = ("orders", "resonances", "cost")
 
@@ -117,10 +118,11 @@ def measure_passage(case: Subject, stokes: float, whole: bool = True) -> Passage
         if not whole:
             case = replace(case, slow_time=form.reach(scene))
             scene = case.scene(stokes)
-        estimate, run = form.estimate(scene), prepared(scene)
+        estimate = form.estimate(scene)
     except FormNotValidError as refusal:
-        reason = refusal.condition if whole else why_unreached(form, scene, refusal)
+        reason = refusal.condition
         return Passage(case.axes, case.name, case.slow_time, stokes, "", nan, nan, nan, nan, nan, nan, nan, nan, reason)
+    strong = [each for each in outline(scene).kicks if each.size > SMALL_KICK * estimate.slow]
     true, _ = true_observables(scene)
     repeats = range(PASSAGE_REPEATS)
     found = fastest(timed_run(scene, form.name, TOLERANCE, SAMPLES, PASSAGE_SOLVER) for _ in repeats)
@@ -131,8 +133,8 @@ def measure_passage(case: Subject, stokes: float, whole: bool = True) -> Passage
         start=case.name,
         slow_time=case.slow_time,
         stokes=stokes,
-        modes=" ".join(f"({each.mask.k1}, {each.mask.k2})" for each in run.treated),
-        kick=max((each.kick for each in run.treated if each.met), default=nan),
+        modes=" ".join(f"({k1:.0f}, {k2:.0f})" for k1, k2 in dict.fromkeys(each.mode for each in strong)),
+        kick=max((each.size for each in strong), default=nan),
         slow=error.slow,
         estimated_slow=estimate.slow,
         first_order_slow=errors(scene.ellipsoid, first, true).slow,

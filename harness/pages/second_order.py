@@ -17,6 +17,7 @@ from polhode.harness.averaging.second_order import (
     PASSAGE_SOLVER,
     SAMPLES,
     SLOW_TIME,
+    SMALL_KICK,
     TARGET,
     TOLERANCE,
 )
@@ -24,8 +25,7 @@ from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.text import duration, in_two_digits, markdown, scientific, short
 from polhode.models.scene import EulerStart
-from polhode.models.second_order.form import MEANINGLESS, SecondOrder
-from polhode.models.second_order.run import SMALL_KICK, STOPS
+from polhode.models.second_order.form import MEANINGLESS, STOPS, SecondOrder
 
 DATA = ("orders", "slopes", "resonances", "crossings", "cost")
 
@@ -124,10 +124,9 @@ def _passages(resonances: Sequence[Passage], crossings: Sequence[Passage], repea
         "",
         "Starts whose runs pass k₁ν₁ + k₂ν₂ = 0, ν₁ and ν₂ being the frequencies of polhode and precession.",
         "",
-        "- *Modes treated*: the (k₁, k₂) that partial averaging keeps in the equations, the strongest first. *None*: "
-        f"each mode met would kick L by less than {SMALL_KICK:g} times the error expected anyway, and is left out.",
-        "- *Kick*: what the strongest of the modes treated would give L over I_max, were it left out, as first order "
-        "leaves it out. A dash: no mode treated passes its resonance in the run, though one may come near it.",
+        "- *Modes*: the (k₁, k₂) that the run passes, in its order. *None*: none is estimated to kick L by more "
+        f"than {SMALL_KICK:g} times the error estimated.",
+        "- *Kick*: what the strongest of them is estimated to give L over I_max, which averaging misses.",
         "- *Gain*: first order's slow error over the second's.",
         f"- *Time*: integration by `{PASSAGE_SOLVER}` to {short(TOLERANCE)} and the observables at {SAMPLES} times; "
         f"*integration*: that part alone. The fastest of {repeats} runs; tables and "
@@ -145,7 +144,7 @@ def _passages(resonances: Sequence[Passage], crossings: Sequence[Passage], repea
 
 
 def _table(rows: Sequence[Passage]) -> list[str]:
-    header = ("axes", "start", "t₂", "St", "modes treated", "kick", "slow", "slow estimated", "first order", "gain",
+    header = ("axes", "start", "t₂", "St", "modes", "kick", "slow", "slow estimated", "first order", "gain",
               "orientation", "orientation estimated", "time", "integration")  # fmt: skip
     table = [
         (

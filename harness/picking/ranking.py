@@ -263,8 +263,6 @@ def _problem(form: Form, scene: Scene, found: Pilot, want: str) -> Problem:
         raise UnfitError("gives no orientation", Stage.FORM)
     if form.averaged and (unfit := unfit_to_average(found)):
         raise UnfitError(unfit, Stage.AVERAGING)
-    if demands := form.demands(scene):
-        raise UnfitError(demands, Stage.AVERAGING)
     return form.problem(scene)
 
 

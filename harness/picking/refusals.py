@@ -8,9 +8,7 @@ from math import ceil, floor, inf, log10
 
 from polhode.harness.common.text import in_full
 from polhode.harness.picking.laws import ErrorLaw, Sensitivity
-from polhode.models.form import Form, FormNotValidError
-from polhode.models.scene import Scene
-from polhode.models.second_order.run import shorter
+from polhode.models.form import FormNotValidError
 from polhode.solvers.contract import SolverNotValidError
 
 
@@ -127,19 +125,3 @@ def one_digit_up(tolerance: float) -> float:
     """The tolerance at one digit, never tighter."""
     below = one_digit(tolerance)
     return below if tolerance <= below * (1 + 1e-9) else below + 10.0 ** floor(log10(tolerance))
-
-
-def why_unreached(form: Form, scene: Scene, refusal: FormNotValidError) -> str:
-    """Why a form follows no part of a scene, from what its `reach` raised.
-
-    Of a run that meets L² = 2EI₂ that says no more than that it does: why the shortest part that `reach` tries will not
-    do either is added.
-    """
-    parts = list(shorter(scene))
-    if not parts:
-        return refusal.condition
-    try:
-        form.check(parts[-1])
-    except FormNotValidError as shortest:
-        return f"{refusal.condition}; even ended at t₂ = {parts[-1].slow_time:.3g}, {shortest.condition}"
-    return refusal.condition

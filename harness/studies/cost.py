@@ -16,10 +16,11 @@ import numpy as np
 from polhode.harness.common.timing import seconds_of
 from polhode.harness.common.worker import Worker
 from polhode.models.catalogue import form as find_form
+from polhode.models.files.kept import CACHE_VARIABLE
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 from polhode.solvers.catalogue import solver as find_solver
-from polhode.solvers.compile import CACHE_VARIABLE, array_callback, c_callback, parameter_array
+from polhode.solvers.compile import array_callback, c_callback, parameter_array
 from polhode.solvers.contract import Backend
 from polhode.solvers.machine_code.llvm import Signature, compile_lines
 from polhode.solvers.solve import solve

@@ -14,11 +14,12 @@ L⊥        n×(r₁S_n + r₂W_n)          [p₁S_n⊥ + p₂W_n + n×(p₃S_n 
 """
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from polhode.models.second_order.polhodes import Polhodes, SidedBody
-from polhode.models.second_order.torus import Mask, Torus, skew, torque
+from polhode.models.second_order.torus import Torus, turning
 
 Array = np.ndarray
 
@@ -31,14 +32,22 @@ PHASES, LEAST_PHASES = 90.0, 24
 _TURNS = np.array([[[2, -1, 2], [2, 2, -1], [-1, 2, 2]], [[6, 2, 3], [-3, 6, 2], [-2, -3, 6]]]) / np.array(
     [[[3]], [[7]]]
 )
-FRAMES = np.concatenate([_TURNS, np.swapaxes(_TURNS, 1, 2)])
-EVERY_FRAME, SIZES = np.repeat(FRAMES, 2, axis=0), np.tile([1.0, 2.0], len(FRAMES))
+EVERY_FRAME, SIZES = np.repeat(_TURNS, 2, axis=0), np.tile([1.0, 2.0], len(_TURNS))
+# 1/St at which the size of the generator is taken, lest single resonances make it.
+AWAY = 1e-2
+# Modes (-k₁, k₂), k₂ = 1, 2, 3 and k₁ up to this, whose strength is kept.
+MODES = 24
 
 
-def averages(side: SidedBody, y: Array, masks: tuple[Mask, ...] = ()) -> tuple[dict[str, Array], float]:
-    """Coefficients by name, each shape (m,), at y, shape (m,), and the largest relative residual of their fit."""
-    numbers, residuals = zip(*(_at(side, float(value), masks) for value in y), strict=True)
-    return dict(zip(NAMES, np.array(numbers).T, strict=True)), max(residuals)
+def averages(side: SidedBody, y: Array) -> tuple[dict[str, Array], float, Array, Array]:
+    """Coefficients by name, each shape (m,), at y, shape (m,), and the largest relative residual of their fit.
+
+    Beside them the strength of modes in L', shape (m, k₁, k₂, 3), the largest of several orientations of L: at l = 0,
+    what it gains per l, and that of all modes at l = 1. Last the size of the generator, shape (m, 2), largest over
+    phases and orientations, as change of L over l and turn of R: its part in 1/l² and that in 1/l.
+    """
+    numbers, residuals, strengths, swings = zip(*(_at(side, float(value)) for value in y), strict=True)
+    return dict(zip(NAMES, np.array(numbers).T, strict=True)), max(residuals), np.array(strengths), np.array(swings)
 
 
 def phases(side: SidedBody, y: float) -> int:
@@ -50,17 +59,10 @@ def phases(side: SidedBody, y: float) -> int:
     return max(LEAST_PHASES, 2 * int(np.ceil(PHASES / nome / 2)))
 
 
-def every_pose(
-    side: SidedBody, y: float, nodes: int, masks: tuple[Mask, ...] = (), *, averaging: bool = False
-) -> Torus:
-    """The perturbation at y for `EVERY_FRAME` and `SIZES`."""
+def _at(side: SidedBody, level: float) -> tuple[list[float], float, Array, Array]:
     zero = np.zeros(len(SIZES))
-    polhode = Polhodes(side, y + zero, zero, nodes)
-    return Torus(polhode, SIZES, zero, EVERY_FRAME[:, 0], EVERY_FRAME[:, 1], masks, averaging)
-
-
-def _at(side: SidedBody, level: float, masks: tuple[Mask, ...]) -> tuple[list[float], float]:
-    torus = every_pose(side, level, phases(side, level), masks, averaging=True)
+    polhode = Polhodes(side, level + zero, zero, phases(side, level))
+    torus = Torus(polhode, SIZES, zero, EVERY_FRAME[:, 0], EVERY_FRAME[:, 1])
     mean = np.real(torus.spectrum[:, 0, 0])
     second = second_order(torus)
     x, y, z = (EVERY_FRAME[:, i] for i in range(3))
@@ -74,41 +76,60 @@ def _at(side: SidedBody, level: float, masks: tuple[Mask, ...]) -> tuple[list[fl
     first, left = fitted([*parts, ((s,), mean[:, 4]), ((s,), mean[:, 5])])
     parts = [((s, s * w), second[:, 2]), ((s * over, s * w * over), second[:, 3])]
     higher, right = fitted([*parts, ([*across, *steep], second[:, :2])])
-    return [*first, *higher, float(torus.polhode.rate[0]), float(torus.polhode.precession[0])], max(left, right)
+    numbers = [*first, *higher, float(polhode.rate[0]), float(polhode.precession[0])]
+    return numbers, max(left, right), _strengths(np.linalg.norm(torus.spectrum[..., :3], axis=-1)), _swing(torus)
+
+
+def _swing(torus: Torus) -> Array:
+    change, turn = replace(torus, torque_factor=AWAY).ambient
+    relative = np.linalg.norm(change, axis=-1) / torus.size[:, None, None] + np.linalg.norm(turn, axis=-1)
+    one, two = (float(relative[i::2].max()) for i in (0, 1))
+    drag = min(max(4 * two - one, 0.0), one)
+    return np.array([one - drag, drag])
+
+
+def _strengths(spectrum: Array) -> Array:
+    """Strengths, shape (MODES, 3, 3), from the moduli of Fourier coefficients, shape (poses, a, b)."""
+    found = np.zeros((2, MODES, 3))
+    most = min(MODES, spectrum.shape[1] // 2 - 1)
+    for i in (0, 1):
+        found[i, :most] = spectrum[i::2, : -most - 1 : -1, 1:4].max(axis=0)
+    gain = np.maximum(found[1] - found[0], 0)
+    return np.stack([np.maximum(found[0] - gain, 0), gain, np.full_like(gain, spectrum[::2].max())], axis=-1)
 
 
 def second_order(torus: Torus) -> Array:
-    """F₂ of (L in its frame, y), shape (m, 4): the mean of U·∂P, P along the flow of U being a polynomial.
-
-    The torus must be one for averaging.
-    """
-    p = torus.polhode
+    """F₂ of (L in its frame, y), shape (m, 4): the mean of the torque's derivative along the generator, U·∂P."""
+    p, size = torus.polhode, torus.size[:, None, None]
     change, turn = torus.ambient
-    size = torus.size[:, None, None]
-    scale = 1 / (1 + np.sqrt(np.sum(change**2, axis=-1) / size**2 + np.sum(turn**2, axis=-1)))[..., None]
-    spin = scale[..., None] * skew(turn)
-    n = np.array([0.0, 0.0, 1.0])
-    wide = (slice(None), None, None)
-
-    def pull(step: int) -> tuple[Array, Array, Array]:
-        rotation = torus.rotation + step * spin @ torus.rotation
-        momentum = np.einsum("mabij,mabi->mabj", rotation, size[..., None] * n + step * scale * change)
-        tau = torque(p.side, rotation, momentum, torus.flow[wide], torus.gradient[wide])
-        space = np.einsum("mabij,mabj->mabi", rotation, tau)
-        return space, np.sum(p.side.inverse_inertia * momentum * tau, axis=-1), np.sum(momentum * tau, axis=-1)
-
-    steps = {step: pull(step) for step in (-2, -1, 1, 2)}
-    space, power, pulled = (
-        (8 * (steps[1][k] - steps[-1][k]) - (steps[2][k] - steps[-2][k])) / 12 / (scale if k == 0 else scale[..., 0])
-        for k in range(3)
-    )
+    i, wide = p.side.inverse_inertia, (slice(None), None, None)
+    x, y = torus.flow[wide], torus.gradient[wide]
+    back = np.swapaxes(torus.rotation, -1, -2)
+    n = np.broadcast_to([0.0, 0.0, 1.0], turn.shape)
+    arms = [
+        size[..., None] * n,
+        x,
+        y,
+        change - size[..., None] * np.cross(turn, n),
+        np.cross(x, turn),
+        np.cross(y, turn),
+    ]
+    body = np.moveaxis(back @ np.stack(np.broadcast_arrays(*arms), axis=-1), -1, 0)
+    (m, x, y), (dm, dx, dy) = body[:3], body[3:]
+    tau = p.side.drag * (turning(p.side, x, y) - i * m)
+    change_tau = p.side.drag * (turning(p.side, dx, y) + turning(p.side, x, dy) - i * dm)
+    space, change_space = np.moveaxis(torus.rotation @ np.stack([tau, change_tau], axis=-1), -1, 0)
+    change_space = change_space + np.cross(turn, space)
     # dh/dt₂ = 2(ω·τ - h L·τ)/l²
-    _, power0, pulled0 = pull(0)
-    u = np.fft.ifft2(torus.generator_spectrum[..., 3], axes=(1, 2), norm="forward").real
     h, slope = p.h[:, None, None], p.slope[:, None, None]
-    rate_h = 2 * (power0 - h * pulled0) / size**2
-    change_h = 2 * (power - h * pulled - slope * u * pulled0) / size**2 - 2 * rate_h * change[..., 2] / size
-    return np.concatenate([space.mean(axis=(1, 2)), (change_h.mean(axis=(1, 2)) / p.slope)[:, None]], axis=1)
+    u = np.fft.ifft2(torus.generator_spectrum[..., 3], axes=(1, 2), norm="forward").real
+    spare = (i - h[..., None]) * m
+    rate_h = 2 * np.sum(spare * tau, axis=-1) / size**2
+    change_h = np.sum((i - h[..., None]) * dm * tau + spare * change_tau, axis=-1) - slope * u * np.sum(
+        m * tau, axis=-1
+    )
+    change_h = 2 * change_h / size**2 - 2 * rate_h * change[..., 2] / size
+    return np.concatenate([change_space.mean(axis=(1, 2)), (change_h.mean(axis=(1, 2)) / p.slope)[:, None]], axis=1)
 
 
 def fitted(parts: Iterable[tuple[Sequence[Array], Array]]) -> tuple[list[float], float]:

@@ -1,88 +1,82 @@
-"""Vector field of the second-order averaged triaxial ellipsoid, with the resonant modes that masks leave in it.
+"""Vector field of the second-order averaged triaxial ellipsoid, one and the same for every shape.
 
 State y = (L/I_max, a, e₁, σ_α, σ_β): a² = -ln(1 - x) with x = (h - i₃)/(i₂ - i₃) says how far the polhode is from the
 permanent axis, e₁ ⊥ L is carried along by parallel transport, the polhode phase is St σ_α and the precession phase
-St σ_β. All coefficients are Chebyshev series in a², whose terms stand in the parameters p behind each other:
+St σ_β. All coefficients are functions of a², whose numbers stand in the parameters p behind each other:
 
 - `HEAD` numbers: middle and reciprocal half width of the table's a²;
-- 20 series of `nodes` terms: `polhode.models.second_order.averages`, then ν₁ and ν₂;
-- for each mode `MODE_HEAD` numbers (`mode`) and 12 series of `MODE_NODES` terms (`resonance`).
+- 20 Chebyshev series of `NODES` terms: `polhode.models.second_order.averages`, then ν₁ and ν₂;
+- for each of `POLES` resonances, where the averages of second order are singular, its a², 1/(St |dD/da²|), and the 10
+  functions' residues of second and of first order.
+
+Within √(|dD/dt₂|/St) of its resonance a mode has no time to be averaged, and the poles end there (`regular`).
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 from polhode.models.operations import Field, Operations
 
-HEAD, SERIES = 2, 20
-MODE_HEAD, MODE_SERIES, MODE_NODES = 10, 12, 20
-# (1 + d⁴/POWER)^-POWER, by squaring DOUBLINGS times, comes close to exp(-d⁴) and falls as fast where it matters.
-DOUBLINGS = 8
-POWER = 2**DOUBLINGS
+HEAD, SERIES, NODES = 2, 20, 32
+POLES, SINGULAR, FIRST_SINGULAR = 8, 10, 8
+POLE = 2 + 2 * SINGULAR
+# Keeps 0/0 away where a run rests on a resonance.
+TINY = 1e-60
 
 
-@dataclass(frozen=True)
-class SlowField:
-    """Factory of the field: rates of (L/I_max, a, e₁, σ_α, σ_β) in slow time."""
+def field(ops: Operations) -> Field:
+    """Rates of (L/I_max, a, e₁, σ_α, σ_β) in slow time."""
+    root, averaged = ops.sqrt, ops.use(averaged_rates)
 
-    nodes: int  # terms per series
-    modes: int = 0  # resonant ones
+    def rhs(y, p):
+        lx, ly, lz, a, ex, ey, ez = y[0], y[1], y[2], y[3], y[4], y[5], y[6]
+        size = root(lx * lx + ly * ly + lz * lz)
+        over = 1 / size
+        nx, ny, nz = lx * over, ly * over, lz * over
+        found = series((a * a - p[0]) * p[1], p)
+        f0, f2, g0, g2, r1, r2, ea, eb = found[:FIRST_SINGULAR]
+        drift = a * a * (g0 + 0.5 * g2 * nz * over) * over
+        for at in range(HEAD + SERIES * NODES, HEAD + SERIES * NODES + POLES * POLE, POLE):
+            twice, once = regular(a * a - p[at], drift * p[at + 1])
+            for k in range(SINGULAR):
+                found[FIRST_SINGULAR + k] += twice * p[at + 2 + k] + once * p[at + 2 + SINGULAR + k]
+        a1, a2, b1, b2, p1, p2, p3, p4, p5, p6, nu1, nu2 = found[FIRST_SINGULAR:]
+        growth, rise, tx, ty, tz = averaged(
+            size, (nx, ny, nz), (f0, f2, a1, a2), (g0, g2, b1, b2), (r1, r2), (p1, p2, p3, p4, p5, p6)
+        )
+        s = nx * ny * over
+        lost = (ex * tx + ey * ty + ez * tz) * over
+        return (
+            growth * lx + tx,
+            growth * ly + ty,
+            growth * lz + tz,
+            0.5 * a * rise,
+            -lost * nx,
+            -lost * ny,
+            -lost * nz,
+            size * nu1 + ea * s,
+            size * nu2 + eb * s,
+        )
 
-    def __call__(self, ops: Operations) -> Field:
-        """Bind the operations."""
-        nodes, modes, root = self.nodes, self.modes, ops.sqrt
-        averaged, resonant = ops.use(averaged_rates), ops.use(_mode)
-        behind, each = HEAD + SERIES * nodes, MODE_HEAD + MODE_SERIES * MODE_NODES
-
-        def rhs(y, p):
-            lx, ly, lz, a, ex, ey, ez = y[0], y[1], y[2], y[3], y[4], y[5], y[6]
-            size = root(lx * lx + ly * ly + lz * lz)
-            over = 1 / size
-            nx, ny, nz = lx * over, ly * over, lz * over
-            t = (a * a - p[0]) * p[1]
-            f0, f2, g0, g2, r1, r2, ea, eb, a1, a2, b1, b2, p1, p2, p3, p4, p5, p6, nu1, nu2 = series(t, p, HEAD, nodes)
-            growth, rise, tx, ty, tz = averaged(
-                size, (nx, ny, nz), (f0, f2, a1, a2), (g0, g2, b1, b2), (r1, r2), (p1, p2, p3, p4, p5, p6)
-            )
-            s = nx * ny * over
-            alpha, beta = size * nu1 + ea * s, size * nu2 + eb * s
-            if modes > 0:
-                fx, fy, fz = ny * ez - nz * ey, nz * ex - nx * ez, nx * ey - ny * ex
-                for k in range(modes):
-                    longer, higher, along, beside, ahead, turned = resonant(
-                        size, (nx, ny, nz), (ex, ey), (fx, fy), a * a, nu1, nu2, y[7], y[8], p, behind + k * each
-                    )
-                    growth, rise = growth + longer, rise + higher
-                    tx = tx + along * ex + beside * fx
-                    ty = ty + along * ey + beside * fy
-                    tz = tz + along * ez + beside * fz
-                    alpha, beta = alpha + ahead, beta + turned
-            lost = (ex * tx + ey * ty + ez * tz) * over
-            return (
-                growth * lx + tx,
-                growth * ly + ty,
-                growth * lz + tz,
-                0.5 * a * rise,
-                -lost * nx,
-                -lost * ny,
-                -lost * nz,
-                alpha,
-                beta,
-            )
-
-        return rhs
+    return rhs
 
 
-def series(t, p, at: int, nodes: int, count: int = SERIES) -> list[Any]:
-    """Chebyshev series of `nodes` terms each, behind each other from p[at] on, at t."""
+def regular(x: Any, square: Any) -> tuple[Any, Any]:
+    """What stands for 1/x² and 1/x: x³/(x⁴ + w⁴) for the latter, `square` = ±w², less its derivative for the first."""
+    x2, w4 = x * x, square * square + TINY
+    over = 1 / (x2 * x2 + w4)
+    return x2 * (x2 * x2 - 3 * w4) * over * over, x2 * x * over
+
+
+def series(t: Any, p: Any) -> list[Any]:
+    """The Chebyshev series at t."""
     polynomials = [1 + 0 * t, t]
-    for _ in range(2, nodes):
+    for _ in range(2, NODES):
         polynomials.append(2 * t * polynomials[-1] - polynomials[-2])
     found = []
-    for first in range(at, at + count * nodes, nodes):
+    for first in range(HEAD, HEAD + SERIES * NODES, NODES):
         total = p[first] + p[first + 1] * t
-        for k in range(2, nodes):
+        for k in range(2, NODES):
             total = total + p[first + k] * polynomials[k]
         found.append(total)
     return found
@@ -108,50 +102,3 @@ def averaged_rates(ops: Operations) -> Callable[..., Any]:
         )
 
     return averaged
-
-
-def _mode(ops: Operations) -> Callable[..., Any]:
-    sin, cos, where_positive = ops.sin, ops.cos, ops.where_positive
-
-    def mode(size, n, e, f, a2, nu1, nu2, alpha, beta, p, at):
-        """Rates by one masked mode and its conjugate: l'/l, (a²)'/a², L' along e₁ and e₂, σ_α', σ_β'.
-
-        p[at:] holds k₁ and k₂ over the width; St k₁ and St k₂; the phase at the start; middle and reciprocal half width
-        of the series' a²; 1 at the place of k₂ among 1, 2, 3. The series are those of `resonance`.
-        """
-        d = p[at] * nu1 + p[at + 1] * nu2
-        mask = 1 / (1 + d * d * d * d / POWER)
-        for _ in range(DOUBLINGS):
-            mask = mask * mask
-        phase = p[at + 4] + p[at + 2] * alpha + p[at + 3] * beta
-        # 2iμ exp(iψ); outside the series' range the mask vanishes.
-        re, im = -2 * mask * sin(phase), 2 * mask * cos(phase)
-        t = (a2 - p[at + 5]) * p[at + 6]
-        t = where_positive(1 - t * t, t, 0 * t)
-        l1, l2, y1, y2, a1, a2, b1, b2, q1, q2, q3, q4 = series(t, p, at + MODE_HEAD, MODE_NODES, MODE_SERIES)
-        c1, c2, c3 = p[at + 7], p[at + 8], p[at + 9]
-
-        # Parts of the flow of one, two and no turns about n; x and y of it are (e₁ - ie₂, n)'s components.
-        ar, ai = 0.5 * (n[0] * e[1] + n[1] * e[0]), -0.5 * (n[0] * f[1] + n[1] * f[0])
-        br, bi = 0.5 * (n[0] * e[1] - n[1] * e[0]), -0.5 * (n[0] * f[1] - n[1] * f[0])
-        tr, ti = e[0] * e[1] - f[0] * f[1], -(e[0] * f[1] + f[0] * e[1])
-        sr, si, wr, wi = c1 * ar + c2 * tr, c1 * ai + c2 * ti, c1 * br, c1 * bi
-        over = 1 / size
-        lr, li = l1 * sr + l2 * wr, l1 * si + l2 * wi
-        yr, yi = y1 * sr + y2 * wr, y1 * si + y2 * wi
-        xr, xi = a1 * sr + a2 * wr, a1 * si + a2 * wi
-        zr, zi = b1 * sr + b2 * wr, b1 * si + b2 * wi
-        # (L'₁ + iL'₂) of the mode and (L'₁ - iL'₂) of the mode, over i.
-        pr = q1 * (c1 * n[0] * n[1] + c2 * ar + c3 * tr) + q2 * c2 * br
-        pi = q1 * (c2 * ai + c3 * ti) + q2 * (c2 * bi - 0.5 * c1 * n[2]) - q3 * c1 * size
-        mr, mi = q4 * c1 * tr, q4 * c1 * ti
-        return (
-            over * (lr * re - li * im),
-            over * (yr * re - yi * im),
-            0.5 * ((pr + mr) * re - (pi + mi) * im),
-            0.5 * ((pr - mr) * im + (pi - mi) * re),
-            over * (xr * im + xi * re),
-            over * (zr * im + zi * re),
-        )
-
-    return mode

@@ -1,7 +1,9 @@
 """Form `averaged-second-order`: slow variables to O(1/St²) and orientation to O(1/St), at a cost free of St."""
 
+from contextlib import suppress
+from dataclasses import replace
 from functools import lru_cache, partial
-from itertools import chain
+from math import inf
 
 import numpy as np
 
@@ -11,14 +13,17 @@ from polhode.models.forms.spheroid import Spheroid, axis_rotation
 from polhode.models.observables import Observables
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
-from polhode.models.second_order import bound as second_order_bound
+from polhode.models.second_order import field as triaxial
 from polhode.models.second_order import run as triaxial_run
 from polhode.models.second_order import spheroid as spheroidal
+from polhode.models.second_order.outline import outline
 from polhode.models.second_order.spheroid_error import Estimate, estimate
 
 # The slow start x solves x = z - u(x)/St; each pass gains a factor of the correction's size.
 START_PASSES = 60
 START_CLOSE = 1e-15
+# Shares of the time to the first window at which a run is tried to be stopped.
+STOPS = (0.98, 0.9)
 # Above this estimated slow error, over I_max, the expansion in 1/St means nothing.
 MEANINGLESS = 1.0
 
@@ -27,9 +32,9 @@ class SecondOrder(Form):
     """State (L, q, σ) of a spheroid in slow time: L over I_e, its axis without fast turning, that angle over St.
 
     A triaxial ellipsoid has the state of `polhode.models.second_order.field` instead, and its complete orientation; it
-    is followed on one side of L² = 2EI₂ alone, through resonances by partial averaging. Caveat: the angle St σ carries
-    St times the tolerance, and at best St times rounding, so that the orientation stops gaining accuracy near St =
-    1e8.
+    is followed on one side of L² = 2EI₂ alone, down to rotation about a principal axis, and past resonances, whose
+    kicks it misses and estimates. Caveat: the angle St σ carries St times the tolerance, and at best St times rounding,
+    so that the orientation stops gaining accuracy near St = 1e8.
     """
 
     name = "averaged-second-order"
@@ -40,16 +45,18 @@ class SecondOrder(Form):
     averaged = True
 
     def check(self, scene: Scene) -> None:
-        """Refuse spheres, St = 0 and inf, starts without orientation, St too small, and what `prepared` refuses."""
+        """Refuse spheres, St = 0 and inf, starts without orientation, St too small, and runs with windows."""
         if scene.ellipsoid.kind == "sphere":
             raise self.refuse("a sphere has no symmetry axis, and L obeys a linear equation", full_form(scene))
         self.require_slow_motion(scene)
         self.require_orientation(scene)
         if scene.ellipsoid.kind == "triaxial":
-            try:
-                triaxial_run.prepared(scene)
-            except triaxial_run.NotAveragedError as error:
-                raise self.refuse(str(error), full_form(scene)) from None
+            self._entry(scene)
+            for each in outline(scene).stretches:
+                if not each.second_order:
+                    raise self.refuse(
+                        f"averaging does not hold from t₂ = {each.start:.2g}: {each.reason}", full_form(scene)
+                    )
         elif slow_start(scene) is None:
             raise self.refuse(f"St = {scene.stokes:g} is too small for the start's |L|", full_form(scene))
         if not estimated(scene).slow < MEANINGLESS:
@@ -63,8 +70,8 @@ class SecondOrder(Form):
         """Initial value problem in slow time t₂ = t/St."""
         self.check(scene)
         if scene.ellipsoid.kind == "triaxial":
-            run = triaxial_run.prepared(scene)
-            return self.slow_problem(scene, run.field, run.state, run.parameters, partial(drift, first=4))
+            run = self._entry(scene)
+            return self.slow_problem(scene, triaxial.field, run.state, run.parameters, partial(drift, first=4))
         parameters = spheroidal.parameters(Spheroid.of(scene.ellipsoid), scene.torque_factor)
         return self.slow_problem(
             scene, spheroidal.field, (*(slow_start(scene) or ()), 0.0), parameters, partial(drift, first=3)
@@ -73,7 +80,7 @@ class SecondOrder(Form):
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         """Observables, the fast motion and the O(1/St) swing put back; of a spheroid with the axis' row alone."""
         if scene.ellipsoid.kind == "triaxial":
-            return triaxial_run.observe(scene, states)
+            return self._entry(scene).observe(states)
         spheroid = Spheroid.of(scene.ellipsoid)
         axis = spheroidal.turned(states[:, :3], spheroidal.unit(states[:, 3:6]), scene.stokes * states[:, 6])
         momentum, axis = spheroidal.swung(spheroid, scene.torque_factor, states[:, :3], axis)
@@ -88,22 +95,28 @@ class SecondOrder(Form):
         return estimated(scene)
 
     def reach(self, scene: Scene) -> float:
-        """Slow time to which the form follows a scene: its end, or, of a triaxial one, short of L² = 2EI₂."""
-        refusals = []
-        for part in chain((scene,), triaxial_run.shorter(scene)):
-            try:
-                self.check(part)
-            except FormNotValidError as refusal:
-                refusals.append(refusal)
-            else:
-                return part.slow_time
-        raise refusals[0]
+        """Slow time to which the form follows a scene: its end, or, of a triaxial one, short of its first window."""
+        try:
+            self.check(scene)
+        except FormNotValidError:
+            if scene.ellipsoid.kind != "triaxial" or not 0 < scene.stokes < inf or not np.any(scene.initial.slow):
+                raise
+            end = outline(scene).stretches[0].end
+            if end >= scene.slow_time:
+                raise
+            for share in STOPS:
+                part = replace(scene, time=share * end * scene.stokes)
+                with suppress(FormNotValidError):
+                    self.check(part)
+                    return part.slow_time
+            raise
+        return scene.slow_time
 
-    def demands(self, scene: Scene) -> str:
-        """Partial averaging of resonances: seconds to prepare and to compile."""
-        if not triaxial_run.resonates(scene):
-            return ""
-        return "the run comes near resonances of polhode and precession, whose treatment takes seconds to prepare"
+    def _entry(self, scene: Scene) -> triaxial_run.Entry:
+        try:
+            return triaxial_run.started(scene)
+        except triaxial_run.NotAveragedError as error:
+            raise self.refuse(str(error), full_form(scene)) from None
 
 
 @lru_cache(maxsize=256)
@@ -129,7 +142,8 @@ def slow_start(scene: Scene) -> tuple[float, ...] | None:
 def estimated(scene: Scene) -> Estimate:
     """Estimated model errors of a scene that has a slow start."""
     if scene.ellipsoid.kind == "triaxial":
-        return second_order_bound.estimated(scene)
+        found = outline(scene)
+        return Estimate(found.error, found.orientation)
     start = slow_start(scene)
     assert start is not None
     return estimate(Spheroid.of(scene.ellipsoid), scene.torque_factor, start, scene.slow_time)

@@ -77,13 +77,20 @@ class Polhodes:
         i1, i2, i3 = self.side.inverse_inertia
         a2 = (i2 - i3) / (i1 - i3) * self.x
         c2 = 1 - a2
-        return a2, c2, 1 / (1 + np.exp(self.y)) / c2
+        return a2, c2, np.minimum(1 / (1 + np.exp(self.y)) / c2, 1)
 
     @cached_property
     def h(self) -> Array:
         """2E/L², shape (m,)."""
         _, i2, i3 = self.side.inverse_inertia
         return i3 + (i2 - i3) * self.x
+
+    @cached_property
+    def beyond(self) -> Array:
+        """1/I - h, shape (m, 3), exact where h comes near i₃."""
+        i1, i2, i3 = self.side.inverse_inertia
+        risen = (i2 - i3) * self.x
+        return np.stack([i1 - i3 - risen, (i2 - i3) / (1 + np.exp(self.y)), -risen], axis=-1)
 
     @cached_property
     def slope(self) -> Array:
@@ -119,35 +126,40 @@ class Polhodes:
         return np.cross(self.z, self.side.inverse_inertia * self.z) / self.rate[:, None, None]
 
     @cached_property
-    def _precession(self) -> tuple[Array, Array]:
-        """ν₂, shape (m,), and χ, shape (m, a)."""
+    def _turn(self) -> tuple[Array, Array]:
+        """Turn of S about e₃ per α, shape (m,), and χ, shape (m, a)."""
         z, dz = self.z, self.along
         lag = (z[..., 0] * dz[..., 1] - z[..., 1] * dz[..., 0]) / (1 + z[..., 2])
-        spectrum = np.fft.fft(self.h[:, None] - self.rate[:, None] * lag, axis=1)
-        mean = spectrum[:, 0].real / self.nodes
+        spectrum = np.fft.fft(lag, axis=1)
         order = np.fft.fftfreq(self.nodes, 1 / self.nodes)
         order[[0, self.nodes // 2]] = np.inf
-        return mean, np.fft.ifft(-1j * spectrum / order, axis=1).real / self.rate[:, None]
+        return spectrum[:, 0].real / self.nodes, np.fft.ifft(1j * spectrum / order, axis=1).real
+
+    @property
+    def turn(self) -> Array:
+        """Turn of S about e₃ per α, shape (m,): (h - ν₂)/ν₁."""
+        return self._turn[0]
 
     @property
     def precession(self) -> Array:
         """ν₂, shape (m,): dβ/dt over l."""
-        return self._precession[0]
+        return self.h - self.rate * self.turn
 
     @property
     def lead(self) -> Array:
         """χ, shape (m, a), of zero mean over the polhode."""
-        return self._precession[1]
+        return self._turn[1]
 
     @cached_property
     def beside(self) -> "Derivatives":
         """Derivatives with respect to y at fixed phases."""
-        total = dict.fromkeys(("z", "lead", "rate", "precession"), np.zeros(1))
+        total = dict.fromkeys(("z", "lead", "rate", "turn"), np.zeros(1))
         for steps, weight in DIFFERENCES:
             up, down = (replace(self, y=self.y + sign * steps * STEP) for sign in (1, -1))
             for name in total:
                 total[name] = total[name] + weight / STEP * (getattr(up, name) - getattr(down, name))
-        return Derivatives(**total)
+        carried = total["rate"] * self.turn + self.rate * total["turn"]
+        return Derivatives(total["z"], total["lead"], total["rate"], self.slope - carried)
 
 
 @dataclass(frozen=True)

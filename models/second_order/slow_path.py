@@ -13,19 +13,22 @@ MOST_STEPS = 2000
 def slow_path(
     rates: Callable[[Array], Array], start: Array, end: float, tidy: Callable[[Array], Array] = lambda y: y
 ) -> tuple[Array, Array]:
-    """Times, shape (m,), and states, shape (m, d), from 0 to `end`, or to where `MOST_STEPS` steps lead.
+    """Times, shape (m,), and states, shape (m, d), from 0 to `end`, or to where `MOST_STEPS` tried steps lead.
 
     By the pair of Bogacki and Shampine (Hairer, Nørsett & Wanner, Solving Ordinary Differential Equations I, §II.5),
-    to a tolerance relative to the largest entry of the first three and of the others; `tidy` keeps invariants.
+    to a tolerance relative to the largest entry of the first three and of the others; `tidy` keeps invariants. Rates
+    may be no numbers, or raise ArithmeticError or ValueError, where there are none: the path ends there.
     """
     times, states = [0.0], [start]
-    first, step = rates(start), end / 100
-    while times[-1] < end and len(times) < MOST_STEPS:
+    first, step = _rates(rates, start), end / 100
+    for _ in range(MOST_STEPS):
+        if not (times[-1] < end and step > 1e-12 * end):
+            break
         y, step = states[-1], min(step, end - times[-1])
-        second = rates(y + step / 2 * first)
-        third = rates(y + 3 / 4 * step * second)
+        second = _rates(rates, y + step / 2 * first)
+        third = _rates(rates, y + 3 / 4 * step * second)
         new = y + step * (2 * first + 3 * second + 4 * third) / 9
-        fourth = rates(new)
+        fourth = _rates(rates, new)
         error = np.abs(step * (-5 * first + 6 * second + 8 * third - 9 * fourth) / 72)
         sizes = max(np.abs(new[:3])), max(np.abs(new[3:]))
         worst = max(error[:3].max() / sizes[0], error[3:].max() / sizes[1]) / TOLERANCE
@@ -35,3 +38,10 @@ def slow_path(
             first = fourth
         step *= min(3.0, max(0.2, 0.9 * (worst + 1e-12) ** (-1 / 3))) if np.isfinite(worst) else 0.2
     return np.array(times), np.array(states)
+
+
+def _rates(rates: Callable[[Array], Array], y: Array) -> Array:
+    try:
+        return rates(y)
+    except (ArithmeticError, ValueError):
+        return np.full_like(y, np.nan)

@@ -6,29 +6,43 @@ from math import pi
 
 import numpy as np
 
-from polhode.models.second_order.averages import NAMES, SECOND, averages, phases
+from polhode.models.files import kept
+from polhode.models.second_order.averages import MODES, NAMES, SECOND, averages, phases
+from polhode.models.second_order.field import NODES, POLE, POLES, regular
 from polhode.models.second_order.polhodes import Polhodes, SidedBody
-from polhode.models.second_order.torus import Mask, Torus, least_rotation, skew
+from polhode.models.second_order.torus import Torus, least_rotation, skew
 from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
 
-# Chebyshev coefficients per function of a²; more than the first number of them where masks give it steps.
-NODES = (32, 64, 96)
+# Changes whenever the numbers of a table do.
+VERSION = 1
+# Tables reach from a² = 0 to here: 1 - x = 0.0025.
+MOST = 6.0
+POINTS = 0.5 * MOST * (1 + np.cos(pi * (np.arange(NODES) + 0.5) / NODES))
 # Powers of I_max that each coefficient carries when L is measured in it.
 SCALES = {"f0": 0, "g0": 0, "a1": 2, "b1": 2, "p1": 2, "p2": 2, "nu1": -1, "nu2": -1} | dict.fromkeys(
     ("f2", "g2", "r1", "r2", "ea", "eb"), 1
 )
 HIGHEST_SCALE = 3
+# Modes of a smaller share of the torque are no resonances.
+FAINT = 1e-8
+# Averages at a divisor below this share of ν₂ weigh less in the table; so many terms fewer than nodes fit the others.
+NEAR, SPARE = 0.02, 6
+# Nearer to a permanent axis polhodes are taken for this a²; it moves the body by 1e-12 rad.
+FLOOR = 1e-24
+# Distance in a² at which the poles of the averages are found.
+BESIDE = 5e-4
 
 
 @dataclass(frozen=True)
 class Table:
-    """Chebyshev coefficients of functions of a² on one side, for a² from `low` to `high`."""
+    """One side's functions of a², 0 <= a² <= MOST."""
 
-    low: float
-    high: float
-    series: Array  # one row per function: of averages in the order of `NAMES`, y' as (a²)'/a²
+    series: Array  # Chebyshev coefficients, a row per function, in the order of `NAMES`; y' as (a²)'/a²
+    poles: Array  # a row per pole: its a², dD/da² over l, residues of second and of first order of the functions
+    resonances: Array  # a row per resonance: k₁, k₂, a², dD/da² over l, |P_k| of L' at l = 0 and its gain per l
+    swing: Array  # size of the generator over l at the Chebyshev points, shape (NODES, 2): its parts in 1/l² and in 1/l
     residual: float  # relative misfit of the closed structure, largest over the nodes
 
 
@@ -43,16 +57,103 @@ def level(a2: Array) -> Array:
 
 
 @lru_cache(maxsize=64)
-def table(
-    ellipsoid: Ellipsoid, longest: bool, low: float, high: float, masks: tuple[Mask, ...] = (), nodes: int = NODES[0]
-) -> Table:
-    """Table of one side: that around the longest semi-axis, or that around the shortest."""
-    side = side_of(ellipsoid, longest)
-    points = chebyshev(nodes, low, high)
-    found, residual = averages(side, level(points), masks)
+def table(ellipsoid: Ellipsoid, longest: bool) -> Table:
+    """Table of one side: that around the longest semi-axis, or that around the shortest; kept on disk."""
+    key = f"second order {VERSION} {ellipsoid.scaled_axes} {longest}"
+    numbers = kept.load(key)
+    if numbers is None:
+        found = _made(side_of(ellipsoid, longest))
+        arrays = found.series, found.poles, found.swing, found.resonances
+        kept.save(key, np.concatenate([[found.residual], *(each.ravel() for each in arrays)]))
+        return found
+    residual, *parts = np.split(numbers, np.cumsum([1, len(NAMES) * NODES, POLES * POLE, 2 * NODES]))
+    series, poles, swing, resonances = (each.reshape(-1, n) for each, n in zip(parts, (NODES, POLE, 2, 6), strict=True))
+    return Table(series, poles, resonances, swing, float(residual[0]))
+
+
+def _made(side: SidedBody) -> Table:
+    points = POINTS
+    found, residual, strengths, swing = averages(side, level(points))
     for name in ("g0", "g2", "b1", "b2"):
         found[name] = found[name] * per_square(points)
-    return Table(low, high, series_of(np.stack([found[name] for name in NAMES])), residual)
+    series = series_of(np.stack([found[name] for name in NAMES]))
+    padded = np.concatenate([swing[:1], swing, swing[-1:]])
+    swing = np.median([padded[:-2], swing, padded[2:]], axis=0)
+    resonances = _resonances(series[-2:], points, strengths)
+    poles = _poles(side, resonances)
+    first, count = NAMES.index(SECOND[0]), len(SECOND)
+    values = np.stack([found[name] for name in SECOND])
+    for pole in poles:
+        twice, once = regular(points - pole[0], 0 * points)
+        values -= np.outer(pole[2 : 2 + count], twice) + np.outer(pole[2 + count :], once)
+    weight = np.ones(NODES)
+    for k1, k2 in resonances[:, :2]:
+        square = ((k1 * found["nu1"] + k2 * found["nu2"]) / (NEAR * found["nu2"])) ** 2
+        weight *= square / (1 + square)
+    series[first : first + count] = _fitted(values, weight)
+    chosen = np.full((POLES, POLE), 0.0)
+    chosen[:, :2] = 1e3, 1
+    largest = poles[np.argsort(-np.abs(poles[:, 2:]).max(axis=1, initial=0))][:POLES]
+    chosen[: len(largest)] = largest
+    inside = (resonances[:, 2] > 0) & (resonances[:, 2] < MOST)
+    return Table(series, chosen, resonances[inside], swing, residual)
+
+
+def _resonances(rates: Array, points: Array, strengths: Array) -> Array:
+    """Resonances, rows as in `Table`, in and somewhat beyond the table."""
+    t = np.linspace(-1.1, 1.2, 400)
+    nu = evaluated(rates, t)
+    rows = []
+    for k1, k2 in ((-k1, k2) for k2 in (1, 2, 3) for k1 in range(1, MODES + 1) if (k1 + k2) % 2 == 0):
+        divisor = k1 * nu[0] + k2 * nu[1]
+        combined = (k1 * rates[0] + k2 * rates[1])[None]
+        for i in np.flatnonzero(divisor[1:] * divisor[:-1] < 0):
+            root = t[i] - divisor[i] * (t[i + 1] - t[i]) / (divisor[i + 1] - divisor[i])
+            for _ in range(2):
+                below, here, above = evaluated(combined, root + np.array([-1e-5, 0, 1e-5]))[0]
+                slope = (above - below) / 2e-5
+                root -= here / slope
+            a2 = 0.5 * MOST * (1 + root)
+            still, gain, most = (
+                np.exp(np.interp(a2, points[::-1], np.log(strengths[::-1, -k1 - 1, k2 - 1, j] + 1e-30)))
+                for j in range(3)
+            )
+            if still + gain > FAINT * most:
+                rows.append((k1, k2, a2, slope * 2 / MOST, still, gain))
+    return np.array(rows).reshape(-1, 6)
+
+
+def _poles(side: SidedBody, resonances: Array) -> Array:
+    """Poles of the averages of second order at resonances, rows as in `Table`."""
+    rows = []
+    for a2, slope in resonances[resonances[:, 2] > 2 * BESIDE, 2:4].tolist():
+        if any(abs(a2 - other[0]) < BESIDE for other in rows):
+            continue
+        values = []
+        for each in (a2 - BESIDE, a2 + BESIDE):
+            found = averages(side, level(np.array([each])))[0]
+            values.append([found[name][0] * (per_square(each) if name[0] == "b" else 1.0) for name in SECOND])
+        below, above = np.array(values)
+        rows.append([a2, slope, *(0.5 * BESIDE**2 * (above + below)), *(0.5 * BESIDE * (above - below))])
+    return np.array(rows).reshape(-1, POLE)
+
+
+def _fitted(values: Array, weight: Array) -> Array:
+    """Chebyshev series, shape (k, NODES), of functions at the Chebyshev points, some of which weigh little."""
+    terms = NODES - SPARE
+    angles = pi * (np.arange(NODES) + 0.5) / NODES
+    basis = weight[:, None] * np.cos(np.outer(angles, np.arange(terms)))
+    series = np.zeros((len(values), NODES))
+    series[:, :terms] = np.linalg.lstsq(basis, (weight * values).T, rcond=1e-15)[0].T
+    return series
+
+
+def evaluated(series: Array, t: Array) -> Array:
+    """Chebyshev series, shape (k, n), at t, shape (m,), as an array of shape (k, m)."""
+    polynomials = [np.ones_like(t), t]
+    for _ in range(2, series.shape[1]):
+        polynomials.append(2 * t * polynomials[-1] - polynomials[-2])
+    return series @ np.array(polynomials)
 
 
 def per_square(a2: Array) -> Array:
@@ -67,28 +168,24 @@ def side_of(ellipsoid: Ellipsoid, longest: bool) -> SidedBody:
 
 
 def parameters(ellipsoid: Ellipsoid, torque_factor: float, averaged: Table) -> tuple[float, ...]:
-    """Parameters p of a `SlowField` without modes: the table's middle and reciprocal half width, then its series."""
+    """Parameters p of `field`."""
     unit = max(ellipsoid.inertia)
-    rows = []
-    for name, row in zip(NAMES, averaged.series, strict=True):
-        factor = torque_factor if name in SECOND or name in ("ea", "eb") else 1.0
-        rows.append(factor / unit ** SCALES.get(name, HIGHEST_SCALE) * row)
-    return *window(averaged.low, averaged.high), *np.concatenate(rows).tolist()
-
-
-def window(low: float, high: float) -> tuple[float, float]:
-    """Middle and reciprocal half width of an interval."""
-    return 0.5 * (low + high), 2 / (high - low)
-
-
-def chebyshev(points: int, low: float, high: float) -> Array:
-    """Chebyshev points of an interval."""
-    angles = pi * (np.arange(points) + 0.5) / points
-    return 0.5 * (low + high) + 0.5 * (high - low) * np.cos(angles)
+    factors = np.array(
+        [
+            (torque_factor if name in SECOND or name in ("ea", "eb") else 1.0) / unit ** SCALES.get(name, HIGHEST_SCALE)
+            for name in NAMES
+        ]
+    )
+    first = NAMES.index(SECOND[0])
+    singular = np.tile(factors[first : first + len(SECOND)], 2)
+    poles = np.column_stack(
+        [averaged.poles[:, 0], torque_factor / (unit * averaged.poles[:, 1]), averaged.poles[:, 2:] * singular]
+    )
+    return 0.5 * MOST, 2 / MOST, *(factors[:, None] * averaged.series).ravel().tolist(), *poles.ravel().tolist()
 
 
 def series_of(values: Array) -> Array:
-    """Chebyshev coefficients, shape (k, n), of functions given at the points of `chebyshev`, shape (k, n)."""
+    """Chebyshev coefficients, shape (k, n), of functions given at the Chebyshev points, shape (k, n)."""
     nodes = values.shape[1]
     angles = pi * (np.arange(nodes) + 0.5) / nodes
     series = 2 / nodes * values @ np.cos(np.outer(angles, np.arange(nodes)))
@@ -113,12 +210,12 @@ def frame(momentum: Array, first: Array) -> Array:
 
 
 def torus_at(
-    side: SidedBody, momentum: Array, q: Array, y: Array, alpha: Array, beta: Array, masks: tuple[Mask, ...] = ()
+    side: SidedBody, momentum: Array, q: Array, y: Array, alpha: Array, beta: Array, torque_factor: float
 ) -> Torus:
     """The perturbation around states given by their torus coordinates, each shape (m,) or with frames (m, 3, 3)."""
     nodes = max(phases(side, float(np.max(y))), 2)
     polhode = Polhodes(side, y, alpha, nodes)
-    return Torus(polhode, np.linalg.norm(momentum, axis=1), beta, q[:, 0], q[:, 1], masks)
+    return Torus(polhode, np.linalg.norm(momentum, axis=1), beta, q[:, 0], q[:, 1], torque_factor)
 
 
 def coordinates(side: SidedBody, pose: Pose, q: Array) -> tuple[Array, Array, Array]:
@@ -130,10 +227,12 @@ def coordinates(side: SidedBody, pose: Pose, q: Array) -> tuple[Array, Array, Ar
     i1, i2, i3 = side.inverse_inertia
     below = (i1 - i3) * z[:, 0] ** 2 + (i2 - i3) * z[:, 1] ** 2
     above = (i2 - i3) * z[:, 2] ** 2 - (i1 - i2) * z[:, 0] ** 2
-    if not np.all(below * above > 0):
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = below / above
+    if not np.all(share >= 0):
         nothing = np.full(len(z), np.nan)
         return nothing, nothing, nothing
-    y = np.log(below / above)
+    y = np.log(np.maximum(share, FLOOR))
     a2, _, complement = Polhodes(side, y, np.zeros_like(y), 2).moduli
     share = 1 / (1 + np.exp(-y))
     amplitude = np.arctan2(np.sign(i2 - i3) * z[:, 1] / np.sqrt(share), z[:, 0] / np.sqrt(a2))
@@ -144,8 +243,9 @@ def coordinates(side: SidedBody, pose: Pose, q: Array) -> tuple[Array, Array, Ar
     return y, alpha, np.arctan2(turn[:, 1, 0], turn[:, 0, 0]) - lead
 
 
-def swung(side: SidedBody, torque_factor: float, q: Array, torus: Torus) -> Pose:
+def swung(q: Array, torus: Torus) -> Pose:
     """Exact poses of slow ones: the generator's flow over 1/St."""
+    torque_factor = torus.torque_factor
     change, turn = torus.ambient_here
     m = np.concatenate([np.zeros((len(change), 2)), torus.size[:, None]], axis=1) + torque_factor * change
     slow = torus.rotation[:, 0, 0]
@@ -157,13 +257,3 @@ def rotation_by(vectors: Array) -> Array:
     angle = np.linalg.norm(vectors, axis=1)[:, None, None]
     cross = skew(vectors)
     return np.eye(3) + np.sinc(angle / pi) * cross + 0.5 * np.sinc(angle / (2 * pi)) ** 2 * (cross @ cross)
-
-
-def relative_swing(
-    side: SidedBody, momentum: Array, q: Array, level: Array, masks: tuple[Mask, ...]
-) -> tuple[Array, Torus]:
-    """Largest change of L over l and turn of R by the generator, shape (m,), over all phases; their torus."""
-    torus = torus_at(side, momentum, q, level, 0 * level, 0 * level, masks)
-    change, turn = torus.ambient
-    relative = np.linalg.norm(change, axis=-1) / torus.size[:, None, None] + np.linalg.norm(turn, axis=-1)
-    return relative.max(axis=(1, 2)), torus

@@ -14,49 +14,13 @@ from math import pi
 
 import numpy as np
 
-from polhode.models.second_order.field import POWER
+from polhode.models.second_order.field import regular
 from polhode.models.second_order.polhodes import Polhodes, SidedBody
 
 Array = np.ndarray
 
 # The torque holds |k₂| <= 3 in space, so that eight precession phases resolve it.
 PRECESSIONS = 8
-# Divisors below this share of ν₂ are not divided by; whether their modes matter is asked beforehand.
-SMALLEST_DIVISOR = 1e-3
-
-
-@dataclass(frozen=True)
-class Mask:
-    """A mode and its conjugate, kept out of the generator by the share μ = (1 + d⁴/POWER)^-POWER, d = D/width.
-
-    D = k₁ν₁ + k₂ν₂ is the divisor over l, k₂ > 0. What it is divided by stays away from zero: 1 - μ falls like d⁴.
-    """
-
-    k1: int
-    k2: int
-    width: float
-
-    def inverses(self, divisor: Array) -> Array:
-        """What stands for 1/D, 1/D² and again 1/D² in the generator: (1 - μ)/D and (1 - μ)/D², on a leading axis."""
-        left = self._kept(divisor)[0]
-        return np.array([divisor * left, left, left])
-
-    def mean_inverses(self, divisor: Array) -> Array:
-        """What stands for them in the mean of the second order.
-
-        Of U = (1 - μ)P/D and F₁ = μP, ⟨U·∂P - F₁·∂U⟩ takes (1 - μ²)/D where U·∂P of the whole mode has 1/D, and
-        (1 - μ²)/D² + μμ'/D where it has 1/D² from the change of D; ⟨U·∂P + P·∂U⟩ = 0 for slow components is used.
-        """
-        left, share, slope = self._kept(divisor)
-        both = (1 + share) * left
-        return np.array([divisor * both, both, both + share * slope])
-
-    def _kept(self, divisor: Array) -> tuple[Array, Array, Array]:
-        """(1 - μ)/D², μ and μ'/D."""
-        square = (divisor / self.width) ** 2
-        rest = -np.expm1(-POWER * np.log1p(square**2 / POWER))
-        slope = -4 * square * (1 - rest) / (1 + square**2 / POWER)
-        return rest / np.maximum(square, 1e-30) / self.width**2, 1 - rest, slope / self.width**2
 
 
 @dataclass(frozen=True)
@@ -68,8 +32,7 @@ class Torus:
     precession: Array  # β of the states, shape (m,)
     flow: Array  # the flow's directions x and y in the frame of L, shape (m, 3) each
     gradient: Array
-    masks: tuple[Mask, ...] = ()  # resonant modes
-    averaging: bool = False  # whether the generator is that of the second-order averages: another one in masked modes
+    torque_factor: float = 0.0  # 1/St, which says where a mode is too near its resonance to be averaged
 
     @cached_property
     def rotation(self) -> Array:
@@ -95,10 +58,9 @@ class Torus:
         """Rates in slow time of (L in its frame, y, α, β), shape (m, a, b, 6)."""
         p, tau = self.polhode, self.body_torque
         size, slope = self.size[:, None, None], p.slope[:, None, None]
-        i, h = p.side.inverse_inertia, p.h[:, None, None]
         z, dz, yz = p.z[:, :, None], p.along[:, :, None], p.beside.z[:, :, None]
         rate_l = np.einsum("mabij,mabj->mabi", self.rotation, tau)
-        rate_y = 2 / (size * slope) * np.sum((i - h[..., None]) * z * tau, axis=-1)
+        rate_y = 2 / (size * slope) * np.sum(p.beyond[:, None, None] * z * tau, axis=-1)
         across = np.sum(tau * dz, axis=-1) / size - rate_y * np.sum(yz * dz, axis=-1)
         rate_a = across / np.sum(dz * dz, axis=-1)
         rate_b = -rate_a * self.turn_along[:, :, None] - rate_y * self.turn_beside[:, :, None]
@@ -107,8 +69,7 @@ class Torus:
     @property
     def turn_along(self) -> Array:
         """Turn of S about e₃ per α, shape (m, 1)."""
-        p = self.polhode
-        return ((p.h - p.precession) / p.rate)[:, None]
+        return self.polhode.turn[:, None]
 
     @cached_property
     def turn_beside(self) -> Array:
@@ -117,25 +78,22 @@ class Torus:
         return self.polhode.beside.lead + (z[..., 0] * dz[..., 1] - z[..., 1] * dz[..., 0]) / (1 + z[..., 2])
 
     @cached_property
-    def inverses(self) -> Array:
-        """1/D, and 1/D² twice, of D = k₁ν₁ + k₂ν₂, shape (3, m, a, b), or what stands for them in masked modes.
+    def inverses(self) -> tuple[Array, Array]:
+        """1/D² and 1/D of D = k₁ν₁ + k₂ν₂, shape (m, a, b) each, as `regular` within √(|dD/dt|/St) of resonances.
 
-        Zero for the mean, for Nyquist modes, for k₁ + k₂ odd, and where D is too small. Of those of second order the
-        first comes from the change of l, the other from that of y.
+        Zero for the mean, for Nyquist modes and for k₁ + k₂ odd.
         """
-        rate, precession = (each[:, None, None] for each in (self.polhode.rate, self.polhode.precession))
-        k1 = np.fft.fftfreq(self.polhode.nodes, 1 / self.polhode.nodes)[:, None]
+        p, nodes = self.polhode, self.polhode.nodes
+        k1 = np.fft.fftfreq(nodes, 1 / nodes)[:, None]
         k2 = np.fft.fftfreq(PRECESSIONS, 1 / PRECESSIONS)
-        divisor = k1 * rate + k2 * precession
-        left_out = ((k1 + k2) % 2 != 0) | ((k1 == 0) & (k2 == 0))
-        left_out |= (k1 == -(self.polhode.nodes // 2)) | (k2 == -(PRECESSIONS // 2))
-        over = 1 / np.where(left_out | (np.abs(divisor) < SMALLEST_DIVISOR * precession), np.inf, divisor)
-        inverses = np.array([over, over**2, over**2])
-        for mask in self.masks:
-            for k in ((mask.k1, mask.k2), (-mask.k1, -mask.k2)):
-                d = divisor[:, k[0], k[1]]
-                inverses[:, :, k[0], k[1]] = mask.mean_inverses(d) if self.averaging else mask.inverses(d)
-        return inverses
+        divisor, change = (
+            k1 * one[:, None, None] + k2 * other[:, None, None]
+            for one, other in ((p.rate, p.precession), (p.beside.rate, p.beside.precession))
+        )
+        rise = np.real(self.spectrum[:, 0, 0, 3]) / self.size
+        left_out = ((k1 + k2) % 2 != 0) | (k1 == -(nodes // 2)) | (k2 == -(PRECESSIONS // 2)) | ((k1 == 0) & (k2 == 0))
+        twice, once = regular(divisor, self.torque_factor * rise[:, None, None] * change)
+        return np.where(left_out, 0, twice), np.where(left_out, 0, once)
 
     @cached_property
     def spectrum(self) -> Array:
@@ -146,12 +104,12 @@ class Torus:
     def generator_spectrum(self) -> Array:
         """Fourier coefficients of the generator U of (L, y, α, β), shape (m, a, b, 6)."""
         p, size = self.polhode, self.size[:, None, None, None]
-        once, longer, other = self.inverses[..., None]
+        twice, once = (each[..., None] for each in self.inverses)
         u = -1j * self.spectrum * once / size
         rates = np.stack([p.rate, p.precession], axis=-1)[:, None, None]
         changes = np.stack([p.beside.rate, p.beside.precession], axis=-1)[:, None, None]
         growth, rise = self.spectrum[..., 2:3] / size, self.spectrum[..., 3:4]
-        u[..., 4:] -= (rates * growth * longer + changes * rise * other) / size
+        u[..., 4:] -= (rates * growth + changes * rise) * twice / size
         return u
 
     @cached_property
@@ -193,12 +151,17 @@ def torque(side: SidedBody, rotation: Array, momentum: Array, flow: Array, gradi
     """
     x = np.einsum("...ij,...i->...j", rotation, flow)
     y = np.einsum("...ij,...i->...j", rotation, gradient)
+    return side.drag * (turning(side, x, y) - side.inverse_inertia * momentum)
+
+
+def turning(side: SidedBody, x: Array, y: Array) -> Array:
+    """Angular velocity of the flow that drives the body, shape (..., 3), from its x and y in body axes; bilinear."""
     squares = side.squares
     spin = [
         (squares[j] * x[..., k] * y[..., j] - squares[k] * x[..., j] * y[..., k]) / (squares[j] + squares[k])
         for j, k in ((1, 2), (2, 0), (0, 1))
     ]
-    return side.drag * (np.stack(spin, axis=-1) - side.inverse_inertia * momentum)
+    return np.stack(spin, axis=-1)
 
 
 def skew(vectors: Array) -> Array:
