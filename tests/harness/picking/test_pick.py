@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from polhode.harness.calibration.scenes import SAMPLES as MEASURED
-from polhode.harness.calibration.scenes import TRAINING_SEED, questions
 from polhode.harness.cli import main
 from polhode.harness.commands.pick import FEW, pick_page
 from polhode.harness.common.text import short
@@ -271,13 +270,3 @@ def test_the_error_is_met_on_a_body_that_settles(error):
         problem = equations.problem(scene)
         runs.append(equations.observe(scene, solve(problem, solver, tolerance, problem.end * times).states).slow)
     assert np.max(np.abs(runs[0] - runs[1])) / max(scene.ellipsoid.inertia) <= error
-
-
-def test_nobody_is_sent_into_resonances_unasked():
-    """A training scene that comes near resonances, which `averaged-second-order` takes seconds to prepare."""
-    scene = questions(TRAINING_SEED, 71)[70].scene
-    found = pick(scene, 1e-4)
-    assert all(row.form != "averaged-second-order" for row in found.ranking)
-    reasons = {each.reason for each in found.excluded if each.form == "averaged-second-order"}
-    assert len(reasons) == 1
-    assert "resonances" in reasons.pop()

@@ -202,7 +202,7 @@ def settling():
     """A run from wobbling to rotation about its shortest axis, the polhode a point at the end; errors and estimates."""
     rows = []
     for stokes in (1e4, 4e4):
-        scene = Scene(Ellipsoid((0.872, 1.0, 0.240)), stokes, BodyStart(POSE, (0.9, 2.7, -1.2)), 0.3 * stokes)
+        scene = Scene(PAPER, stokes, BodyStart(POSE, (0.2, 0.2, 1.0)), 0.3 * stokes)
         true = observed("quaternion", scene, tolerance=1e-16, samples=201)
         found = observed(NAME, scene, solver="cyrk-dop853", tolerance=1e-12, samples=201)
         rows.append((errors(scene.ellipsoid, found, true), form(NAME).estimate(scene)))
