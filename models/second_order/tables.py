@@ -109,6 +109,7 @@ def _resonances(rates: Array, points: Array, strengths: Array) -> Array:
         combined = (k1 * rates[0] + k2 * rates[1])[None]
         for i in np.flatnonzero(divisor[1:] * divisor[:-1] < 0):
             root = t[i] - divisor[i] * (t[i + 1] - t[i]) / (divisor[i + 1] - divisor[i])
+            slope = (divisor[i + 1] - divisor[i]) / (t[i + 1] - t[i])
             for _ in range(2):
                 below, here, above = evaluated(combined, root + np.array([-1e-5, 0, 1e-5]))[0]
                 slope = (above - below) / 2e-5
