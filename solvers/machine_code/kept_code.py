@@ -6,7 +6,7 @@ The checksums are for accidents. Who may write to the folder may write code, hen
 import json
 import os
 import sys
-from collections.abc import Container
+from collections.abc import Container, Mapping
 from contextlib import closing, suppress
 from pathlib import Path
 from zlib import crc32
@@ -30,6 +30,8 @@ def check(folder: Path) -> bool:
     try:
         known, found = _noted(folder), _sums(folder)
         if all(known.get(key, checksum) == checksum for key, checksum in found.items()):
+            # Of entries that no process has written down the one that made them was killed.
+            _write(folder, known, found)
             return True
         reason = "a checksum does not match"
     except DatabaseError as error:
@@ -44,11 +46,16 @@ def check(folder: Path) -> bool:
 def note(folder: Path) -> None:
     """Write down the checksums of new entries."""
     known = _noted(folder)
-    # What cannot be read or written now is found at the next start.
+    # What cannot be read now is found at the next start.
     with suppress(Exception):
-        if new := _sums(folder, known):
-            private = folder / f"sums.{os.getpid()}"
-            private.write_text(json.dumps(known | new), encoding="utf-8")
+        _write(folder, known, _sums(folder, known))
+
+
+def _write(folder: Path, known: Mapping[str, int], found: Mapping[str, int]) -> None:
+    if found.keys() - known.keys():
+        private = folder / f"sums.{os.getpid()}"
+        with suppress(OSError):
+            private.write_text(json.dumps({**known, **found}), encoding="utf-8")
             private.replace(folder / "sums.json")
 
 
