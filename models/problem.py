@@ -61,9 +61,9 @@ class Parts:
     reach : float
         Angle, in rad, up to which `fast` is exact to rounding.
     moving : tuple of int
-        Components that the fast flow changes.
+        The first of the components that the fast flow changes, and the one behind the last.
     slow_quantities : callable
-        ``slow_quantities(states) -> ndarray``, of shapes (..., d) and (..., k): what the fast flow leaves alone.
+        ``slow_quantities(y) -> tuple``, over generic numbers: what the fast flow leaves alone.
     """
 
     fast: Part
@@ -72,8 +72,8 @@ class Parts:
     strength: Callable[[Sequence[float]], float]
     forgetting: Callable[[Sequence[float]], float]
     reach: float
-    moving: tuple[int, ...]
-    slow_quantities: Callable[[np.ndarray], np.ndarray]
+    moving: tuple[int, int]
+    slow_quantities: Callable[[Any], tuple[Any, ...]]
 
 
 @dataclass(frozen=True)

@@ -145,10 +145,9 @@ def forgetting_rate(p: Sequence[float]) -> float:
     return 0.5 * ratio * (across + along) if ratio < 1 else across * (2 / ratio - 1)
 
 
-def slow_quantities(states: np.ndarray) -> np.ndarray:
+def slow_quantities(y: Any) -> tuple[Any, ...]:
     """L and L·p̂, which are constant while p̂ goes round L."""
-    momentum = states[..., :3]
-    return np.concatenate([momentum, np.sum(momentum * states[..., 3:], axis=-1, keepdims=True)], axis=-1)
+    return y[0], y[1], y[2], y[0] * y[3] + y[1] * y[4] + y[2] * y[5]
 
 
 PARTS = Parts(
@@ -158,7 +157,7 @@ PARTS = Parts(
     strength=relaxation_rate,
     forgetting=forgetting_rate,
     reach=2.0,
-    moving=(3, 4, 5),
+    moving=(3, 6),
     slow_quantities=slow_quantities,
 )
 

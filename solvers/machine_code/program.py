@@ -127,8 +127,9 @@ class Array:
 
     def __add__(self, index: Any) -> "Array":
         """What begins with the entry of that index."""
-        whole = str(index)
-        if isinstance(index, Number):
+        if not isinstance(index, Number):
+            whole = int(index)
+        else:
             whole = self.program.setdefault(f"fptosi double {index.name} to i64", "")
         return Array(
             self.program, self.program.setdefault(f"getelementptr double, ptr {self.pointer}, i64 {whole}", "")
@@ -159,7 +160,7 @@ def compare(how: str, left: Any, right: Any) -> str:
 def compiled(*programs: Program) -> list[Callable[..., None]]:
     """Compile programs together; those that are not internal have arrays alone as arguments, and become functions.
 
-    The arrays are contiguous and of float64: nothing checks that. A call releases Python's lock.
+    The arrays, or their addresses, are of contiguous float64: nothing checks that. A call releases Python's lock.
     """
     engine = compile_text("\n".join(str(each) for each in programs))
 
@@ -167,8 +168,8 @@ def compiled(*programs: Program) -> list[Callable[..., None]]:
         types = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * len(program.arguments))
         code = types(engine.get_function_address(program.name))
 
-        def call(*arrays: np.ndarray) -> None:
-            code(*[each.ctypes.data for each in arrays])
+        def call(*arrays: np.ndarray | int) -> None:
+            code(*[each if isinstance(each, int) else each.ctypes.data for each in arrays])
 
         call.engine = engine  # pyright: ignore[reportFunctionMemberAccess]
         return call

@@ -1,6 +1,6 @@
 """Machine code that composes the flows of a problem's parts: no Python per step, nor per requested time."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cache
@@ -16,10 +16,10 @@ from polhode.solvers.parts.schemes import AVOIDED
 # A step follows the rate of the fast angle when that has changed by this factor; in between it stays, since what errs
 # to and fro within a turn adds up to nothing only while steps are equal.
 BAND = 1.05
+# Numbers in a law; times at which a check compares runs, in either part; what rounding makes of their difference.
+LAW, POINTS, ROUNDING = 6, 12, 1e-13
 # More slow flows than a step of any scheme has.
 MOST_STAGES = 16
-# Turns of which the averaged field takes differences, at most; stages in a row of a Runge-Kutta table.
-MOST_TURNS, TABLE = 3, 16
 # How a call of `kernel` ends.
 Code = IntEnum("Code", "FINISHED STEPS_DONE PAUSED OUTSIDE NOT_FINITE NO_STEP", start=0)
 # Places in a clock: the time at which the step was last changed, the step, the rates between which it stays, the steps
@@ -30,27 +30,27 @@ sqrt, where_positive = OPERATIONS.sqrt, OPERATIONS.where_positive
 
 
 @dataclass(frozen=True)
-class StrobeKernels:
-    """Those of stroboscopic averaging; a point is a state with its time behind it.
+class Kernels:
+    """Compiled functions of one problem's parts; all arguments are arrays.
+
+    A scheme holds the number of slow flows in a step, and the fast and the slow shares; a law the factor, the exponent
+    and the widest angle of a step, the square of the least rate that counts, and the rates between which it holds.
 
     Parameters
     ----------
-    spread : callable
-        ``spread(scheme, p, number, times, rows)``: move each row by a time of its own, in so many steps; `number` holds
-        the number of rows, then that of steps of each.
-    mean : callable
-        ``mean(scheme, p, setting, weights, point, out)``: weighted sums, a row of weights each, of differences of the
-        map of 1, 2, ... turns of a point: the averaged field, per turn. `setting` holds the steps of a turn, the number
-        of turns, and the number of rows.
-    macro : callable
-        ``macro(scheme, p, setting, weights, point, table, stages, ends)``: stages of a Runge-Kutta step by the averaged
-        field; `setting` holds besides the first stage, the one behind the last, and the turns in the step. `ends` is
-        the point at which the last one was taken.
+    advance : callable
+        ``advance(scheme, law, p, state, clock, times, rows)``: steps until the rows are filled, or a limit in the clock
+        is met. State and clock go on from there.
+    check : callable
+        ``check(scheme, laws, p, state, setting, out)``: two runs by one law each, to POINTS times at the beginning and
+        at the end. `setting` holds the time, the length of either part, that of the whole, and the rate. Of what the
+        two runs differ by: the most of the slow quantities, the most of the fast components per turn, and the change
+        of the slow quantities' mean; the amplitudes of the fast components in either part; the steps of both runs; and
+        their codes' sum.
     """
 
-    spread: Callable[..., None]
-    mean: Callable[..., None]
-    macro: Callable[..., None]
+    advance: Callable[..., None]
+    check: Callable[..., None]
 
 
 def clock(time: float) -> np.ndarray:
@@ -59,28 +59,24 @@ def clock(time: float) -> np.ndarray:
 
 
 @cache
-def kernel(parts: Parts, dimension: int) -> Callable[..., None]:
-    """Compile ``advance(scheme, law, p, state, clock, times, rows)`` for a problem's parts, once in a process.
-
-    It steps until the rows are filled, or a limit in the clock is met. A scheme holds the number of slow flows in a
-    step, and the fast and the slow shares; `law` the factor, the exponent and the widest angle of a step, the square of
-    the least rate that counts, and the rates between which it holds. State and clock go on from there.
-    """
-    pieces = _Pieces(parts, dimension)
-    return compiled(pieces.prepare, pieces.compose, pieces.step, _advance(pieces))[0]
+def kernels(parts: Parts, dimension: int) -> Kernels:
+    """Compile those of splitting for a problem's parts, once in a process."""
+    pieces = Pieces(parts, dimension)
+    advance = _advance(pieces)
+    return Kernels(*compiled(pieces.prepare, pieces.compose, pieces.step, advance, _check(pieces, advance)))
 
 
-@cache
-def strobe_kernels(parts: Parts, dimension: int) -> StrobeKernels:
-    """Compile those of stroboscopic averaging."""
-    pieces = _Pieces(parts, dimension)
-    turn = _turn(pieces)
-    mean = _mean(pieces, turn)
-    parts_of_all = pieces.prepare, pieces.compose, pieces.step, turn
-    return StrobeKernels(*compiled(*parts_of_all, _spread(pieces), mean, _macro(dimension, mean)))
+def larger(a: Number, b: Number) -> Number:
+    """The larger one; b if either is not a number."""
+    return where_positive(a - b, a, b)
 
 
-class _Pieces:
+def length(vector: Sequence[Number]) -> Number:
+    """Of a vector."""
+    return sqrt(sum(each * each for each in vector))
+
+
+class Pieces:
     """What the kernels are made of: `prepare` computes the constants of a step's flows, `compose` makes the step.
 
     Constants of stage i, a fast flow and a slow one, are row i of an array; then come those of the last fast flow, and
@@ -148,7 +144,7 @@ class _Pieces:
         return program
 
 
-def _advance(pieces: _Pieces) -> Program:
+def _advance(pieces: Pieces) -> Program:
     program = Program("advance", "scheme law p state clock times rows")
     scheme, law, p, state, clock, times, rows = program.arguments
     stages, dimension = scheme[0], pieces.dimension
@@ -216,82 +212,48 @@ def _advance(pieces: _Pieces) -> Program:
     return program
 
 
-def _spread(pieces: _Pieces) -> Program:
-    program = Program("spread", "scheme p number times rows")
-    scheme, p, number, times, rows = program.arguments
-    constants = pieces.constants(program)
-    with program.times(number[0]) as j:
-        steps = number[j + 1.0]
-        program.call(pieces.prepare, scheme, p, constants, times[j] / steps)
-        with program.times(steps):
-            program.call(pieces.step, constants, rows + j * float(pieces.dimension), scheme[0])
-    return program
+def _check(pieces: Pieces, advance: Program) -> Program:
+    program = Program("check", "scheme laws p state setting out")
+    scheme, laws, p, state, setting, out = program.arguments
+    dimension, moving, points = pieces.dimension, range(*pieces.parts.moving), float(POINTS)
+    rows, times, y = program.room((4 * POINTS + 2) * dimension), program.room(2 * POINTS + 1), program.room(dimension)
+    now, span, whole, rate = setting.load(4)
+    times[0] = now
+    with program.times(points) as k:
+        after = (k + 1.0) * (span / points)
+        times[k + 1.0], times[k + (points + 1.0)] = now + after, now + (whole - span + after)
+    out.store([0.0] * 7)
+    with program.times(2.0) as run:
+        clock = program.room(len(At))
+        clock.store([now, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0, 0.0, inf, inf, 2 * points + 1])
+        y.store(state.load(dimension))
+        program.call(
+            advance, scheme, laws + run * float(LAW), p, y, clock, times, rows + run * (2 * points + 1) * dimension
+        )
+        out[5], out[6] = out[5] + clock[At.STEPS], out[6] + clock[At.CODE]
+    size = len(pieces.parts.slow_quantities(y))
+    before = program.room(size)
+    with program.times(2.0) as part:
+        change, middle, most = program.room(size), program.room(len(moving)), out + part + 3.0
+        change.store([0.0] * size)
+        middle.store([0.0] * len(moving))
 
+        def row(k: Number, run: float) -> Array:
+            return rows + ((part + 2 * run) * points + (k + 1.0 + run)) * float(dimension)
 
-def _turn(pieces: _Pieces) -> Program:
-    """One turn of the fast angle, forth or back as the step is, in so many steps and two short ones that close it."""
-    program = Program("turn", "scheme p constants point", "steps h", "internal")
-    scheme, p, constants, point, steps, h = program.arguments
-    fast, slow, dimension = pieces.parts.fast, pieces.parts.slow, pieces.dimension
-    y, ends, angle, passed = program.room(dimension), pieces.constants(program), program.cell(0.0), program.cell(0.0)
-    y.store(point.load(dimension))
-
-    def fast_flow(row: Array, share: Number) -> None:
-        angle[0] = angle[0] + pieces.rate(y, p) * share
-        pieces.fast_flow(y, row)
-
-    with program.times(steps):
-        with program.times(scheme[0]) as i:
-            fast_flow(pieces.row(constants, i), h * scheme[i + 1.0])
-            pieces.slow_flow(y, pieces.row(constants, i) + pieces.sizes[0])
-        fast_flow(pieces.row(constants, scheme[0]), h * scheme[scheme[0] + 1.0])
-    passed[0] = steps * h
-    full = where_positive(h, 2 * pi, -2 * pi)
-    for _ in range(2):
-        rest = (full - angle[0]) / pieces.rate(y, p)
-        for part, size, share in ((fast, 0, 0.5), (slow, pieces.sizes[0], 1.0)):
-            (ends + size).store(part.constants(p, share * rest, OPERATIONS))
-        fast_flow(ends, 0.5 * rest)
-        pieces.slow_flow(y, ends + pieces.sizes[0])
-        fast_flow(ends, 0.5 * rest)
-        passed[0] = passed[0] + rest
-    point.store([*y.load(dimension), point[dimension] + passed[0]])
-    return program
-
-
-def _mean(pieces: _Pieces, turn: Program) -> Program:
-    program = Program("mean", "scheme p setting weights point out")
-    scheme, p, setting, weights, point, out = program.arguments
-    constants, dimension = pieces.constants(program), pieces.dimension
-    moved, (steps, turns, rows) = program.room(dimension + 1), setting.load(3)
-    with program.times(rows * float(dimension + 1)) as i:
-        out[i] = 0.0
-    with program.times(2.0) as back:
-        sign = 1.0 - 2.0 * back
-        h = sign * 2 * pi / (pieces.rate(point, p) * steps)
-        program.call(pieces.prepare, scheme, p, constants, h)
-        moved.store([*point.load(dimension), 0.0])
-        with program.times(turns) as k:
-            program.call(turn, scheme, p, constants, moved, steps, h)
-            with program.times(rows) as row:
-                weight, into = sign * weights[row * float(MOST_TURNS) + k], out + row * float(dimension + 1)
-                for i in range(dimension + 1):
-                    into[i] = into[i] + weight * (moved[i] - (point[i] if i < dimension else 0.0))
-    return program
-
-
-def _macro(dimension: int, mean: Program) -> Program:
-    program = Program("macro", "scheme p setting weights point table stages ends")
-    scheme, p, setting, weights, point, table, stages, ends = program.arguments
-    stage, size = program.cell(setting[3]), float(dimension + 1)
-    with program.repeat() as leave:
-        s = stage[0]
-        leave(compare("oge", s, setting[4]))
-        ends.store(point.load(dimension + 1))
-        with program.times(s) as j:
-            weight = setting[5] * table[s * float(TABLE) + j]
-            for i in range(dimension + 1):
-                ends[i] = ends[i] + weight * stages[j * size + float(i)]
-        program.call(mean, scheme, p, setting, weights, ends, stages + s * size)
-        stage[0] = s + 1.0
+        with program.times(points) as k:
+            first, second = row(k, 0.0), row(k, 1.0)
+            slow = [b - a for a, b in zip(*map(pieces.parts.slow_quantities, (first, second)), strict=True)]
+            change.store([each + more for each, more in zip(change.load(size), slow, strict=True)])
+            out[0] = larger(out[0], length(slow))
+            turns = (times[part * points + k + 1.0] - now) * rate / (2 * pi)
+            out[1] = larger(out[1], (length([second[i] - first[i] for i in moving]) - ROUNDING) / (1.0 + turns))
+            middle.store([middle[j] + first[i] / points for j, i in enumerate(moving)])
+        most[0] = 0.0
+        with program.times(points) as k:
+            first = row(k, 0.0)
+            most[0] = larger(most[0], length([first[i] - middle[j] for j, i in enumerate(moving)]))
+        # Of the first part, before there is another.
+        out[2] = length([(change[i] - before[i]) / points for i in range(size)])
+        before.store(change.load(size))
     return program

@@ -8,6 +8,7 @@ import numpy as np
 
 from polhode.models.problem import Parts
 from polhode.solvers.contract import Record
+from polhode.solvers.parts.kernels import ROUNDING
 from polhode.solvers.parts.schemes import SCHEMES, Scheme
 
 # Error aimed at over the tolerance: estimates may be off, and what follows the check may amplify.
@@ -16,10 +17,10 @@ AIM = 0.2
 # many times within some turns at its beginning and at its end. It takes all of a run of few turns, or of more where
 # they are damped, in proportion.
 CHECKED, LEAST_TURNS, MOST_TURNS = 0.005, 2.0, 2000.0
-ALL, DAMPED, MOST_ALL = 12.0, 5.0, 200.0
-FINER, POINTS, MEAN_OVER = 0.8, 12, 5.0
+ALL, DAMPED, MOST_ALL = 4.0, 4.0, 200.0
+FINER, MEAN_OVER = 0.8, 5.0
 # The step stands if the estimated error is within these factors of the one wanted; else the law is scaled, so often.
-FITTING, ROUNDS = (0.2, 1.3), 4
+FITTING, ROUNDS = (0.1, 2.0), 4
 # Of the errors, where they fall more slowly than by a law.
 LEAST_ORDER = 4
 # Another round for wider steps pays if they cost no more than this share of those at hand.
@@ -30,26 +31,20 @@ PER_TURN = 3.0
 MEMORY = 1.0
 # Scale of the error of a plan that ends in nothing.
 HOPELESS = 1e3
-# Errors that rounding makes are no reason for smaller steps.
-ROUNDING = 1e-13
 
 
 @dataclass(frozen=True)
 class Plan:
-    """A scheme and the factor of its step, ``Scheme.step``, with the square of the least rate that counts.
-
-    It holds between two rates.
-    """
+    """A scheme and the factor of its step, ``Scheme.step``, with the square of the least rate that counts."""
 
     scheme: Scheme
     factor: float
     floor: float
-    between: tuple[float, float] = (0.0, inf)
 
-    def law(self, smaller: float = 1.0) -> np.ndarray:
-        """What machine code receives as law; all steps smaller by a factor, if asked."""
+    def law(self, smaller: float = 1.0, between: tuple[float, float] = (0.0, inf)) -> np.ndarray:
+        """What machine code receives as law; all steps smaller by a factor, if asked; it holds between two rates."""
         widest = self.scheme.widest * smaller
-        return np.array([self.factor * smaller, self.scheme.exponent, widest, self.floor, *self.between])
+        return np.array([self.factor * smaller, self.scheme.exponent, widest, self.floor, *between])
 
     def flows_per_time(self, rate: float) -> float:
         """Slow flows in a unit of time at a rate of the fast angle."""
@@ -63,14 +58,15 @@ class Runs(Protocol):
     strength: float
     forgetting: float
     floor: float
-    moving: list[int]
 
     def rate(self, state: np.ndarray) -> float:
         """Rate of the fast angle, no less than the least one that counts."""
         ...
 
-    def short(self, plan: "Plan", smaller: float, state: np.ndarray, times: np.ndarray, rows: np.ndarray) -> int | None:
-        """Steps of a run by a plan with smaller steps, which fills all rows but the first; None if it fails."""
+    def check(
+        self, law: np.ndarray, finer: np.ndarray, scheme: Scheme, state: np.ndarray, setting: tuple[float, ...]
+    ) -> np.ndarray:
+        """What two runs differ by, as `polhode.solvers.parts.kernels.Kernels` says."""
         ...
 
 
@@ -137,28 +133,13 @@ class Planner:
         if length < turn * min(MOST_ALL, ALL * max(1.0, DAMPED * problem.strength * turn)):
             window = length
         span = MEAN_OVER * turn if window > 4 * MEAN_OVER * turn else window / 2
-        points = np.arange(1, POINTS + 1) / POINTS * span
-        times = now + np.concatenate([[0.0], points, window - span + points])
-        rows = np.empty((2, len(times), len(state)))
-        rows[:, 0] = state
-        for each, smaller in zip(rows, (1.0, FINER), strict=True):
-            steps = problem.short(plan, smaller, state, times, each)
-            if steps is None:
-                return inf
-            record.work.rejected = (record.work.rejected or 0) + steps
-        slow, fast = problem.parts.slow_quantities(rows), rows[:, 1:, problem.moving]
-        apart = np.maximum(_lengths(fast[1] - fast[0]) - ROUNDING, 0.0) / (1 + (times[1:] - now) / turn)
-        fast = fast[0].reshape(2, POINTS, -1)
-        begin, end = _lengths(fast - fast.sum(axis=1, keepdims=True) / POINTS).max(axis=1)
+        found = problem.check(plan.law(), plan.law(FINER), plan.scheme, state, (now, span, window, 2 * pi / turn))
+        slow, fast, change, begin, end, steps, failed = found.tolist()
+        record.work.rejected = (record.work.rejected or 0) + int(steps)
+        if failed:
+            return inf
         if end > begin:
-            apart /= min(1.0, end)
-        slow = (slow[1] - slow[0])[1:]
-        begin, end = slow.reshape(2, POINTS, -1).sum(axis=1) / POINTS
-        drift = _lengths(end - begin) / (window - span)
+            fast /= min(1.0, end)
         remaining = max(0.0, min(length, MEMORY / sqrt(problem.strength * problem.forgetting)) - window)
-        error = max(float(_lengths(slow).max() + drift * remaining), float(apart.max()) / PER_TURN)
+        error = max(slow + change / (window - span) * remaining, fast / PER_TURN)
         return error / (1 - FINER**plan.scheme.order)
-
-
-def _lengths(vectors: np.ndarray) -> np.ndarray:
-    return np.sqrt(np.sum(vectors * vectors, axis=-1))

@@ -45,6 +45,11 @@ class Scheme:
         return _mirrored(self.fast, self.stages + 1), _mirrored(self.slow, self.stages)
 
     @cached_property
+    def address(self) -> int:
+        """Where machine code finds its numbers."""
+        return self.numbers.ctypes.data
+
+    @cached_property
     def numbers(self) -> np.ndarray:
         """What machine code receives: stages and shares."""
         return np.concatenate([[self.stages], *self.shares])

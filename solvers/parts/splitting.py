@@ -1,6 +1,5 @@
 """Splitting: exact flows of a problem's fast and slow parts in turns, by schemes for nearly integrable systems."""
 
-from dataclasses import replace
 from math import inf, pi, sqrt
 
 import numpy as np
@@ -19,8 +18,8 @@ from polhode.solvers.contract import (
     Status,
 )
 from polhode.solvers.machine_code.underflow import FlushedToZero
-from polhode.solvers.parts.kernels import At, Code, clock, kernel
-from polhode.solvers.parts.planning import Plan, Planner
+from polhode.solvers.parts.kernels import At, Code, clock, kernels
+from polhode.solvers.parts.planning import Planner
 from polhode.solvers.parts.schemes import Scheme
 
 # Deadline and Ctrl-C are looked at once per this many slow flows, some 20 ms.
@@ -28,9 +27,9 @@ CHUNK = 1_000_000
 # The least rate that counts: L grows from rest as fast as the shear makes it, in half a unit of it.
 SHEAR = 0.5
 # Plans are made anew after these shares of a run, if that is so many turns at least.
-AGAIN, LEAST_BETWEEN = (0.03, 0.1, 0.25, 0.55), 60.0
+AGAIN, LEAST_BETWEEN = (0.1, 0.4), 10.0
 # And where the rate has changed by this factor, which widens by another each time.
-WIDTH, WIDER = 1.5, 1.15
+WIDTH, WIDER = 1.8, 1.15
 
 _FAILED: dict[int, Status] = {Code.NOT_FINITE: Status.NON_FINITE, Code.NO_STEP: Status.STEP_UNDERFLOW}
 
@@ -50,21 +49,24 @@ class Split:
         assert problem.parts is not None
         self.parts: Parts = problem.parts
         self.p = parameter_array(problem)
-        self.dimension = problem.dimension
+        self.address, self.kernels = self.p.ctypes.data, kernels(problem.parts, problem.dimension)
         self.strength, self.forgetting = self.parts.strength(self.p.tolist()), self.parts.forgetting(self.p.tolist())
         self.floor = SHEAR * self.strength
-        self.moving, self.planner = list(problem.parts.moving), Planner(self, tolerance)
+        self.planner = Planner(self, tolerance)
 
     def rate(self, state: np.ndarray) -> float:
         """Rate of the fast angle, no less than the least one that counts."""
         speed = self.parts.rate(FLOAT)(state.tolist(), self.p)
         return sqrt(speed * speed + self.floor)
 
-    def short(self, plan: Plan, smaller: float, state: np.ndarray, times: np.ndarray, rows: np.ndarray) -> int | None:
-        """Steps of a run by a plan with smaller steps, which fills all rows but the first; None if it fails."""
-        own = clock(float(times[0]))
-        code = self.advance(plan.scheme, plan.law(smaller), state.copy(), own, times, rows)
-        return int(own[At.STEPS]) if code == Code.FINISHED else None
+    def check(
+        self, law: np.ndarray, finer: np.ndarray, scheme: Scheme, state: np.ndarray, setting: tuple[float, ...]
+    ) -> np.ndarray:
+        """What two runs differ by, as `polhode.solvers.parts.kernels.Kernels` says."""
+        out = np.empty(7)
+        laws = np.concatenate([law, finer])
+        self.kernels.check(scheme.address, laws, self.address, state, np.array(setting), out)
+        return out
 
     def marks(self, record: Record) -> list[float]:
         """Times at which the plan is made anew in any case."""
@@ -74,17 +76,21 @@ class Split:
 
     def run(self, record: Record) -> Outcome:
         """Fill the record's rows."""
-        work, width, marks = record.work, WIDTH, self.marks(record)
+        work, marks = record.work, self.marks(record)
+        width = WIDTH if marks else inf
         state, own = record.start.copy(), clock(float(record.times[0]))
-        plan, code = None, Code.PAUSED
+        plan, law, code = None, np.empty(0), Code.PAUSED
         while code != Code.FINISHED:
             if plan is None or code in (Code.PAUSED, Code.OUTSIDE):
-                plan = self.renewed(plan, state, own, record, width)
-                own[At.UNTIL] = next((mark for mark in marks if mark > now_of(own)), inf)
+                now, rate = now_of(own), self.rate(state)
+                before, plan = plan, self.planner.plan(plan, state, now, record)
+                if plan is not before:
+                    own[: At.FILLED] = clock(now)[: At.FILLED]
+                own[At.UNTIL] = next((mark for mark in marks if mark > now), inf)
                 # Ever wider, so that a rate that goes to and fro asks for few plans.
-                width *= WIDER
+                law, width = plan.law(between=(rate / width, rate * width)), width * WIDER
             limit = min(CHUNK // plan.scheme.stages, record.max_steps - int(own[At.STEPS]))
-            code = self.advance(plan.scheme, plan.law(), state, own, record.times, record.rows, limit)
+            code = self.advance(plan.scheme, law, state, own, record.times, record.rows, limit)
             record.filled, work.steps, record.now = int(own[At.FILLED]), int(own[At.STEPS]), now_of(own)
             if code == Code.STEPS_DONE and work.steps >= record.max_steps:
                 return Status.STEP_LIMIT, f"{work.steps} steps"
@@ -93,13 +99,6 @@ class Split:
             if code in _FAILED:
                 return _FAILED[code], f"after {work.steps} steps"
         return Status.REACHED_END, ""
-
-    def renewed(self, plan: Plan | None, state: np.ndarray, own: np.ndarray, record: Record, width: float) -> Plan:
-        """A plan for what follows; steps stay equal while it is the one before."""
-        rate, new = self.rate(state), self.planner.plan(plan, state, now_of(own), record)
-        if new is not plan:
-            own[: At.FILLED] = clock(now_of(own))[: At.FILLED]
-        return replace(new, between=(rate / width, rate * width))
 
     def advance(
         self,
@@ -112,9 +111,8 @@ class Split:
         limit: int = UNLIMITED,
     ) -> int:
         """Advance state and clock until the rows are filled, or a limit is met; says which."""
-        own[[At.LIMIT, At.ROWS]] = limit, len(times)
-        with FlushedToZero():
-            kernel(self.parts, self.dimension)(scheme.numbers, law, self.p, state, own, times, rows)
+        own[At.LIMIT], own[At.ROWS] = limit, len(times)
+        self.kernels.advance(scheme.address, law, self.address, state, own, times, rows)
         return int(own[At.CODE])
 
     def free(self, record: Record) -> Outcome:
@@ -179,6 +177,7 @@ class Splitting(PartsSolver):
         split = Split(problem, settings.tolerance)
 
         def integrate(record: Record) -> Outcome:
-            return split.run(record) if split.strength > 0 else split.free(record)
+            with FlushedToZero():
+                return split.run(record) if split.strength > 0 else split.free(record)
 
         return integrate

@@ -13,9 +13,9 @@ from polhode.models.operations import numpy_operations
 from polhode.models.problem import Problem
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Status
 from polhode.solvers.machine_code.underflow import FlushedToZero
-from polhode.solvers.parts.kernels import strobe_kernels
 from polhode.solvers.parts.schemes import SCHEMES
 from polhode.solvers.parts.splitting import PartsSolver, Split
+from polhode.solvers.parts.strobe_kernels import strobe_kernels
 
 # Runs of fewer turns are left to splitting, and so is a stretch of turns wherever a macro-step would be of fewer than
 # so many times its order: it costs fifteen times its order. A stretch is doubled so often while that fails.
@@ -190,14 +190,12 @@ class Strobe:
     def stages(self, numbers: np.ndarray, point: np.ndarray, stages: np.ndarray, end: np.ndarray) -> None:
         """Stages of a macro-step; `end` is the point of the last one."""
         weights = WEIGHTS[int(numbers[1]) - 1]
-        with FlushedToZero():
-            self.kernels.macro(self.scheme, self.p, numbers, weights, point, self.table.A, stages, end)
+        self.kernels.macro(self.scheme, self.p, numbers, weights, point, self.table.A, stages, end)
 
     def mean(self, point: np.ndarray, micro: int, out: np.ndarray) -> None:
         """Averaged fields of all orders by so many micro-steps."""
         setting = np.array([micro, len(ORDERS), len(ORDERS)], dtype=float)
-        with FlushedToZero():
-            self.kernels.mean(self.scheme, self.p, setting, WEIGHTS, point, out)
+        self.kernels.mean(self.scheme, self.p, setting, WEIGHTS, point, out)
 
     def order(self, fields: np.ndarray, horizon: np.ndarray) -> int | None:
         """The lowest order whose difference errs little enough, by comparison with the next one."""
@@ -257,6 +255,7 @@ class Stroboscopic(PartsSolver):
         strobe = Strobe(problem, settings.tolerance)
 
         def integrate(record: Record) -> Outcome:
-            return strobe.run(record) if strobe.split.strength > 0 else strobe.split.free(record)
+            with FlushedToZero():
+                return strobe.run(record) if strobe.split.strength > 0 else strobe.split.free(record)
 
         return integrate
