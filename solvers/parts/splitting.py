@@ -27,7 +27,7 @@ CHUNK = 1_000_000
 # The least rate that counts: L grows from rest as fast as the shear makes it, in half a unit of it.
 SHEAR = 0.5
 # Plans are made anew after these shares of a run, if that is so many turns at least.
-AGAIN, LEAST_BETWEEN = (0.1, 0.4), 10.0
+AGAIN, LEAST_BETWEEN = (0.1, 0.4), 50.0
 # And where the rate has changed by this factor, which widens by another each time.
 WIDTH, WIDER = 1.8, 1.15
 
