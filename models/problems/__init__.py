@@ -1,0 +1,1 @@
+"""Classical test problems with published solutions, one file per family."""
