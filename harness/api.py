@@ -8,6 +8,7 @@ import numpy as np
 
 from polhode.harness.events import EventLike, as_events, with_events
 from polhode.harness.picking.choice import check_tolerance, choose
+from polhode.harness.picking.doubt import doubt
 from polhode.harness.picking.ranking import Recommendation
 from polhode.harness.picking.ranking import pick as recommend
 from polhode.harness.picking.second_look import run_error
@@ -20,7 +21,7 @@ from polhode.models.scene import Scene
 from polhode.models.spent import spent_on
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.compile import check_field
-from polhode.solvers.contract import Record, Solver
+from polhode.solvers.contract import Record, Solver, Status
 from polhode.solvers.solve import Solution
 from polhode.solvers.solve import solve as run
 
@@ -64,6 +65,8 @@ class Plan:
         if self.estimate:
             with spent_on("error"):
                 seen = run_error(self.scene, self.form, self.solver, found, solution.observables)
+            if words := doubt(self.scene, self.form, found, solution.observables, seen):
+                solution = self.observed(replace(found, status=Status.FALSE_SUCCESS, message=words))
             if self.asked:
                 seen = seen.asked(*self.asked, self.form, self.scene, self.tolerance)
             solution = replace(solution, error=seen)

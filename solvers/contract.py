@@ -65,7 +65,7 @@ _MEANINGS = {
     Status.TOLERANCE_UNATTAINABLE: "the library refused the tolerance; usually one below its roundoff limit",
     Status.ADAPTER_MISSING: "the solver's library is not installed",
     Status.FALSE_SUCCESS: "the library claims success, but the end was not reached, the steps are too few, "
-    "or an invariant is broken",
+    "an invariant is broken, or sharper runs contradict it",
     Status.CRASHED: "the library crashed and took its process with it, or raised; usually a bug",
 }
 

@@ -1,0 +1,25 @@
+"""False successes that nothing but a second look finds, and good runs, which are left alone."""
+
+import numpy as np
+import pytest
+
+from polhode import solve
+from polhode.solvers.contract import Status
+
+
+@pytest.mark.parametrize(("method", "tolerance"), [("planted:FirstOrder", 0.3), ("planted:FirstOrder", 0.03)])
+def test_a_run_that_is_far_off_is_no_success(method: str, tolerance: float):
+    """Angular velocities too large by the tolerance: quaternions of unit norm, steps enough."""
+    given = {"form": "quaternion", "solver": method, "tolerance": tolerance}
+    found, claimed = solve("paper", **given), solve("paper", **given, estimate=False)
+    true = solve("paper", form="quaternion", solver="taylor", tolerance=1e-14, estimate=False)
+    off = np.max(np.abs(found.observables.slow - true.observables.slow)) / max(found.scene.ellipsoid.inertia)
+    assert claimed.status is Status.REACHED_END
+    assert (found.status is Status.FALSE_SUCCESS) == (tolerance > 0.1) == bool(off > 0.1)
+    assert found.message.startswith(f"L or E is off by {off:.1e}".replace("e-0", "e-")) == (tolerance > 0.1)
+
+
+def test_a_chaotic_run_is_not_doubted():
+    found = solve("jeffery-chaotic", form="jeffery", solver="cyrk-dop853", tolerance=1e-6)
+    assert found.error.slow is None or found.error.slow.high > 0.1
+    assert found.status is Status.REACHED_END
