@@ -110,7 +110,7 @@ def _error(record: Record, want: str, at: Sensitivity) -> float | None:
 def fit_laws(records: Iterable[Record], source: dict[str, Any], base: Laws | None = None) -> Laws:
     """Fit the laws of every method of which there are enough records, and time its first run on this machine.
 
-    Of methods that `base` knows, only laws of errors that it lacks are taken from the records; its others stay.
+    Of methods that `base` knows, only laws of errors that it lacks are taken from the records.
     """
     records = list(records)
     pace = Pace.usual(records)
@@ -141,8 +141,7 @@ def fit_laws(records: Iterable[Record], source: dict[str, Any], base: Laws | Non
     scenes = {run.scene for runs in samples.values() for run in runs}
     count = sum(len(runs) for runs in samples.values())
     if base:
-        added = {"added": {"scenes": len(scenes), "records": count, **source}}
-        return Laws(methods, base.source | added)
+        return Laws(methods, base.source | {"added": {"scenes": len(scenes), "records": count, **source}})
     return Laws(methods, {**source, "scenes": len(scenes), "records": count, "sentinel_seconds": pace.sentinel})
 
 

@@ -1,13 +1,25 @@
 """The held-out test, run: `pick` asked about scenes that no law was fitted on, and what it said measured."""
 
 from collections.abc import Sequence
-from math import log10
+from dataclasses import replace
+from itertools import islice
+from math import inf
+from time import perf_counter
 
 import pandas as pd
 
 from polhode.harness.calibration.evaluation import Answer, Evaluation, error_of, judged, predicted_runs
-from polhode.harness.calibration.scenes import HELD_OUT_SCENES, HELD_OUT_SEED, Question, questions
-from polhode.harness.calibration.training import CaseGroups, fast_solvers, forms_for, solvers_for, study
+from polhode.harness.calibration.scenes import (
+    HELD_OUT_SCENES,
+    HELD_OUT_SEED,
+    HELD_OUT_SEEDS,
+    STRATA,
+    Question,
+    Stratum,
+    questions,
+)
+from polhode.harness.calibration.selection import CUTOFF, decade, runs_of
+from polhode.harness.calibration.training import MOST_LONG, CaseGroups, fast_solvers, forms_for, solvers_for, study
 from polhode.harness.common.store import Record, Store
 from polhode.harness.picking.laws import Laws
 from polhode.harness.picking.pilot import pilot
@@ -15,51 +27,84 @@ from polhode.harness.picking.ranking import NotAttainableError, pick
 from polhode.harness.studies.case import Case
 from polhode.harness.studies.runner import Runner
 from polhode.harness.studies.study import Study
+from polhode.models.spent import SPENT
 
 # Every fast method is measured at tolerances by tens, from ten times the error asked for, to find the best choice.
-DECADES = (1, 0, -1, -2, -3, -4, -5)
+DECADES = (1, 0, -1, -2, -3)
 LOOSEST, TIGHTEST = -3, -14
 # So many of the cheapest that meet the error, and the first choice, are timed once more, in turns: the cheapest of a
 # hundred noisy times is the luckiest one, and what disturbed the first choice did not disturb the others.
 FINALISTS, FINAL = 5, "-final"
+# Seconds that every run may take, however short the first choice is.
+SHORTEST_LIMIT = 0.1
 
 
 def evaluate(
-    store: Store, laws: Laws, count: int = HELD_OUT_SCENES, quiet: bool = False, seed: int = HELD_OUT_SEED
+    store: Store,
+    laws: Laws,
+    count: int = HELD_OUT_SCENES,
+    quiet: bool = False,
+    seed: int = HELD_OUT_SEED,
+    seeds: int = HELD_OUT_SEEDS,
 ) -> Evaluation:
-    """Ask `pick` about the held-out scenes, measure them into a store, and compare."""
-    answers = [ask(question, laws) for question in questions(seed, count)]
+    """Ask `pick` about `count` held-out scenes of each seed, of both strata, measure them into a store, and compare."""
+    answers = [
+        ask(question, laws, stratum)
+        for each in range(seed, seed + seeds)
+        for stratum in STRATA
+        for question in affordable(each, -(-count // 2), stratum)
+    ]
     runner = Runner(store, quiet)
     records = runner.run(CaseGroups.of("held-out", (each for answer in answers for each in studies(answer))))
     last = runner.run(CaseGroups("finals", tuple(finalists(answer, records) for answer in answers)))
     finals = [[record for record in last if record["scene_name"] == answer.question.name + FINAL] for answer in answers]
-    return Evaluation(pd.DataFrame(map(judged, answers, finals)), predicted_runs(records, laws))
+    chosen = []
+    for answer in answers:
+        mine = [record for record in records if record["scene_name"] == answer.question.name]
+        chosen += runs_of(answer.question, answer.stratum, mine, answer.first_choice(mine))
+    return Evaluation(
+        pd.DataFrame(map(judged, answers, finals)),
+        predicted_runs(records, laws),
+        pd.DataFrame(chosen),
+        {answer.question.name: answer.question for answer in answers},
+    )
 
 
-def ask(question: Question, laws: Laws) -> Answer:
-    """What `pick` says."""
+def affordable(seed: int, count: int, stratum: Stratum) -> list[Question]:
+    """The first questions of a stratum whose references are certified in seconds."""
+    found = (each for each in questions(seed, 4 * count, stratum) if pilot(each.scene).rotations <= MOST_LONG)
+    return list(islice(found, count))
+
+
+def ask(question: Question, laws: Laws, stratum: Stratum = "short") -> Answer:
+    """What `pick` says, and what that costs with everything compiled."""
+    pilot.cache_clear()
+    began, compiling = perf_counter(), SPENT["compilation"]
+    found, refusal = None, ""
     try:
         found = pick(question.scene, question.error, question.want, question.samples, laws)
-    except NotAttainableError as refusal:
-        return Answer(question, None, str(refusal))
-    return Answer(question, found, "")
+    except NotAttainableError as not_attainable:
+        refusal = str(not_attainable)
+    return Answer(question, found, refusal, stratum, perf_counter() - began - (SPENT["compilation"] - compiling))
 
 
 def studies(answer: Answer) -> list[Study]:
     """What is measured of a held-out scene: the first choice, and every fast method at tolerances by tens."""
     question = answer.question
     rotations = pilot(question.scene).rotations
-    parts = []
+    parts, most = [], inf
     if answer.recommendation is not None:
         first = answer.recommendation.ranking[0]
         parts.append(study(question, [first.form], [first.solver], (first.tolerance,), rotations))
+        # What takes much longer than the first choice, counting included, is not the best.
+        most = max(SHORTEST_LIMIT, CUTOFF * first.seconds.high)
     forms = forms_for(question.scene, rotations)
-    decade = round(log10(question.error))
-    for power in sorted({min(LOOSEST, max(TIGHTEST, decade + shift)) for shift in DECADES}, reverse=True):
+    for power in sorted({min(LOOSEST, max(TIGHTEST, decade(question) + shift)) for shift in DECADES}, reverse=True):
         # The row of the training ladder in which the tolerance stands.
         row = (-power - 3) // 3
         solvers = [name for name in solvers_for(question.scene, row) if name in fast_solvers()]
-        parts.append(study(question, forms, solvers, (float(f"1e{power}"),), rotations))
+        part = study(question, forms, solvers, (float(f"1e{power}"),), rotations)
+        parts.append(replace(part, max_seconds=min(most, part.max_seconds)))
     return parts
 
 

@@ -27,6 +27,8 @@ MOST_ROTATIONS, ASIDE_ROTATIONS = 2e4, 300.0
 TOLERANCES = (-13.0, -3.0)
 # Part of a scene's generator that draws the way to run it.
 WAY = 2
+COLUMNS = ("stratum", "scene", "form", "solver", "tolerance", "rotations", "want", "error", "uncertainty", "stated")
+COLUMNS += ("stated_high", "seconds", "look_seconds", "note")
 # Errors beyond this share of what they are of mean that the run was lost; references know others to a tenth, at least.
 LOST, KNOWN = 0.1, 10.0
 
@@ -43,7 +45,7 @@ def stated(store: Store, seed: int, count: int, quiet: bool = False) -> pd.DataF
             row = _row(question, np.random.default_rng((seed, index, WAY)))
             store.put(key, content, row)
         rows.append({"stratum": stratum, **row})
-    return pd.DataFrame([row for row in rows if "want" in row])
+    return pd.DataFrame([row for row in rows if "want" in row], columns=list(COLUMNS))
 
 
 def _row(question: Question, random: np.random.Generator) -> Record:

@@ -46,24 +46,39 @@ def calibrate(out: Path, to: Path | None, scenes: int, add: bool, first_runs: bo
 
 @click.command(epilog="Example: polhode validate --out look")
 @out_folder("reports/pick")
-@click.option("--scenes", type=click.IntRange(min=1), default=40, show_default=True, help="Held-out scenes.")
+@click.option("--scenes", type=click.IntRange(min=1), default=16, show_default=True, help="Held-out scenes of a seed.")
 @click.option("--seed", type=click.IntRange(min=0), default=1765, show_default=True, help="What they are drawn from.")
+@click.option("--seeds", type=click.IntRange(min=1), default=3, show_default=True, help="So many seeds from it on.")
+@click.option(
+    "--errors",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    help="Runs whose stated errors are held against references, instead.",
+)
 @resume
 @quiet
-def validate(out: Path, scenes: int, seed: int, resume: bool, quiet: bool) -> None:
+def validate(out: Path, scenes: int, seed: int, seeds: int, errors: int, resume: bool, quiet: bool) -> None:
     """Ask `pick` about scenes that no law was fitted on, measure them, print how good it was, and write the page.
 
     Exit code 1 if it does not reach what it promises.
     """
     from polhode.harness.calibration.heldout import evaluate
-    from polhode.harness.pages.pick import summary, write_pages
+    from polhode.harness.calibration.stated import stated
+    from polhode.harness.pages.pick import stated_summary, summary, write_pages, write_stated
     from polhode.harness.picking.laws import load_laws
 
+    if errors:
+        with running_into(open_store(out, resume, "stated")) as store:
+            found = stated(store, seed, errors, quiet)
+        page = write_stated(out, found, f"polhode validate --errors {errors} --seed {seed}")
+        click.echo("\n".join([*stated_summary(found), str(page)]))
+        return
     with bad_input():
         known = load_laws()
     with running_into(open_store(out, resume, "heldout")) as store:
-        evaluation = evaluate(store, known, scenes, quiet, seed)
-    page = write_pages(out, known, evaluation, f"polhode validate --scenes {scenes} --seed {seed}")
+        evaluation = evaluate(store, known, scenes, quiet, seed, seeds)
+    page = write_pages(out, known, evaluation, f"polhode validate --scenes {scenes} --seed {seed} --seeds {seeds}")
     for sentence in summary(evaluation):
         click.echo(sentence)
     click.echo(str(page))

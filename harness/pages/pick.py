@@ -1,17 +1,20 @@
 """The page of `pick`: its laws, and how they did on scenes held out; tables, figures and data from the records."""
 
-from math import log10
+from math import inf, log10
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
 from polhode.harness.calibration.evaluation import CHEAP, FACTOR, MEETS, PREDICTED, Evaluation, close
+from polhode.harness.calibration.selection import CUTOFF, PENALTY, pays_from, scores, write_aslib
+from polhode.harness.calibration.stated import judged as judged_errors
 from polhode.harness.common.files import write_file
 from polhode.harness.common.text import duration, markdown, scientific
 from polhode.harness.pages.figures.style import family_colour
 from polhode.harness.pages.figures.work_precision import save
 from polhode.harness.picking.laws import Laws, MethodLaws
+from polhode.harness.picking.second_look import BOUNDED, LEAST, SHARE
 from polhode.solvers.catalogue import solver as find_solver
 
 if TYPE_CHECKING:
@@ -33,9 +36,53 @@ def write_pages(folder: Path, laws: Laws, evaluation: Evaluation, command: str) 
         runs[name] = [f"{value:.4g}" if value == value else "" for value in runs[name]]
     write_file(folder / "runs.csv", runs.to_csv(index=False), summed=True)
     _write_figures(folder, evaluation)
+    if evaluation.ways is not None:
+        write_file(folder / "ways.csv", evaluation.ways.to_csv(index=False, float_format="%.4g"), summed=True)
+        write_aslib(folder / "aslib", evaluation.questions, evaluation.ways)
     page = folder / "README.md"
     write_file(page, "\n".join(_lines(laws, evaluation, command)))
     return page
+
+
+def write_stated(folder: Path, runs: pd.DataFrame, command: str) -> Path:
+    """Write the page of the errors that `solve` states, and its table."""
+    write_file(folder / "stated.csv", runs.to_csv(index=False, float_format="%.4g"), summed=True)
+    rows = []
+    for (stratum, solver), mine in [
+        *(((stratum, "all"), mine) for stratum, mine in runs.groupby("stratum")),
+        *((("both", solver), mine) for solver, mine in runs.groupby("solver")),
+    ]:
+        found = judged_errors(mine)
+        shares = [f"{found[name]:.1%}" for name in ("stated", "bounded", "cheap")]
+        rows.append([stratum, solver, found["runs"], *shares, f"{found['factor']:.2g}"])
+    header = ["stratum", "solver", "runs", "stated", "bounded", "in time", "stated over true, median"]
+    lines = [
+        "# The error that `solve` states",
+        "",
+        f"Made by `{command}`. Do not edit: the next run overwrites this page.",
+        "",
+        *(f"- {sentence}" for sentence in stated_summary(runs)),
+        "",
+        "Each run is a random scene by a random form, solver and tolerance, with a certified reference; runs of "
+        "more rotations than are certified in seconds are left out. *In time*: the second look took no more than its "
+        "share of the run, or than it may on a short one. Every run is in [stated.csv](stated.csv).",
+        "",
+        markdown(header, rows, right=range(2, 7)),
+    ]
+    page = folder / "stated.md"
+    write_file(page, "\n".join(lines))
+    return page
+
+
+def stated_summary(runs: pd.DataFrame) -> list[str]:
+    """What the errors stated are worth, in sentences."""
+    found = judged_errors(runs)
+    return [
+        f"The error stated bounds the true one in {found['bounded']:.1%} of {found['runs']} runs (target: "
+        f"{BOUNDED:.1%}); {found['stated']:.1%} state one.",
+        f"It is {found['factor']:.2g} times the true error in the median (target: at most 10).",
+        f"The second look takes at most {SHARE:.0%} of the run, or {duration(LEAST)}, in {found['cheap']:.1%}.",
+    ]
 
 
 def summary(evaluation: Evaluation) -> list[str]:
@@ -86,6 +133,7 @@ def _lines(laws: Laws, evaluation: Evaluation, command: str) -> list[str]:
         "",
         "![Error and cost of the first choice on each held-out scene](choices.png)",
         "",
+        *_selection(evaluation),
         "## The scenes",
         "",
         "N: rotations. – stands for what is not known: the error, if the first choice failed, falsely claimed success "
@@ -108,6 +156,44 @@ def _lines(laws: Laws, evaluation: Evaluation, command: str) -> list[str]:
         "those of the error laws too, are in [laws.csv](laws.csv); `harness/picking/laws.py` says what each means.",
         "",
         markdown(LAWS_HEADER, list(map(_law_cells, laws.methods.values())), right=range(2, 8)),
+    ]
+
+
+def _selection(evaluation: Evaluation) -> list[str]:
+    """`pick` beside the virtual best, the single best and simple rules, per stratum."""
+    if evaluation.ways is None:
+        return []
+    table: Any = scores(evaluation.ways)
+    rows = [
+        [
+            row.stratum,
+            row.way,
+            row.scenes,
+            f"{row.par10:.2f}",
+            *(f"{share:.1%}" for share in (row.solved, row.within, row.above)),
+            f"{row.gap_closed:.3f}",
+        ]
+        for row in table.itertuples(index=False)
+    ]
+    scenes: Any = evaluation.scenes
+    cost, pays = scenes["pick_seconds"].median(), pays_from(scenes, evaluation.ways)
+    header = ["stratum", "way", "scenes", "PAR10", "solved", "within 1.5", "above 5", "gap closed"]
+    return [
+        "## Against the best, the single best and simple rules",
+        "",
+        "Times over that of the virtual best, the quickest way measured that met the error on a scene; a way that "
+        f"missed it, or took more than {CUTOFF:g} times as long, counts {PENALTY * CUTOFF:g} (PAR10). The single best "
+        "is the form, solver and power of ten from the error to the tolerance with the least PAR10; the gap closed is "
+        "0 for it and 1 for the virtual best. [aslib/](aslib/) holds the scenario in ASlib's format.",
+        "",
+        f"Asking `pick` takes {duration(cost)} in the median, with everything compiled. "
+        + (
+            f"That pays for runs that take the single best {duration(pays)} or more."
+            if pays < inf
+            else "No run measured here is long enough for that to pay."
+        ),
+        "",
+        markdown(header, rows, right=range(2, 8)),
     ]
 
 

@@ -8,7 +8,13 @@ import pytest
 from polhode.harness.calibration.evaluation import RUN_COLUMNS, Answer, Evaluation, judged
 from polhode.harness.calibration.heldout import FINAL, FINALISTS, ask, finalists
 from polhode.harness.calibration.heldout import studies as held_out_studies
-from polhode.harness.calibration.scenes import HELD_OUT_SCENES, HELD_OUT_SEED, TRAINING_SCENES, questions
+from polhode.harness.calibration.scenes import (
+    HELD_OUT_SCENES,
+    HELD_OUT_SEED,
+    HELD_OUT_SEEDS,
+    TRAINING_SCENES,
+    questions,
+)
 from polhode.harness.commands.calibrate import calibrate, validate
 from polhode.harness.common.text import scientific
 from polhode.harness.pages.pick import summary, write_pages
@@ -142,4 +148,4 @@ def test_the_commands_defaults_are_those_of_the_package():
     """They stand there again so that `--help` needs no numerics."""
     trained, held = ({option.name: option.default for option in command.params} for command in (calibrate, validate))
     assert trained["scenes"] == TRAINING_SCENES
-    assert (held["scenes"], held["seed"]) == (HELD_OUT_SCENES, HELD_OUT_SEED)
+    assert (held["scenes"], held["seed"], held["seeds"]) == (HELD_OUT_SCENES, HELD_OUT_SEED, HELD_OUT_SEEDS)

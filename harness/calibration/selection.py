@@ -1,0 +1,187 @@
+"""`pick` in the language of algorithm selection: against the best of all ways, the best single one, and simple rules.
+
+An algorithm is a form, a solver and a rule for the tolerance: so many powers of ten from the error asked for. Its
+performance on a scene is its time over the shortest time in which any way met the error; ways that miss the error or
+take longer than `CUTOFF` times the shortest count `PENALTY` times that (PAR10). Source: Bischl et al., ASlib: A
+benchmark library for algorithm selection, Artificial Intelligence 237 (2016) 41.
+"""
+
+from collections.abc import Mapping, Sequence
+from math import log10
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from polhode.harness.calibration.scenes import Question
+from polhode.harness.common.files import write_file
+from polhode.harness.common.store import Record
+from polhode.harness.picking.choice import simplest
+from polhode.harness.picking.laws import STIFF
+from polhode.harness.picking.pilot import damping_times
+from polhode.solvers.contract import Status
+
+CUTOFF, PENALTY = 30.0, 10.0
+PICK, SINGLE = "pick", "single best"
+FEATURES = ("log_stokes", "log_time", "middle_axis", "short_axis", "speed", "log_error", "orientation", "samples")
+COLUMNS = ("instance", "stratum", "algorithm", "seconds", "met")
+
+
+def decade(question: Question) -> int:
+    """The power of ten next to the error asked for."""
+    return round(log10(question.error))
+
+
+def runs_of(question: Question, stratum: str, records: Sequence[Record], first: Record | None) -> list[dict[str, Any]]:
+    """Every way measured on a scene, simple rules, and `pick`'s: time, and whether it met the error."""
+    ways: dict[str, Record | None] = {}
+    for record in records:
+        power = log10(record["tolerance"])
+        if abs(power - round(power)) < 1e-6:
+            ways[f"{record['form']}/{record['solver']}/{round(power) - decade(question):+d}"] = record
+    named = {rule: ways.get(way) for way, rule in rules(question).items()}
+    return [
+        dict(zip(COLUMNS, (question.name, stratum, name, *_performance(record, question)), strict=True))
+        for name, record in (ways | named | {PICK: first}).items()
+    ]
+
+
+def rules(question: Question) -> dict[str, str]:
+    """What simple rules would run: the algorithm's name, and the rule's."""
+    scene = question.scene
+    form, _ = simplest(scene, question.want)
+    # SciML's: Tsit5, below 1e-6 Vern7, an implicit method where it finds the scene stiff; the error is the tolerance.
+    explicit = "cyrk-tsit5" if question.error >= 1e-6 else "cyrk-vern7"
+    default = "cyrk-radau" if damping_times(scene) > STIFF else explicit
+    return {
+        f"{form}/taylor/-1": "taylor at error/10",
+        f"{form}/cyrk-lsoda/-2": "LSODA at error/100",
+        f"{form}/{default}/+0": "SciML's default",
+    }
+
+
+def _performance(record: Record | None, question: Question) -> tuple[float, bool]:
+    if record is None or "seconds" not in record or record["status"] != Status.REACHED_END:
+        return np.inf, False
+    error = record.get(f"{question.want}_error")
+    return float(record["seconds"]), error is not None and error <= question.error
+
+
+def penalised(runs: Any) -> Any:
+    """Performance, a row for each scene that any way solves, a column for each algorithm."""
+    good = runs[runs["met"]]
+    best = good.groupby("instance")["seconds"].min()
+    table = runs.pivot_table(index="instance", columns="algorithm", values="seconds", aggfunc="min", dropna=False)
+    met = runs.pivot_table(index="instance", columns="algorithm", values="met", aggfunc="max", dropna=False)
+    ratio = table.loc[best.index].div(best, axis=0)
+    solved = met.loc[best.index].fillna(False).astype(bool) & (ratio <= CUTOFF)
+    return ratio.where(solved, PENALTY * CUTOFF)
+
+
+def scores(runs: Any) -> pd.DataFrame:
+    """Of `pick`, the single best algorithm and each rule, per stratum: PAR10, shares of scenes, and the gap closed.
+
+    The gap is that from the single best algorithm, 0, to the virtual best one, 1.
+    """
+    rows = []
+    for stratum, mine in [("both", runs), *runs.groupby("stratum")]:
+        table = penalised(mine)
+        names = [name for name in table.columns if "/" not in name]
+        means = table.mean()
+        single = means[[name for name in means.index if "/" in name]].idxmin()
+        gap = means[single] - 1
+        for name, column in [*((name, table[name]) for name in names), (f"{SINGLE}: {single}", table[single])]:
+            rows.append(
+                {
+                    "stratum": stratum,
+                    "scenes": len(table),
+                    "way": name,
+                    "par10": float(column.mean()),
+                    "solved": float((column < PENALTY * CUTOFF).mean()),
+                    "within": float((column <= 1.5).mean()),
+                    "above": float((column > 5).mean()),
+                    "gap_closed": float((means[single] - column.mean()) / gap) if gap > 0 else np.nan,
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def pays_from(scenes: Any, runs: Any) -> float:
+    """Seconds of a run by the single best algorithm from which on asking `pick` saves more than it costs.
+
+    The shortest run from which on more than half of the scenes are quicker with `pick`, its own time included; inf
+    if there is none.
+    """
+    table = runs[runs["algorithm"].str.contains("/")]
+    single = penalised(runs).filter(like="/").mean().idxmin()
+    usual = table[table["algorithm"] == single].set_index("instance")["seconds"]
+    mine = (
+        scenes.set_index("scene")[["seconds", "pick_seconds"]].join(usual.rename("usual")).dropna().sort_values("usual")
+    )
+    saves = (mine["usual"] - mine["seconds"] - mine["pick_seconds"] > 0).to_numpy()
+    tails = [saves[i:].mean() > 0.5 for i in range(len(saves))]
+    lasting = [all(tails[i:]) for i in range(len(tails))]
+    return float(mine["usual"].iloc[lasting.index(True)]) if True in lasting else np.inf
+
+
+def features(question: Question) -> tuple[float, ...]:
+    """What is known of a scene before anything is run; 0 and inf as St count as 1e-10 and 1e10."""
+    scene = question.scene
+    _, middle, short = sorted(scene.ellipsoid.semi_axes, reverse=True)
+    longest = max(scene.ellipsoid.semi_axes)
+    stokes = min(max(scene.stokes, 1e-10), 1e10)
+    speed = float(np.linalg.norm(scene.angular_velocity))
+    numbers = log10(stokes), log10(scene.time), middle / longest, short / longest, speed, log10(question.error)
+    return (*numbers, float(question.want == "orientation"), float(question.samples))
+
+
+def write_aslib(folder: Path, questions: Mapping[str, Question], runs: Any) -> None:
+    """Write the scenario in ASlib's format, version 4.0: a description and five tables."""
+    algorithms = runs[runs["algorithm"].str.contains("/")]
+    names = sorted(set(algorithms["algorithm"]))
+    most = float(algorithms["seconds"].replace(np.inf, np.nan).max())
+    description = [
+        "scenario_id: ODE-POLHODE-2026",
+        "performance_measures: [runtime]",
+        "maximize: [false]",
+        "performance_type: [runtime]",
+        f"algorithm_cutoff_time: {CUTOFF * most:.6g}",
+        "algorithm_cutoff_memory: '?'",
+        "features_cutoff_time: '?'",
+        "features_cutoff_memory: '?'",
+        "number_of_feature_steps: 1",
+        "default_steps: [scene]",
+        f"features_deterministic: [{', '.join(FEATURES)}]",
+        "features_stochastic: []",
+        "feature_steps:",
+        "  scene:",
+        f"    provides: [{', '.join(FEATURES)}]",
+        "metainfo_algorithms:",
+        *(f"  {name}:\n    deterministic: true\n    configuration: ''" for name in names),
+    ]
+    write_file(folder / "description.txt", "\n".join(description) + "\n")
+    solved = [
+        (row.instance, 1, row.algorithm, f"{row.seconds:.6g}" if row.seconds < np.inf else "?", _status(row))
+        for row in algorithms.itertuples()
+    ]
+    head = ("instance_id STRING", "repetition NUMERIC", "algorithm STRING", "runtime NUMERIC")
+    _arff(folder, "algorithm_runs", (*head, "runstatus {ok, timeout, memout, not_applicable, crash, other}"), solved)
+    numeric = [f"{name} NUMERIC" for name in FEATURES]
+    values = [(name, 1, *(f"{value:.6g}" for value in features(each))) for name, each in questions.items()]
+    _arff(folder, "feature_values", (*head[:2], *numeric), values)
+    status = "scene {ok, timeout, memout, presolved, crash, other}"
+    _arff(folder, "feature_runstatus", (*head[:2], status), [(name, 1, "ok") for name in questions])
+    _arff(folder, "feature_costs", (*head[:2], "scene NUMERIC"), [(name, 1, 0) for name in questions])
+    folds = [(name, 1, i % 10 + 1) for i, name in enumerate(questions)]
+    _arff(folder, "cv", (*head[:2], "fold NUMERIC"), folds)
+
+
+def _status(row: Any) -> str:
+    return "ok" if row.met else "other" if row.seconds < np.inf else "timeout"
+
+
+def _arff(folder: Path, name: str, attributes: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
+    lines = [f"@RELATION {name}", "", *(f"@ATTRIBUTE {each}" for each in attributes), "", "@DATA"]
+    lines += [",".join(str(cell) for cell in row) for row in rows]
+    write_file(folder / f"{name}.arff", "\n".join(lines) + "\n")
