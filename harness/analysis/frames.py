@@ -1,12 +1,19 @@
 """Records as pandas frames."""
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, cast
 
 import pandas as pd
 
+from polhode.harness.common.files import write_file
 from polhode.harness.common.store import Record
 from polhode.harness.references.uncertainty import known
+
+# Of a run, what a reader of its page looks for.
+RUN_COLUMNS = ["scene_name", "stokes", "form", "solver", "tolerance", "status", "slow_error", "orientation_error"]
+RUN_COLUMNS += ["model_slow_error", "slow_uncertainty", "orientation_uncertainty", "seconds", "seconds_spread"]
+RUN_COLUMNS += ["work.rhs_calls", "work.steps", "sentinel_seconds", "date"]
 
 
 def frame(records: Sequence[Record]) -> pd.DataFrame:
@@ -39,3 +46,9 @@ def by_scene(table: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
 def by_stokes(table: pd.DataFrame) -> list[tuple[float, pd.DataFrame]]:
     """Each St, in growing order, and its rows."""
     return [(float(str(stokes)), runs) for stokes, runs in table.groupby("stokes")]
+
+
+def write_runs(table: pd.DataFrame, folder: Path) -> None:
+    """Write every run as a line of `runs.csv`."""
+    runs = table[[column for column in RUN_COLUMNS if column in table]]
+    write_file(folder / "runs.csv", runs.to_csv(index=False, float_format="%.7g"), summed=True)

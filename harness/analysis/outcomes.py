@@ -17,8 +17,6 @@ from polhode.solvers.contract import Status
 INACCURATE = 1e-3
 KINDS = ("reached", "inaccurate", "unknown", "stopped", "failed")
 
-Block = tuple[str, float, float | None, float]
-"""Scene, St, duration in inverse shear rates where it is known, and tolerance."""
 Ending = tuple[str, str]
 """One of `KINDS`, and the reason in words."""
 
@@ -51,14 +49,14 @@ def outcome(run: dict[Any, Any], allowed: float = INACCURATE) -> Ending:
     return ("reached" if error <= allowed else "inaccurate"), f"{took}solver error {scientific(error)}{off}"
 
 
-def blocks(table: pd.DataFrame, allowed: Mapping[str, float]) -> dict[Block, dict[str, dict[str, Ending]]]:
-    """Outcomes by scene, form and solver."""
-    found: dict[Block, dict[str, dict[str, Ending]]] = {}
+def endings(table: pd.DataFrame, allowed: Mapping[str, float]) -> list[dict[str, Any]]:
+    """How every run ended: scene, St, duration, tolerance, form, solver, outcome and reason."""
+    found = []
     for run in table.to_dict("records"):
-        time = _known(run.get("scene.time"))
-        block = str(run["scene_name"]), float(run["stokes"]), time, float(run["tolerance"])
-        form = found.setdefault(block, {}).setdefault(str(run["form"]), {})
-        form[str(run["solver"])] = outcome(run, allowed[block[0]])
+        row = {"scene": str(run["scene_name"]), "St": float(run["stokes"]), "time": _known(run.get("scene.time"))}
+        row |= {"tolerance": float(run["tolerance"]), "form": str(run["form"]), "solver": str(run["solver"])}
+        kind, reason = outcome(run, allowed[row["scene"]])
+        found.append({**row, "outcome": kind, "reason": reason})
     return found
 
 

@@ -8,25 +8,26 @@ from typing import Any
 
 import pandas as pd
 
-from polhode.harness.analysis.frames import by_scene, by_stokes, frame, where
-from polhode.harness.analysis.winners import TARGETS, cheapest
+from polhode.harness.analysis.frames import by_scene, by_stokes, frame, where, write_runs
+from polhode.harness.analysis.winners import TARGETS, TIE, cheapest
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record, export
 from polhode.harness.common.text import bracketed, duration, markdown, scientific, short
 from polhode.harness.pages.figures.work_precision import save, work_precision_panels
-from polhode.harness.pages.verdict import averaged_costs, ties, verdict
-from polhode.harness.references.uncertainty import BRACKETS, least_known, uncertainty_of
+from polhode.harness.pages.verdict import averaged_costs, verdict
+from polhode.harness.references.uncertainty import least_known, uncertainty_of
 from polhode.harness.studies.study import Study
 from polhode.models.files.scene_file import parse_scene, scene_table
 from polhode.models.scene import Scene
-from polhode.solvers.contract import Status
 
 # By the name of their file: error, and label of its axis.
 FIGURES = {
     "slow": ("slow_error", "slow error over $I_{max}$"),
     "orientation": ("orientation_error", "orientation error, rad"),
 }
+# Ties named in a cell.
+SHOWN = 2
 # Keys of a scene file's start, as the page calls them.
 START = {
     "euler_angles": "(θ, φ, ψ) = {}",
@@ -36,8 +37,6 @@ START = {
     "angular_momentum": "angular momentum {}",
     "energy": "energy {}",
 }
-# Preparing an integrator that was compiled before takes less than this, in seconds.
-COMPILED = 0.02
 
 
 def write_page(study: Study, records: Sequence[Record], folder: Path, command: str) -> Path:
@@ -45,41 +44,40 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     table = frame(records)
     folder.mkdir(parents=True, exist_ok=True)
     export(list(records), folder / "records.jsonl")
-    pictures = []
+    write_runs(table, folder)
+    scenes = []
     for i, (scene, runs) in enumerate(by_scene(table)):
+        scenes += [f"## The cheapest{f': {scene}' if scene else ''}", ""]
         before = f"{scene}: " if scene else ""
         for name, (error, label) in FIGURES.items():
             if len(runs[error].dropna()):
                 # The figures of the first scene have plain names.
                 file = f"{name}-{scene}" if i else name
                 save(work_precision_panels(runs, error, before + label), folder, file)
-                pictures += [f"![{before}Wall time against {name} error, one panel per St]({file}.png)", ""]
-    write_file(folder / "README.md", "\n".join(_lines(study, table, records, pictures, command)))
+                scenes += [f"By {label.replace('$I_{max}$', 'I_max')}:", "", _winners(runs, error)]
+                scenes += [f"![{before}Wall time against {name} error, one panel per St]({file}.png)", ""]
+    write_file(folder / "README.md", "\n".join(_lines(study, table, records, scenes, command)))
     return folder / "README.md"
 
 
 def _lines(
-    study: Study, table: pd.DataFrame, records: Sequence[Record], pictures: Sequence[str], command: str
+    study: Study, table: pd.DataFrame, records: Sequence[Record], scenes: Sequence[str], command: str
 ) -> list[str]:
     return [
         *header(study.title, command, records),
-        *_scenes(records),
         "## Verdict",
         "",
         *(f"- {sentence}" for sentence in [*verdict(table), *averaged_costs(table)]),
         "",
-        *(line for scene, runs in by_scene(table) for line in _best(scene, runs)),
-        "## Cost against error",
+        "The tables below show the cheapest run that meets an error: form, solver, tolerance and time, then = and the "
+        f"methods within {100 * (TIE - 1):.0f} % of it. Every run: [runs.csv](runs.csv), in full "
+        "[records.jsonl](records.jsonl).",
         "",
-        *pictures,
-        "## Every run",
+        *scenes,
+        *_scenes(records),
+        f"Times are the minimum of up to five warm runs in interleaved order, over {study.samples} samples; errors are "
+        "maxima along the run. *unknown*: at or below what the reference resolves; *none*: no run measured gets there.",
         "",
-        f"Times are the minimum of up to five warm runs in interleaved order, over {study.samples} samples; "
-        "*first* is compilation, where it happened in this case; errors are maxima along the run; the slow error of an "
-        "averaged form is split into solver error and model error; *RHS* counts every call of the vector field. "
-        f"{BRACKETS}",
-        "",
-        *(line for scene, runs in by_scene(table) for line in _every_run(scene, runs)),
         _uncertainties(table),
     ]
 
@@ -138,19 +136,6 @@ def _listed(values: Iterable[float]) -> str:
     return ", ".join(map(short, sorted(set(values))))
 
 
-def _best(scene: str, runs: pd.DataFrame) -> list[str]:
-    """Who is the cheapest at each error."""
-    return [
-        *([f"### The cheapest: {scene}", ""] if scene else []),
-        "The cheapest run that meets a slow error (form, solver, tolerance: time; methods within 15 % of it):",
-        "",
-        _winners(runs, "slow_error"),
-        "The same for the orientation error, in rad:",
-        "",
-        _winners(runs, "orientation_error"),
-    ]
-
-
 def _winners(table: pd.DataFrame, error: str) -> str:
     groups = by_stokes(table)
     rows = [[short(target), *(_winner(runs, target, error) for _, runs in groups)] for target in TARGETS]
@@ -160,45 +145,15 @@ def _winners(table: pd.DataFrame, error: str) -> str:
 def _winner(runs: pd.DataFrame, target: float, error: str) -> str:
     uncertainty = runs[uncertainty_of(error)].dropna()
     if len(uncertainty) and target <= least_known(float(uncertainty.iloc[0])):
-        return "unknown: the reference cannot tell"
+        return "unknown"
     winner = cheapest(runs, target, error)
     if winner is None:
         return "none"
     best = winner.row.to_dict()
-    tied = f" (tied: {ties(winner)})" if winner.tied else ""
+    names = [method.label for method in winner.tied]
+    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+    tied = f" = {', '.join(names[:SHOWN])}{more}" if names else ""
     return f"{best['form']}, {best['solver']}, {short(best['tolerance'])}: {duration(best['seconds'])}{tied}"
-
-
-def _every_run(scene: str, table: pd.DataFrame) -> list[str]:
-    columns = ["form", "solver", "tolerance", "slow error", "of which solver", "of which model", "orientation"]
-    columns += ["time", "spread", "first", "RHS", "steps", "status"]
-    lines = []
-    for stokes, runs in by_stokes(table):
-        rows = [_row(run) for run in runs.to_dict("records")]
-        heading = f"### {f'{scene}, ' if scene else ''}St = {short(stokes)}"
-        lines += [heading, "", markdown(columns, rows, right=range(2, 12))]
-    return lines
-
-
-def _row(run: dict) -> list[str]:
-    status = str(run["status"]).replace("_", " ")
-    first = 0.0 if pd.isna(run["prepare_seconds"]) else run["prepare_seconds"]
-    averaged = not pd.isna(run["model_slow_error"]) and run["model_slow_error"] > 0
-    return [
-        run["form"],
-        run["solver"],
-        short(run["tolerance"]),
-        error_of(run, "slow"),
-        scientific(run["solver_slow_error"]) if averaged else "",
-        scientific(run["model_slow_error"]) if averaged else "",
-        error_of(run, "orientation"),
-        duration(run["seconds"]),
-        duration(run["seconds_spread"]),
-        duration(first) if first > COMPILED else "",
-        whole(run["work.rhs_calls"]),
-        whole(run["work.steps"]),
-        status + (", inferred" if run["inferred"] else "") if status != Status.REACHED_END.replace("_", " ") else "",
-    ]
 
 
 def error_of(run: dict, want: str) -> str:

@@ -1,12 +1,14 @@
 """The page of hard cases: who got through, who is wrong, who failed and why."""
 
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
 from polhode.harness.analysis.frames import frame
-from polhode.harness.analysis.outcomes import INACCURATE, KINDS, Block, Ending, blocks, columns, limits, outcome
+from polhode.harness.analysis.outcomes import INACCURATE, KINDS, columns, endings, limits
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record, export
@@ -15,48 +17,26 @@ from polhode.harness.studies.study import Study
 from polhode.models.scenes import SCENES
 
 BEYOND = f"off by more than {short(INACCURATE)} of the largest slow variable at the start, or of I_max if larger"
-SIGNS = {"reached": "✓", "inaccurate": "≈", "unknown": "?", "stopped": "◷", "failed": "✕", "absent": "·"}
 # What the shared records leave out, for there are thousands: `polhode export` writes all.
 LEFT_OUT = ("key", "errors", "seconds_runs", "statistics_uncertainty", "statistics_distance", "solver_slow_uncertainty")
 
 
-def title(block: Block) -> str:
-    """Scene, St, duration and tolerance in words."""
-    scene, stokes, time, tolerance = block
-    duration_in_words = "" if time is None else f", t = {short(time)}"
-    return f"{scene}, St = {short(stokes)}{duration_in_words}, tolerance {short(tolerance)}"
-
-
-def about(block: Block) -> str:
+def about(scene: str) -> str:
     """What is hard about a built-in scene; empty for others."""
-    return SCENES[block[0]].summary if block[0] in SCENES else ""
+    return SCENES[scene].summary if scene in SCENES else ""
 
 
-def reasons(forms: dict[str, dict[str, Ending]]) -> list[str]:
-    """What was not reached, and why, one line for the solvers of one form and reason."""
-    found: dict[tuple[str, str, str], list[str]] = {}
-    for form, cells in forms.items():
-        for solver, (kind, reason) in cells.items():
-            if kind != "reached":
-                found.setdefault((form, kind, reason), []).append(solver)
-    return [f"{form}, {', '.join(names)}: {kind}, {reason}" for (form, kind, reason), names in found.items()]
-
-
-def sentences(table: pd.DataFrame, allowed: Mapping[str, float]) -> list[str]:
+def sentences(counts: Mapping[str, Counter[str]], stopped: str) -> list[str]:
     """How many got through, and who."""
-    kinds = [outcome(run, allowed[str(run["scene_name"])])[0] for run in table.to_dict("records")]
-    sums = {kind: kinds.count(kind) for kind in KINDS}
-    reached = pd.Series([kind == "reached" for kind in kinds]).groupby(list(table["solver"].astype(str)))
-    stuck, total = (reached.count() - reached.sum()).to_dict(), reached.count().to_dict()
-    best = sorted(total, key=lambda name: (stuck[name] / total[name], name))
-    through, worst = [name for name in best if stuck[name] == 0], best[-1]
+    sums = sum(counts.values(), Counter[str]())
+    through = [name for name, own in counts.items() if own["reached"] == own.total()]
+    name, worst = list(counts.items())[-1]
     return [
-        f"{sums['reached']} of {len(kinds)} runs reached the end with a solver error below {short(INACCURATE)} of "
-        "the start; "
-        f"{sums['inaccurate']} reached it with a larger one, {sums['unknown']} with one that no reference knows; "
-        f"{sums['stopped']} were stopped at the limit of {limit(table)}; {sums['failed']} failed.",
+        f"{sums['reached']} of {sums.total()} runs reached the end with a solver error below {short(INACCURATE)} of "
+        f"the start; {sums['inaccurate']} reached it with a larger one, {sums['unknown']} with one that no reference "
+        f"knows; {sums['stopped']} were stopped at the limit of {stopped}; {sums['failed']} failed.",
         f"Through every case they take: {', '.join(through) or 'nobody'}.",
-        f"Most often stuck: {worst}, {stuck[worst]} of {total[worst]}.",
+        f"Most often stuck: {name}, {worst.total() - worst['reached']} of {worst.total()}.",
     ]
 
 
@@ -71,9 +51,11 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     table = frame(records)
     folder.mkdir(parents=True, exist_ok=True)
     export([_shared(record) for record in records], folder / "records.jsonl")
-    page = folder / "README.md"
-    write_file(page, "\n".join(_lines(study, table, records, command)))
-    return page
+    found = endings(table, limits(records))
+    endings_csv = pd.DataFrame(found).to_csv(index=False, float_format="%.12g")
+    write_file(folder / "outcomes.csv", endings_csv, summed=True)
+    write_file(folder / "README.md", "\n".join(_lines(study, table, records, found, command)))
+    return folder / "README.md"
 
 
 def _shared(record: Record) -> Record:
@@ -81,22 +63,55 @@ def _shared(record: Record) -> Record:
     return {name: value for name, value in record.items() if value is not None and name not in LEFT_OUT}
 
 
-def _lines(study: Study, table: pd.DataFrame, records: Sequence[Record], command: str) -> list[str]:
-    solvers, allowed = columns(table), limits(records)
-    lines = [
+def _lines(
+    study: Study, table: pd.DataFrame, records: Sequence[Record], endings: Sequence[Mapping[str, Any]], command: str
+) -> list[str]:
+    stopped = limit(table)
+    by_solver = _counts(endings, columns(table))
+    return [
         *header(study.title, command, records),
-        *(f"- {sentence}" for sentence in sentences(table, allowed)),
+        *(f"- {sentence}" for sentence in sentences(by_solver, stopped)),
         "",
-        f"✓ reached; ≈ reached, but {BEYOND}; ? reached, with an error no reference knows; "
-        f"◷ stopped at the limit of {limit(table)}; ✕ failed; · not run: the form or the solver does not take it. "
-        "Errors are slow errors over I_max against the exact solution of the same form. Every run: "
-        "[records.jsonl](records.jsonl); `polhode export` of the store writes them in full.",
+        _table(by_solver),
+        f"*inaccurate*: {BEYOND}. *unknown*: with an error no reference knows. *stopped*: at the limit of {stopped}. "
+        "Errors are slow errors over I_max against the exact solution of the same form. Every run with its reason: "
+        "[outcomes.csv](outcomes.csv); with its times and work: [records.jsonl](records.jsonl).",
+        "",
+        "## Case by case",
+        "",
+        "Runs that reached the end accurately, of all runs of a solver on a scene, at every St, form and tolerance; ✓ "
+        "where that is all of them, · where the solver takes none.",
+        "",
+        _by_scene(endings, columns(table)),
+        "## What is hard about them",
+        "",
+        *(f"- {scene}: {about(scene)}" for scene in dict.fromkeys(row["scene"] for row in endings) if about(scene)),
         "",
     ]
-    for block, forms in blocks(table, allowed).items():
-        rows = [
-            [form, *(SIGNS[cells.get(name, ("absent", ""))[0]] for name in solvers)] for form, cells in forms.items()
-        ]
-        lines += [f"## {title(block)}", "", *([about(block), ""] if about(block) else [])]
-        lines += [markdown(["form", *solvers], rows), *(f"- {reason}" for reason in reasons(forms)), ""]
-    return lines
+
+
+def _counts(endings: Sequence[Mapping[str, Any]], solvers: Sequence[str]) -> dict[str, Counter[str]]:
+    """How often each solver ended how, the surest first."""
+    found = {name: Counter(row["outcome"] for row in endings if row["solver"] == name) for name in solvers}
+    return dict(sorted(found.items(), key=lambda item: -item[1]["reached"] / item[1].total()))
+
+
+def _table(counts: Mapping[str, Counter[str]]) -> str:
+    rows = [
+        [name, str(own.total()), f"{100 * own['reached'] / own.total():.0f} %", *(str(own[kind]) for kind in KINDS)]
+        for name, own in counts.items()
+    ]
+    return markdown(["solver", "runs", "got through", *KINDS], rows, right=range(1, 3 + len(KINDS)))
+
+
+def _by_scene(endings: Sequence[Mapping[str, Any]], solvers: Sequence[str]) -> str:
+    found = defaultdict(Counter)
+    for row in endings:
+        found[row["scene"], row["solver"]][row["outcome"]] += 1
+    scenes = dict.fromkeys(row["scene"] for row in endings)
+    rows = [[scene, *(_share(found[scene, name]) for name in solvers)] for scene in scenes]
+    return markdown(["scene", *solvers], rows)
+
+
+def _share(own: Counter[str]) -> str:
+    return "·" if not own else "✓" if own["reached"] == own.total() else f"{own['reached']}/{own.total()}"

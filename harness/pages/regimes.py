@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from polhode.harness.analysis.frames import frame, where
+from polhode.harness.analysis.frames import frame, where, write_runs
 from polhode.harness.analysis.pareto import Method
 from polhode.harness.analysis.regime_map import Cell, cells, scatter, standings
 from polhode.harness.analysis.winners import TIE
@@ -24,9 +24,6 @@ from polhode.models.scene import Scene
 Maps = Mapping[tuple[str, str], Sequence[Cell]]
 """Cells by the scene's name and the error."""
 CELL_COLUMNS = ["scene", "error", "St", "target", "known", "form", "solver", "seconds", "lead", "tie", "next"]
-RUN_COLUMNS = ["scene_name", "stokes", "form", "solver", "tolerance", "status", "slow_error", "orientation_error"]
-RUN_COLUMNS += ["model_slow_error", "slow_uncertainty", "orientation_uncertainty", "seconds", "seconds_spread"]
-RUN_COLUMNS += ["work.rhs_calls", "work.steps", "sentinel_seconds", "date"]
 
 
 def write_page(study: Study, records: Sequence[Record], folder: Path, command: str) -> Path:
@@ -40,8 +37,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     for name in names:
         times = {scene.stokes: scene.time for own, scene in study.scenes if own == name}
         save(picture([maps[name, error] for error in ERRORS], times), folder, name)
-    runs = table[[column for column in RUN_COLUMNS if column in table]]
-    write_file(folder / "runs.csv", runs.to_csv(index=False, float_format="%.7g"), summed=True)
+    write_runs(table, folder)
     _write_cells(maps, folder / "cells.csv")
     write_file(folder / "README.md", "\n".join(_lines(study, table, records, maps, command)))
     return folder / "README.md"

@@ -7,7 +7,6 @@ import pandas as pd
 from polhode.harness.analysis.frames import by_scene, by_stokes
 from polhode.harness.analysis.winners import (
     TARGETS,
-    Winner,
     against,
     averaged_forms,
     averaged_wins_from,
@@ -18,14 +17,6 @@ from polhode.harness.common.text import scientific, short
 SECOND_ORDER = "averaged-second-order"
 # St further apart than this leave open where between them averaging begins to pay.
 GAP = 10.0 * (1 + 1e-9)
-
-
-def ties(winner: Winner) -> str:
-    """All methods within the tie, the winner's form first, grouped by form; empty where there is none."""
-    own = str(winner.row["form"])
-    forms = sorted(dict.fromkeys(method.form for method in winner.tied), key=lambda form: form != own)
-    solvers = {form: ", ".join(method.solver for method in winner.tied if method.form == form) for form in forms}
-    return "; ".join(names if form == own else f"{form} by {names}" for form, names in solvers.items())
 
 
 def when_averaged_wins(records: pd.DataFrame, target: float, write: Callable[[float], str]) -> str | None:

@@ -6,7 +6,6 @@ import pandas as pd
 
 # An error closer to the reference's uncertainty than this factor is not known.
 KNOWN = 10.0
-BRACKETS = f"Errors in brackets lie within {KNOWN:g} times the uncertainty of the reference, and are not known."
 
 
 def least_known(uncertainty: float | None) -> float:

@@ -6,7 +6,7 @@ import pytest
 from polhode.harness.analysis.frames import frame
 from polhode.harness.analysis.winners import TIE, averaged_wins_from, cheapest
 from polhode.harness.common.text import short
-from polhode.harness.pages.verdict import averaged_costs, ties, verdict, when_averaged_wins
+from polhode.harness.pages.verdict import averaged_costs, verdict, when_averaged_wins
 
 
 def run(solver: str, seconds: float | None, error: float | None, **more: object) -> dict:
@@ -68,7 +68,6 @@ def test_ties_are_named():
     assert winner.row["solver"] == "taylor"
     assert winner.row["seconds"] == 1.0
     assert winner.tied == (("averaged", "radau"), ("quaternion", "dop853"), ("averaged", "dop853"))
-    assert ties(winner) == "dop853; averaged by radau, dop853"
 
 
 def test_another_error_may_be_asked_for():
