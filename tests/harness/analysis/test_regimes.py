@@ -175,7 +175,13 @@ def test_the_page_is_written_from_records(table: pd.DataFrame, tmp_path):
     page = write_page(study, records, tmp_path, "polhode regimes").read_text(encoding="utf-8")
     assert "An averaged form wins 4 of 33 cells" in page
     assert re.search(r"\| quaternion +\| cyrk-vern8 +\| +0 / 0 \|", page)
-    assert {path.name for path in tmp_path.iterdir()} == {"README.md", "ellipsoid.png", "cells.csv", "runs.csv"}
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "README.md",
+        "SHA256SUMS",
+        "ellipsoid.png",
+        "cells.csv",
+        "runs.csv",
+    }
     maps = read_cells(tmp_path / "cells.csv")
     assert str(maps["ellipsoid", "slow_error"]) == str(cells(table, "slow_error"))
 
