@@ -58,7 +58,7 @@ class WorkPrecision:
     def reference(self) -> tuple[np.ndarray, float]:
         """States in long double, shape (samples, d), and their uncertainty in the same measure as the errors."""
         states = extended_run(self.problem, self.times, "long double", 1e-19)
-        return states, SAFETY * _error(extended_run(self.problem, self.times, "long double", 1e-17), states)
+        return states, SAFETY * self.error_of(extended_run(self.problem, self.times, "long double", 1e-17), states)
 
     @property
     def times(self) -> np.ndarray:
@@ -95,6 +95,11 @@ class WorkPrecision:
         axes.set_ylabel("wall time of a warm run, s")
         return axes
 
+    def error_of(self, states: np.ndarray, exact: np.ndarray) -> float:
+        """The largest deviation of any component, over that component's largest magnitude."""
+        size = np.max(np.abs(exact), axis=0)
+        return float(np.max(np.abs(states - exact) / np.where(size > 0, size, 1)))
+
     def _accepted(self) -> list[Solver]:
         methods = [find_solver(name) if isinstance(name, str) else name for name in self.solvers or SOLVERS]
         if self.solvers is not None:
@@ -112,7 +117,7 @@ class WorkPrecision:
             "tolerance": tolerance,
             "status": str(solution.status),
             "message": solution.message,
-            "error": _error(solution.states, exact) if solution.success else None,
+            "error": self.error_of(solution.states, exact) if solution.success else None,
             "seconds": timing.seconds if timing else None,
             "spread": timing.spread if timing else None,
             "implicit": method.implicit,
@@ -126,8 +131,3 @@ def _accepts(method: Solver, problem: Problem) -> bool:
     except SolverNotValidError:
         return False
     return method.available
-
-
-def _error(states: np.ndarray, exact: np.ndarray) -> float:
-    size = np.max(np.abs(exact), axis=0)
-    return float(np.max(np.abs(states - exact) / np.where(size > 0, size, 1)))

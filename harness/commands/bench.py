@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, get_args
 
 import click
 
-from polhode.harness.cli import bad_input
+from polhode.harness.cli import BadInput, bad_input
 from polhode.harness.commands._study_options import (
     command_line,
     filtered,
@@ -24,10 +24,17 @@ if TYPE_CHECKING:
     from polhode.harness.studies.study import Study
 
 
-@click.command(epilog="Example: polhode bench --quick --out look")
+@click.command(epilog="Example: polhode bench --quick --out look; polhode bench --problems --quick --out look")
 @study_options
+@click.option("--problems", is_flag=True, help="The classical test problems instead; --scene is one of them.")
 def bench(
-    study_file: Path | None, out: Path | None, quick: bool, resume: bool, quiet: bool, **filters: tuple[str, ...]
+    study_file: Path | None,
+    out: Path | None,
+    quick: bool,
+    resume: bool,
+    quiet: bool,
+    problems: bool,
+    **filters: tuple[str, ...],
 ) -> None:
     """Run a work-precision study and write its page, figures and records.
 
@@ -41,6 +48,9 @@ def bench(
     An interrupted run keeps its finished cases in FOLDER/store.sqlite and goes on with --resume; a run that starts
     afresh moves them to FOLDER/previous.sqlite.
     """
+    if problems:
+        _problems(out or Path("reports/problems"), study_file, quick, resume, quiet, **filters)
+        return
     from polhode.harness.calibration.fit import refit
     from polhode.harness.pages import bench as bench_page
     from polhode.harness.pages import outcomes as outcomes_page
@@ -61,6 +71,27 @@ def bench(
         refit(load_laws(), records).save(own_laws_path())
         click.echo(f"{own_laws_path()}: the times of `polhode pick`, fitted to this machine", err=True)
     click.echo(f"{page}")
+
+
+def _problems(
+    folder: Path,
+    study_file: Path | None,
+    quick: bool,
+    resume: bool,
+    quiet: bool,
+    scenes: tuple[str, ...],
+    solvers: tuple[str, ...],
+    **others: tuple[str, ...],
+) -> None:
+    from polhode.harness.pages.problems import write_page
+    from polhode.harness.problems import run_problems
+
+    if study_file or any(others.values()):
+        raise BadInput("--problems: got a study, --form or --tag, expected --scene and --solver at most")
+    store = open_store(folder, resume)
+    with running_into(store), bad_input():
+        rows = run_problems(store, scenes, solvers, quick=quick, quiet=quiet)
+    click.echo(f"{write_page(rows, folder, command_line())}")
 
 
 @click.command(epilog="Example: polhode regimes --quick --out look")

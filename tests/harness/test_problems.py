@@ -1,0 +1,59 @@
+"""`polhode bench --problems`: classical problems, measured against published solutions, and their page."""
+
+import re
+from pathlib import Path
+
+import pytest
+from commandline import Run
+
+from polhode.harness.common.store import Store
+from polhode.harness.pages.problems import _shares
+from polhode.harness.problems import measured, run_problems
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("problems")
+
+
+def test_errors_are_those_of_the_published_end():
+    rows = measured("brusselator", "taylor", (1e-4, 1e-10), 5.0)
+    loose, tight = (row["error"] for row in rows)
+    assert 1e-9 < loose < 1e-2
+    assert tight < 1e-9
+    assert all(row["seconds"] > 0 for row in rows)
+
+
+def test_what_is_in_the_store_is_not_run_again(folder: Path, monkeypatch: pytest.MonkeyPatch):
+    wanted = ["kepler", "robertson-dae"], ["cyrk-dop853", "ida"]
+    with Store(folder / "store.sqlite") as store:
+        rows = run_problems(store, *wanted, quick=True, quiet=True)
+        # The differential-algebraic one has a single solver.
+        assert {(row["problem"], row["solver"]) for row in rows} == {
+            ("kepler", "cyrk-dop853"),
+            ("kepler", "ida"),
+            ("robertson-dae", "ida"),
+        }
+        assert len(rows) == 9
+        monkeypatch.setattr("polhode.harness.problems.Worker.run", None)
+        assert run_problems(store, *wanted, quick=True, quiet=True) == rows
+
+
+def test_the_page(here: Run, folder: Path):
+    words = ("bench", "--problems", "--quick", "--resume", "--quiet", "--out", folder)
+    done = here(*words, "--scene", "kepler", "--scene", "robertson-dae", "--solver", "cyrk-dop853", "--solver", "ida")
+    assert done.returncode == 0, done.stderr
+    page = (folder / "README.md").read_text()
+    assert re.search(r"\| kepler +\| cyrk-dop853: [\d.]+ .s, by", page)
+    assert "**robertson-dae**: F. Mazzia" in page
+    assert {"profiles.png", "work-precision.png", "runs.csv"} <= {path.name for path in folder.iterdir()}
+    refused = here("bench", "--problems", "--scene", "keppler", "--out", folder / "other")
+    assert refused.returncode == 2
+    assert "got 'keppler', expected one of hires" in refused.stderr
+    assert "did you mean 'kepler'" in refused.stderr
+    assert here("bench", "--problems", "--form", "quaternion").returncode == 2
+
+
+def test_profiles_count_what_is_not_reached():
+    times = {"one": {"a": 1.0, "b": 3.0}, "two": {"b": 5.0}, "nobody": {}}
+    assert _shares(times) == {"b": [3.0, 1.0], "a": [1.0, float("inf")]}
