@@ -13,12 +13,16 @@ from polhode.solvers.compile import exact_jacobian, load_heyoka, traced_system
 
 def every_operation(ops: Operations) -> Field:
     sin, cos, sqrt, where_positive = ops.sin, ops.cos, ops.sqrt, ops.where_positive
+    exp, log = ops.exp, ops.log
 
     def rhs(y, p):
         a, b, c = y
         return (
             3 - (a - 2) + (1 - b) - a / c + 2 / b - (+c) / 7 + p[0] * b**0 + 0 * sin(p[0]),
-            where_positive(a - b, a * b, 1.5) + where_positive(b - a, p[0], sqrt(c) / a) + cos(-b * a) * p[0] ** 2,
+            exp(a) * log(c)
+            + where_positive(a - b, a * b, 1.5)
+            + where_positive(b - a, p[0], sqrt(c) / a)
+            + cos(-b * a) * p[0] ** 2,
             a**2 + b**-3 + c**0.5 + c**17 + a**b + p[0] ** c + 1.7**b + where_positive(1.0, sin(c), c) + sqrt(2.0),
         )
 
@@ -29,7 +33,9 @@ PROBLEMS = {str(run): run.problem for run in runs()} | {name: each.problem for n
 PROBLEMS["every operation"] = Problem("every operation", every_operation, (0.7, 0.4, 0.9), 1.0, (1.2,))
 CONTEXT = mpmath.MPContext()
 CONTEXT.dps = 40
-MPMATH = Operations(CONTEXT.sin, CONTEXT.cos, CONTEXT.sqrt, lambda x, a, b: a if x > 0 else b)
+MPMATH = Operations(
+    CONTEXT.sin, CONTEXT.cos, CONTEXT.sqrt, lambda x, a, b: a if x > 0 else b, exp=CONTEXT.exp, log=CONTEXT.log
+)
 STEP = CONTEXT.mpf("1e-13")
 
 

@@ -190,14 +190,14 @@ def unknown_power(ops):
 
 
 def unknown_operation(ops):
-    exp = ops.exp
-    return lambda y, p: (exp(y[0]),)
+    tan = ops.tan
+    return lambda y, p: (tan(y[0]),)
 
 
 @pytest.mark.parametrize(
     ("factory", "line", "message"),
     [
-        (unknown_operation, 1, "'Operations' object has no attribute 'exp': exp = ops.exp"),
+        (unknown_operation, 1, "'Operations' object has no attribute 'tan': tan = ops.tan"),
         (comparing, 2, r"a field cannot compare .*ops.where_positive.*: return \(y\[0\] if y\[0\] > 0 else -y\[0\],\)"),
         (branching, 2, "a field cannot compare or branch; use ops.where_positive"),
         (with_math, 2, r"a field cannot use .*use ops.sin.*: return \(math.sin\(y\[0\]\),\)"),
