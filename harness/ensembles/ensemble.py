@@ -186,18 +186,20 @@ class Ensemble:
         at_once = max(1, OBSERVED // samples)
         for first in range(0, n, at_once):
             some = slice(first, first + at_once)
-            seen = form.observe(scene, states[some].reshape(-1, d))
-            slow = (seen.slow / unit).reshape(-1, samples, 4)
-            slow_then[:, some] = slow[:, ::every].swapaxes(0, 1)
-            rotations = seen.rotation.reshape(-1, samples, 3, 3)[:, ::every]
-            directions_then[:, some] = rotations[:, :, axes].swapaxes(0, 1)
-            momenta = seen.angular_momentum.reshape(-1, samples, 3)[:, ::every]
+            # Component by component in memory, which NumPy's sums over components need.
+            columns = np.moveaxis(states[some], 2, 0).reshape(d, -1)
+            seen = form.observe(scene, columns.T)
+            slow = [each.reshape(-1, samples) / unit for each in (*seen.angular_momentum.T, seen.energy)]
+            for k, attractor in enumerate(self.attractors):
+                away = sum(np.square(each - there) for each, there in zip(slow, attractor.state, strict=True))
+                close[k, some] = away < attractor.reach**2
+            slow_then[:, some] = np.stack([each[:, ::every].T for each in slow], axis=-1)
+            then = np.arange(columns.shape[1]).reshape(-1, samples)[:, ::every].T
+            rotations, momenta = seen.rotation[then], seen.angular_momentum[then]
+            directions_then[:, some] = rotations[:, :, axes]
             for k, axis in enumerate(axes):
                 rates = squared_rates(self.ellipsoid, momenta.reshape(-1, 3), rotations.reshape(-1, 3, 3), axis)
-                rates_then[:, some, k] = rates.reshape(-1, self.snapshots, len(RATES)).swapaxes(0, 1)
-            for k, attractor in enumerate(self.attractors):
-                away = slow - attractor.state
-                close[k, some] = np.einsum("nmk,nmk->nm", away, away) < attractor.reach**2
+                rates_then[:, some, k] = rates.reshape(self.snapshots, -1, len(RATES))
         statistics.add_orientations(directions_then)
         statistics.add_rates(rates_then)
         statistics.add_slow(self.layout, slow_then)

@@ -100,14 +100,14 @@ class Statistics:
 
     def add_orientations(self, directions: np.ndarray) -> None:
         """Add unit vectors, shape (S, n, A, 3)."""
-        components = np.moveaxis(directions, 3, 0)
+        components = np.ascontiguousarray(directions.transpose(3, 0, 2, 1))
         pairs = {pair: components[pair[0]] * components[pair[1]] for pair in SECOND}
         for k, pair in enumerate(SECOND):
-            self.second[:, :, k] += pairs[pair].sum(axis=1)
+            self.second[:, :, k] += pairs[pair].sum(axis=-1)
         for k, (i, j, m, n) in enumerate(FOURTH):
             product = pairs[i, j] * pairs[m, n]
-            self.fourth[:, :, k] += product.sum(axis=1)
-            self.fourth_squares[:, :, k] += np.square(product).sum(axis=1)
+            self.fourth[:, :, k] += product.sum(axis=-1)
+            self.fourth_squares[:, :, k] += np.square(product).sum(axis=-1)
 
     def add_rates(self, rates: np.ndarray) -> None:
         """Add (ω·p)² and |dp/dt|² of axes p, shape (S, n, A, 2)."""

@@ -14,21 +14,23 @@ from typing import Any
 
 import numpy as np
 
-from polhode.harness.common.machine import machine, versions
+from polhode.harness.common.machine import machine, now, versions
 from polhode.harness.common.timing import Patience, collector_off, sentinel
 from polhode.harness.common.worker import Worker
 from polhode.harness.ensembles.engines import processes, serial
-from polhode.harness.ensembles.ensemble import Ensemble, Task, run_task
+from polhode.harness.ensembles.ensemble import SAMPLE, Ensemble, Task, run_task
 from polhode.harness.ensembles.starts import Starts
 from polhode.models.catalogue import form as find_form
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 from polhode.models.shape import Ellipsoid
+from polhode.solvers.ensembles.equal_steps import PIECES, Plan, plan, run
 from polhode.solvers.ensembles.runge_kutta_batch import array_field, integrate, run_vectorised
 from polhode.solvers.ensembles.taylor_batch import run_batches
-from polhode.solvers.taylor import taylor_integrator
 
-STOKES, SLOW_TIME, TOLERANCE, AVERAGED_TOLERANCE = 1e3, 0.2, 1e-9, 1e-6
+STOKES, SLOW_TIME, TOLERANCE, AVERAGED_TOLERANCE = 1e3, 0.2, 1e-6, 1e-6
+# Largest errors of the whole state; the St of long runs, and the error in L and E that these are to keep.
+TARGETS, LONG, LONG_ERROR = (1e-4, 1e-6, 1e-8), 1e6, 1e-4
 SHAPES = {"1 : 0.8 : 0.5": Ellipsoid((1.0, 0.8, 0.5)), "1 : 1 : 2": Ellipsoid((1.0, 1.0, 2.0))}
 STARTS = Starts("momentum-isotropic", (0.0, 0.0, 0.7))
 ROUNDS = 21
@@ -49,47 +51,97 @@ def measure() -> dict[str, Any]:
             "rounds": ROUNDS,
             "task_seconds": TASK_SECONDS,
         },
-        "full": [full_throughput(name, shape) for name, shape in SHAPES.items()],
+        "full": [full_throughput(*item, target) for item in SHAPES.items() for target in TARGETS],
         "averaged": [averaged_throughput(name, shape) for name, shape in SHAPES.items()],
-        "tasks": [task_throughput(equations) for equations in ("full", "averaged")],
+        "long": long_run(),
+        "tasks": [task_throughput(name, equations) for name in SHAPES for equations in ("full", "averaged")],
         "memory": memory(),
         "overhead": overhead(),
         "two_processes": two_processes(),
+        "date": now(),
         "machine": machine(),
         "versions": versions(),
         "sentinel_seconds": [steady, sentinel()],
     }
 
 
-def full_throughput(name: str, shape: Ellipsoid, particles: int = 2048) -> dict[str, Any]:
-    """Particles per second in SIMD lanes and one by one, by one method at one tolerance, and both errors."""
+def full_throughput(name: str, shape: Ellipsoid, target: float, particles: int = 2048) -> dict[str, Any]:
+    """Particles per second by Taylor's lanes and by equal steps, whose largest errors at the end are both below one."""
     scene, problem, starts = _problem(shape, "full", particles)
     slow_starts = find_form(problem.name).observe(scene, starts).slow
     times = np.array([0.0, problem.end])
-    scalar = taylor_integrator(problem.field, problem.dimension, len(problem.parameters or ()), TOLERANCE)
-
-    def one_by_one() -> np.ndarray:
-        ends = np.empty_like(starts)
-        scalar.pars[:] = problem.parameters
-        for end, start in zip(ends, starts, strict=True):
-            scalar.time = 0.0
-            scalar.state[:] = start
-            scalar.propagate_grid(times)
-            end[:] = scalar.state
-        return ends
-
-    def in_lanes() -> np.ndarray:
-        return run_batches(problem, starts, times, TOLERANCE, slow_starts)[0][-1]
-
     exact = run_batches(problem, starts, times, 1e-15)[0][-1]
-    (slow, alone), (fast, together) = _alternate(one_by_one, in_lanes)
+
+    def taylor(tolerance: float) -> np.ndarray:
+        return run_batches(problem, starts, times, tolerance, slow_starts)[0][-1]
+
+    def equal_steps(tolerance: float, chosen: Plan) -> np.ndarray:
+        return run(problem, starts, times, tolerance, chosen)[0][-1]
+
+    def errors(ends: np.ndarray) -> np.ndarray:
+        return np.max(np.abs(ends - exact), axis=1)
+
+    def choose(tolerance: float) -> tuple[Plan, float] | None:
+        """A plan whose largest error is small enough, and the seconds that it took."""
+        began = process_time()
+        chosen = plan(problem, starts[:SAMPLE], times, tolerance)
+        spent = process_time() - began
+        return (chosen, spent) if chosen and errors(equal_steps(tolerance, chosen)).max() <= target else None
+
+    loose = next(each for each in _below(10 * target) if errors(taylor(each)).max() <= target)
+    tolerance, (chosen, planned) = next((each, found) for each in _below(target) if (found := choose(each)))
+    (before, old), (now, new) = _alternate(lambda: taylor(loose), lambda: equal_steps(tolerance, chosen))
     return {
         "shape": name,
-        "scalar_per_second": particles / slow,
-        "lanes_per_second": particles / fast,
-        "speedup": slow / fast,
-        "scalar_error": float(np.max(np.abs(alone - exact))),
-        "lanes_error": float(np.max(np.abs(together - exact))),
+        "target": target,
+        "taylor_tolerance": loose,
+        "taylor_per_second": particles / before,
+        "taylor_error": float(errors(old).max()),
+        "method": chosen.method,
+        "steps": chosen.steps * PIECES,
+        "per_second": particles / now,
+        "speedup": before / now,
+        "error": float(errors(new).max()),
+        "median_error": float(np.median(errors(new))),
+        "plan_seconds": planned,
+    }
+
+
+def _below(largest: float) -> list[float]:
+    """Tolerances from one on downwards, eight for each power of ten."""
+    return [largest * 10 ** (-k / 8) for k in range(48)]
+
+
+def long_run(particles: int = 20_000, known: int = 32) -> dict[str, Any]:
+    """Averaged equations at St = 10⁶ to t₂ = 0.5: particles per second, and errors in L and E of some of them."""
+    shape, samples = SHAPES["1 : 0.8 : 0.5"], 51
+    ensemble = replace(_ensemble(shape, "full", known), stokes=LONG, time=0.5 * LONG, samples=samples, tolerance=1e-6)
+    drawn, slow, seconds = ensemble.draw(0, known), [], 0.0
+    for each, tolerance in ((ensemble, LONG_ERROR / 10), (replace(ensemble, equations="averaged"), LONG_ERROR / 1e4)):
+        form, scene = find_form(each.form), each.first_scene(drawn)
+        problem, starts = form.problem(scene), drawn.states(each.form, shape)
+        times = np.linspace(0.0, problem.end, samples)
+        if each.equations == "full":
+            chosen = plan(problem, starts, times, tolerance)
+            assert chosen is not None
+            states, _ = run(problem, starts, times, tolerance, chosen)
+        else:
+            states, _ = run_vectorised(problem, starts, times, tolerance)
+            many, ends = (
+                STARTS.draw(shape, np.random.SeedSequence(1), particles).states(each.form, shape),
+                times[[0, -1]],
+            )
+            ((seconds, _),) = _alternate(lambda: run_vectorised(problem, many, ends, tolerance), rounds=3)  # noqa: B023
+        slow.append(form.observe(scene, states.reshape(-1, problem.dimension)).slow.reshape(samples, known, 4))
+    errors = np.abs(slow[0] - slow[1]).max(axis=(0, 2)) / max(shape.inertia)
+    return {
+        "stokes": LONG,
+        "per_second": particles / seconds,
+        "particles": known,
+        "within": float(np.mean(errors <= LONG_ERROR)),
+        "wanted_error": LONG_ERROR,
+        "median_error": float(np.median(errors)),
+        "error": float(errors.max()),
     }
 
 
@@ -137,12 +189,12 @@ def averaged_throughput(name: str, shape: Ellipsoid, particles: int = 20_000) ->
     }
 
 
-def task_throughput(equations: Any) -> dict[str, Any]:
+def task_throughput(name: str, equations: Any) -> dict[str, Any]:
     """Particles per second of whole tasks, statistics at 101 samples and 11 snapshots included; bytes of a record."""
-    ensemble = _ensemble(SHAPES["1 : 0.8 : 0.5"], equations, 2000 if equations == "full" else 20_000)
+    ensemble = _ensemble(SHAPES[name], equations, 20_000)
     ((seconds, record),) = _alternate(lambda: run_task(Task(ensemble, 0)))
     speed = ensemble.particles / seconds
-    return {"equations": equations, "per_second": speed, "record_bytes": len(json.dumps(record))}
+    return {"shape": name, "equations": equations, "per_second": speed, "record_bytes": len(json.dumps(record))}
 
 
 def memory(particles: int = 100_000) -> dict[str, Any]:
@@ -176,9 +228,9 @@ def _busy(_: int) -> None:
         pass
 
 
-def two_processes(particles: int = 40_000) -> dict[str, Any]:
+def two_processes(particles: int = 400_000) -> dict[str, Any]:
     """Wall time of the same tasks by one process and by two, both warm: from the first task's end on."""
-    ensemble = replace(_ensemble(SHAPES["1 : 0.8 : 0.5"], "full", particles), block=2000)
+    ensemble = replace(_ensemble(SHAPES["1 : 0.8 : 0.5"], "full", particles), block=20_000)
     one, two = (_warm_seconds(workers, ensemble) for workers in (1, 2))
     return {"particles": particles, "one_seconds": one, "two_seconds": two, "ratio": one / two}
 
@@ -209,13 +261,13 @@ def _problem(shape: Ellipsoid, equations: Any, particles: int) -> tuple[Scene, P
     return scene, find_form(ensemble.form).problem(scene), drawn.states(ensemble.form, shape)
 
 
-def _alternate(*functions: Callable[[], Any]) -> list[tuple[float, Any]]:
+def _alternate(*functions: Callable[[], Any], rounds: int | None = None) -> list[tuple[float, Any]]:
     """Least processor time of each of several functions in turns, after a first run of each, and what it returned."""
     results = [function() for function in functions]
     best = [np.inf] * len(functions)
     patience = Patience(sentinel, share=0.5)
     with collector_off():
-        for _ in range(ROUNDS):
+        for _ in range(rounds or ROUNDS):
             for k, function in enumerate(functions):
                 patience.steady()
                 began = process_time()

@@ -22,8 +22,8 @@ PIECES = 16
 KEPT, AIM = 0.98, 0.5
 # A reference's error over the tolerance, by comparison with half as many steps, and how often they are doubled.
 SURE, DOUBLINGS = 0.05, 8
-# Order of the methods that is counted on, and the usual one, which finds the steps; they are looked for so often.
-LEAST_ORDER, ORDER, ROUNDS = 5, 8, 6
+# Order that finds the steps, which are looked for so often; smaller ones may pay, where they leave less in doubt.
+ORDER, ROUNDS, SMALLER = 8, 6, 1.15
 # Doubtful particles get twice as many steps, so often; then Taylor's method, at the tolerance times this.
 HALVINGS, TAYLOR = 4, 1e-3
 # Steps are first tried at this angle, in rad, and at this share of a relaxation time.
@@ -100,7 +100,7 @@ def run(
         finer = _march(by, starts[doubtful], times, steps)
         apart = _doubt(by, starts[doubtful], times, steps, finer)
         states[:, doubtful] = by_particle(finer, len(doubtful)).swapaxes(0, 1)
-        doubtful = doubtful[~(apart <= tolerance * 2**LEAST_ORDER)]
+        doubtful = doubtful[~(apart <= tolerance * by.sure)]
     states = states[::pieces]
     statuses = np.full(len(starts), str(Status.REACHED_END), dtype=object)
     if len(doubtful):
@@ -166,7 +166,7 @@ def _reference(
     by, before = method(RUNGE_KUTTA, problem), None
     for _ in range(DOUBLINGS):
         states = _march(by, sample, times, steps)
-        if before is not None and _kept(_apart(states, before)) / 2**LEAST_ORDER <= SURE * tolerance:
+        if before is not None and _kept(_apart(states, before)) / by.sure <= SURE * tolerance:
             return states
         before, steps = states, 2 * steps
     return None
@@ -192,10 +192,12 @@ def _fitting(
             break
     if not good:
         return None
-    steps = min(good)
-    errors = _apart(exact, tried[steps])
-    errors, apart = errors[: len(sample)], _doubt(by, sample, times, steps, tried[steps])
-    wrong = ~(errors <= AIM * tolerance)
-    doubt = min(float(apart[wrong].min(initial=np.inf)), _kept(apart), tolerance * 2**LEAST_ORDER)
-    again = float(np.mean(~(apart <= doubt)))
-    return Plan(by.name, steps, doubt, _kept(errors), by.cost * steps * (1.5 + 3 * again))
+    plans = []
+    for each in {min(good), int(np.ceil(SMALLER * min(good)))}:
+        states = tried[each] if each in tried else _march(by, sample, times, each)
+        errors, apart = _apart(exact, states)[: len(sample)], _doubt(by, sample, times, each, states)
+        wrong = ~(errors <= AIM * tolerance)
+        doubt = min(float(apart[wrong].min(initial=np.inf)), _kept(apart), tolerance * by.sure)
+        again = float(np.mean(~(apart <= doubt)))
+        plans.append(Plan(by.name, each, doubt, _kept(errors), by.cost * each * (1.5 + 3 * again)))
+    return min(plans, key=lambda each: each.cost)

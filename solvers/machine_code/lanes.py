@@ -61,9 +61,9 @@ class Lanes:
 
 
 def by_particle(states: np.ndarray, particles: int) -> np.ndarray:
-    """States in lanes as states of particles, shape (particles, rows, d)."""
+    """States in lanes as states of particles, shape (particles, rows, d), component by component in memory."""
     groups, rows, dimension, wide = states.shape
-    return states.transpose(0, 3, 1, 2).reshape(groups * wide, rows, dimension)[:particles]
+    return np.moveaxis(states.transpose(2, 0, 3, 1).reshape(dimension, groups * wide, rows), 0, 2)[:particles]
 
 
 def lanes(step: Step, dimension: int, constants: int) -> Lanes:

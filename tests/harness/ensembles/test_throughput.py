@@ -23,10 +23,22 @@ def test_averaged_throughput_is_made_of_its_parts(averaged):
         assert row["median_error"] < row["error_of_99_percent"] < 1e-2
 
 
+def test_equal_steps_are_held_against_taylor_at_the_same_largest_error(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(ensemble_bench, "ROUNDS", 1)
+    monkeypatch.setattr(ensemble_bench, "STOKES", 20.0)
+    row = ensemble_bench.full_throughput("1 : 1 : 2", ensemble_bench.SHAPES["1 : 1 : 2"], 1e-4, particles=200)
+    assert 0 < row["median_error"] < row["error"] <= 1e-4
+    assert 0 < row["taylor_error"] <= 1e-4
+    assert row["speedup"] == pytest.approx(row["per_second"] / row["taylor_per_second"])
+    assert row["steps"] % ensemble_bench.PIECES == 0
+
+
 def test_the_page_shows_where_the_time_goes(averaged):
     averaged[0] |= {"per_second": 1e5, "sampled_per_second": 5e4, "task_per_second": 4e4, "field_share": 0.25}
     averaged[0] |= {"evaluations_per_particle": 120.2}
-    full = {"shape": "s", "scalar_per_second": 1e3, "lanes_per_second": 6e3, "speedup": 6.0}
+    full = {"shape": "s", "target": 1e-4, "method": "m", "steps": 9, "per_second": 6e3, "taylor_per_second": 1e3}
+    full |= {"speedup": 6.0, "error": 1e-5, "median_error": 1e-7, "taylor_error": 1e-5, "plan_seconds": 0.1}
+    long = {"stokes": 1e6, "per_second": 3e4, "particles": 9, "within": 0.9, "wanted_error": 1e-4}
     found = {
         "settings": {
             "stokes": 1e3,
@@ -36,12 +48,16 @@ def test_the_page_shows_where_the_time_goes(averaged):
             "rounds": 2,
             "task_seconds": 1.0,
         },
-        "machine": {"processor": "P", "cores": 2},
-        "full": [{**full, "scalar_error": 1e-9, "lanes_error": 1e-9}],
+        "date": "2026-11-22T00:00:00Z",
+        "machine": {"processor": "P", "cores": 2, "system": "S", "python": "3"},
+        "versions": {"polhode": "0"},
+        "full": [full],
+        "long": {**long, "median_error": 1e-5, "error": 1e-3},
         "averaged": averaged,
         "tasks": [
-            {"equations": "full", "per_second": 1e4, "record_bytes": 2**20},
-            {"equations": "averaged", "per_second": 4e4, "record_bytes": 2**20},
+            {"shape": "1 : 1 : 2", "equations": "full", "per_second": 1e5, "record_bytes": 2**20},
+            {"shape": "1 : 0.8 : 0.5", "equations": "full", "per_second": 1e4, "record_bytes": 2**20},
+            {"shape": "1 : 0.8 : 0.5", "equations": "averaged", "per_second": 4e4, "record_bytes": 2**20},
         ],
         "overhead": [{"engine": "serial", "share": 0.01}],
         "memory": {"particles": 100, "bytes": 2**28, "seconds": 9.0},
@@ -49,7 +65,8 @@ def test_the_page_shows_where_the_time_goes(averaged):
     }
     cells = [[cell.strip() for cell in line.split("|")[1:-1]] for line in page(found).splitlines() if "|" in line]
     assert ["1 : 0.8 : 0.5", "120", "2.5", "7.5", "10.0", "5.0"] in cells
-    # 10⁶ particles at 10⁴ a second; 10⁴ particles at a hundredth of that.
-    assert ["full", "1,000,000", "1000", "10", "10.0 MiB", "0.03"] in cells
-    assert ["full", "10,000", "100000", "1", "1.0 MiB", "0.03"] in cells
-    assert ["averaged", "1,000,000,000", "1000", "10,000", "10,000.0 MiB", "6.94"] in cells
+    # 10⁹ particles at 10⁵ a second; 10⁷ particles at a hundredth of 10⁴.
+    assert ["1 : 1 : 2", "full", "1,000,000,000", "1000", "10,000", "10,000.0 MiB", "2.78"] in cells
+    assert ["1 : 0.8 : 0.5", "full", "10,000,000", "100000", "100", "100.0 MiB", "27.78"] in cells
+    assert ["1 : 0.8 : 0.5", "averaged", "1,000,000,000", "1000", "10,000", "10,000.0 MiB", "6.94"] in cells
+    assert "90% keep L and E within 0.0001" in page(found)
