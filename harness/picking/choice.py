@@ -4,7 +4,7 @@ from contextlib import suppress
 from math import isfinite, isinf
 from typing import TYPE_CHECKING, NamedTuple
 
-from polhode.harness.common.text import short
+from polhode.harness.common.text import duration, short
 from polhode.harness.picking.laws import WANTS
 from polhode.harness.picking.ranking import LOOSEST, TIGHTEST, NotAttainableError, Recommendation, pick
 from polhode.models.catalogue import form as find_form
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 # Where `pick` knows no law for what the user insists on: errors stay below so many tolerances on ordinary scenes.
 SAFETY = 100.0
+# Seconds of a run that nobody expects unasked.
+PATIENCE = 30.0
 # Tolerances worth asking for: a tighter one is lost in the rounding of double precision, a looser one holds nothing.
 LEAST_TOLERANCE, LARGEST_TOLERANCE = 1e-16, 1.0
 
@@ -27,7 +29,8 @@ LEAST_TOLERANCE, LARGEST_TOLERANCE = 1e-16, 1.0
 class Chosen(NamedTuple):
     """A form, a solver and a tolerance, as `polhode solve` accepts them.
 
-    The note says, if anything, that the error asked for will not be met, or that it is unknown whether it will.
+    The note says, if anything, that the error asked for will not be met, or that it is unknown whether it will, or that
+    the run will be long.
     """
 
     form: str
@@ -70,7 +73,9 @@ def choose(
         refusal = not_attainable.reason
     for row in found.ranking if found else ():
         if form in (None, row.form) and solver in (None, row.solver):
-            return Chosen(row.form, row.solver, tolerance or row.tolerance)
+            long = row.seconds.predicted > PATIENCE
+            note = f"it is expected to take about {duration(row.seconds.predicted)}; Ctrl-C keeps what is finished"
+            return Chosen(row.form, row.solver, tolerance or row.tolerance, note if long else "")
     form = form or simplest(scene, "slow")[0]
     solver = solver or _first_solver(find_form(form).problem(scene))
     if tolerance:
