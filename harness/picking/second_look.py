@@ -42,6 +42,8 @@ TIGHTER_THAN_TAYLOR, VERNER = 1e-4, (10.0, 1e-9, 8)
 # machine be slower.
 STEP, PATIENCE = (4e-7, 3e-6), 3.0
 TIGHTEST, LOOSEST = 1e-15, 1e-2
+# Solvers whose own looser and tighter runs are far cheaper than those of any other.
+KNOW_PARTS = ("splitting", "stroboscopic")
 # Upper ends over the middle: of a tighter look, of a looser one, and of a looser one by an implicit method, whose
 # errors follow its tolerance less closely.
 CERTAIN, SCALED, LOOSELY = 1.5, 6.0, 100.0
@@ -181,23 +183,22 @@ def _solver_error(
 
 def _looks(scene: Scene, method: Solver, found: Solution, turns: float, limit: float) -> Iterator[Look]:
     """Second runs worth trying, the most telling one first."""
-    tolerance, knows_parts = found.settings.tolerance, method.name in ("splitting", "stroboscopic")
-    stiff = damping_times(scene) > STIFF
-    tighter = max(TIGHTEST, tolerance * TIGHTER)
-    if method.library == "CyRK" or knows_parts:
+    tolerance, taylor = found.settings.tolerance, method.name == "taylor"
+    other = find_solver("cyrk-radau" if damping_times(scene) > STIFF else "cyrk-vern8")
+    explicit = method.library == "CyRK" and not method.implicit
+    if explicit or method.name in (other.name, *KNOW_PARTS):
+        tighter = max(TIGHTEST, tolerance * TIGHTER)
         usual = (found.work.steps or inf) * STEP[method.implicit] if _compiled(method) else found.seconds
         if usual * DEARER <= limit and tighter < tolerance:
             yield Look(method, tighter, tighter / tolerance, CERTAIN)
-    other = find_solver("cyrk-radau" if stiff else "cyrk-vern8")
-    if method.name == "taylor":
+    else:
         per_rotation, usual, order = VERNER
-        affordable = usual * (per_rotation * turns * STEP[False] / limit) ** order
-        tighter = min(LOOSEST, max(TIGHTEST, tolerance * TIGHTER_THAN_TAYLOR, affordable))
-        yield Look(other, tighter, 0.0, CERTAIN)
-    elif (method.implicit or method.library != "CyRK") and not knows_parts and other.name != method.name:
-        yield Look(other, tighter, 0.0, CERTAIN)
+        affordable = 0.0 if other.implicit else usual * (per_rotation * turns * STEP[False] / limit) ** order
+        tighter = max(TIGHTEST, affordable, tolerance * (TIGHTER_THAN_TAYLOR if taylor else TIGHTER))
+        if taylor or tighter < tolerance:
+            yield Look(other, min(LOOSEST, tighter), 0.0, CERTAIN)
     looser = min(LOOSEST, tolerance * LOOSER)
-    if method.name != "taylor" and looser > tolerance:
+    if looser > tolerance and not taylor:
         yield Look(method, looser, looser / tolerance, LOOSELY if method.implicit else SCALED)
 
 
