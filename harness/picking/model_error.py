@@ -3,11 +3,12 @@
 from dataclasses import replace
 from functools import cache
 from math import log
+from typing import Any
 
 import numpy as np
 
 from polhode.harness.picking.laws import WANTS, Interval
-from polhode.harness.picking.pilot import Pilot, PilotFailedError, follow, form_ladder, pilot_form
+from polhode.harness.picking.pilot import Pilot, PilotFailedError, follow, form_ladder, pilot_form, samples_of
 from polhode.harness.picking.refusals import apart
 from polhode.harness.references.errors import Errors, errors
 from polhode.models.form import Form
@@ -22,6 +23,8 @@ MISSED, MET = 0.5, 1.1
 RATIO = 3.0
 EXPONENTS = (0.5, 2.2)
 OFF, FACTOR = 0.15, 2.0
+# What a form says of its own error, over the true one: at most and at least.
+OVERSTATED, UNDERSTATED = 10.0, 1.3
 # What makes averaging poor: L gets so small a share of its largest size, or L²/2EI₂ so close to 1.
 PINCHED, NEAR = 0.1, 0.03
 
@@ -30,11 +33,36 @@ class NotApplicableError(ValueError):
     """Averaging does not apply to a scene; the message says why."""
 
 
+def own_estimate(form: Form, scene: Scene) -> dict[str, Interval | None]:
+    """What a form says of its own errors; nothing where it says nothing."""
+    if not hasattr(form, "estimate"):
+        return {}
+    said: Any = form.estimate(scene)  # pyright: ignore[reportAttributeAccessIssue]
+    values = {want: float(getattr(said, want)) for want in WANTS}
+    return {want: Interval(value, value / OVERSTATED, value * UNDERSTATED) for want, value in values.items()}
+
+
 def model_errors(form: Form, pilot: Pilot) -> dict[str, Interval | None]:
     """Slow and orientation error of an averaged form's exact solution against the full one.
 
+    The smaller one of what the form says itself and what pilots show, who cannot tell it from errors of their own.
     Raises NotApplicableError if there is nothing to average over, or no pilot shows the error.
     """
+    said = own_estimate(form, pilot.scene)
+    try:
+        shown = _shown(form, pilot)
+    except (NotApplicableError, PilotFailedError):
+        if not said:
+            raise
+        return said
+    return {want: _closer(said.get(want), shown[want]) for want in WANTS}
+
+
+def _closer(said: Interval | None, shown: Interval | None) -> Interval | None:
+    return said if said and (shown is None or said.high < shown.high) else shown
+
+
+def _shown(form: Form, pilot: Pilot) -> dict[str, Interval | None]:
     if pilot.scene.ellipsoid.kind == "sphere":
         # L obeys the averaged equation itself.
         return {"slow": Interval(0.0, 0.0, 0.0), "orientation": None}
@@ -79,7 +107,7 @@ def causes(form: Form, pilot: Pilot) -> list[str]:
 
 
 def _measured(form: Form, pilot: Pilot) -> dict[str, Interval | None]:
-    found = errors(pilot.scene.ellipsoid, form_ladder(form, pilot.scene)[-1][1], pilot.observables)
+    found = errors(pilot.scene.ellipsoid, form_ladder(form, pilot.scene)[-1][1], _thinned(pilot.observables, form))
     intervals: dict[str, Interval | None] = dict.fromkeys(WANTS)
     for want, gain in pilot.gains.items():
         if (value := getattr(found, want)) is not None:
@@ -93,10 +121,16 @@ def _carried_on(form: Form, pilot: Pilot) -> dict[str, Interval | None]:
     near = pilot.followed
     far = replace(near, stokes=near.stokes / RATIO, time=near.time / RATIO)
     ellipsoid = pilot.scene.ellipsoid
-    at_near = errors(ellipsoid, form_ladder(form, near)[-1][1], pilot.observables)
-    at_far = errors(ellipsoid, form_ladder(form, far)[-1][1], _tight(far))
+    at_near = errors(ellipsoid, form_ladder(form, near)[-1][1], _thinned(pilot.observables, form))
+    at_far = errors(ellipsoid, form_ladder(form, far)[-1][1], _thinned(_tight(far), form))
     gap = pilot.scene.stokes / near.stokes
     return {want: _interval(want, at_near, at_far, gap) for want in WANTS}
+
+
+def _thinned(seen: Observables, form: Form) -> Observables:
+    """Observables at the times of a form's pilot alone."""
+    every = (len(seen.energy) - 1) // (samples_of(form) - 1)
+    return Observables(seen.angular_momentum[::every], seen.energy[::every], seen.rotation[::every])
 
 
 def _interval(want: str, near: Errors, far: Errors, gap: float) -> Interval | None:

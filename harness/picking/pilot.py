@@ -30,7 +30,7 @@ SATURATED = 0.03
 ANGLES = ("euler-angles", "spheroid-angles")
 # A pilot whose error is a smaller share of its tolerance was lucky, or took a handful of steps: others will not be.
 LUCKY = 0.1
-SAMPLES = 401
+SAMPLES, FEW = 401, 51
 # Rotations and steps of a run: some tenths of a second.
 MOST_ROTATIONS, MOST_STEPS = 5_000.0, 300_000
 # Rotations of a twin, and what makes a motion fast enough to have one: rotations per damping time, and |ω| at the
@@ -143,10 +143,15 @@ def pilot_solver(scene: Scene) -> str:
     return "cyrk-radau" if damping_times(scene) > STIFF else "cyrk-vern8"
 
 
+def samples_of(form: Form) -> int:
+    """Output times of a form's pilot: few of one whose observables take longer than its steps."""
+    return FEW if form.averaged and hasattr(form, "estimate") else SAMPLES
+
+
 def follow(form: Form, scene: Scene, tolerance: float, solver: str | None = None) -> Solution:
     """One pilot run of a form, by the scene's pilot solver or another one."""
     problem = form.problem(scene)
-    times = np.linspace(0.0, problem.end, SAMPLES)
+    times = np.linspace(0.0, problem.end, samples_of(form))
     return solve(problem, solver or pilot_solver(scene), tolerance, times, max_steps=MOST_STEPS)
 
 

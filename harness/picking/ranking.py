@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from polhode.harness.common.text import aligned, duration, scientific, short
 from polhode.harness.picking.laws import EPS, STIFF, WANTS, Interval, Laws, MethodLaws, Sensitivity, load_laws
 from polhode.harness.picking.load import held_back, load_of
-from polhode.harness.picking.model_error import NotApplicableError, causes, model_errors, unfit_to_average
+from polhode.harness.picking.model_error import NotApplicableError, causes, model_errors, own_estimate, unfit_to_average
 from polhode.harness.picking.pilot import Pilot, PilotFailedError, form_sensitivity, pilot
 from polhode.harness.picking.refusals import (
     Refusal,
@@ -271,7 +271,9 @@ def _budget(form: Form, found: Pilot, error: float, want: str) -> tuple[float, I
     if not form.averaged:
         return error, None
     try:
-        model = model_errors(form, found)[want]
+        model = own_estimate(form, found.scene).get(want)
+        if model is None or model.high > error / 2:
+            model = model_errors(form, found)[want]
     except (NotApplicableError, PilotFailedError) as refusal:
         raise UnfitError(str(refusal), Stage.AVERAGING) from None
     if model is None:

@@ -15,7 +15,7 @@ import numpy as np
 
 from polhode.harness.common.text import in_two_digits, scientific, short
 from polhode.harness.picking.laws import EPS, STIFF, Interval
-from polhode.harness.picking.model_error import NotApplicableError, model_errors
+from polhode.harness.picking.model_error import NotApplicableError, model_errors, own_estimate
 from polhode.harness.picking.pilot import SATURATED, PilotFailedError, damping_times, pilot, pilot_form
 from polhode.harness.picking.refusals import one_digit
 from polhode.harness.references.errors import orientation_difference
@@ -136,7 +136,10 @@ def run_error(scene: Scene, form: Form, method: Solver, found: Solution, observa
         with np.errstate(all="ignore"):
             own, note = _solver_error(scene, form, method, found, observables)
             if form.averaged:
-                model, note = model_errors(form, pilot(scene)), f"{note}; averaging by trial runs"
+                model, how = own_estimate(form, scene), "as the form says itself"
+                if not model:
+                    model, how = model_errors(form, pilot(scene)), "by trial runs"
+                note = f"{note}; averaging {how}"
                 own = {want: _sum(own[want], model[want]) for want in own}
     except (_NoLookError, NotApplicableError, PilotFailedError, FormNotValidError) as failure:
         return RunError(None, None, str(failure), seconds=seconds())
