@@ -140,7 +140,7 @@ def predicted_runs(records: Sequence[Record], laws: Laws) -> pd.DataFrame:
         if known is None:
             continue
         try:
-            load = load_of(form, record["solver"], known, record["samples"])
+            load = load_of(form, record["solver"], known, record["samples"], tolerance)
         except PilotFailedError:
             continue
         sensitivity = form_sensitivity(form, known)["slow"]

@@ -87,7 +87,7 @@ def sample_of(record: Record, pace: Pace) -> Sample | None:
         return None
     known: dict[str, tuple[Sensitivity, float]] = {}
     try:
-        load = load_of(form, solver, pilot, record["samples"])
+        load = load_of(form, solver, pilot, record["samples"], record["tolerance"])
     except PilotFailedError:
         return None
     with suppress(PilotFailedError):

@@ -9,7 +9,7 @@ from functools import cache
 from math import sqrt
 
 from polhode.harness.picking.laws import STIFF, Load
-from polhode.harness.picking.pilot import Pilot, PilotFailedError, damping_times, follow
+from polhode.harness.picking.pilot import InPieces, Pilot, PilotFailedError, damping_times, follow
 from polhode.models.form import Form
 from polhode.models.scene import Scene
 from polhode.solvers.catalogue import solver as find_solver
@@ -54,13 +54,17 @@ def gauge_of(solver: str) -> Gauge:
     return BOTH if method.switching else IMPLICIT if method.implicit else EXPLICIT
 
 
-def load_of(form: Form, solver: str, pilot: Pilot, samples: int) -> Load:
+def load_of(form: Form, solver: str, pilot: Pilot, samples: int, tolerance: float) -> Load:
     """Load of a run of a form by a solver.
 
+    A form of several pieces counts the rotations that it follows in full, and its pieces as time that follows the flow.
     Rotations, the flow's own time and damping times count by the steps that they cost, as against the usual. Averaged
     forms know nothing of rotations, and count by their steps. Raises PilotFailedError if the form's own pilot fails.
     """
     scene, damped, gauge = pilot.scene, pilot.damping_times, gauge_of(solver)
+    if isinstance(form, InPieces):
+        share, pieces = windows(form, scene, tolerance)
+        return Load(share * pilot.rotations, float(pieces), share * damped, samples)
     if form.averaged:
         held = damped if gauge is EXPLICIT else 0.0
         return Load(sum(steps(form, scene, gauge)) / gauge.per_rotation, 0.0, held, samples)
@@ -85,10 +89,21 @@ def held_back(form: Form, solver: str, pilot: Pilot) -> bool:
         return False
     if pilot.damping_times > STIFF:
         return True
-    if find_solver(solver).family == "heyoka" or form.averaged or form.problem(pilot.followed).parameters is None:
+    if (
+        find_solver(solver).family == "heyoka"
+        or form.averaged
+        or isinstance(form, InPieces)
+        or form.problem(pilot.followed).parameters is None
+    ):
         return False
     accuracy, stability = steps(form, pilot.followed, EXPLICIT)
     return stability > HELD * (accuracy + stability)
+
+
+@cache
+def windows(form: InPieces, scene: Scene, tolerance: float) -> tuple[float, int]:
+    """Share of a run that the full equations follow, and its pieces."""
+    return form.windows(scene, tolerance)
 
 
 @cache

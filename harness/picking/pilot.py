@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from functools import cache, cached_property, lru_cache
 from itertools import pairwise
 from math import inf, isfinite, isinf, pi
-from typing import NamedTuple
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -36,9 +36,20 @@ MOST_ROTATIONS, MOST_STEPS = 5_000.0, 300_000
 # Rotations of a twin, and what makes a motion fast enough to have one: rotations per damping time, and |ω| at the
 # start over its mean.
 TWIN_ROTATIONS, FAST, USUAL = 1_000.0, 50.0, 0.2
+# Tolerance at which a run in pieces errs by about as much.
+IN_PIECES = 1e-6
 # Errors grow with rotations not followed: those of L, which add up at random, at most like the root, those of an angle,
 # whose rate is off, like their number and somewhat faster.
 GROWTH = {"slow": 0.5, "orientation": 1.25}
+
+
+@runtime_checkable
+class InPieces(Protocol):
+    """A form that follows parts of a run by the full equations, and the rest by averages, as its tolerance allows."""
+
+    def windows(self, scene: Scene, tolerance: float) -> tuple[float, int]:
+        """Share of the run's time that the full equations follow, and the number of pieces."""
+        ...
 
 
 class PilotFailedError(ValueError):
@@ -213,7 +224,10 @@ def form_sensitivity(form: Form, pilot: Pilot) -> dict[str, Sensitivity]:
     """Sensitivity of a form's solver error by what is wanted, from pilot runs of its own where that is cheap."""
     own, observables = pilot.gains, pilot.observables
     scene = pilot.scene if form.averaged else pilot.followed
-    if form.name not in (*ANGLES, pilot_form(scene).name) and form.problem(scene).parameters is not None:
+    if isinstance(form, InPieces):
+        # Its pieces are such that its error is a multiple of its tolerance.
+        own = {want: Gain(IN_PIECES, IN_PIECES) for want in own}
+    elif form.name not in (*ANGLES, pilot_form(scene).name) and form.problem(scene).parameters is not None:
         found = form_ladder(form, scene)
         own, observables = _grown(gains(scene.ellipsoid, found), pilot.scene.time / scene.time), found[-1][1]
     turns = 0.0 if form.averaged else pilot.rotations

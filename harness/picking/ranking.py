@@ -246,8 +246,8 @@ def _candidates(
             try:
                 find_solver(solver).check(problem)
                 law = _law(laws, form, solver, found)
-                load = load_of(form, solver, found, samples)
                 tolerance, own = _tolerance(law, want, sensitivity, error, budget)
+                load = load_of(form, solver, found, samples, tolerance)
                 seconds = law.cost.predict(load, tolerance)
                 first_run, reason = law.compile_seconds + seconds.predicted, _reason(law, found, model, own)
                 whole = own.plus(model) if model else own

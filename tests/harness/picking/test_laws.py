@@ -31,6 +31,7 @@ from polhode.harness.references import rotations
 from polhode.harness.references.errors import errors
 from polhode.models.catalogue import form
 from polhode.models.files.scene_file import scene_table
+from polhode.models.forms.quaternion import Quaternion
 from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart
 from polhode.models.scenes import named_scene
 from polhode.models.shape import Ellipsoid
@@ -169,7 +170,7 @@ def test_another_machine_scales_the_costs():
     """Records of one scene, all of them three times slower than the laws say, and none of LSODA."""
     laws = load_laws()
     scene = named_scene("paper")
-    load = load_of(form("quaternion"), "taylor", pilot(scene), 201)
+    load = load_of(form("quaternion"), "taylor", pilot(scene), 201, 1e-6)
     records = []
     for solver in ("taylor", "cyrk-vern8"):
         for tolerance in (1e-4, 1e-6, 1e-8):
@@ -200,6 +201,18 @@ def test_pilot_knows_its_own_error(name):
     assert own.orientation is not None
     if found.gains["orientation"].tolerance == found.gains["slow"].tolerance:
         assert found.gains["orientation"].error == pytest.approx(own.orientation, rel=0.1)
+
+
+def test_a_form_in_pieces_costs_what_its_windows_do():
+    class Pieces(Quaternion):
+        def windows(self, scene, tolerance):
+            return 1e-3 / tolerance, 7
+
+    found = pilot(named_scene("paper"))
+    load = load_of(Pieces(), "taylor", found, 201, 1e-2)
+    assert (load.rotations, load.following) == (0.1 * found.rotations, 7.0)
+    assert form_sensitivity(Pieces(), found)["slow"].error == form_sensitivity(Pieces(), found)["slow"].tolerance
+    assert not held_back(Pieces(), "cyrk-vern8", found)
 
 
 def test_chaos_is_told():
@@ -285,7 +298,7 @@ def test_orientation_made_for_a_slow_start_has_its_slow_variables(axes, share):
 def test_loads_and_regimes():
     paper, stiff = named_scene("paper"), named_scene("stiff")
     found = pilot(paper)
-    load = load_of(form("quaternion"), "taylor", found, 201)
+    load = load_of(form("quaternion"), "taylor", found, 201, 1e-6)
     damping = paper.time * max(paper.ellipsoid.damping) / paper.stokes
     following = paper.time * damping / (paper.time + damping)
     weight = load.rotations / found.rotations
@@ -293,10 +306,10 @@ def test_loads_and_regimes():
     assert load.following == pytest.approx(weight * following)
     assert 0 <= load.damping_times <= 2 * damping
     assert load.samples == 201
-    averaged = load_of(form("averaged"), "taylor", found, 201)
+    averaged = load_of(form("averaged"), "taylor", found, 201, 1e-6)
     assert (averaged.following, averaged.damping_times, averaged.samples) == (0.0, damping, 201)
     assert 0 < averaged.rotations < load.rotations
-    assert load_of(form("averaged"), "cyrk-radau", found, 201).damping_times == 0.0
+    assert load_of(form("averaged"), "cyrk-radau", found, 201, 1e-6).damping_times == 0.0
     assert form_sensitivity(form("quaternion"), found)["slow"].error == found.gains["slow"].error
     assert held_back(form("quaternion"), "cyrk-vern8", pilot(stiff))
     assert not held_back(form("quaternion"), "cyrk-radau", pilot(stiff))
@@ -305,7 +318,9 @@ def test_loads_and_regimes():
 
 def test_angles_near_their_pole_weigh_more():
     found = pilot(named_scene("near-pole"))
-    plain, slowed = (load_of(form(name), "taylor", found, 201).rotations for name in ("quaternion", "euler-angles"))
+    plain, slowed = (
+        load_of(form(name), "taylor", found, 201, 1e-6).rotations for name in ("quaternion", "euler-angles")
+    )
     assert slowed > 2 * plain
 
 
@@ -314,7 +329,9 @@ def test_what_holds_explicit_methods_back_does_not_weigh_on_implicit_ones():
     scene = replace(named_scene("paper"), stokes=0.1, time=20.0)
     found = pilot(scene)
     assert 1e3 < found.damping_times < 2e4
-    explicit, implicit = (load_of(form("quaternion"), solver, found, 201) for solver in ("cyrk-dop853", "cyrk-bdf"))
+    explicit, implicit = (
+        load_of(form("quaternion"), solver, found, 201, 1e-6) for solver in ("cyrk-dop853", "cyrk-bdf")
+    )
     assert 0.1 * found.damping_times < explicit.damping_times < 2 * found.damping_times
     assert 0.3 * found.rotations < implicit.rotations < 3 * found.rotations
     assert explicit.rotations > 10 * found.rotations
