@@ -53,6 +53,7 @@ def bench(
         return
     from polhode.harness.calibration.fit import refit
     from polhode.harness.pages import bench as bench_page
+    from polhode.harness.pages import known_stokes
     from polhode.harness.pages import outcomes as outcomes_page
     from polhode.harness.picking.laws import load_laws, own_laws_path
     from polhode.harness.studies.runner import Runner
@@ -65,8 +66,8 @@ def bench(
     store = open_store(folder, resume)
     with running_into(store):
         records = Runner(store, quiet).run(study)
-    make = bench_page.write_page if study.page == "costs" else outcomes_page.write_page
-    page = make(study, records, folder, command_line())
+    pages = {"costs": bench_page, "outcomes": outcomes_page, "known-stokes": known_stokes}
+    page = pages[study.page].write_page(study, records, folder, command_line())
     if study_file is None and not quick and not any(filters.values()):
         refit(load_laws(), records).save(own_laws_path())
         click.echo(f"{own_laws_path()}: the times of `polhode pick`, fitted to this machine", err=True)

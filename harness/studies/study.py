@@ -14,8 +14,8 @@ from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Backend, Jacobian, SolverNotValidError
 
 QUICK_SECONDS = 0.2
-Page = Literal["costs", "outcomes"]
-"""What the page of a study is about: which run is the cheapest, or who gets through."""
+Page = Literal["costs", "outcomes", "known-stokes"]
+"""What a page is about: the cheapest run, who gets through, or what solvers gain that know St."""
 
 
 @dataclass(frozen=True)

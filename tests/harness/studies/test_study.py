@@ -145,7 +145,7 @@ def test_a_scene_may_limit_forms_and_solvers():
             "got 'averaged' in forms of scene 'paper', expected some of the study's: quaternion",
         ),
         ("scenes.0.solvers", ["ida"], "got 'ida' in solvers of scene 'paper', expected some of the study's: taylor"),
-        ("page", "both", "page: got 'both', expected 'costs' or 'outcomes'"),
+        ("page", "both", "page: got 'both', expected 'costs', 'outcomes' or 'known-stokes'"),
     ],
 )
 def test_limits_that_do_not_fit_are_one_line(path: str, value: Any, message: str):

@@ -1,0 +1,120 @@
+"""The page of solvers that know St: how many times as fast as the fastest other one, and what was asked of them."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import isnan, nan
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from polhode.harness.analysis.frames import by_stokes, frame, where
+from polhode.harness.analysis.pareto import times_at_error
+from polhode.harness.common.files import write_file
+from polhode.harness.common.machine import header
+from polhode.harness.common.store import Record, export
+from polhode.harness.common.text import duration, markdown, short
+from polhode.harness.common.timing import seconds_of
+from polhode.harness.studies.study import Study
+from polhode.models.catalogue import form as find_form
+from polhode.models.problem import Problem
+from polhode.models.scene import Scene
+from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.solve import solve
+
+ERRORS = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
+# Least ratios asked for, by scene, St and slow error.
+TARGETS = {
+    **{(name, 1e5, 1e-6): 4.0 for name in ("disc", "oblate", "spheroid", "prolate-5", "needle-10")},
+    ("spheroid", 1e6, 1e-6): 7.0,
+    ("spheroid", 1e5, 1e-8): 2.5,
+    ("spheroid", 1e6, 1e-8): 4.5,
+    **{("spheroid", 1e3, error): 0.9 for error in (1e-6, 1e-8)},
+    **{("spheroid-near-pole", stokes, 1e-7): 10.0 for stokes in (1e5, 1e6)},
+}
+# Of stroboscopic averaging: slow error, orientation error, ratio; then how much longer a run at the larger St may take.
+REACHED, LONGER, LARGER, ROUNDS = (5e-9, 3e-4, 30.0), 1.3, 1e8, 7
+
+
+def write_page(study: Study, records: Sequence[Record], folder: Path, command: str) -> Path:
+    """Write the page and its records into a folder and return the page's path."""
+    folder.mkdir(parents=True, exist_ok=True)
+    export(list(records), folder / "records.jsonl")
+    table, page = frame(records), folder / "README.md"
+    rows, met = _splitting(table)
+    lines = [
+        *header(study.title, command, records),
+        f"- `splitting` meets {met.count(True)} of the {len(met)} ratios asked for.",
+        *(f"- {sentence}" for sentence in _stroboscopic(study, table)),
+        "\nTime of the fastest solver that does not know St, in brackets, over that of `splitting`, at equal slow "
+        "error, interpolated between each solver's own runs. ✓ and ✕: met or not, with the ratio asked for.\n",
+        markdown(["scene", "St", *map(short, ERRORS)], rows, right=range(1, 2 + len(ERRORS))),
+    ]
+    write_file(page, "\n".join(lines))
+    return page
+
+
+def _known(name: str) -> bool:
+    return find_solver(name).family == "polhode"
+
+
+def _splitting(table: pd.DataFrame) -> tuple[list[list[str]], list[bool]]:
+    """Rows of the table, and which targets are met."""
+    rows, met = [], []
+    for scene in dict.fromkeys(table["scene_name"].astype(str)):
+        for stokes, runs in by_stokes(where(table, table["scene_name"] == scene)):
+            cells = []
+            for error in ERRORS:
+                times = {solver: seconds for (_, solver), seconds in times_at_error(runs, error).items()}
+                others = {name: seconds for name, seconds in times.items() if not _known(name)}
+                best = min(others, key=lambda name: others[name], default="")
+                ratio = others[best] / times["splitting"] if best and "splitting" in times else nan
+                target = TARGETS.get((scene, stokes, error))
+                cell = "–" if isnan(ratio) else f"{ratio:.2g} ({best}, {duration(others[best])})"
+                if target is not None:
+                    met.append(ratio >= target)
+                    cell += f" {'✓' if met[-1] else '✕'} ≥ {target:g}"
+                cells.append(cell)
+            rows.append([scene, short(stokes), *cells])
+    return rows, met
+
+
+def _stroboscopic(study: Study, table: pd.DataFrame) -> list[str]:
+    """What averaging takes for tight errors of both kinds, and over how long a run."""
+    slow, orientation, asked = REACHED
+    stokes = 1e6
+    runs = where(table, (table["scene_name"] == "spheroid") & (table["stokes"] == stokes))
+    done = where(runs, runs["seconds"].notna() & (runs["status"] == "reached_end"))
+    good = where(done, (done["slow_error"] <= slow) & (done["orientation_error"] <= orientation))
+    best = {str(name): float(each["seconds"].min()) for name, each in good.groupby("solver")}
+    others = {name: seconds for name, seconds in best.items() if not _known(name)}
+    strobe = where(done, done["solver"] == "stroboscopic")
+    if "stroboscopic" not in best or not others:
+        return []
+    name = min(others, key=lambda each: others[each])
+    ratio = others[name] / best["stroboscopic"]
+    sentences = [
+        f"`stroboscopic`, scene spheroid at St = {short(stokes)}: slow error {short(slow)} and orientation error "
+        f"{short(orientation)} rad in {duration(best['stroboscopic'])}, {name} in {duration(others[name])}: "
+        f"{ratio:.3g} times as fast, asked for: {asked:g}; splitting in {duration(best.get('splitting'))}.",
+        f"Its least slow error there is {short(float(strobe['slow_error'].min()))}, asked for: 1e-10.",
+    ]
+    scene = next(scene for name, scene in study.scenes if name == "spheroid" and scene.stokes == stokes)
+    longer = _longer(scene, float(strobe["tolerance"].iloc[0]), study.samples)
+    return [
+        *sentences,
+        f"A run at St = {short(LARGER)} takes {longer:.2g} times as long as that at {short(stokes)}, "
+        f"asked for: at most {LONGER:g}.",
+    ]
+
+
+def _longer(scene: Scene, tolerance: float, samples: int) -> float:
+    """Time of a run at the larger St over that at a scene's own, run in turns."""
+    form, factor = find_form("spheroid-axis"), LARGER / scene.stokes
+    problems = [form.problem(replace(scene, stokes=scene.stokes * k, time=scene.time * k)) for k in (1.0, factor)]
+
+    def seconds(problem: Problem) -> float:
+        return seconds_of(lambda: solve(problem, "stroboscopic", tolerance, np.linspace(0.0, problem.end, samples)))
+
+    first, second = np.min([[seconds(problem) for problem in problems] for _ in range(ROUNDS)], axis=0)
+    return float(second / first)
