@@ -86,7 +86,8 @@ def _stroboscopic(study: Study, table: pd.DataFrame) -> list[str]:
     runs = where(table, (table["scene_name"] == "spheroid") & (table["stokes"] == stokes))
     done = where(runs, runs["seconds"].notna() & (runs["status"] == "reached_end"))
     good = where(done, (done["slow_error"] <= slow) & (done["orientation_error"] <= orientation))
-    best = {str(name): float(each["seconds"].min()) for name, each in good.groupby("solver")}
+    ordered = good.sort_values(by=["seconds"], ascending=False)
+    best = dict(zip(ordered["solver"].astype(str), ordered["seconds"].to_numpy(float).tolist(), strict=True))
     others = {name: seconds for name, seconds in best.items() if not _known(name)}
     strobe = where(done, done["solver"] == "stroboscopic")
     if "stroboscopic" not in best or not others:
@@ -97,10 +98,10 @@ def _stroboscopic(study: Study, table: pd.DataFrame) -> list[str]:
         f"`stroboscopic`, scene spheroid at St = {short(stokes)}: slow error {short(slow)} and orientation error "
         f"{short(orientation)} rad in {duration(best['stroboscopic'])}, {name} in {duration(others[name])}: "
         f"{ratio:.3g} times as fast, asked for: {asked:g}; splitting in {duration(best.get('splitting'))}.",
-        f"Its least slow error there is {short(float(strobe['slow_error'].min()))}, asked for: 1e-10.",
+        f"Its least slow error there is {short(min(strobe['slow_error'].to_numpy(float)))}, asked for: 1e-10.",
     ]
     scene = next(scene for name, scene in study.scenes if name == "spheroid" and scene.stokes == stokes)
-    longer = _longer(scene, float(strobe["tolerance"].iloc[0]), study.samples)
+    longer = _longer(scene, min(strobe["tolerance"].to_numpy(float)), study.samples)
     return [
         *sentences,
         f"A run at St = {short(LARGER)} takes {longer:.2g} times as long as that at {short(stokes)}, "
