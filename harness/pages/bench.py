@@ -14,6 +14,7 @@ from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record, export
 from polhode.harness.common.text import bracketed, duration, markdown, scientific, short
+from polhode.harness.pages.figures.profiles import profile_lines
 from polhode.harness.pages.figures.work_precision import save, work_precision_panels
 from polhode.harness.pages.verdict import averaged_costs, verdict
 from polhode.harness.references.uncertainty import least_known, uncertainty_of
@@ -56,12 +57,12 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
                 save(work_precision_panels(runs, error, before + label), folder, file)
                 scenes += [f"By {label.replace('$I_{max}$', 'I_max')}:", "", _winners(runs, error)]
                 scenes += [f"![{before}Wall time against {name} error, one panel per St]({file}.png)", ""]
-    write_file(folder / "README.md", "\n".join(_lines(study, table, records, scenes, command)))
+    write_file(folder / "README.md", "\n".join(_lines(study, table, records, scenes, folder, command)))
     return folder / "README.md"
 
 
 def _lines(
-    study: Study, table: pd.DataFrame, records: Sequence[Record], scenes: Sequence[str], command: str
+    study: Study, table: pd.DataFrame, records: Sequence[Record], scenes: Sequence[str], folder: Path, command: str
 ) -> list[str]:
     return [
         *header(study.title, command, records),
@@ -74,6 +75,7 @@ def _lines(
         "[records.jsonl](records.jsonl).",
         "",
         *scenes,
+        *profile_lines(table, folder),
         *_scenes(records),
         f"Times are the minimum of up to five warm runs in interleaved order, over {study.samples} samples; errors are "
         "maxima along the run. *unknown*: at or below what the reference resolves; *none*: no run measured gets there.",

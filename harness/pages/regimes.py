@@ -17,6 +17,7 @@ from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record
 from polhode.harness.common.text import duration, in_two_digits, markdown, short
 from polhode.harness.pages.figures.map_picture import ERRORS, picture
+from polhode.harness.pages.figures.profiles import profile_lines
 from polhode.harness.pages.figures.work_precision import save
 from polhode.harness.studies.study import Study
 from polhode.models.scene import Scene
@@ -39,7 +40,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         save(picture([maps[name, error] for error in ERRORS], times), folder, name)
     write_runs(table, folder)
     _write_cells(maps, folder / "cells.csv")
-    write_file(folder / "README.md", "\n".join(_lines(study, table, records, maps, command)))
+    write_file(folder / "README.md", "\n".join(_lines(study, table, records, maps, folder, command)))
     return folder / "README.md"
 
 
@@ -65,7 +66,9 @@ def read_cells(path: Path) -> Maps:
     return maps
 
 
-def _lines(study: Study, table: pd.DataFrame, records: Sequence[Record], maps: Maps, command: str) -> list[str]:
+def _lines(
+    study: Study, table: pd.DataFrame, records: Sequence[Record], maps: Maps, folder: Path, command: str
+) -> list[str]:
     text = [*header(study.title, command, records), steadiness(table), "", _how(study), ""]
     for name in dict.fromkeys(name for name, _ in maps):
         scenes = [scene for own, scene in study.scenes if own == name]
@@ -77,7 +80,7 @@ def _lines(study: Study, table: pd.DataFrame, records: Sequence[Record], maps: M
         text += ["", _methods(where(table, table["scene_name"] == name), name, maps)]
         text += ["Duration t in units of the inverse shear rate, and in slow time t₂ = t/St:", ""]
         text += [markdown(["St", "t", "t₂"], rows, right=(0, 1, 2)), *horizon(scenes)]
-    return text
+    return [*text, *profile_lines(table, folder)]
 
 
 def sentences(found: Sequence[Cell], what: str) -> list[str]:

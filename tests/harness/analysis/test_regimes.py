@@ -179,6 +179,7 @@ def test_the_page_is_written_from_records(table: pd.DataFrame, tmp_path):
         "README.md",
         "SHA256SUMS",
         "ellipsoid.png",
+        "profiles.png",
         "cells.csv",
         "runs.csv",
     }

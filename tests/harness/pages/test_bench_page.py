@@ -102,7 +102,7 @@ def test_nobody_wins_an_error_that_the_reference_cannot_tell(study: Study, tmp_p
 def test_several_scenes_have_figures_tables_and_verdicts_of_their_own(study: Study, tmp_path: Path):
     other = [{**record, "scene_name": "round", "seconds": 10 * record["seconds"]} for record in RECORDS]
     page = write_page(study, [*RECORDS, *other], tmp_path, "polhode bench").read_text(encoding="utf-8")
-    names = {"slow.png", "orientation.png", "slow-round.png", "orientation-round.png"}
+    names = {"slow.png", "orientation.png", "slow-round.png", "orientation-round.png", "profiles.png"}
     assert {path.name for path in tmp_path.glob("*.png")} == names
     assert all(f"]({name})" in page for name in names)
     assert dict(table_below(page, "## The cheapest: paper"))["0.001"].endswith("100 ms")

@@ -1,0 +1,96 @@
+"""Robust or fast: performance profiles, and the share of all targets reached within a time.
+
+A problem is a scene, a Stokes number and an error to be reached. Profiles: E. D. Dolan and J. J. Moré, Benchmarking
+optimization software with performance profiles, Math. Program. 91 (2002); shares within a time: N. Hansen et al.,
+COCO, Optim. Methods Softw. 36 (2021).
+"""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from polhode.harness.analysis.frames import by_scene, by_stokes
+from polhode.harness.analysis.pareto import cost, front, methods
+from polhode.harness.common.text import in_two_digits, short
+from polhode.harness.pages.figures.style import looks
+from polhode.harness.pages.figures.work_precision import name_lines, save
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+TARGETS = tuple(float(f"1e-{exponent}") for exponent in range(2, 13))
+# Factors over the fastest shown, and the one that the sentence is about.
+LARGEST_FACTOR, NEAR = 1000.0, 2.0
+
+
+def times(table: pd.DataFrame, error: str = "slow_error") -> pd.DataFrame:
+    """Seconds to each error: a row for each problem that somebody solves, a column for each solver or averaged form.
+
+    NaN where it does not get there; the best of a solver's forms counts.
+    """
+    rows = []
+    for _, own in by_scene(table):
+        for _, runs in by_stokes(own):
+            fronts = [(method.label, front(each, error)) for method, each in methods(runs)]
+            for target in TARGETS:
+                row: dict[str, float] = {}
+                for label, points in fronts:
+                    row[label] = float(np.fmin(row.get(label, np.nan), cost(points, target)))
+                rows.append(row)
+    return pd.DataFrame(rows).dropna(how="all")
+
+
+def profile_lines(table: pd.DataFrame, folder: Path) -> list[str]:
+    """Save the figure into a folder; what a page says about it, nothing where nobody solves anything."""
+    found = times(table)
+    if found.empty:
+        return []
+    save(profiles(found), folder, "profiles")
+    text = (
+        "Left: the share of the problems that a method solves within a factor of the fastest. Right: within a time. "
+        f"Errors are slow errors, from {short(TARGETS[0])} to {short(TARGETS[-1])}."
+    )
+    picture = "![Share of the problems solved, over the factor to the fastest and over time](profiles.png)"
+    return ["## Robust or fast", "", sentence(found), "", picture, "", text, ""]
+
+
+def sentence(found: pd.DataFrame) -> str:
+    """Who is seldom far from the fastest, and who gets there most often."""
+    ratios = found.div(found.min(axis=1), axis=0)
+    near, reached = (ratios <= NEAR).mean(), found.notna().mean()
+    first, surest = str(near.idxmax()), str(reached.idxmax())
+    slow = float(np.nanquantile(ratios[surest].to_numpy(float), 0.9))
+    return (
+        f"Of {len(found)} problems (scene, St, error) that somebody solves, {first} is within {NEAR:g} times "
+        f"the fastest on {100 * near[first]:.0f} %. {surest} reaches the error most often, on "
+        f"{100 * reached[surest]:.0f} %: in nine of ten of those within {in_two_digits(slow)} times the fastest."
+    )
+
+
+def profiles(found: pd.DataFrame) -> "Figure":
+    """The share of problems solved within a factor of the fastest, and within a time."""
+    import matplotlib.pyplot as plt
+
+    figure, (left, right) = plt.subplots(1, 2, figsize=(12.4, 4.3), sharey=True)
+    ratios = found.div(found.min(axis=1), axis=0)
+    fastest, longest = (float(end) for end in (np.nanmin(found.to_numpy(float)), np.nanmax(found.to_numpy(float))))
+    for name, look in looks(map(str, found)).items():
+        for axes, values, end in ((left, ratios[name], LARGEST_FACTOR), (right, found[name], longest * 1.1)):
+            points = np.sort(values.dropna().to_numpy(float))
+            shares = np.arange(1, len(points) + 1) / len(found)
+            points, shares = np.append(points, end), np.append(shares, shares[-1] if len(shares) else 0.0)
+            axes.step(points, shares, where="post", color=look.colour, linewidth=1.4, label=name)
+    left.set_xlim(1, LARGEST_FACTOR)
+    right.set_xlim(fastest / 1.1, longest * 1.1)
+    left.set_ylim(0, 1.02)
+    for axes, label in ((left, "time over that of the fastest"), (right, "wall time of a warm run, s")):
+        axes.set_xscale("log")
+        axes.set_xlabel(label)
+        axes.grid(True, linewidth=0.4, alpha=0.5)
+    left.set_ylabel("share of the problems solved")
+    figure.subplots_adjust(left=0.055, right=0.885, bottom=0.13, top=0.97, wspace=0.33)
+    for axes in (left, right):
+        name_lines(axes)
+    return figure

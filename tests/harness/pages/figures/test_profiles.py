@@ -1,0 +1,51 @@
+"""Profiles are those of runs with known times."""
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+import pytest
+
+from polhode.harness.pages.figures.profiles import TARGETS, profiles, sentence, times
+
+
+def run(solver: str, tolerance: float, seconds: float, error: float, **more: object) -> dict:
+    own = {"scene_name": "one", "stokes": 10.0, "form": "quaternion", "status": "reached_end"}
+    return {**own, "solver": solver, "tolerance": tolerance, "seconds": seconds, "slow_error": error, **more}
+
+
+RUNS = pd.DataFrame(
+    [
+        run("taylor", 1e-4, 3.0, 1e-13),
+        run("cyrk-vern8", 1e-4, 1.0, 1e-6),
+        run("cyrk-vern8", 1e-8, 2.0, 1e-8),
+        run("radau", 1e-4, 9.0, 1e-3, status="time_limit"),
+        run("radau", 1e-4, 9.0, 1e-2, stokes=20.0),
+    ]
+)
+
+
+def test_each_problem_has_the_time_to_its_error():
+    found = times(RUNS)
+    # Eleven errors at the first St; at the second nobody gets below 1e-2.
+    assert len(found) == len(TARGETS) + 1
+    first = found.iloc[: len(TARGETS)]
+    assert first["taylor"].tolist() == [3.0] * len(TARGETS)
+    expected = [1.0] * 5 + [np.sqrt(2.0), 2.0] + [np.nan] * 4
+    np.testing.assert_allclose(first["cyrk-vern8"], expected)
+    assert found["radau"].dropna().tolist() == [9.0]
+
+
+def test_the_sentence_and_the_picture_say_the_same():
+    found = times(RUNS)
+    assert "Of 12 problems" in sentence(found)
+    assert "cyrk-vern8 is within 2 times the fastest on 58 %" in sentence(found)
+    assert "taylor reaches the error most often, on 92 %" in sentence(found)
+    figure = profiles(found)
+    left, right = figure.axes
+    for axes in (left, right):
+        shares = {line.get_label(): np.asarray(line.get_ydata())[-1] for line in axes.get_lines()}
+        assert shares == pytest.approx({"taylor": 11 / 12, "cyrk-vern8": 7 / 12, "radau": 1 / 12})
+    # taylor is the fastest on four of the twelve, and takes three times as long on five.
+    taylor = next(line for line in left.get_lines() if line.get_label() == "taylor")
+    np.testing.assert_allclose(np.asarray(taylor.get_xdata())[:-1], [1] * 4 + [1.5, 3 / np.sqrt(2)] + [3] * 5)
+    plt.close(figure)
