@@ -32,7 +32,7 @@ def export(store: Path, out: Path) -> None:
     with bad_input():
         try:
             with Store(store) as opened:
-                write(opened.records(), out)
+                write(opened, out)
         except DamagedStoreError as error:
             raise BadInput(str(error)) from None
 

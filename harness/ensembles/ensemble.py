@@ -25,6 +25,8 @@ from polhode.solvers.ensembles.taylor_batch import run_batches
 
 # Changes whenever a record's meaning does, so that no old record is taken for a new one.
 SCHEMA = 3
+# Error of averaging in L and E over I_max times St: the largest of the paper's starts (`reports/paper`).
+AVERAGING = 133.0
 # Particles on which method and step are chosen.
 SAMPLE = 128
 # Numbers of a block of particles that are held at once, 8 bytes each; their observables take a few times as much.
@@ -97,7 +99,7 @@ class Ensemble:
     def method(self) -> str:
         """What the particles are run by, in words."""
         if self.equations == "averaged":
-            return "Dormand and Prince's pair"
+            return f"Dormand and Prince's pair, averaging's error up to {scientific(AVERAGING / self.stokes)}"
         chosen = plan_of(self)
         return "Taylor's method" if chosen is None else f"{chosen.method}, error {scientific(chosen.error)}"
 

@@ -334,6 +334,26 @@ def test_the_sweep_that_comes_with_the_package_is_one():
 
 
 @pytest.mark.parametrize(
+    ("tolerance", "motion", "expected"),
+    [
+        # Averaging errs by up to 133/St.
+        (1e-2, "fluid", ["full", "averaged"]),
+        (1e-6, "fluid", ["full", "full"]),
+        (1e-2, "rest", ["full", "full"]),
+    ],
+)
+def test_equations_that_are_not_named_follow_from_the_error_asked_for(tolerance, motion, expected):
+    contents = tomllib.loads(SWEEP) | {"stokes": [1e3, 1e5], "tolerance": tolerance, "start": {"motion": motion}}
+    found = parse_sweep(contents | {"shapes": [[1.0, 0.8, 0.5]]}).ensembles
+    assert [ensemble.equations for ensemble in found] == expected
+    assert [ensemble.tolerance for ensemble in found] == [
+        tolerance if e == "full" else tolerance / 1e4 for e in expected
+    ]
+    named = parse_sweep(contents | {"equations": "averaged", "start": {"motion": "fluid"}}).ensembles
+    assert {(ensemble.equations, ensemble.tolerance) for ensemble in named} == {("averaged", tolerance)}
+
+
+@pytest.mark.parametrize(
     "words", [("--workers", "1", "--dask", "tcp://127.0.0.1:9"), ("--dask", "foo"), ("none.toml",)]
 )
 def test_bad_options_get_one_line(here: Run, tmp_path: Path, words):
