@@ -25,6 +25,7 @@ GROUPS = {
         "scenes": ("show:scenes", "the built-in scenes, and scene files to start from"),
         "forms": ("show:forms", "the forms of the equations"),
         "solvers": ("show:solvers", "the solvers, and what is missing"),
+        "schema": ("show:schema", "JSON Schema of scene, study and sweep files, for editors"),
     },
     "Measure": {
         "bench": ("bench:bench", "the main job: cost against accuracy"),

@@ -120,11 +120,50 @@ def test_the_wheel_works_from_another_folder(installed: Path, tmp_path: Path):
     assert "README.md" in polhode(
         "bench", "small.toml", "--quick", "--quiet", "--solver", "taylor", "--out", "reports/bench"
     )
-    assert "averaged" in polhode("pick", "paper")
+    assert "polhode solve paper" in polhode("pick", "paper")
     assert "11 of 201 rows" in polhode(
         "solve", "paper", "--form", "quaternion", "--solver", "taylor", "--tolerance", "1e-8"
     )
     assert "reports/site/index.html" in polhode("report", "--quiet")
+
+
+def test_a_plug_in_is_in_every_table(installed: Path, tmp_path: Path):
+    """The template of the docs, built and installed beside the wheel."""
+    tree = shutil.copytree(ROOT / "docs" / "plug-in", tmp_path / "plug-in")
+    python, environment = installed / "python", {**BARE, "POLHODE_CACHE": str(tmp_path / "cache")}
+
+    def run(*words: str | Path) -> str:
+        done = subprocess.run(
+            words, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120, check=False
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    pip = [sys.executable, "-m", "pip", "--python", python]
+    run(*pip, "install", "--quiet", "--no-deps", "--no-index", "--no-build-isolation", tree)
+    try:
+        assert '"my-quaternion"' in run(installed / "polhode", "forms", "--json")
+        assert '"my-rk23"' in run(installed / "polhode", "solvers", "--json")
+        way = ("--form", "my-quaternion", "--solver", "my-rk23", "--tolerance", "1e-4")
+        assert "11 of 201 rows" in run(installed / "polhode", "solve", "paper", *way)
+        words = "polhode.harness.commands.setup", "solver_names(None, None, 'my')[0].value"
+        assert run(python, "-c", f"import {words[0]} as m; print(m.{words[1]})") == "my-rk23\n"
+        words = (
+            "bench",
+            "--problems",
+            "--quick",
+            "--quiet",
+            "--scene",
+            "my-decay",
+            "--solver",
+            "my-rk23",
+            "--out",
+            "b",
+        )
+        run(installed / "polhode", *words, "--out", "b")
+        assert "| my-decay" in (tmp_path / "b" / "README.md").read_text()
+    finally:
+        run(*pip, "uninstall", "--quiet", "--yes", "polhode-plug-in")
 
 
 def test_the_command_is_declared():

@@ -124,3 +124,19 @@ def solvers(as_json: bool) -> None:
         return
     lines = [[row["name"], row["summary"], row["why_not"] or solver(row["name"]).note or "available"] for row in rows]
     click.echo(on_terminal(["name", "summary", "state"], lines))
+
+
+@click.command(epilog="Example: polhode schema scene > scene.schema.json")
+@click.argument("kind", type=click.Choice(["scene", "study", "sweep"]))
+def schema(kind: str) -> None:
+    """Print the JSON Schema of scene, study or sweep files, by which editors complete and check them.
+
+    Editors with Taplo take it from the file's first line: #:schema ./scene.schema.json
+    """
+    from polhode.harness.ensembles.sweep import SweepTable
+    from polhode.harness.studies.study_file import StudyTable
+    from polhode.models.files.scene_file import SceneTable
+
+    found = {"scene": SceneTable, "study": StudyTable, "sweep": SweepTable}[kind].model_json_schema()
+    dialect = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
+    click.echo(json.dumps(dialect | found | {"title": f"polhode {kind} file"}, indent=2))

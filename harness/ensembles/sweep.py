@@ -9,7 +9,7 @@ from pathlib import Path
 from random import Random
 from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 from tqdm import tqdm
 
 from polhode.harness.common.machine import machine
@@ -18,7 +18,7 @@ from polhode.harness.ensembles.engines import Engine
 from polhode.harness.ensembles.ensemble import AVERAGING, Ensemble, Equations, Task, run_task
 from polhode.harness.ensembles.starts import Starts
 from polhode.harness.ensembles.statistics import Statistics
-from polhode.harness.studies.study_file import Name, Stokes
+from polhode.harness.studies.study_file import Name, StokesNumbers
 from polhode.models.files.scene_file import FourVector, Positive, Vector
 from polhode.models.files.toml_file import checked, read_toml
 from polhode.models.shape import Ellipsoid
@@ -56,9 +56,7 @@ class SweepTable(BaseModel):
     name: Name
     title: str
     shapes: Annotated[list[Annotated[list[Positive], Field(min_length=3, max_length=3)]], Field(min_length=1)]
-    stokes: Annotated[
-        list[Stokes], Field(min_length=1), BeforeValidator(lambda value: value if isinstance(value, list) else [value])
-    ]
+    stokes: StokesNumbers
     slow_time: Positive | None = None
     time: Positive | None = None
     start: StartTable = StartTable()

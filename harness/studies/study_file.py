@@ -5,7 +5,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema, model_validator
 
 from polhode.harness.studies.study import Choice, Page, Study
 from polhode.models.catalogue import FORMS
@@ -29,6 +29,9 @@ def _as_list(value: Any) -> Any:
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
 Stokes = Annotated[float, Field(ge=0)]
+_ONE = {"type": "number", "minimum": 0}
+_ONE_OR_MORE = WithJsonSchema({"anyOf": [_ONE, {"type": "array", "items": _ONE, "minItems": 1}]})
+StokesNumbers = Annotated[list[Stokes], Field(min_length=1), BeforeValidator(_as_list), _ONE_OR_MORE]
 
 
 class StudySceneTable(BaseModel):
@@ -39,9 +42,10 @@ class StudySceneTable(BaseModel):
     is a time limit of its own.
     """
 
-    model_config = ConfigDict(extra="allow", strict=True)
+    # A built-in scene needs no stokes.
+    model_config = ConfigDict(extra="allow", strict=True, json_schema_extra={"required": ["name"]})
     name: Name
-    stokes: Annotated[list[Stokes], Field(min_length=1), BeforeValidator(_as_list)]
+    stokes: StokesNumbers
     tags: list[str] = []
     forms: Annotated[list[str], Field(min_length=1)] | None = None
     solvers: Annotated[list[str], Field(min_length=1)] | None = None

@@ -2,10 +2,11 @@
 
 Run by ``pytest tests/benchmarks -o python_files='bench_*.py' --benchmark-json=FILE``. Errors, work and status are in
 `extra_info`; `polhode compare` reads the file. A run that failed keeps its row, with its status and without a time.
+Plug-ins take part; so do ``--with-solver my_module:Mine`` and ``--with-form my_module:Mine``.
 """
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 
 import pytest
@@ -38,12 +39,15 @@ PATIENCE = Patience(sentinel, share=0.25)
 AVERAGED_FROM = 1.0
 
 
-def cases() -> Iterator[Case]:
-    """All cases that forms and solvers accept, each method from its loosest tolerance to its tightest."""
+def cases(forms: Iterable[str] = (), solvers: Iterable[str] = ()) -> Iterator[Case]:
+    """All cases that forms and solvers accept, each method from its loosest tolerance to its tightest.
+
+    Beside those of the catalogues, `forms` and `solvers` are "module:class".
+    """
     for stokes, time in TIMES.items():
         scene = Scene(Ellipsoid(PAPER_ELLIPSOID), stokes, PAPER_START, time)
-        for form in FORMS:
-            for solver in SOLVERS:
+        for form in (*FORMS, *forms):
+            for solver in (*SOLVERS, *solvers):
                 if _accepted(scene, form, solver):
                     for tolerance in TOLERANCES:
                         yield Case("paper", scene, form, solver, tolerance, SAMPLES, MAX_SECONDS)
@@ -83,8 +87,13 @@ def _name(case: Case) -> str:
     return f"{case.scene.stokes:g}-{case.form}-{case.solver}-{case.tolerance:g}"
 
 
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """One test per case."""
+    outside = (metafunc.config.getoption(option) for option in ("--with-form", "--with-solver"))
+    metafunc.parametrize("case", list(cases(*outside)), ids=_name)
+
+
 @pytest.mark.usefixtures("time_left")
-@pytest.mark.parametrize("case", list(cases()), ids=_name)
 def test_solve(benchmark, case: Case) -> None:
     """Time one case; a failure is data."""
     benchmark.group = f"St = {case.scene.stokes:g}"
