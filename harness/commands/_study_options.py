@@ -1,6 +1,6 @@
 """What commands share: options, the store that measurements go into, and the line that was typed."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,10 +20,13 @@ KINDS = {
     "forms": ("--form", "Only this form; may be given several times."),
     "solvers": ("--solver", "Only this solver; may be given several times."),
 }
+# Share of disturbed times from which on earlier results are not replaced, nor laws fitted; a few times may be anything.
+MOST_DISTURBED, FEW = 0.1, 50
 # Options that change nothing in what is measured.
-ASIDE = ("out", "resume", "quiet", "as_json", "page_only")
+ASIDE = ("out", "resume", "quiet", "as_json", "page_only", "disturbed")
 quick = click.option("--quick", is_flag=True, help="Fewer tolerances and short time limits: a look, not a result.")
 resume = click.option("--resume", is_flag=True, help="Take up an interrupted run instead of starting afresh.")
+disturbed = click.option("--disturbed", is_flag=True, help="Replace earlier results by times that were disturbed too.")
 quiet = click.option("--quiet", is_flag=True, help="No progress.")
 as_json = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 FOLDER = click.Path(path_type=Path, file_okay=False)
@@ -35,12 +38,12 @@ def out_folder(default: str) -> Callable[..., Any]:
 
 
 def study_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add [STUDY.toml], --out, --quick, --resume, --quiet, and --scene, --tag, --form, --solver as `filters`."""
+    """Add [STUDY.toml], --out, --quick, --resume, --quiet, --disturbed, and --scene and so on as `filters`."""
     for name, (option, text) in reversed(KINDS.items()):
         command = click.option(option, name, multiple=True, help=text)(command)
     out = click.option("--out", type=FOLDER, help="Folder; by default reports/NAME, with the filters' words.")
     file = click.argument("study_file", metavar="[STUDY.toml]", required=False, type=click.Path(path_type=Path))
-    return file(out(quick(resume(quiet(command)))))
+    return file(out(quick(resume(quiet(disturbed(command))))))
 
 
 def filtered(study: "Study", filters: Mapping[str, tuple[str, ...]]) -> "Study":
@@ -49,6 +52,20 @@ def filtered(study: "Study", filters: Mapping[str, tuple[str, ...]]) -> "Study":
 
     values = [value for kind in KINDS for value in filters[kind]]
     return replace(study.part(**filters), name="-".join([study.name, *values])) if values else study
+
+
+def steady(records: Sequence[Mapping[str, Any]], page: Path, anyway: bool) -> bool:
+    """Whether times may be trusted; RunFailed if they may not, and would replace an earlier page."""
+    from polhode.harness.common.timing import disturbance
+
+    count, known = disturbance(records)
+    trusted = count <= MOST_DISTURBED * max(known, FEW)
+    if not (trusted or anyway) and page.exists():
+        raise RunFailed(
+            f"{page}: stays as it is, for other work disturbed {count} of {known} timed runs, expected at most "
+            f"{MOST_DISTURBED:.0%}; run it anew on a quiet machine, or take them with --resume --disturbed"
+        )
+    return trusted
 
 
 def command_line() -> str:

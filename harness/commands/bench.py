@@ -16,6 +16,7 @@ from polhode.harness.commands._study_options import (
     quiet,
     resume,
     running_into,
+    steady,
     study_options,
 )
 
@@ -33,6 +34,7 @@ def bench(
     quick: bool,
     resume: bool,
     quiet: bool,
+    disturbed: bool,
     problems: bool,
     **filters: tuple[str, ...],
 ) -> None:
@@ -66,9 +68,10 @@ def bench(
     store = open_store(folder, resume)
     with running_into(store):
         records = Runner(store, quiet).run(study)
+    trusted = steady(records, folder / "README.md", disturbed)
     pages = {"costs": bench_page, "outcomes": outcomes_page, "known-stokes": known_stokes}
     page = pages[study.page].write_page(study, records, folder, command_line())
-    if study_file is None and not quick and not any(filters.values()):
+    if study_file is None and not quick and not any(filters.values()) and trusted:
         refit(load_laws(), records).save(own_laws_path())
         click.echo(f"{own_laws_path()}: the times of `polhode pick`, fitted to this machine", err=True)
     click.echo(f"{page}")
@@ -98,7 +101,13 @@ def _problems(
 @click.command(epilog="Example: polhode regimes --quick --out look")
 @study_options
 def regimes(
-    study_file: Path | None, out: Path | None, quick: bool, resume: bool, quiet: bool, **filters: tuple[str, ...]
+    study_file: Path | None,
+    out: Path | None,
+    quick: bool,
+    resume: bool,
+    quiet: bool,
+    disturbed: bool,
+    **filters: tuple[str, ...],
 ) -> None:
     """Measure and draw who wins over St and error: one map for the full solution, one for the slow variables.
 
@@ -123,6 +132,7 @@ def regimes(
         if not quiet:
             click.echo(ahead(study, store), err=True)
         records = Runner(store, quiet).run(study)
+    steady(records, folder / "README.md", disturbed)
     click.echo(f"{write_page(study, records, folder, command_line())}")
 
 

@@ -9,6 +9,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from polhode.harness.common.timing import BUSY, HAD, disturbance
+
 PACKAGES = ("polhode", "numpy", "scipy", "llvmlite", "numba", "heyoka", "scikit-sundae", "cyrk", "pandas", "matplotlib")
 ABSENT = "absent"
 
@@ -51,9 +53,17 @@ def header(title: str, command: str, records: Sequence[Mapping[str, Any]]) -> li
         "",
         f"Made by `{command}`. Do not edit: the next run overwrites this page.",
         "",
-        f"Measured {dates(records)} on {' and '.join(machines)}.",
+        f"Measured {dates(records)} on {' and '.join(machines)}.{_disturbed(records)}",
         "",
     ]
+
+
+def _disturbed(records: Sequence[Mapping[str, Any]]) -> str:
+    disturbed, known = disturbance(records)
+    if not known:
+        return ""
+    rule = f"had the processor for less than {HAD:.0%} of its time, or the machine took {BUSY:g} × its shortest"
+    return f" Disturbed by other work: {disturbed} of {known} timed runs (the fastest {rule})."
 
 
 def dates(records: Sequence[Mapping[str, Any]]) -> str:

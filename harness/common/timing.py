@@ -18,13 +18,17 @@ SENTINEL_ROUNDS = 20_000
 # A machine is steady while the sentinel takes at most this many times its quickest; else it is looked at again after so
 # many seconds.
 NEAR, PAUSE = 1.15, 0.02
+# A time is disturbed if the sentinel took more than so many times its quickest beside it, or if the fastest run, of at
+# least so many seconds, had the processor for less than this share of it.
+BUSY, JUDGED_FROM, HAD = 1.5, 1e-3, 0.9
 
 
 @dataclass(frozen=True)
 class Timing:
-    """Wall times of repeated runs, in seconds."""
+    """Wall times of repeated runs, in seconds, and the processor's, where known."""
 
     runs: tuple[float, ...]
+    processor: tuple[float, ...] = ()
 
     @property
     def seconds(self) -> float:
@@ -38,8 +42,20 @@ class Timing:
 
     @property
     def wants_more(self) -> bool:
-        """Whether a further run is due: up to five runs or one second, once if a run exceeds one second."""
-        return len(self.runs) < MOST_RUNS and sum(self.runs) < BUDGET
+        """Whether a further run is due: up to five runs or one second, twice that while all of them are disturbed."""
+        effort = 1 + self.disturbed
+        return len(self.runs) < effort * MOST_RUNS and sum(self.runs) < effort * BUDGET
+
+    def and_one(self, seconds: float, processor: float) -> "Timing":
+        """The same with a further run."""
+        return Timing((*self.runs, seconds), (*self.processor, processor))
+
+    @property
+    def disturbed(self) -> bool:
+        """Whether even the fastest run had to wait for the processor."""
+        if not self.processor or self.seconds < JUDGED_FROM:
+            return False
+        return self.processor[self.runs.index(self.seconds)] < HAD * self.seconds
 
 
 @contextmanager
@@ -102,10 +118,20 @@ class Patience:
             self._waited += perf_counter() - paused
         return found
 
+    def busy(self, found: float) -> bool:
+        """Whether the machine was so slow that a time says little."""
+        return found > BUSY * self._quickest
+
     def _look(self) -> float:
         found = self.look()
         self._quickest = min(self._quickest, found)
         return found
+
+
+def disturbance(records: Iterable[Mapping[str, Any]]) -> tuple[int, int]:
+    """How many of the timed records are disturbed, and how many there are of which that is known."""
+    known = [bool(record["disturbed"]) for record in records if record.get("disturbed") is not None]
+    return sum(known), len(known)
 
 
 @dataclass(frozen=True)

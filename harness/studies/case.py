@@ -2,6 +2,7 @@
 
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
+from resource import RUSAGE_SELF, getrusage
 from time import perf_counter
 
 import numpy as np
@@ -160,12 +161,20 @@ def judge(case: Case, tried: Attempt) -> Record:
     )
 
 
-def time_once(case: Case) -> float:
-    """Wall time, in seconds, of one warm run of a case, prepared here if that was done in a process now gone."""
+def time_once(case: Case) -> tuple[float, float]:
+    """Wall time, in seconds, and that without waiting for others, of one warm run of a case.
+
+    It is prepared here first if `attempt` did that in a process that is gone.
+    """
     if case.key not in _PREPARED:
         _first_preparation(case)
     _ = case.times
-    return seconds_of(case.solve)
+    before = getrusage(RUSAGE_SELF)
+    seconds = seconds_of(case.solve)
+    after = getrusage(RUSAGE_SELF)
+    used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    # Who sleeps waits for nobody.
+    return seconds, used if after.ru_nivcsw > before.ru_nivcsw else seconds
 
 
 def _broken_balance(total: Errors, tolerance: float) -> Record:

@@ -91,8 +91,9 @@ class Runner:
             steadiness = min(steadiness, self._patience.steady())
             for case in timed:
                 reply = self._worker.run(time_once, case, limit=case.max_seconds + COMPILATION)
-                earlier = timings[case].runs if case in timings else ()
-                timings[case] = Timing((*earlier, reply.value) if reply.failure is None else earlier)
+                timings.setdefault(case, Timing(()))
+                if reply.failure is None:
+                    timings[case] = timings[case].and_one(*reply.value)
             timed = [case for case in timed if timings[case].runs and timings[case].wants_more]
         for case, timing in timings.items():
             if not timing.runs:
@@ -101,6 +102,7 @@ class Runner:
                 "seconds": timing.seconds,
                 "seconds_spread": timing.spread,
                 "seconds_runs": list(timing.runs),
+                "disturbed": timing.disturbed or self._patience.busy(steadiness),
             }
         return [(case, {**record, "sentinel_seconds": steadiness}) for case, record in records.items()]
 

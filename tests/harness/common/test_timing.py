@@ -44,6 +44,24 @@ def test_a_slow_function_runs_once_and_a_quick_one_five_times():
     assert Timing((2.0,)).spread == 0
 
 
+def test_a_run_that_waited_for_the_processor_is_disturbed_and_repeated():
+    waited = Timing((0.01,) * MOST_RUNS, (0.005,) * MOST_RUNS)
+    assert waited.disturbed
+    assert waited.wants_more
+    assert not Timing(2 * waited.runs, 2 * waited.processor).wants_more
+    better = waited.and_one(0.006, 0.0059)
+    assert not better.disturbed
+    assert not better.wants_more
+    # Too short to be judged by the processor's clock.
+    assert not Timing((1e-5,), (1e-6,)).disturbed
+
+
+def test_a_machine_far_slower_than_at_its_quickest_is_busy():
+    patience = Patience(iter([1.0]).__next__)
+    assert patience.steady() == 1.0
+    assert [patience.busy(found) for found in (1.0, 1.4, 1.6)] == [False, False, True]
+
+
 def test_the_collector_stays_out_and_comes_back():
     seen = []
     seconds_of(lambda: seen.append(gc.isenabled()))

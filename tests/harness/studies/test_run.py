@@ -107,7 +107,7 @@ def test_the_order_of_a_genuine_method_is_measured(records: list[Record]):
 
 def test_a_sleeper_is_timed(records: list[Record]):
     for record in of(records, "Sleeper"):
-        assert len(record["seconds_runs"]) == 5
+        assert 5 <= len(record["seconds_runs"]) <= 10
         assert record["seconds"] == min(record["seconds_runs"])
         assert planted.NAP <= record["seconds"] < 3 * planted.NAP
         assert record["counted_seconds"] >= planted.NAP
@@ -226,7 +226,7 @@ def test_killed_and_resumed_gives_the_same_records(
     for key, record in complete.items():
         assert {name: late[key][name] for name in LASTING} == {name: record[name] for name in LASTING}
     names = sorted(path.name for path in (tmp_path / "broken").iterdir() if not path.name.startswith("store"))
-    assert names == ["README.md", "orientation.png", "records.jsonl", "slow.png"]
+    assert names == ["README.md", "SHA256SUMS", "orientation.png", "records.jsonl", "runs.csv", "slow.png"]
 
 
 # An export that takes ten seconds, whatever the machine.

@@ -1,0 +1,28 @@
+"""What the commands that measure share."""
+
+from pathlib import Path
+
+import pytest
+
+from polhode.harness.cli import RunFailed
+from polhode.harness.commands._study_options import FEW, steady
+from polhode.harness.common.machine import header
+
+STEADY, DISTURBED = {"disturbed": False}, {"disturbed": True}
+PLACE = {"machine": {"processor": "One", "cores": 2, "system": "Linux", "python": "3.11"}, "versions": {}}
+
+
+def test_disturbed_times_replace_no_earlier_page_unless_told_to(tmp_path: Path):
+    page, records = tmp_path / "README.md", [DISTURBED] * FEW + [STEADY] * FEW
+    assert not steady(records, page, anyway=False)
+    page.touch()
+    with pytest.raises(RunFailed, match=f"README.md: stays as it is, .* disturbed {FEW} of {2 * FEW} timed runs"):
+        steady(records, page, anyway=False)
+    assert not steady(records, page, anyway=True)
+    assert steady([DISTURBED] * 5 + [STEADY] * 95, page, anyway=False)
+    assert steady([{"status": "reached_end"}], page, anyway=False)
+
+
+def test_a_page_says_how_many_times_were_disturbed():
+    records = [{**PLACE, **each} for each in (STEADY, DISTURBED, STEADY, {})]
+    assert "Disturbed by other work: 1 of 3 timed runs (" in "\n".join(header("A title", "polhode bench", records))
