@@ -28,8 +28,8 @@ NO_TIMES = "no times: tasks may run side by side"
 # Seconds after which the store is asked again what another run has added.
 REFRESH = 5.0
 DEFAULT_TOLERANCE = 1e-6
-# Tolerance of averaged equations over the error asked for, where they are chosen: near L² = 2EI₂ they lose digits.
-AVERAGED = 1e-4
+# The error asked for over the tolerance of averaged equations, where they are chosen: near L² = 2EI₂ they lose digits.
+AVERAGED = 1e4
 # Keys of a sweep file that an ensemble takes as they are.
 SHARED = {"particles", "block", "seed", "samples", "snapshots", "bins", "radius"}
 
@@ -178,7 +178,7 @@ def _ensemble(table: SweepTable, shape: list[float], stokes: float) -> Ensemble:
     equations, tolerance = table.equations or "full", table.tolerance or DEFAULT_TOLERANCE
     # Where averaging is good enough it is the cheaper by far: its cost does not grow with St.
     if not table.equations and AVERAGING / tolerance <= stokes < inf and table.start.motion != "rest":
-        equations, tolerance = "averaged", tolerance * AVERAGED
+        equations, tolerance = "averaged", tolerance / AVERAGED
     return Ensemble(
         Ellipsoid((a, b, c)),
         stokes,
