@@ -205,6 +205,11 @@ class Laws:
         """The pace that the times hold for."""
         return Pace(self.source.get("machine"), self.source.get("sentinel_seconds"))
 
+    @property
+    def fitted_to(self) -> list[Any]:
+        """What they were fitted to."""
+        return [self.source.get(name) for name in ("scenes", "records", "added")]
+
     def save(self, path: Path) -> None:
         """Write as JSON, a line for each method."""
         lines = ",\n".join(_json(asdict(law)) for law in self.methods.values())
@@ -248,15 +253,19 @@ def own_laws_path() -> Path:
 @cache
 def load_laws() -> Laws:
     """Laws fitted on this machine by this version if there are any, else those that come with the package."""
+    shipped = parse_laws((files("polhode.harness.picking") / "laws.json").read_text(encoding="utf-8"))
     own = own_laws_path()
     if own.is_file():
         try:
-            return parse_laws(read_file(own).decode())
+            found = parse_laws(read_file(own).decode())
+            # Times of the package's laws scaled to this machine are of no use once there are other laws.
+            if "refitted" not in found.source or found.fitted_to == shipped.fitted_to:
+                return found
         except OtherSchemaError:
             pass
         except ValueError as error:
             raise ValueError(f"{own}: {error}, expected laws; remove it to use those of the package") from None
-    return parse_laws((files("polhode.harness.picking") / "laws.json").read_text(encoding="utf-8"))
+    return shipped
 
 
 def _json(content: Any) -> str:

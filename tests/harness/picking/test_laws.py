@@ -154,6 +154,11 @@ def test_own_laws_come_first_unless_they_are_of_another_version(tmp_path, monkey
         own = replace(shipped, source={"machine": "this one"})
         own.save(own_laws_path())
         assert load_laws() == own
+        for content, current in (({"refitted": 7}, True), ({"refitted": 7, "records": 1}, False)):
+            scaled = replace(shipped, source=shipped.source | content)
+            scaled.save(own_laws_path())
+            load_laws.cache_clear()
+            assert load_laws() == (scaled if current else shipped)
         for text, expected in (('{"schema": 0}', shipped), ("not JSON", None), ("5", None)):
             write_file(own_laws_path(), text, summed=True)
             load_laws.cache_clear()
