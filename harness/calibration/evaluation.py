@@ -87,6 +87,29 @@ def close(seconds: Any, runs: pd.DataFrame) -> Any:
     return np.abs(np.log(seconds / runs["seconds_predicted"])) <= log(FACTOR)
 
 
+def miss(answer: Answer, first: Record, best: Record, met: bool, factor: float) -> str:
+    """Why a first choice was none: what the laws said of it, and of the best way; empty if it was a good one."""
+    found = answer.recommendation
+    if found is None or not best or (met and factor <= FACTOR):
+        return "" if found or not best else f"refused: {answer.refusal}"
+    want, row = answer.question.want, found.ranking[0]
+    if not met:
+        made = error_of(first, want)
+        model = first.get(f"model_{want}_error") or 0.0
+        part = "averaging" if model > made / 2 else "the solver"
+        return f"the error, most of it of {part}, is {made / row.error.high:.2g} times its upper end"
+    same = [way for way in found.ranking if (way.form, way.solver) == (best["form"], best["solver"])]
+    if not same:
+        reasons = {(each.form, each.solver): each.reason for each in found.excluded}
+        return f"the best was excluded: {reasons.get((best['form'], best['solver']), 'not known')}"
+    off = row.seconds.predicted / first["seconds"], same[0].seconds.predicted / best["seconds"]
+    looser = best["tolerance"] / same[0].tolerance
+    return (
+        f"the first was predicted at {off[0]:.2g} and the best at {off[1]:.2g} times its time, "
+        f"at a tolerance {looser:.2g} times as loose as the law allows it"
+    )
+
+
 def judged(answer: Answer, finals: Sequence[Record]) -> Record:
     """What the last runs of a scene say of the answer.
 
@@ -98,6 +121,8 @@ def judged(answer: Answer, finals: Sequence[Record]) -> Record:
     good = [r for r in finals if "seconds" in r and error_of(r, question.want) <= question.error]
     best = min(good, key=lambda record: record["seconds"], default={})
     error = error_of(first, question.want) if first else inf
+    met = error <= question.error if found else not best
+    factor = first.get("seconds", inf) / best["seconds"] if best else 1.0
     return {
         "scene": question.name,
         "stratum": answer.stratum,
@@ -119,13 +144,14 @@ def judged(answer: Answer, finals: Sequence[Record]) -> Record:
         "error": error if error < inf else None,
         "seconds_predicted": row and row.seconds.predicted,
         "seconds": first.get("seconds"),
-        "met": error <= question.error if found else not best,
-        "factor": first.get("seconds", inf) / best["seconds"] if best else 1.0,
+        "met": met,
+        "factor": factor,
         "best_form": best.get("form"),
         "best_solver": best.get("solver"),
         "best_tolerance": best.get("tolerance"),
         "best_seconds": best.get("seconds"),
         "refusal": answer.refusal,
+        "miss": miss(answer, first, best, met, factor) if first or not found else "the run failed",
     }
 
 

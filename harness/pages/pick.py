@@ -8,13 +8,11 @@ import pandas as pd
 
 from polhode.harness.calibration.evaluation import CHEAP, FACTOR, MEETS, PREDICTED, Evaluation, close
 from polhode.harness.calibration.selection import CUTOFF, PENALTY, pays_from, scores, write_aslib
-from polhode.harness.calibration.stated import judged as judged_errors
 from polhode.harness.common.files import write_file
 from polhode.harness.common.text import duration, markdown, scientific
 from polhode.harness.pages.figures.style import family_colour
 from polhode.harness.pages.figures.work_precision import save
 from polhode.harness.picking.laws import Laws, MethodLaws
-from polhode.harness.picking.second_look import BOUNDED, LEAST, SHARE
 from polhode.solvers.catalogue import solver as find_solver
 
 if TYPE_CHECKING:
@@ -44,47 +42,6 @@ def write_pages(folder: Path, laws: Laws, evaluation: Evaluation, command: str) 
     return page
 
 
-def write_stated(folder: Path, runs: pd.DataFrame, command: str) -> Path:
-    """Write the page of the errors that `solve` states, and its table."""
-    write_file(folder / "stated.csv", runs.to_csv(index=False, float_format="%.4g"), summed=True)
-    rows = []
-    for (stratum, solver), mine in [
-        *(((stratum, "all"), mine) for stratum, mine in runs.groupby("stratum")),
-        *((("both", solver), mine) for solver, mine in runs.groupby("solver")),
-    ]:
-        found = judged_errors(mine)
-        shares = [f"{found[name]:.1%}" for name in ("stated", "bounded", "cheap")]
-        rows.append([stratum, solver, found["runs"], *shares, f"{found['factor']:.2g}"])
-    header = ["stratum", "solver", "runs", "stated", "bounded", "in time", "stated over true, median"]
-    lines = [
-        "# The error that `solve` states",
-        "",
-        f"Made by `{command}`. Do not edit: the next run overwrites this page.",
-        "",
-        *(f"- {sentence}" for sentence in stated_summary(runs)),
-        "",
-        "Each run is a random scene by a random form, solver and tolerance, with a certified reference; runs of "
-        "more rotations than are certified in seconds are left out. *In time*: the second look took no more than its "
-        "share of the run, or than it may on a short one. Every run is in [stated.csv](stated.csv).",
-        "",
-        markdown(header, rows, right=range(2, 7)),
-    ]
-    page = folder / "stated.md"
-    write_file(page, "\n".join(lines))
-    return page
-
-
-def stated_summary(runs: pd.DataFrame) -> list[str]:
-    """What the errors stated are worth, in sentences."""
-    found = judged_errors(runs)
-    return [
-        f"The error stated bounds the true one in {found['bounded']:.1%} of {found['runs']} runs (target: "
-        f"{BOUNDED:.1%}); {found['stated']:.1%} state one.",
-        f"It is {found['factor']:.2g} times the true error in the median (target: at most 10).",
-        f"The second look takes at most {SHARE:.0%} of the run, or {duration(LEAST)}, in {found['cheap']:.1%}.",
-    ]
-
-
 def summary(evaluation: Evaluation) -> list[str]:
     """The evaluation in sentences, each with its target."""
     count, shares = len(evaluation.scenes), evaluation.shares
@@ -109,6 +66,7 @@ def _lines(laws: Laws, evaluation: Evaluation, command: str) -> list[str]:
     source = laws.source
     scenes = list(map(_scene_cells, evaluation.scenes.to_dict("records")))
     machine = source.get("machine", {})
+    missed = [each for each in evaluation.scenes.to_dict("records") if each["miss"]]
     return [
         "# What `pick` promises, and what measuring showed",
         "",
@@ -134,6 +92,10 @@ def _lines(laws: Laws, evaluation: Evaluation, command: str) -> list[str]:
         "![Error and cost of the first choice on each held-out scene](choices.png)",
         "",
         *_selection(evaluation),
+        "## Misses",
+        "",
+        *[f"- {each['scene']}: {each['miss']}." for each in missed],
+        "" if missed else "None.\n",
         "## The scenes",
         "",
         "N: rotations. – stands for what is not known: the error, if the first choice failed, falsely claimed success "

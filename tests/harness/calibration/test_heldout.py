@@ -19,7 +19,7 @@ from polhode.harness.commands.calibrate import calibrate, validate
 from polhode.harness.common.text import scientific
 from polhode.harness.pages.pick import summary, write_pages
 from polhode.harness.picking.laws import Interval, load_laws
-from polhode.harness.picking.ranking import Recommendation, Way
+from polhode.harness.picking.ranking import Excluded, Recommendation, Way
 
 
 def a_record(question, solver, tolerance, seconds, error):
@@ -83,7 +83,7 @@ def test_held_out_shares_and_pages(tmp_path):
     found = Evaluation(scenes, runs_of((1.4, 1e-7), (0.7, 1e-5), (1.6, 1e-9)))
     assert list(found.shares.values()) == pytest.approx([0.5, 0.5, 2 / 3, 1 / 3, 2 / 3])
     assert not found.reached
-    assert scenes["factor"][1] == inf
+    assert scenes["factor"].tolist()[1] == inf
     page = write_pages(tmp_path, load_laws(), found, "polhode validate").read_text(encoding="utf-8")
     assert all(sentence in page for sentence in summary(found))
     assert (tmp_path / "predicted.png").stat().st_size > 10_000
@@ -149,3 +149,23 @@ def test_the_commands_defaults_are_those_of_the_package():
     trained, held = ({option.name: option.default for option in command.params} for command in (calibrate, validate))
     assert trained["scenes"] == TRAINING_SCENES
     assert (held["scenes"], held["seed"], held["seeds"]) == (HELD_OUT_SCENES, HELD_OUT_SEED, HELD_OUT_SEEDS)
+
+
+def test_a_miss_has_its_reason():
+    question = questions(HELD_OUT_SEED, 1)[0]
+    interval = Interval(question.error / 2, question.error / 4, question.error)
+    seconds = Interval(1.0, 0.5, 2.0)
+    rows = [Way("quaternion", name, 1e-9, interval, seconds, 1.0, False, "") for name in ("taylor", "cyrk-vern8")]
+    excluded = (Excluded("quaternion", "radau", "no law"),)
+    told = Answer(question, Recommendation(question.want, question.error, 7.0, 1.0, tuple(rows), excluded), "")
+    first = a_record(question, "taylor", 1e-9, 4.0, 0.5 * question.error)
+    quick = a_record(question, "cyrk-vern8", 1e-6, 1.0, 0.5 * question.error)
+    barred = a_record(question, "radau", 1e-6, 1.0, 0.5 * question.error)
+    assert judged(told, [first])["miss"] == ""
+    reason = judged(told, [first, quick])["miss"]
+    assert "predicted at 0.25 and the best at 1 times its time" in reason
+    assert "1e+03 times as loose" in reason
+    assert judged(told, [first, barred])["miss"] == "the best was excluded: no law"
+    wrong = {**first, f"{question.want}_error": 3 * question.error}
+    assert judged(told, [wrong, quick])["miss"] == "the error, most of it of the solver, is 3 times its upper end"
+    assert judged(Answer(question, None, "too small"), [quick])["miss"] == "refused: too small"

@@ -2,11 +2,12 @@
 
 from dataclasses import replace
 from math import inf
+from typing import Any
 
 import pandas as pd
 import pytest
 
-from polhode.harness.calibration.scenes import questions
+from polhode.harness.calibration.scenes import Question, questions
 from polhode.harness.calibration.selection import (
     COLUMNS,
     CUTOFF,
@@ -37,7 +38,7 @@ WAYS = pd.DataFrame(
 
 
 def test_what_misses_the_error_or_takes_too_long_is_penalised():
-    table = penalised(WAYS)
+    table: Any = penalised(WAYS)
     assert table["quaternion/radau/+0"].to_dict() == {"s": 1.0, "l": PENALTY * CUTOFF}
     assert table["quaternion/taylor/-1"].to_dict() == {"s": 2.0, "l": 3.0}
     slow = WAYS.assign(seconds=WAYS["seconds"].where(WAYS["seconds"] != 30.0, 10.0 * CUTOFF + 1))
@@ -45,7 +46,7 @@ def test_what_misses_the_error_or_takes_too_long_is_penalised():
 
 
 def test_the_gap_is_that_between_the_single_best_and_the_virtual_best():
-    both = scores(WAYS).query("stratum == 'both'").set_index("way")
+    both: Any = scores(WAYS).query("stratum == 'both'").set_index("way")
     assert both["par10"][PICK] == pytest.approx(1.25)
     assert both["gap_closed"][PICK] == pytest.approx((2.5 - 1.25) / (2.5 - 1))
     assert both["gap_closed"]["single best: quaternion/taylor/-1"] == 0
@@ -72,7 +73,8 @@ def test_ways_are_named_by_powers_of_ten_from_the_error():
 
 
 def test_the_scenario_has_aslibs_files(tmp_path):
-    known = dict(zip(("s", "l"), questions(1, 2), strict=True))
+    first, second = questions(1, 2)
+    known: dict[str, Question] = {"s": first, "l": second}
     write_aslib(tmp_path, known, WAYS)
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         "algorithm_runs.arff",
