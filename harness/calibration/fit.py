@@ -136,7 +136,6 @@ def fit_laws(records: Iterable[Record], source: dict[str, Any], base: Laws | Non
             errors=fit_errors(runs, find_solver(solver).closed_form),
             compile_seconds=firsts[form, solver],
             tightest=min(run.tolerance for run in runs),
-            compiled="compiled" in find_solver(solver).backends,
         )
     scenes = {run.scene for runs in samples.values() for run in runs}
     count = sum(len(runs) for runs in samples.values())

@@ -55,8 +55,8 @@ def rules(question: Question) -> dict[str, str]:
     explicit = "cyrk-tsit5" if question.error >= 1e-6 else "cyrk-vern7"
     default = "cyrk-radau" if damping_times(scene) > STIFF else explicit
     return {
-        f"{form}/taylor/-1": "taylor at error/10",
-        f"{form}/cyrk-lsoda/-2": "LSODA at error/100",
+        f"{form}/taylor/-1": "taylor at a tenth of the error",
+        f"{form}/cyrk-lsoda/-2": "LSODA at a hundredth of it",
         f"{form}/{default}/+0": "SciML's default",
     }
 

@@ -72,9 +72,9 @@ def forms_for(scene: Scene, rotations: float) -> list[str]:
 
 
 def lacking(base: Laws, form: str, solver: str) -> bool:
-    """Whether laws know nothing of a method, or knew it when Python was still in its loop."""
+    """Whether laws know nothing of a method, or what was true once."""
     law = base.methods.get((form, solver))
-    return law is None or ("compiled" in find_solver(solver).backends and not law.compiled)
+    return law is None or law.stale
 
 
 def missing_studies(question: Question, index: int, base: Laws) -> Iterator[Study]:

@@ -178,7 +178,7 @@ class MethodLaws:
     errors: dict[str, ErrorLaw]
     compile_seconds: float  # what the first of all runs takes more: importing the library and compiling the form
     tightest: float  # tolerance at which runs still ended well
-    compiled: bool = True  # whether no Python was in the loop
+    stale: bool = False  # whether form or solver have changed since
 
     def error_law(self, want: str, at: Sensitivity) -> ErrorLaw | None:
         """The law of what is wanted, in the scene's regime, or of shorter runs."""

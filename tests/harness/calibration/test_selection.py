@@ -66,8 +66,10 @@ def test_ways_are_named_by_powers_of_ten_from_the_error():
     records = [{**record, "solver": "taylor", "tolerance": 1e-8}, {**record, "solver": "taylor", "tolerance": 3e-8}]
     found = {row["algorithm"]: row for row in runs_of(question, "short", records, records[1])}
     assert (found["quaternion/taylor/-1"]["seconds"], found["quaternion/taylor/-1"]["met"]) == (2.0, True)
-    assert found["taylor at error/10"] == {**found["quaternion/taylor/-1"], "algorithm": "taylor at error/10"}
-    assert found["LSODA at error/100"]["met"] is False
+    rule = "taylor at a tenth of the error"
+    assert found[rule] == {**found["quaternion/taylor/-1"], "algorithm": rule}
+    assert found["LSODA at a hundredth of it"]["met"] is False
+    assert not any("/" in name for name in rules(question).values())
     assert found[PICK]["met"] is True
     assert "quaternion/cyrk-vern7/+0" in rules(question)
 
