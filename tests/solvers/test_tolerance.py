@@ -10,21 +10,20 @@ from polhode.solvers.solve import solve
 
 TOLERANCES = 10.0 ** -np.arange(4.0, 10.5)
 # These take their time, and their compiled twins go all the way.
-SHORTENED = ("radau", "bdf")
+SHORTENED = ("radau", "bdf", "dop853", "lsoda")
 # Below this the reference's and double precision's own errors take part.
 FLOOR = 2e-12
 
 
 def tolerances_of(run: Run, name: str) -> np.ndarray:
-    """All of them; every other one where heyoka compiles for each anew, but for two short fields."""
-    if name == "taylor" and run.form not in ("quaternion", "jeffery"):
-        return TOLERANCES[:5:2]
-    return TOLERANCES[:5] if name in SHORTENED else TOLERANCES
+    """All of them; every other one by Python's pace and where heyoka compiles anew, but for two short fields."""
+    few = name in SHORTENED or (name == "taylor" and run.form not in ("quaternion", "jeffery"))
+    return TOLERANCES[:5:2] if few else TOLERANCES
 
 
 def takes_too_long(run: Run, name: str) -> bool:
     """The longest scene by Python's pace, of a form that shorter ones have too."""
-    return name in SHORTENED and run.scene == "triaxial" and run.form != "averaged"
+    return name in SHORTENED[:2] and run.scene == "triaxial" and run.form != "averaged"
 
 
 @pytest.mark.parametrize("name", [name for name in SOLVERS if name != "exact"])
