@@ -62,6 +62,11 @@ class SundialsSolver(Solver):
             "available, in Python's loop: no C libraries found" if self.available and self.lacks("compiled") else None
         )
 
+    def load(self) -> None:
+        """Open the C library, or import the package."""
+        if self.lacks("compiled"):
+            super().load()
+
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         """Bind the callbacks, compiled once per field."""
         # The library prints its warnings on standard output, where tables go.
