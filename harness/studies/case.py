@@ -51,7 +51,11 @@ class Case:
     @property
     def content(self) -> Record:
         """The case as plain data, types coerced, with the schema and the versions it depends on."""
-        package = find_solver(self.solver).package
+        method = find_solver(self.solver)
+        packages = ["polhode", method.package]
+        # SUNDIALS runs in machine code or by Python's callbacks, as its C libraries are found: two measurements.
+        if method.backends[:-1] and self.backend in (None, "compiled"):
+            packages += ["llvmlite"] * ("compiled" in method.backends and not method.lacks("compiled"))
         return {
             "schema": SCHEMA,
             "scene_name": self.scene_name,
@@ -63,7 +67,7 @@ class Case:
             "max_seconds": float(self.max_seconds),
             "backend": self.backend,
             "jacobian": self.jacobian,
-            "versions": {name: package_version(name) for name in ("polhode", package)},
+            "versions": {name: package_version(name) for name in packages},
         }
 
     @property

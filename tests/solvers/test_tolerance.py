@@ -10,7 +10,7 @@ from polhode.solvers.solve import solve
 
 TOLERANCES = 10.0 ** -np.arange(4.0, 10.5)
 # These take their time, and their compiled twins go all the way.
-SHORTENED = ("radau", "bdf", "dop853", "lsoda")
+SHORTENED = ("radau", "bdf", "lsoda")
 # Below this the reference's and double precision's own errors take part.
 FLOOR = 2e-12
 
