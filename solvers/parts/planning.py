@@ -19,6 +19,8 @@ AIM = 0.2
 CHECKED, LEAST_TURNS, MOST_TURNS = 0.005, 2.0, 2000.0
 ALL, DAMPED, MOST_ALL = 4.0, 4.0, 200.0
 FINER, MEAN_OVER = 0.8, 5.0
+# No step is a larger share of the run.
+SEEN = 0.4
 # The step stands if the estimated error is within these factors of the one wanted; else the law is scaled, so often.
 FITTING, ROUNDS = (0.1, 2.0), 4
 # Of the errors, where they fall more slowly than by a law.
@@ -83,17 +85,20 @@ class Planner:
         # What each scheme's errors are to its law, as far as is known.
         self.scales = dict.fromkeys((each.name for each in SCHEMES), 1.0)
 
-    def cheapest(self, rate: float) -> Plan:
+    def cheapest(self, rate: float, longest: float) -> Plan:
         """The plan of fewest flows at a rate, where each scheme's errors are so many times those of its law."""
-        wanted = self.error / self.problem.strength
-        expected = [(each, each.factor(wanted / self.scales[each.name])) for each in SCHEMES]
-        plans = (Plan(*each, self.problem.floor) for each in expected)
+        wanted, plans = self.error / self.problem.strength, list[Plan]()
+        for each in SCHEMES:
+            factor = min(each.factor(wanted / self.scales[each.name]), longest * rate**each.exponent)
+            plans.append(Plan(each, factor, self.problem.floor))
         return min(plans, key=lambda plan: plan.flows_per_time(rate))
 
     def plan(self, old: Plan | None, state: np.ndarray, now: float, record: Record) -> Plan:
         """The cheapest plan found that a check lets stand, beginning with that in use."""
         rate, seen, good = self.problem.rate(state), set[str](), list[Plan]()
-        plan = old or self.cheapest(rate)
+        # Rows within the first step are the same whatever its length: a check sees nothing there.
+        longest = SEEN * (float(record.times[-1]) - now)
+        plan = old or self.cheapest(rate, longest)
         for _ in range(ROUNDS):
             ratio = self.off(plan, state, now, record)
             if ratio <= FITTING[1]:
@@ -110,7 +115,7 @@ class Planner:
                 found *= ratio ** (plan.scheme.order / LEAST_ORDER - 1)
             self.scales[name] = found
             seen.add(name)
-            before, plan = plan, self.cheapest(rate)
+            before, plan = plan, self.cheapest(rate, longest)
             if plan.flows_per_time(rate) > REWARDING * before.flows_per_time(rate) and good:
                 break
         return min(good, key=lambda plan: plan.flows_per_time(rate)) if good else plan

@@ -5,11 +5,13 @@ import pickle
 import signal
 import time
 from dataclasses import replace
-from math import inf, pi
+from math import exp, inf, pi
 from threading import Timer
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
@@ -361,3 +363,39 @@ def test_averaging_hands_over_where_l_nearly_vanishes(tolerance: float):
     assert solution.success
     assert np.linalg.norm(exact.states[:, :3], axis=1).min() < 0.05
     assert np.abs(solution.states - exact.states)[:, :3].max() < 100 * tolerance
+
+
+UNIT = st.floats(-1.0, 1.0)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@settings(max_examples=25, deadline=None, derandomize=True)
+@given(
+    kappa=st.floats(-3.0, 3.0).map(exp),
+    stokes=st.one_of(st.floats(0.0, 8.0).map(lambda x: 10.0**x), st.just(inf)),
+    size=st.one_of(st.floats(-3.0, 1.0).map(lambda x: 10.0**x), st.just(0.0)),
+    spin=st.tuples(UNIT, UNIT, UNIT),
+    angles=st.tuples(st.floats(0.01, 3.13), UNIT, UNIT),
+    tolerance=st.sampled_from([1e-4, 1e-6, 1e-8]),
+)
+def test_any_spheroid_and_start(name: str, kappa, stokes, size, spin, angles, tolerance):
+    """An error that grows no faster than the angle turned, from rest as well and without torque."""
+    start = EulerStart(angles, tuple(size * each for each in spin))
+    each = problem(stokes, min(100.0, 3.0 * stokes), kappa, start)
+    times = np.linspace(0.0, each.end, 21)
+    solution, exact = solve(each, name, tolerance, times), solve(each, "cyrk-dop853", 1e-12, times)
+    assert solution.success
+    turns = np.trapezoid(np.linalg.norm(exact.states[:, :3], axis=1), times) / (2 * pi)
+    off = np.abs(solution.states - exact.states).max() / np.abs(exact.states).max()
+    assert off < solver(name).error_constant * (1 + turns) * tolerance + 1e-9
+
+
+@settings(max_examples=10, deadline=None, derandomize=True)
+@given(kappa=st.floats(-2.3, 2.3).map(exp), stokes=st.floats(4.5, 6.0), spin=st.tuples(UNIT, UNIT, UNIT))
+def test_averaging_any_spheroid(kappa, stokes, spin):
+    start = EulerStart((1.0, 0.5, 0.0), tuple(3.0 + each for each in spin))
+    each = problem(10**stokes, 3000.0, kappa, start)
+    times = np.linspace(0.0, each.end, 21)
+    solution, exact = (solve(each, *method, times) for method in (("stroboscopic", 1e-8), ("taylor", TIGHT)))
+    assert solution.success
+    assert np.abs(solution.states - exact.states)[:, :3].max() < 1e-8
