@@ -22,6 +22,7 @@ FORMS: "Catalogue[Form]" = Catalogue(
         "averaged": "polhode.models.forms.averaged:Averaged",
         "averaged-spheroid": "polhode.models.forms.averaged_spheroid:AveragedSpheroid",
         "averaged-second-order": "polhode.models.second_order.form:SecondOrder",
+        "hybrid": "polhode.models.hybrid.form:Hybrid",
     },
 )
 form = FORMS.find

@@ -94,6 +94,8 @@ class Piece:
         What is expected to be added to the run's error here by approximations of the problem itself.
     tolerance : float, optional
         What the solver is asked for here; by default what it is asked for in the whole run.
+    then : callable, optional
+        The course from its end on, where that is another one.
     """
 
     problem: "Problem"
@@ -102,6 +104,7 @@ class Piece:
     reason: str = ""
     error: float = 0.0
     tolerance: float | None = None
+    then: "Course | None" = None
 
 
 Course = Callable[[float, np.ndarray, float], Piece]

@@ -85,9 +85,8 @@ def matrix_from_quaternion(q: Array) -> Array:
     return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
 
 
-def quaternion_from_matrix(matrix: Array) -> Quaternion:
-    """Unit quaternion of a matrix t_ij, shape (3, 3); inverts `matrix_from_quaternion`, up to the sign."""
+def quaternion_from_matrix(matrices: Array) -> Array:
+    """Unit quaternions, shape (..., 4), of matrices t_ij, shape (..., 3, 3), each of either sign."""
     from scipy.spatial.transform import Rotation
 
-    q0, q1, q2, q3 = Rotation.from_matrix(matrix.T).as_quat(scalar_first=True).tolist()
-    return q0, q1, q2, q3
+    return Rotation.from_matrix(np.swapaxes(matrices, -1, -2)).as_quat(scalar_first=True)

@@ -176,6 +176,6 @@ def start_from(ellipsoid: Ellipsoid, observables: Observables) -> Start:
         rotation_matrix[axis - 1] = np.cross(third, rotation_matrix[axis - 2])
     if np.isnan(rotation_matrix).any():
         return SlowStart((momentum[0], momentum[1], momentum[2]), float(observables.energy[0]))
-    quaternion = rotation.quaternion_from_matrix(rotation_matrix)
+    q0, q1, q2, q3 = rotation.quaternion_from_matrix(rotation_matrix).tolist()
     body = rotation_matrix @ angular_velocity(ellipsoid, observables)[0]
-    return BodyStart(quaternion, (float(body[0]), float(body[1]), float(body[2])))
+    return BodyStart((q0, q1, q2, q3), (float(body[0]), float(body[1]), float(body[2])))

@@ -51,7 +51,7 @@ class Run:
                 self.status, self.message = Status.TIME_LIMIT, f"after {self.work.steps} steps"
                 return
             piece = course(self.now, self.state, self.settings.tolerance)
-            piece = replace(piece, end=self._aligned(piece.end))
+            piece, course = replace(piece, end=self._aligned(piece.end)), piece.then or course
             integrate = self._integrator(piece)
             record = self._record(piece, self.began + seconds, steps_left)
             if watch:

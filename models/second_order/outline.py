@@ -7,13 +7,17 @@ is what each order of averaging is smaller by than the one before.
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 from math import inf, pi, sqrt
 
 import numpy as np
 
-from polhode.models.forms import averaged
+from polhode.models.catalogue import averaged_form
+from polhode.models.catalogue import form as find_form
+from polhode.models.forms.spheroid import Spheroid
 from polhode.models.operations import FLOAT, numpy_operations
 from polhode.models.scene import Scene
+from polhode.models.second_order import spheroid as spheroidal
 from polhode.models.second_order import tables
 from polhode.models.second_order.averages import NAMES
 from polhode.models.second_order.field import averaged_rates, regular
@@ -36,6 +40,8 @@ WIDTHS = (5.0, 40.0)
 TURNS = 300
 # Share of the slowest damping rate at which errors are forgotten; levels between which windows are chosen.
 FADING, LEVELS = 0.3, 30
+# Square of the slow time, in 1/(St times the slowest damping rate), in which |L| rises from 0 to where averaging holds.
+RISEN = 45.0
 # Points of a path: so many times those that the integrator took.
 FINER = 3
 
@@ -69,11 +75,17 @@ class Outline:
 
 @lru_cache(maxsize=64)
 def outline(scene: Scene, budget: float = inf) -> Outline:
-    """Outline of a triaxial run with orientation and 0 < St < inf; windows as the error asked for demands."""
+    """Outline of a run with orientation and 0 < St < inf; windows as the error asked for demands."""
     path, share = _Path.of(scene), SHARE * budget
-    reasons, sudden = path.reasons(), np.zeros(len(path.times))
-    local = MARGIN * path.swing**2 * path.size
     kicks = tuple(path.kicks())
+    strong = [each for each in kicks if each.size > share / 2]
+    if strong:
+        # A window may be narrower than the path's steps.
+        shares = np.concatenate([[-1.01], np.linspace(-1, 1, 9) * (1 - 1e-9), [1.01]])
+        path = path.at(np.concatenate([each.time + each.window(share / 2) * shares for each in strong]))
+    reasons, sudden = path.reasons(), np.zeros(len(path.times))
+    swing, second = (np.where(reasons == "", each, 0) for each in (path.swing, path.second))
+    local = MARGIN * swing**2 * path.size
     for each in kicks:
         if each.size > share / 2:
             reasons[np.abs(path.times - each.time) <= each.window(share / 2)] = (
@@ -86,14 +98,16 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
         else:
             sudden[np.searchsorted(path.times, each.time)] += each.size
     sudden = np.where(reasons == "", sudden, 0)
-    held = np.where(reasons == "", MARGIN * path.second * path.swing, 0) * np.gradient(path.times)
+    held = np.where(reasons == "", MARGIN * second * swing, 0) * np.gradient(path.times)
     late = np.tril(np.exp(-np.maximum(path.fading * (path.times[:, None] - path.times), 0)))
     levels = np.append(np.geomspace(1, 1e-8, LEVELS) * held.max(), 0)
     errors = late @ np.where(held[:, None] <= levels, held[:, None], 0)
-    kept = int(np.argmax(errors.max(axis=0) <= share))
+    # Where the phase is wrong, the swing is put back wrongly.
+    wrong = path.phase(errors) * np.where(reasons == "", swing * path.size, 0)[:, None]
+    kept = int(np.argmax((errors + wrong).max(axis=0) <= share))
     reasons[(reasons == "") & ((held > levels[kept]) | (local > 2 * share))] = "the error asked for"
     drifting = errors[:, kept] + late @ sudden
-    error = drifting + local
+    error = drifting + local + wrong[:, kept]
     return Outline(path.times, path.slow, path.stretches(reasons, error), kicks, path.orientation(drifting))
 
 
@@ -128,32 +142,53 @@ class _Path:
 
     @classmethod
     def of(cls, scene: Scene) -> "_Path":
-        ellipsoid, unit = scene.ellipsoid, max(scene.ellipsoid.inertia)
-        rhs, p = averaged.field(FLOAT), averaged.coefficients(ellipsoid)
-        times, states = slow_path(
-            lambda y: np.array(rhs(tuple(y.tolist()), p)), scene.initial.slow[0] / unit, scene.slow_time
-        )
+        form = find_form(averaged_form(scene))
+        times, slow = np.zeros(1), scene.initial.slow
+        if np.any(scene.initial.angular_momentum):
+            problem = form.problem(scene)
+            rhs, p = problem.field(FLOAT), problem.parameters
+            times, states = slow_path(
+                lambda y: np.array(rhs(tuple(y.tolist()), p)), np.array(problem.start), problem.end
+            )
+            with np.errstate(all="ignore"):
+                slopes = np.stack(problem.field(numpy_operations())(states.T, p), axis=1)
+            times, states = _finer(times, states, np.nan_to_num(slopes))
+            slow = form.observe(scene, states).slow
         if times[-1] < scene.slow_time:
-            times, states = np.append(times, scene.slow_time), np.vstack([states, states[-1]])
-        with np.errstate(all="ignore"):
-            slopes = np.stack(averaged.field(numpy_operations())(states.T, p), axis=1)
-        fine, states = _finer(times, states, np.nan_to_num(slopes))
-        size = np.linalg.norm(states[:, :3], axis=1)
-        i3, i2, i1 = (unit / inertia for inertia in sorted(ellipsoid.inertia, reverse=True))
-        with np.errstate(all="ignore"):
-            h = 2 * states[:, 3] / size**2
-            longest = h > i2
-            x = np.where(longest, (i1 - h) / (i1 - i2), (h - i3) / (i2 - i3))
-            a2 = tables.depth(np.clip(x, 0, 1))
-        a2[~(a2 < DEEPEST)] = inf
-        swing, second = np.full(len(fine), inf), np.full(len(fine), inf)
-        for side in (False, True):
-            here = np.isfinite(a2) & (longest == side)
-            if here.any():
-                found = tables.table(ellipsoid, side)
-                swing[here] = _swing(found, unit * size[here], a2[here]) * scene.torque_factor
-                second[here] = _second(found, unit, states[here, :3], a2[here]) * scene.torque_factor
-        return cls(ellipsoid, scene.torque_factor, fine, unit * states, size, a2, longest, swing, second)
+            # |L| is 0 or falls to it: what is said of it holds until it has risen again.
+            end = times[-1] + sqrt(RISEN * scene.torque_factor / min(scene.ellipsoid.damping))
+            times, slow = np.append(times, min(end, scene.slow_time)), slow[[*range(len(times)), -1]]
+        return cls._along(scene.ellipsoid, scene.torque_factor, times, slow)
+
+    def at(self, times: Array) -> "_Path":
+        """The same at further times."""
+        every = np.union1d(self.times, times[(times > 0) & (times < self.times[-1])])
+        slow = _interpolated(every, self.times, self.slow)
+        return self._along(self.ellipsoid, self.torque_factor, every, slow)
+
+    @classmethod
+    def _along(cls, ellipsoid: Ellipsoid, torque_factor: float, times: Array, slow: Array) -> "_Path":
+        unit = max(ellipsoid.inertia)
+        size = np.linalg.norm(slow[:, :3], axis=1) / unit
+        swing, second = np.full(len(times), inf), np.full(len(times), inf)
+        longest, a2 = np.zeros(len(times), bool), np.zeros(len(times))
+        if ellipsoid.kind != "triaxial":
+            here = size > 0
+            swing[here], second[here] = spheroidal.orders(Spheroid.of(ellipsoid), torque_factor, slow[here])
+        else:
+            i3, i2, i1 = (1 / inertia for inertia in sorted(ellipsoid.inertia, reverse=True))
+            with np.errstate(all="ignore"):
+                h = 2 * slow[:, 3] / (unit * size) ** 2
+                longest = h > i2
+                a2 = tables.depth(np.clip(np.where(longest, (i1 - h) / (i1 - i2), (h - i3) / (i2 - i3)), 0, 1))
+            a2[~(a2 < DEEPEST)] = inf
+            for side in (False, True):
+                here = np.isfinite(a2) & (longest == side)
+                if here.any():
+                    found = tables.table(ellipsoid, side)
+                    swing[here] = _swing(found, unit * size[here], a2[here]) * torque_factor
+                    second[here] = _second(found, unit, slow[here, :3] / unit, a2[here]) * torque_factor
+        return cls(ellipsoid, torque_factor, times, slow, size, a2, longest, swing, second)
 
     def reasons(self) -> Array:
         """Why averaging does not hold at the times of the path: "" where it does."""
@@ -165,7 +200,7 @@ class _Path:
     def kicks(self) -> Iterator[Kick]:
         """Kicks of the resonances that the path passes."""
         unit = max(self.ellipsoid.inertia)
-        for side in (False, True):
+        for side in (False, True) if self.ellipsoid.kind == "triaxial" else ():
             here = np.isfinite(self.a2) & (self.longest == side)
             if not here.any():
                 continue
@@ -182,11 +217,13 @@ class _Path:
     def stretches(self, reasons: Array, error: Array) -> tuple[Stretch, ...]:
         """Stretches of the run; those by second order last a while, unless it is the whole run."""
         turn = 2 * pi * self.torque_factor * max(self.ellipsoid.inertia)
-        ends = [i + 1 for i in range(len(reasons) - 1) if bool(reasons[i]) != bool(reasons[i + 1])]
+        # Windows reach from a sound point to a sound point.
+        between = [one or other for one, other in pairwise(reasons)]
+        changes = [i for i in range(1, len(between)) if bool(between[i]) != bool(between[i - 1])]
         found: list[tuple[int, int]] = []
-        for first, last in zip([0, *ends], [*ends, len(reasons) - 1], strict=True):
+        for first, last in pairwise([0, *changes, len(between)]):
             turns = (self.times[last] - self.times[first]) * self.size[first] / turn
-            if found and (reasons[first] or turns < TURNS) and reasons[found[-1][0]]:
+            if found and (between[first] or turns < TURNS) and between[found[-1][0]]:
                 found[-1] = found[-1][0], last
             else:
                 found.append((first, last))
@@ -194,19 +231,24 @@ class _Path:
             Stretch(
                 float(self.times[first]),
                 float(self.times[last]),
-                not reasons[first],
-                "; ".join(dict.fromkeys(each for each in reasons[first:last] if each)),
-                0.0 if reasons[first] else float(error[first : last + 1][reasons[first : last + 1] == ""].max()),
+                not between[first],
+                "; ".join(dict.fromkeys(each for each in between[first:last] if each)),
+                0.0 if between[first] else float(error[first : last + 1].max()),
             )
             for first, last in found
         )
 
+    def phase(self, error: Array) -> Array:
+        """Errors of the angles, in rad, from errors of L that last, shape (m, n): what these make of their rates."""
+        speed = max(self.ellipsoid.inertia) / sorted(self.ellipsoid.inertia)[1] / self.torque_factor
+        gained = np.diff(self.times)[:, None] * error[:-1] * speed
+        return np.minimum(np.concatenate([np.zeros((1, error.shape[1])), np.cumsum(gained, axis=0)]), pi)
+
     def orientation(self, error: Array) -> float:
-        """Estimated error of the angles, in rad, from the error of L that lasts: what it makes of their rates."""
+        """Estimated error of the angles, in rad, from an error of L that lasts."""
         if not np.isfinite(self.swing).all():
             return pi
-        speed = max(self.ellipsoid.inertia) / sorted(self.ellipsoid.inertia)[1]
-        return float(min(pi, np.diff(self.times) @ error[:-1] * speed / self.torque_factor + self.swing.max()))
+        return float(min(pi, self.phase(error[:, None])[-1, 0] + self.swing.max()))
 
     @property
     def fading(self) -> float:
@@ -226,6 +268,10 @@ def _finer(times: Array, states: Array, rates: Array) -> tuple[Array, Array]:
     inner = left + share * bend - excess
     fine = times[:-1, None] + share[:, 0] * step[:, :, 0]
     return np.append(fine.ravel(), times[-1]), np.concatenate([inner.reshape(-1, states.shape[1]), states[-1:]])
+
+
+def _interpolated(wanted: Array, times: Array, rows: Array) -> Array:
+    return np.stack([np.interp(wanted, times, column) for column in rows.T], axis=1)
 
 
 def _swing(found: tables.Table, size: Array, a2: Array) -> Array:

@@ -10,6 +10,7 @@ from polhode.models.observables import Observables
 from polhode.models.scene import Scene
 from polhode.models.second_order import tables
 from polhode.models.second_order.polhodes import SidedBody
+from polhode.models.second_order.swing import Series, Swing, series_for, swing_at
 from polhode.models.second_order.tables import Pose
 from polhode.models.shape import Ellipsoid
 
@@ -17,7 +18,7 @@ Array = np.ndarray
 
 START_PASSES, START_CLOSE = 60, 1e-14
 # Times whose tori are held in memory together.
-CHUNK = 128
+CHUNK = 64
 
 
 class NotAveragedError(ValueError):
@@ -34,6 +35,7 @@ class Entry:
     parameters: tuple[float, ...]  # what the field receives
     state: tuple[float, ...]  # slow start in the field's coordinates
     phases: tuple[float, float]  # α and β of the slow start
+    series: Series
 
     def observe(self, states: Array) -> Observables:
         """Observables with the complete rotation of states, shape (n, 9): fast phases and O(1/St) swing put back."""
@@ -47,8 +49,8 @@ class Entry:
         alpha, beta = (phase + states[:, 7 + i] / self.torque_factor for i, phase in enumerate(self.phases))
         momentum = states[:, :3] * max(self.ellipsoid.inertia)
         q = tables.frame(momentum, states[:, 4:7])
-        level = tables.level(np.maximum(states[:, 3] ** 2, tables.FLOOR))
-        return tables.swung(q, tables.torus_at(self.side, momentum, q, level, alpha, beta, self.torque_factor))
+        a2 = np.maximum(states[:, 3] ** 2, tables.FLOOR)
+        return _swung(swing_at(self.series, momentum, q, a2, alpha, beta, self.torque_factor), q)
 
 
 def entered(ellipsoid: Ellipsoid, torque_factor: float, rotation: Array, momentum: Array) -> Entry:
@@ -58,15 +60,12 @@ def entered(ellipsoid: Ellipsoid, torque_factor: float, rotation: Array, momentu
     """
     side = SidedBody.of(ellipsoid, rotation @ momentum)
     longest = abs(side.axes[2, ellipsoid.order[0]]) == 1
-    exact = Pose(momentum[None], (rotation.T @ side.axes.T)[None])
-    slow, y, alpha, beta = _slow_start(side, torque_factor, exact)
-    a2 = float(np.log1p(np.exp(y)))
-    if a2 > tables.MOST:
-        raise NotAveragedError("L² = 2EI₂ is too near")
+    exact, series = Pose(momentum[None], (rotation.T @ side.axes.T)[None]), series_for(ellipsoid, longest)
+    slow, a2, alpha, beta = _slow_start(series, torque_factor, exact)
     unit = max(ellipsoid.inertia)
     state = (*(slow.momentum[0] / unit).tolist(), sqrt(a2), *_first(slow.momentum)[0, :, 0].tolist(), 0.0, 0.0)
     p = tables.parameters(ellipsoid, torque_factor, tables.table(ellipsoid, longest))
-    return Entry(ellipsoid, torque_factor, side, p, state, (alpha, beta))
+    return Entry(ellipsoid, torque_factor, side, p, state, (alpha, beta), series)
 
 
 @lru_cache(maxsize=64)
@@ -81,20 +80,28 @@ def _first(momentum: Array) -> Array:
     return tables.frame(momentum, away)
 
 
-def _slow_start(side: SidedBody, torque_factor: float, exact: Pose) -> tuple[Pose, float, float, float]:
-    """Slow pose whose image is the exact one, with its y, α and β in the frame of `_first`."""
+def _slow_start(series: Series, torque_factor: float, exact: Pose) -> tuple[Pose, float, float, float]:
+    """Slow pose whose image is the exact one, with its a², α and β in the frame of `_first`."""
     slow = exact
     for _ in range(START_PASSES):
         q = _first(slow.momentum)
-        y, alpha, beta = tables.coordinates(side, slow, q)
-        if not np.all(np.isfinite([y, alpha, beta])):
+        a2, alpha, beta = tables.coordinates(series, slow, q)
+        if not np.all(np.isfinite([a2, alpha, beta])):
             break
-        torus = tables.torus_at(side, slow.momentum, q, y, alpha, beta, torque_factor)
-        image = tables.swung(q, torus)
+        if a2[0] > tables.MOST:
+            raise NotAveragedError("L² = 2EI₂ is too near")
+        image = _swung(swing_at(series, slow.momentum, q, a2, alpha, beta, torque_factor), q)
         excess = image.momentum - exact.momentum
         turn = image.rotation @ np.swapaxes(exact.rotation, 1, 2)
         vector = 0.5 * (turn - np.swapaxes(turn, 1, 2))[:, [2, 0, 1], [1, 2, 0]]
         if max(np.abs(excess).max() / np.linalg.norm(exact.momentum), np.abs(vector).max()) < START_CLOSE:
-            return slow, float(y[0]), float(alpha[0]), float(beta[0])
+            return slow, float(a2[0]), float(alpha[0]), float(beta[0])
         slow = Pose(slow.momentum - excess, tables.rotation_by(-vector) @ slow.rotation)
     raise NotAveragedError(f"St = {1 / torque_factor:g} is too small for this start")
+
+
+def _swung(swing: Swing, q: Array) -> Pose:
+    """Exact poses of slow ones in frames Q: the generator's flow over 1/St."""
+    change, turn = (swing.torque_factor * each for each in swing.generator)
+    change[:, 2] += swing.size
+    return Pose(np.einsum("mij,mj->mi", q, change), q @ tables.rotation_by(turn) @ swing.body[0])

@@ -19,7 +19,7 @@ from math import pi
 import numpy as np
 
 from polhode.models.forms.spheroid import Spheroid
-from polhode.models.operations import Field, Operations
+from polhode.models.operations import Field, Operations, numpy_operations
 from polhode.models.second_order.field import averaged_rates
 
 Polynomial = tuple[float, ...]
@@ -162,3 +162,25 @@ def swung(
 def unit(vectors: np.ndarray) -> np.ndarray:
     """Vectors, shape (..., 3), at unit length."""
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+def orders(spheroid: Spheroid, torque_factor: float, slow: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Largest change of L over |L| and of p by the transformation, and |L'| of second order over I_max, of (L, E)."""
+    momentum = slow[:, :3] / spheroid.equatorial_inertia
+    size = np.linalg.norm(momentum, axis=1)
+    n = momentum / size[:, None]
+    # 2E/(I_e l²) = 1 + (I_e/I_a - 1)(n·p)²
+    excess = 2 * slow[:, 3] / (spheroid.equatorial_inertia * size**2) - 1
+    h2 = np.clip(excess / (1 / spheroid.inertia_ratio - 1), 0, 1)[:, None]
+    beside = np.cross(n, np.eye(3)[np.argmin(np.abs(n), axis=1)])
+    axis = np.sqrt(h2) * n + np.sqrt(1 - h2) * unit(beside)
+    relative = []
+    for turn in np.pi / 3 * np.arange(6):
+        change, tilt = generator(spheroid, momentum, turned(momentum, axis, turn))
+        relative.append(np.linalg.norm(change, axis=1) / size + np.linalg.norm(tilt, axis=1))
+    state = (*momentum.T, *axis.T, 0 * size)
+    both, first = (
+        np.array(field(numpy_operations())(state, parameters(spheroid, factor))[:3]) for factor in (torque_factor, 0.0)
+    )
+    largest = max(1.0, spheroid.inertia_ratio)
+    return torque_factor * np.max(relative, axis=0), np.linalg.norm(both - first, axis=0) / largest

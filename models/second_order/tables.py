@@ -7,10 +7,11 @@ from math import pi
 import numpy as np
 
 from polhode.models.files import kept
-from polhode.models.second_order.averages import MODES, NAMES, SECOND, averages, phases
+from polhode.models.second_order.averages import MODES, NAMES, SECOND, averages
 from polhode.models.second_order.field import NODES, POLE, POLES, regular
 from polhode.models.second_order.polhodes import Polhodes, SidedBody
-from polhode.models.second_order.torus import Torus, least_rotation, skew
+from polhode.models.second_order.swing import Series
+from polhode.models.second_order.torus import least_rotation, skew
 from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
@@ -210,20 +211,11 @@ def frame(momentum: Array, first: Array) -> Array:
     return np.stack([first, np.cross(n, first), n], axis=-1)
 
 
-def torus_at(
-    side: SidedBody, momentum: Array, q: Array, y: Array, alpha: Array, beta: Array, torque_factor: float
-) -> Torus:
-    """The perturbation around states given by their torus coordinates, each shape (m,) or with frames (m, 3, 3)."""
-    nodes = max(phases(side, float(np.max(y))), 2)
-    polhode = Polhodes(side, y, alpha, nodes)
-    return Torus(polhode, np.linalg.norm(momentum, axis=1), beta, q[:, 0], q[:, 1], torque_factor)
-
-
-def coordinates(side: SidedBody, pose: Pose, q: Array) -> tuple[Array, Array, Array]:
-    """y, α and β, each shape (m,), of poses in frames Q; NaN if any of them lies on the other side of L² = 2EI₂."""
+def coordinates(series: Series, pose: Pose, q: Array) -> tuple[Array, Array, Array]:
+    """a², α and β, each shape (m,), of poses in frames Q; NaN if any of them lies on the other side of L² = 2EI₂."""
     from scipy.special import ellipkinc, ellipkm1
 
-    n = q[:, :, 2]
+    n, side = q[:, :, 2], series.side
     z = np.einsum("mij,mi->mj", pose.rotation, n)
     i1, i2, i3 = side.inverse_inertia
     below = (i1 - i3) * z[:, 0] ** 2 + (i2 - i3) * z[:, 1] ** 2
@@ -238,19 +230,10 @@ def coordinates(side: SidedBody, pose: Pose, q: Array) -> tuple[Array, Array, Ar
     share = 1 / (1 + np.exp(-y))
     amplitude = np.arctan2(np.sign(i2 - i3) * z[:, 1] / np.sqrt(share), z[:, 0] / np.sqrt(a2))
     alpha = pi / 2 * ellipkinc(amplitude, 1 - complement) / ellipkm1(complement)
-    nodes = phases(side, float(np.max(y)))
-    lead = Polhodes(side, y, alpha, nodes).lead[:, 0]
+    depth = np.log1p(np.exp(y))
+    lead = series.shape_at(depth, alpha)[:, 0]
     turn = np.einsum("mji,mjk,mlk->mil", q, pose.rotation, least_rotation(z))
-    return y, alpha, np.arctan2(turn[:, 1, 0], turn[:, 0, 0]) - lead
-
-
-def swung(q: Array, torus: Torus) -> Pose:
-    """Exact poses of slow ones: the generator's flow over 1/St."""
-    torque_factor = torus.torque_factor
-    change, turn = torus.ambient_here
-    m = np.concatenate([np.zeros((len(change), 2)), torus.size[:, None]], axis=1) + torque_factor * change
-    slow = torus.rotation[:, 0, 0]
-    return Pose(np.einsum("mij,mj->mi", q, m), q @ rotation_by(torque_factor * turn) @ slow)
+    return depth, alpha, np.arctan2(turn[:, 1, 0], turn[:, 0, 0]) - lead
 
 
 def rotation_by(vectors: Array) -> Array:

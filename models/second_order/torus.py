@@ -117,12 +117,6 @@ class Torus:
         """The generator as changes of L and turns of R, in the frame of L, shapes (m, a, b, 3), over all phases."""
         return self.along(np.fft.ifft2(self.generator_spectrum, axes=(1, 2), norm="forward").real)
 
-    @cached_property
-    def ambient_here(self) -> tuple[Array, Array]:
-        """The generator at the states themselves: changes of L and turns of R, in the frame of L, shapes (m, 3)."""
-        change, turn = self.along(self.generator_spectrum.sum(axis=(1, 2)).real[:, None, None])
-        return change[:, 0, 0], turn[:, 0, 0]
-
     def along(self, u: Array) -> tuple[Array, Array]:
         """Changes of (L, y, α, β), shape (m, a, b, 6), as changes of L and turns of R in the frame of L."""
         a, b = u.shape[1:3]

@@ -1,0 +1,58 @@
+"""Form `hybrid`: a run from its start to the settled state and beyond, at a cost that grows like √St at most."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from polhode.models.catalogue import form as find_form
+from polhode.models.catalogue import full_form
+from polhode.models.form import Form, Orientation
+from polhode.models.hybrid.course import ERROR_PER_TOLERANCE, HybridCourse, foreseen
+from polhode.models.observables import Observables
+from polhode.models.problem import Problem
+from polhode.models.scene import Scene
+
+
+class Hybrid(Form):
+    """State of the form of the full equations: `quaternion`, or `spheroid-axis` for spheroids.
+
+    The run goes in pieces (`polhode.models.hybrid.course`): averaged to second order where that is good enough for the
+    error asked for, by the full equations over windows where it is not, and where St is too small for it altogether.
+    """
+
+    name = "hybrid"
+    summary = "second-order averaging where it holds, full equations over windows where it does not"
+    valid_for = "spheroids and triaxial ellipsoids at finite St > 0, with an orientation; from rest too"
+    state = ("q0", "q1", "q2", "q3", "w1", "w2", "w3")
+    orientation = "full"
+
+    def check(self, scene: Scene) -> None:
+        """Refuse spheres, St = 0 and inf, and starts without orientation."""
+        if scene.ellipsoid.kind == "sphere":
+            raise self.refuse("a sphere has no symmetry axis, and L obeys a linear equation", full_form(scene))
+        if scene.stokes == 0:
+            raise self.refuse("St = 0 has no slow variables", "jeffery")
+        if scene.torque_factor == 0:
+            raise self.refuse("at St = inf the slow variables are constant", "euler-top")
+        self.require_orientation(scene)
+
+    def problem(self, scene: Scene) -> Problem:
+        """Initial value problem in time t: that of the full equations, and its course."""
+        self.check(scene)
+        full = find_form(full_form(scene)).problem(scene)
+        return replace(full, name=self.name, parts=None, course=HybridCourse(scene))
+
+    def observe(self, scene: Scene, states: np.ndarray) -> Observables:
+        """Observables, as of the full equations."""
+        return find_form(full_form(scene)).observe(scene, states)
+
+    def orientation_of(self, scene: Scene) -> Orientation:
+        """The complete orientation of a triaxial ellipsoid, the symmetry axis alone of a spheroid."""
+        return find_form(full_form(scene)).orientation
+
+    def windows(self, scene: Scene, tolerance: float) -> tuple[float, int]:
+        """Share of the run's time that the full equations are expected to follow, and the number of pieces."""
+        self.check(scene)
+        stretches = foreseen(scene, ERROR_PER_TOLERANCE * tolerance)[0].stretches
+        full = sum(each.end - each.start for each in stretches if not each.second_order)
+        return full / scene.slow_time, len(stretches)

@@ -1,0 +1,172 @@
+"""Form `hybrid`: pieces meet, errors stay below the one asked for, no window where none is needed."""
+
+from dataclasses import replace
+from itertools import pairwise
+from math import pi
+from time import perf_counter
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from polhode.harness.references.errors import errors
+from polhode.models.catalogue import form, full_form
+from polhode.models.form import FormNotValidError
+from polhode.models.hybrid.course import ERROR_PER_TOLERANCE, second_order
+from polhode.models.hybrid.form import Hybrid
+from polhode.models.scene import BodyStart, EulerStart, Scene
+from polhode.models.shape import Ellipsoid
+from polhode.solvers.contract import Status
+from polhode.solvers.solve import Solution, solve
+
+SOLVER = "cyrk-vern8"
+PAPER = EulerStart((pi / 3, pi / 6, 0.0), (1.0, 1.0, -1.0))
+REST = EulerStart((1.0, 0.3, 0.2))
+TRIAXIAL, PROLATE = (1.0, 0.8, 0.5), (1.0, 1.0, 2.0)
+# A crossing of L² = 2EI₂ and resonances; a pinch point, L falling along z; a start from rest.
+CROSSING = Scene(Ellipsoid(TRIAXIAL), 1e5, PAPER, 2e4)
+PINCHED = Scene(Ellipsoid(PROLATE), 1e5, BodyStart((1.0, 0.0, 0.2, 0.1), (0.1, 0.2, 0.9)), 2e4)
+RESTING = Scene(Ellipsoid(PROLATE), 1e5, REST, 2e4)
+RESTING_TRIAXIAL = replace(RESTING, ellipsoid=Ellipsoid(TRIAXIAL))
+SCENES = pytest.mark.parametrize("scene", [CROSSING, PINCHED, RESTING, RESTING_TRIAXIAL])
+
+
+def run(scene: Scene, error: float, **options) -> Solution:
+    times = np.linspace(0.0, scene.time, 101)
+    return solve(Hybrid().problem(scene), SOLVER, error / ERROR_PER_TOLERANCE, times, **options)
+
+
+def full_run(scene: Scene) -> Solution:
+    return solve(form(full_form(scene)).problem(scene), SOLVER, 1e-13, np.linspace(0.0, scene.time, 101))
+
+
+def kinds(solution: Solution) -> list[bool]:
+    """Which stages were averaged."""
+    return [stage.reason == "second order" for stage in solution.stages]
+
+
+@SCENES
+def test_the_error_along_the_run_is_below_the_one_asked_for(scene: Scene):
+    true = form(full_form(scene)).observe(scene, full_run(scene).states)
+    for error in (1e-4, 1e-5):
+        solution = run(scene, error)
+        assert solution.status is Status.REACHED_END
+        found = errors(scene.ellipsoid, Hybrid().observe(scene, solution.states), true)
+        assert found.slow < error
+        assert {*kinds(solution)} == {True, False}
+        stages = solution.stages
+        assert stages[0].begin == 0
+        assert stages[-1].end == scene.time
+        assert all(one.end == other.begin for one, other in pairwise(stages))
+
+
+@pytest.mark.parametrize("scene", [CROSSING, replace(PINCHED, start=REST)])
+def test_hand_over_there_and_back_is_exact_to_rounding(scene: Scene):
+    solution = run(scene, 1e-4)
+    reached = [stage.begin for stage in solution.stages if stage.reason == "second order"]
+    times = np.unique([0.0, *reached, scene.time])
+    states = solve(Hybrid().problem(scene), SOLVER, 1e-6, times).states
+    course = Hybrid().problem(scene).course
+    assert course
+    for begin in reached:
+        state, unit = states[np.searchsorted(times, begin)].copy(), slice(0, 4) if scene is CROSSING else slice(3, 6)
+        # Solvers let the norm drift.
+        state[unit] /= np.linalg.norm(state[unit])
+        here = replace(scene, start=course.start(state), time=scene.time - begin)  # pyright: ignore
+        problem, back = second_order(here)
+        returned = back(np.array([problem.start]))[0]
+        sign = np.sign(returned[:4] @ state[:4]) if scene is CROSSING else 1
+        assert np.abs(np.r_[sign * returned[:4], returned[4:]] - state).max() < 1e-12
+
+
+def test_nothing_is_integrated_in_full_where_averaging_holds():
+    gentle = Scene(Ellipsoid((1.0, 1.0, 0.5)), 1e6, PAPER, 1e5)
+    assert kinds(run(gentle, 1e-6)) == [True]
+
+
+@SCENES
+def test_everything_is_where_the_stokes_number_is_small(scene: Scene):
+    small = replace(scene, stokes=10.0, time=5.0)
+    solution = run(small, 1e-6)
+    assert not any(kinds(solution))
+    true = form(full_form(small)).observe(small, full_run(small).states)
+    assert errors(small.ellipsoid, Hybrid().observe(small, solution.states), true).slow < 1e-6
+
+
+def test_windows_narrow_as_the_stokes_number_grows():
+    shares = []
+    for stokes in (1e5, 1e6, 1e7):
+        solution = run(replace(CROSSING, stokes=stokes, time=0.2 * stokes), 1e-4)
+        pairs = zip(solution.stages, kinds(solution), strict=True)
+        shares.append(sum(stage.end - stage.begin for stage, averaged in pairs if not averaged) / solution.times[-1])
+    # Like 1/√St, their time like √St.
+    assert shares[2] < shares[0] / 4
+
+
+def test_windows_are_foreseen():
+    gentle = Scene(Ellipsoid((1.0, 1.0, 0.5)), 1e6, PAPER, 1e5)
+    assert Hybrid().windows(gentle, 1e-8) == (0, 1)
+    share, pieces = Hybrid().windows(replace(CROSSING, stokes=1e6, time=2e5), 1e-6)
+    assert 0 < share < 0.3
+    assert pieces > 2
+    assert Hybrid().windows(replace(CROSSING, stokes=10.0, time=5.0), 1e-8) == (1, 1)
+
+
+def test_the_triaxial_limit_meets_the_spheroid():
+    spheroid = run(replace(RESTING, start=PAPER), 1e-6)
+    apart = []
+    for close in (1e-4, 1e-5):
+        near = replace(RESTING, start=PAPER, ellipsoid=Ellipsoid((1.0, 1.0 - close, 2.0)))
+        found = Hybrid().observe(near, run(near, 1e-6).states)
+        true = Hybrid().observe(RESTING, spheroid.states)
+        apart.append(np.abs(found.slow - true.slow).max())
+    assert apart[1] < apart[0] / 5
+    assert apart[0] < 1e-2
+
+
+@pytest.mark.parametrize("scene", [CROSSING, RESTING])
+def test_a_run_that_is_stopped_keeps_its_rows(scene: Scene):
+    whole = run(scene, 1e-5)
+    ends = np.cumsum([stage.steps or 0 for stage in whole.stages])
+    for steps in {1, *(int(end) - 1 for end in ends)}:
+        cut = run(scene, 1e-5, max_steps=steps)
+        assert cut.status is Status.STEP_LIMIT
+        assert np.array_equal(cut.states, whole.states[: len(cut.times)])
+        begun = cut.stages[-1].begin if cut.stages else 0.0
+        assert len(cut.times) >= np.searchsorted(whole.times, begun)
+
+
+def test_it_refuses_what_it_does_not_describe():
+    sphere, massless, torqueless = (
+        replace(CROSSING, **change)
+        for change in ({"ellipsoid": Ellipsoid((1.0, 1.0, 1.0))}, {"stokes": 0.0}, {"stokes": np.inf})
+    )
+    for scene, instead in ((sphere, "spheroid-axis"), (massless, "jeffery"), (torqueless, "euler-top")):
+        with pytest.raises(FormNotValidError, match=instead):
+            Hybrid().check(scene)
+
+
+LENGTH = st.floats(0.15, 1.0)
+REAL = st.floats(-3.0, 3.0)
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    st.tuples(LENGTH, LENGTH, LENGTH),
+    st.floats(-3.0, 8.0),
+    st.floats(-3.0, 0.3),
+    st.tuples(REAL, REAL, REAL),
+    st.tuples(REAL, REAL, REAL),
+    st.sampled_from([1e-3, 1e-6, 1e-9]),
+)
+def test_any_scene_runs_or_is_refused_at_once(axes, stokes, slow, angles, rates, error):
+    scene = Scene(Ellipsoid(axes), 10**stokes, EulerStart(angles, rates), 10 ** (slow + stokes))
+    began = perf_counter()
+    if scene.ellipsoid.kind == "sphere":
+        with pytest.raises(FormNotValidError):
+            Hybrid().check(scene)
+        return
+    solution = run(scene, error, max_seconds=0.2)
+    assert solution.status in (Status.REACHED_END, Status.TIME_LIMIT), solution.message
+    assert perf_counter() - began < 5.0

@@ -1,0 +1,33 @@
+"""The fast generator of the transformation against that over the whole torus."""
+
+import numpy as np
+import pytest
+
+from polhode.models.second_order import tables
+from polhode.models.second_order.averages import phases
+from polhode.models.second_order.polhodes import Polhodes
+from polhode.models.second_order.swing import Swing, series_for
+from polhode.models.second_order.torus import Torus
+from polhode.models.shape import Ellipsoid
+
+MANY = 12
+
+
+@pytest.mark.parametrize("longest", [True, False])
+@pytest.mark.parametrize("axes", [(1.0, 0.8, 0.5), (0.3, 1.0, 0.9), (0.2, 0.19, 1.0)])
+def test_pose_and_generator_are_those_of_the_torus(axes: tuple[float, float, float], longest: bool):
+    series, draw = series_for(Ellipsoid(axes), longest), np.random.default_rng(3)
+    # From rotation about a principal axis to near L² = 2EI₂.
+    for least, most, tolerance in ((1e-8, 1e-6, 1e-9), (0.01, 1.0, 1e-7), (3.0, 5.0, 1e-4)):
+        a2, size = draw.uniform(least, most, MANY), draw.uniform(0.2, 2.0, MANY)
+        alpha, beta = draw.uniform(0, 2 * np.pi, (2, MANY))
+        frames = np.linalg.qr(draw.normal(size=(MANY, 3, 3)))[0]
+        frames *= np.linalg.det(frames)[:, None, None]
+        flow, gradient, y = frames[:, 0], frames[:, 1], tables.level(a2)
+        swing = Swing(series, a2, alpha, beta, size, flow, gradient, 1e-6)
+        polhode = Polhodes(series.side, y, alpha, phases(series.side, float(y.max())))
+        torus = Torus(polhode, size, beta, flow, gradient, 1e-6)
+        assert np.abs(swing.body[0] - torus.rotation[:, 0, 0]).max() < 1e-12
+        for found, whole in zip(swing.generator, torus.ambient, strict=True):
+            exact = whole[:, 0, 0]
+            assert np.abs(found - exact).max() < tolerance * np.abs(exact).max()
