@@ -13,7 +13,7 @@ from polhode.models.operations import FLOAT
 from polhode.models.problem import Problem
 from polhode.models.scene import BodyStart, Scene
 from polhode.models.shape import Ellipsoid
-from polhode.solvers.ensembles import equal_steps
+from polhode.solvers.ensembles import equal_steps, methods
 from polhode.solvers.ensembles.equal_steps import Plan, plan, run
 from polhode.solvers.ensembles.methods import RUNGE_KUTTA, method
 from polhode.solvers.ensembles.taylor_batch import run_batches
@@ -96,6 +96,18 @@ def test_splitting_serves_where_the_torque_is_weak_and_runge_kutta_elsewhere(sto
     chosen = plan(problem, starts[:32], np.array([0.0, problem.end]), 1e-8)
     assert chosen is not None
     assert chosen.method.startswith(expected)
+
+
+def test_particles_are_the_same_to_the_last_bit_in_lanes_of_any_width(monkeypatch: pytest.MonkeyPatch):
+    problem, starts = problem_of((1.0, 1.0, 2.0), 100.0, 20.0)
+    found = []
+    for wide in (4, 16):
+        monkeypatch.setattr("polhode.solvers.machine_code.lanes.width", lambda wide=wide: wide)
+        methods._splitting.cache_clear()
+        by = method("SABA2", problem)
+        found.append(by_particle(by.lanes.march(starts, 3, by.constants(0.5), 20), len(starts)))
+        methods._splitting.cache_clear()
+    assert np.array_equal(*found)
 
 
 @pytest.mark.parametrize("name", ["SABA2", "ABA(8,6,4)", "ABA(10,6,4)", RUNGE_KUTTA])
