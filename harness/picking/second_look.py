@@ -46,7 +46,7 @@ TIGHTEST, LOOSEST = 1e-15, 1e-2
 KNOW_PARTS = ("splitting", "stroboscopic")
 # Upper ends over the middle: of a tighter look, of a looser one, and of a looser one by an implicit method, whose
 # errors follow its tolerance less closely.
-CERTAIN, SCALED, LOOSELY = 1.5, 6.0, 100.0
+CERTAIN, SCALED, LOOSELY = 1.5, 6.0, 20.0
 # Output times that a look compares, at most.
 MOST_TIMES = 501
 # Rounding along a run, in eps of what is measured, and how it grows with the rotations (`laws.ErrorLaw`).
