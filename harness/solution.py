@@ -11,13 +11,14 @@ import numpy as np
 from polhode.harness.common.machine import versions
 from polhode.harness.common.observables_csv import COLUMNS, OMEGA
 from polhode.harness.common.plain_json import dumps
-from polhode.harness.common.text import short
+from polhode.harness.common.text import scientific, short
 from polhode.harness.picking.second_look import UNKNOWN, RunError
 from polhode.models.form import Form
 from polhode.models.observables import Observables, angular_velocity
 from polhode.models.scene import Scene, start_from
 from polhode.solvers.contract import Status, Work
 from polhode.solvers.dense_output import LikeSolveIvp
+from polhode.solvers.pieces import Stage
 from polhode.solvers.solve import Solution, described
 
 if TYPE_CHECKING:
@@ -93,6 +94,7 @@ class SceneSolution(LikeSolveIvp):
         lines = [described(self, problem, f"tolerance {short(self.tolerance)}")]
         if self.error is not UNKNOWN:
             lines.append(f"  error: {self.error.words(self.scene.ellipsoid, self.observables)}")
+        lines += [f"  piece: {each}" for each in self.pieces_in_words()]
         return "\n".join([*lines, *[f"  advice: {self.error.advice}"] * bool(self.error.advice)])
 
     def _repr_html_(self) -> str:
@@ -100,6 +102,21 @@ class SceneSolution(LikeSolveIvp):
         facts = (line.strip().split(": ", 1) for line in repr(self).splitlines()[1:])
         rows = "".join(f"<tr><th>{escape(name)}</th><td>{escape(fact)}</td></tr>" for name, fact in facts)
         return f"<table><caption>{type(self).__name__}</caption>{rows}</table>"
+
+    @property
+    def pieces(self) -> tuple[Stage, ...]:
+        """Pieces of a run of several: their begin and end in slow time, reason, expected error, steps; else none."""
+        unit = self.run.problem.time_unit / self.scene.stokes if self.run.stages else 1.0
+        return tuple(replace(each, begin=unit * each.begin, end=unit * each.end) for each in self.run.stages)
+
+    def pieces_in_words(self, most: int = 8) -> list[str]:
+        """The pieces, one a line, the first ones if there are many."""
+        lines = [
+            f"t₂ = {each.begin:.3g} to {each.end:.3g}: {each.reason}"
+            + (f", error {scientific(each.error)}" if each.error else ", full equations")
+            for each in self.pieces
+        ]
+        return lines if len(lines) <= most else [*lines[: most - 1], f"{len(lines) - most + 1} pieces more"]
 
     @property
     def form(self) -> str:
@@ -199,6 +216,7 @@ class SceneSolution(LikeSolveIvp):
             **{name: getattr(self, name) for name in names},
             "status": str(self.status),
             "error": asdict(self.error),
+            "pieces": [asdict(each) for each in self.pieces],
             "versions": versions(),
         }
 

@@ -83,6 +83,9 @@ def solve(scene: str, out: Path | None, quiet: bool, verbose: bool, **given: Any
             click.echo(_table(solution))
         elif not quiet and target.atomic:
             click.echo(f"{out}: {what.samples} rows, solved in {duration(solution.seconds)}", err=True)
+        if not quiet:
+            for piece in solution.pieces_in_words():
+                click.echo(f"note: {piece}", err=True)
         if what.estimate and not quiet:
             click.echo(f"error: {solution.error.words(what.scene.ellipsoid, solution.observables)}", err=True)
             if solution.error.advice and not what.note:
