@@ -33,6 +33,6 @@ def test_many_pieces_are_cut_short(solution: SceneSolution):
     assert solution.pieces_in_words(most=1) == [f"{len(solution.pieces)} pieces more"]
 
 
-def test_the_command_notes_them(run: Run):
+def test_the_command_notes_them(here: Run):
     given = ("--form", "hybrid", "--solver", "cyrk-vern8", "--tolerance", "1e-6", "--samples", "3")
-    assert "note: t₂ = 0 to " in run("solve", "spheroid", *given).stderr
+    assert "note: t₂ = 0 to " in here("solve", "spheroid", *given).stderr
