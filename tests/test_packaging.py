@@ -46,7 +46,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     tree.mkdir()
     for name in ("CITATION.cff", "LICENSE", "MANIFEST.in", "Makefile", "README.md", "bootstrap.sh", "constraints.txt"):
         shutil.copy(ROOT / name, tree)
-    for name in ("CONTRIBUTING.md", "pyproject.toml", "setup.py"):
+    for name in (".pre-commit-config.yaml", "CHANGELOG.md", "CONTRIBUTING.md", "pyproject.toml", "setup.py"):
         shutil.copy(ROOT / name, tree)
     for name in (*PACKAGES, "docs", "tests"):
         shutil.copytree(ROOT / name, tree / name, ignore=shutil.ignore_patterns("__pycache__"))
@@ -73,7 +73,7 @@ def test_the_source_holds_docs_tests_and_constraints_too(built: tuple[Path, Path
     with tarfile.open(built[0]) as source:
         held = {member.name.partition("/")[2] for member in source if member.isfile()}
     assert in_tree(*PACKAGES, "docs", "tests") <= held
-    assert {"constraints.txt", "setup.py", "pyproject.toml", "Makefile", "bootstrap.sh", "LICENSE", "README.md"} <= held
+    assert {"CHANGELOG.md", "constraints.txt", "setup.py", "pyproject.toml", "Makefile", "bootstrap.sh", "LICENSE", "README.md"} <= held
 
 
 @pytest.fixture(scope="module")

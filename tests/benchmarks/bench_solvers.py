@@ -89,7 +89,7 @@ def _name(case: Case) -> str:
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """One test per case."""
-    outside = (metafunc.config.getoption(option) for option in ("--with-form", "--with-solver"))
+    outside = (metafunc.config.getoption(option) or () for option in ("--with-form", "--with-solver"))
     metafunc.parametrize("case", list(cases(*outside)), ids=_name)
 
 
