@@ -13,7 +13,7 @@ BEFORE ?= HEAD~1
 AFTER  ?= HEAD
 
 .DEFAULT_GOAL := help
-.PHONY: help setup bench test test-all check lint format benchmark benchmark-compare cold-start report clean
+.PHONY: help setup bench test test-all check lint format docs benchmark benchmark-compare cold-start report clean
 
 help: ## list the commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-18s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -51,6 +51,10 @@ benchmark-compare: $(READY) ## time two commits in turns (6 minutes): make bench
 	    -m pytest -q tests/benchmarks -o python_files='bench_*.py' -p no:cacheprovider --benchmark-json=../$$round.json); \
 	done; done
 	$(BIN)/polhode compare .benchmarks/$$(git rev-parse --short $(BEFORE)) .benchmarks/$$(git rev-parse --short $(AFTER))
+
+docs: $(READY) ## one offline site of all pages and the API, into build/site/
+	@$(BIN)/python -c "import mkdocs" 2>/dev/null || $(BIN)/pip install --quiet --constraint constraints.txt mkdocs-material mkdocstrings-python
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet && echo build/site/index.html
 
 report: $(READY) ## one offline site of everything measured, into reports/site/
 	$(BIN)/polhode report

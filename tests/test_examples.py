@@ -1,7 +1,9 @@
 """The examples run as they stand, and say what is true."""
 
+import inspect
 import json
 import os
+import pkgutil
 import re
 import runpy
 import subprocess
@@ -9,6 +11,10 @@ from pathlib import Path
 
 import pytest
 from commandline import SCRIPT
+
+from polhode.models.catalogue import FORMS
+from polhode.models.problems.catalogue import PROBLEMS
+from polhode.solvers.catalogue import SOLVERS, solver
 
 EXAMPLES = Path(__file__).parents[1] / "docs" / "examples"
 
@@ -91,3 +97,32 @@ def test_ice_crystal(example):
 def test_every_example_is_run():
     run = set(re.findall(r'example\("(\w+)"\)', Path(__file__).read_text(encoding="utf-8")))
     assert run == {path.stem for path in EXAMPLES.glob("*.py")}
+
+
+def test_references_name_every_method_form_and_problem():
+    page = (EXAMPLES.parent / "references.md").read_text(encoding="utf-8")
+    for name in (*SOLVERS, *FORMS, *PROBLEMS):
+        assert f"- `{name}`: " in page, name
+    for name in SOLVERS:
+        source = re.search(r"Source: (.*?)(?:\n\n|\Z)", inspect.getdoc(type(solver(name))) or "", re.DOTALL)
+        assert source is None or " ".join(source.group(1).split()) in page, name
+    for each in PROBLEMS.values():
+        assert each.source in page
+
+
+def test_pages_show_python_that_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    for page in ("own-ode.md", "solutions.md"):
+        blocks = re.findall(r"```python\n(.*?)```", (EXAMPLES.parent / page).read_text(encoding="utf-8"), re.DOTALL)
+        assert blocks
+        # Three solvers say as much as all.
+        code = "\n".join(blocks).replace("tolerances=(1e-4, 1e-8)", "['taylor', 'radau', 'ida'], (1e-4,)")
+        exec(code, {})
+
+
+def test_every_page_of_the_site_is_there():
+    text = (EXAMPLES.parents[1] / "mkdocs.yml").read_text(encoding="utf-8")
+    pages = re.findall(r": ([\w-]+\.md)$", text, re.MULTILINE)
+    assert set(pages) == {path.name for path in EXAMPLES.parent.glob("*.md")}
+    for name in re.findall(r"^::: (.+)$", (EXAMPLES.parent / "api.md").read_text(encoding="utf-8"), re.MULTILINE):
+        assert pkgutil.resolve_name(name)

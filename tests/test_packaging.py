@@ -73,7 +73,16 @@ def test_the_source_holds_docs_tests_and_constraints_too(built: tuple[Path, Path
     with tarfile.open(built[0]) as source:
         held = {member.name.partition("/")[2] for member in source if member.isfile()}
     assert in_tree(*PACKAGES, "docs", "tests") <= held
-    assert {"CHANGELOG.md", "constraints.txt", "setup.py", "pyproject.toml", "Makefile", "bootstrap.sh", "LICENSE", "README.md"} <= held
+    assert {
+        "CHANGELOG.md",
+        "constraints.txt",
+        "setup.py",
+        "pyproject.toml",
+        "Makefile",
+        "bootstrap.sh",
+        "LICENSE",
+        "README.md",
+    } <= held
 
 
 @pytest.fixture(scope="module")
