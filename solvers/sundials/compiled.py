@@ -121,8 +121,10 @@ def integrator(memory: Memory, count: bool) -> Integrator:
     """Runs into records."""
 
     def integrate(record: Record) -> Outcome:
-        with FlushedToZero():
+        try:
             memory.begin(record)
+        except RuntimeError as error:
+            return Status.STEP_UNDERFLOW, f"no consistent initial values: {error}"
         work, report, steps = record.work, memory.report, 0
         while True:
             with FlushedToZero():

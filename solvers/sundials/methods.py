@@ -81,7 +81,10 @@ class SundialsSolver(Solver):
             run = _step_by_step if settings.count or record.max_steps < UNLIMITED else _at_once
             # The wrapper prints the library's errors.
             with deferred_interrupt(guard.close), redirect_stdout(io.StringIO()):
-                outcome = run(library, start(record), record)
+                try:
+                    outcome = run(library, start(record), record)
+                except RuntimeError as error:
+                    outcome = Status.STEP_UNDERFLOW, f"no consistent initial values: {error}"
             record.work.rhs_calls = guard.calls if settings.count else None
             if not outcome[0].success and guard.stalled:
                 return Status.STEP_UNDERFLOW, f"stalled at t = {guard.time!r}"

@@ -9,6 +9,8 @@ from oracle.first_principles import jeffery
 from oracle.runs import SCENES, Run
 from polhode.models.catalogue import FORMS, form
 from polhode.models.form import FormNotValidError
+from polhode.models.operations import Field, Operations
+from polhode.models.problem import MassForm, Problem
 from polhode.models.scene import Scene
 from polhode.solvers.catalogue import SOLVERS, solver
 from polhode.solvers.contract import SolverNotValidError, Status
@@ -53,6 +55,18 @@ def test_ida_computes_consistent_initial_values():
     rotation = form("quaternion").observe(NO_INERTIA, right.states[:1]).rotation[0]
     assert corrected.states[0, 4:] == pytest.approx(jeffery(NO_INERTIA.ellipsoid.semi_axes, rotation), abs=1e-10)
     assert corrected.states[:, :4] == pytest.approx(right.states[:, :4], abs=1e-7)
+
+
+def unsolvable(ops: Operations) -> Field:
+    return lambda y, p: (1.0, y[1] * y[1] + 1.0)
+
+
+@pytest.mark.parametrize("backend", ["compiled", "numba"])
+def test_where_there_are_no_consistent_initial_values(backend):
+    problem = Problem("unsolvable", unsolvable, (0.0, 0.5), 1.0, None, MassForm((1.0, 0.0), ()))
+    solution = solve(problem, "ida", 1e-6, backend=backend)
+    assert solution.status is Status.STEP_UNDERFLOW
+    assert "no consistent initial values" in solution.message
 
 
 @pytest.mark.parametrize("stokes", [1e-1, 1e-3, 1e-6])
