@@ -2,11 +2,10 @@
 
 from dataclasses import dataclass
 from math import inf, isfinite, pi, sqrt
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 
-from polhode.models.problem import Parts
 from polhode.solvers.contract import Record
 from polhode.solvers.parts.kernels import ROUNDING
 from polhode.solvers.parts.schemes import SCHEMES, Scheme
@@ -53,34 +52,16 @@ class Plan:
         return self.scheme.stages / self.scheme.step(self.factor, rate)
 
 
-class Runs(Protocol):
-    """What a planner needs to know of a problem."""
-
-    parts: Parts
-    strength: float
-    forgetting: float
-    floor: float
-
-    def rate(self, state: np.ndarray) -> float:
-        """Rate of the fast angle, no less than the least one that counts."""
-        ...
-
-    def check(
-        self, law: np.ndarray, finer: np.ndarray, scheme: Scheme, state: np.ndarray, setting: tuple[float, ...]
-    ) -> np.ndarray:
-        """What two runs differ by, as `polhode.solvers.parts.kernels.Kernels` says."""
-        ...
-
-
 class Planner:
     """Chooses plans for one problem and one tolerance, from its short runs.
 
     Parameters
     ----------
-    problem : Runs
+    problem : Split
+        Of `polhode.solvers.parts.splitting`: its rates, and `check`.
     """
 
-    def __init__(self, problem: Runs, tolerance: float) -> None:
+    def __init__(self, problem: Any, tolerance: float) -> None:
         self.problem, self.error = problem, AIM * tolerance
         # What each scheme's errors are to its law, as far as is known.
         self.scales = dict.fromkeys((each.name for each in SCHEMES), 1.0)

@@ -159,7 +159,8 @@ class Splitting(PartsSolver):
     """Exact rotation and exact relaxation in turns: schemes of order (2), (4, 2), (8, 6, 4) and (10, 6, 4).
 
     Class: palindromic compositions for nearly integrable systems; torque-free motion is exact at any step. Scheme and
-    step follow from the tolerance by a law, and from a check by two step sizes at the beginning of the run.
+    step follow from the tolerance by a law, and from checks by two step sizes at the beginning and, on longer runs,
+    where the rate has changed and at shares of the run.
     Stability: unconditional in the relaxation but for short backward ones; the step is bound by the angle, so that at
     small St, where relaxation outpaces the rotation, steps are as short as those of an explicit method.
     Tolerance: error of L/I_e over the whole run, however long; orientation errs by that times the angle turned.

@@ -396,6 +396,7 @@ def test_averaging_any_spheroid(kappa, stokes, spin):
     start = EulerStart((1.0, 0.5, 0.0), tuple(3.0 + each for each in spin))
     each = problem(10**stokes, 3000.0, kappa, start)
     times = np.linspace(0.0, each.end, 21)
-    solution, exact = (solve(each, *method, times) for method in (("stroboscopic", 1e-8), ("taylor", TIGHT)))
+    solution, exact = (solve(each, *method, times) for method in (("stroboscopic", TOLERANCE), ("taylor", TIGHT)))
     assert solution.success
-    assert np.abs(solution.states - exact.states)[:, :3].max() < 1e-8
+    # Over a thousand turns and more, needles included, whose phase acts on L.
+    assert np.abs(solution.states - exact.states)[:, :3].max() < 10 * TOLERANCE
