@@ -11,9 +11,11 @@ export NUMBA_NUM_THREADS := 1
 
 BEFORE ?= HEAD~1
 AFTER  ?= HEAD
+SEED    ?= 1
+MINUTES ?= 20
 
 .DEFAULT_GOAL := help
-.PHONY: help setup bench test test-all check lint format docs benchmark benchmark-compare cold-start report clean
+.PHONY: help setup bench test test-all check lint format docs benchmark benchmark-compare cold-start torture report clean
 
 help: ## list the commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-18s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -37,6 +39,9 @@ test-all: check ## the checks, then all tests, the slow ones too
 
 benchmark: $(READY) ## every solver under pytest-benchmark, into .benchmarks/ (2 minutes)
 	$(BIN)/pytest tests/benchmarks -o python_files='bench_*.py' --benchmark-autosave
+
+torture: $(READY) ## hostile input, kills, bit flips, races: 20 minutes; SEED=2 MINUTES=5 for others
+	cd tests && ../$(BIN)/python -m torture --seed $(SEED) --minutes $(MINUTES)
 
 cold-start: $(READY) ## commands in processes of their own: wall and processor time
 	$(BIN)/python tests/benchmarks/cold_start.py

@@ -226,7 +226,8 @@ def test_killed_and_resumed_gives_the_same_records(
     for key, record in complete.items():
         assert {name: late[key][name] for name in LASTING} == {name: record[name] for name in LASTING}
     names = sorted(path.name for path in (tmp_path / "broken").iterdir() if not path.name.startswith("store"))
-    assert names == ["README.md", "SHA256SUMS", "orientation.png", "records.jsonl", "runs.csv", "slow.png"]
+    assert {"README.md", "SHA256SUMS", "orientation.png", "records.jsonl", "slow.png"} <= set(names)
+    assert not any("partial" in name for name in names)
 
 
 # An export that takes ten seconds, whatever the machine.
@@ -240,7 +241,7 @@ def records(self):
         yield {"key": str(number), "note": "x" * 100}
         time.sleep(0.01)
 
-store.Store.records = records
+store.Store.__iter__ = records
 cli.main(["export", "store.sqlite", "out.jsonl"])
 """
 

@@ -1,0 +1,176 @@
+"""Hostile scenes, studies, sweeps and command lines, each in a forked process: answered soon, in a line.
+
+A run that is named on standard error, with its form and solver, has been answered: how long it then takes was asked
+for.
+"""
+
+import os
+import re
+import resource
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from importlib import import_module
+from pathlib import Path
+from random import Random
+
+from commandline import SCENE, STUDY
+
+from polhode.harness.cli import main
+
+SWEEP = """\
+name = "small"
+title = "A small sweep"
+shapes = [[1.0, 1.0, 2.0]]
+stokes = 200.0
+time = 6.0
+particles = 4
+samples = 11
+snapshots = 3
+bins = 8
+start.motion = "fluid"
+"""
+NUMBERS = (
+    *("0", "-0.0", "-1", "nan", "inf", "-inf", "1e308", "-1e308", "5e-324", "1e400", "1e155", "1e-200", "1e12"),
+    *("99999999999999999999", "0x10", "1_000", "true", "''", "'x'", "[]", "{}", "1979-05-27", "1e30", "6", "360.0"),
+)
+SIGNS = ("\0", "\x1b[31m", "\ufeff", "\u202e", "é", "\ud800", "=", "[", "]]", '"""', "\r", "#", "\n\n[shape]\n")
+WORDS = ("--", "-", "", "paper", "top", "quaternion", "taylor", "averaged", "os:path", "../x", "~", "a\\nb")
+OPTIONS = ("--form", "--solver", "--tolerance", "--error", "--want", "--samples", "--out", "--quiet", "-v", "--json")
+SECONDS, ENOUGH, ROOM = 10.0, 2.5, 2**30
+NUMBER = re.compile(r"(?<![\w.])[-+]?\d[\d._]*(?:e[-+]?\d+)?")
+ANSWERED = re.compile(r"^\S+ by \S+ at tolerance", re.MULTILINE)
+
+
+def mutated(text: str, random: Random) -> str:
+    """A file's text with one to three things in it spoiled."""
+    for _ in range(random.randint(1, 3)):
+        lines = text.split("\n")
+        kind, at = random.randrange(7), random.randrange(len(lines))
+        if kind <= 2 and (found := list(NUMBER.finditer(text))):
+            one = random.choice(found)
+            text = text[: one.start()] + random.choice(NUMBERS) + text[one.end() :]
+        elif kind == 3:
+            text = "\n".join(lines[:at] + lines[at + 1 :])
+        elif kind == 4:
+            text = "\n".join([*lines[:at], random.choice(lines), *lines[at:]])
+        elif kind == 5:
+            place = random.randrange(len(text) + 1)
+            text = text[:place] + random.choice(SIGNS) + text[place:]
+        else:
+            text = text[: random.randrange(len(text) + 1)] if random.random() < 0.3 else text.swapcase()
+    return text
+
+
+def inputs(random: Random) -> Iterator[tuple[str, list[str]]]:
+    """Contents of the file `x.toml`, and a command line."""
+    while True:
+        kind = random.randrange(6)
+        if kind <= 2:
+            extra = [random.choice(OPTIONS + WORDS + NUMBERS) for _ in range(random.choice((0, 0, 1, 2, 4)))]
+            command = random.choice(("solve", "solve", "scenes", "pick", "shape"))
+            yield mutated(SCENE.replace("0.5\n", "0.01\n", 1), random), [command, "x.toml", *extra]
+        elif kind == 3:
+            # Read and checked as ever; then no scene is left.
+            yield mutated(STUDY, random), ["bench", "x.toml", "--scene", "nothing"]
+        elif kind == 4:
+            yield mutated(SWEEP, random), ["sweep", "x.toml", "--workers", "0", "--quiet", "--out", "o"]
+        else:
+            some = random.choice(("export", "compare", "report", "paper", "bench", "scenes", "solve", "pick"))
+            more = {"export": ["x.toml", "o.csv"], "compare": ["x.jsonl", "x.toml"], "paper": ["nothing"]}
+            yield mutated(SCENE, random), [some, *more.get(some, ["x.toml", "--scene", random.choice(WORDS)])]
+
+
+def fuzzed(seed: int, count: int, folder: Path) -> list[str]:
+    """Complaints about that many inputs."""
+    complaints = []
+    for number, (text, words) in zip(range(count), inputs(Random(seed)), strict=False):
+        place = Path(tempfile.mkdtemp(dir=folder))
+        content = text.encode("utf-8", "surrogatepass")
+        for name in ("x.toml", "x.jsonl"):
+            (place / name).write_bytes(content)
+        if complaint := _answered(words, place):
+            kept = folder / f"fuzz-{seed}-{number}.toml"
+            kept.write_bytes(content)
+            complaints.append(f"{complaint}: polhode {' '.join(map(repr, words))} with {kept}")
+        shutil.rmtree(place)
+    return complaints
+
+
+def _answered(words: list[str], place: Path) -> str:
+    """What is wrong with the answer to a command line; empty if nothing is."""
+    sys.stdout.flush()
+    child = os.fork()
+    if child == 0:
+        _run(words, place)
+    began, limit = time.monotonic(), 6 * SECONDS
+    while True:
+        ended, status, used = os.wait4(child, os.WNOHANG)
+        if ended or time.monotonic() - began > limit or (spent := _spent(child)) > SECONDS:
+            break
+        if spent > ENOUGH and ANSWERED.search(_said(place)):
+            break
+        time.sleep(0.005)
+    late = not ended
+    if late:
+        os.kill(child, 9)
+        _, status, used = os.wait4(child, 0)
+    said = _said(place)
+    running = ANSWERED.search(said) or (place / "o" / "store.sqlite").exists()
+    code = os.waitstatus_to_exitcode(status)
+    lines = [line for line in said.splitlines() if not line.startswith("note: ")]
+    if "Traceback" in said:
+        return f"traceback {lines[-1]}"
+    if late:
+        return "" if running else "no answer"
+    if used.ru_maxrss * 1024 > ROOM:
+        return f"{used.ru_maxrss >> 10} MB"
+    if code == 2 and (len(lines) != 1 or not lines[0].isprintable()):
+        return f"{len(lines)} lines"
+    return "" if code in (0, 1, 2) else f"exit code {code}"
+
+
+def _said(place: Path) -> str:
+    with suppress(FileNotFoundError):
+        return (place / "stderr").read_text(encoding="utf-8", errors="replace")
+    return ""
+
+
+def _spent(child: int) -> float:
+    """Processor time of a process, in seconds, which a busy machine leaves as it is."""
+    numbers = Path(f"/proc/{child}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+    return sum(map(float, numbers[11:13])) / os.sysconf("SC_CLK_TCK")
+
+
+def _run(words: list[str], place: Path) -> None:
+    """The command in this process, for good."""
+    code = 99
+    try:
+        os.chdir(place)
+        for stream, name in ((1, "stdout"), (2, "stderr")):
+            os.dup2(os.open(name, os.O_WRONLY | os.O_CREAT), stream)
+        sys.stdout, sys.stderr = os.fdopen(1, "w"), os.fdopen(2, "w")
+        resource.setrlimit(resource.RLIMIT_AS, (4 * ROOM, 4 * ROOM))
+        main(words)
+    except SystemExit as end:
+        code = int(end.code or 0)
+    except BaseException:
+        import traceback
+
+        traceback.print_exc()
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+
+
+def warm() -> None:
+    """Import and compile, in this process, what the forked ones need."""
+    for module in ("bench", "pick", "records", "report", "show", "solve", "sweep"):
+        import_module(f"polhode.harness.commands.{module}")
+    for module in ("api", "ensembles.sweep", "studies.study_file", "studies.runner", "picking.ranking"):
+        import_module(f"polhode.harness.{module}")
+    import_module("polhode").solve("paper", samples=3)

@@ -1,0 +1,151 @@
+"""Kills at random moments, taken up again: the end is what an undisturbed run leaves, but for times."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from random import Random
+from typing import Any
+
+from commandline import STUDY
+
+from polhode.harness.common.store import Store
+from torture.fuzz import SWEEP
+
+# What differs from run to run.
+TIMES = (
+    *("date", "seconds", "seconds_spread", "seconds_runs", "prepare_seconds", "counted_seconds", "rhs_seconds"),
+    *("sentinel_seconds", "disturbed"),
+)
+BRIEF = STUDY.replace("[1e-4, 1e-6, 1e-8]", "[1e-4, 1e-6]")
+MANY = SWEEP.replace("particles = 4", "particles = 60\nblock = 5")
+# Processes that outlive their parent by this, in seconds, are orphans.
+GONE = 5.0
+
+
+def _stored(folder: Path) -> Any:
+    with Store(folder / "store.sqlite") as store:
+        return {
+            record["key"]: json.dumps({name: value for name, value in record.items() if name not in TIMES})
+            for record in store
+        }
+
+
+def _tables(folder: Path) -> Any:
+    return {path.name: path.read_bytes() for path in sorted(folder.rglob("*.csv"))}
+
+
+def _pages(folder: Path) -> Any:
+    return {path.name: path.read_bytes() for path in sorted(folder.rglob("*.html")) if path.name != "index.html"}
+
+
+@dataclass(frozen=True)
+class Job:
+    """A command that writes into `o`, and what of it is compared."""
+
+    words: tuple[str, ...]
+    outcome: Callable[[Path], Any]
+
+
+JOBS = {
+    "bench": Job(("bench", "study.toml", "--quiet", "--resume"), _stored),
+    "regimes": Job(("regimes", "study.toml", "--quiet", "--resume"), _stored),
+    "sweep": Job(("sweep", "sweep.toml", "--quiet", "--resume", "--workers", "2"), _stored),
+    "paper": Job(("paper", "euler-top", "symmetric-top", "--quick", "--quiet"), _tables),
+    "report": Job(("report", "--reports", "reports", "--quiet"), _pages),
+}
+
+
+@contextmanager
+def running(job: Job, folder: Path, out: str = "o") -> Iterator[subprocess.Popen[bytes]]:
+    """The command in a process of its own; its standard error goes into a file."""
+    environment = {**os.environ, "POLHODE_CACHE": str(folder / "cache")}
+    words = [sys.executable, "-P", "-m", "polhode", *job.words, "--out", out]
+    with (
+        (folder / "stderr").open("wb") as said,
+        subprocess.Popen(words, cwd=folder, env=environment, stdout=subprocess.DEVNULL, stderr=said) as process,
+    ):
+        yield process
+
+
+def orphans(folder: Path) -> list[int]:
+    """Processes that work for this folder still."""
+    mark, found = f"POLHODE_CACHE={folder / 'cache'}".encode(), []
+    for path in Path("/proc").glob("[0-9]*/environ"):
+        try:
+            if mark in path.read_bytes().split(b"\0"):
+                found.append(int(path.parent.name))
+        except OSError:
+            continue
+    return found
+
+
+def killed(seed: int, count: int, folder: Path, jobs: tuple[str, ...] = tuple(JOBS)) -> list[str]:
+    """Complaints about so many kills, the commands in turn."""
+    random, complaints = Random(seed), []
+    (folder / "study.toml").write_text(BRIEF, encoding="utf-8")
+    (folder / "sweep.toml").write_text(MANY, encoding="utf-8")
+    (folder / "reports" / "small").mkdir(parents=True)
+    (folder / "reports" / "small" / "README.md").write_text("# Small\n\nText.\n", encoding="utf-8")
+    for number, name in enumerate(jobs):
+        job, share = JOBS[name], count // len(jobs) + (number < count % len(jobs))
+        began = time.monotonic()
+        complaints += _finished(job, folder, f"{name}: undisturbed")
+        usual = time.monotonic() - began
+        true = job.outcome(folder / "o")
+        while share > 0:
+            shutil.rmtree(folder / "o")
+            for _ in range(min(share, random.randint(1, 4))):
+                share -= 1
+                with running(job, folder) as process:
+                    time.sleep(random.uniform(0.0, 1.1 * usual))
+                    process.send_signal(random.choice((signal.SIGKILL, signal.SIGKILL, signal.SIGTERM)))
+                until = time.monotonic() + GONE
+                while (left := orphans(folder)) and time.monotonic() < until:
+                    time.sleep(0.05)
+                complaints += [f"{name}: processes {left} outlive it"] * bool(left)
+            complaints += _finished(job, folder, f"{name}: taken up")
+            if job.outcome(folder / "o") != true:
+                complaints.append(f"{name}: other results than those of an undisturbed run")
+        shutil.rmtree(folder / "o")
+    return complaints
+
+
+def _finished(job: Job, folder: Path, what: str) -> list[str]:
+    with running(job, folder) as process:
+        code = process.wait()
+    said = (folder / "stderr").read_text(encoding="utf-8", errors="replace")
+    return [] if code == 0 else [f"{what}: exit code {code}: {said.strip()[-300:]}"]
+
+
+def raced(folder: Path, cold: int = 10) -> list[str]:
+    """Complaints about two runs on one store at once, two on one file, and so many cold processes on one cache."""
+    (folder / "study.toml").write_text(BRIEF, encoding="utf-8")
+    bench, complaints = JOBS["bench"], []
+    with running(bench, folder) as one, running(bench, folder) as other:
+        codes = one.wait(), other.wait()
+    shared = _stored(folder / "o")
+    complaints += _finished(bench, folder, "alone")
+    if codes != (0, 0) or shared != _stored(folder / "o"):
+        complaints.append(f"two runs on one store: exit codes {codes}")
+    shutil.rmtree(folder / "cache", ignore_errors=True)
+    solve = Job(("solve", "paper", "--samples", "300", "--quiet", "--no-estimate"), _tables)
+    processes = []
+    for number in range(cold):
+        out = "same.csv" if number < 2 else f"{number}.csv"
+        words = [sys.executable, "-P", "-m", "polhode", *solve.words, "--out", out]
+        environment = {**os.environ, "POLHODE_CACHE": str(folder / "cache")}
+        processes.append(subprocess.Popen(words, cwd=folder, env=environment, stderr=subprocess.PIPE, text=True))
+    said = [process.communicate()[1] for process in processes]
+    if any(process.returncode for process in processes) or any(said):
+        complaints.append(f"{cold} cold processes: {said}")
+    if len({path.read_bytes() for path in folder.glob("*.csv")}) != 1:
+        complaints.append("the same scene solved at once, other results")
+    return complaints
