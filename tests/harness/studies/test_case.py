@@ -77,3 +77,9 @@ def test_the_whole_error_is_told_without_the_averaged_forms_own_reference(monkey
     assert found["slow_error"] == known["slow_error"] > 1e-4
     assert found["solver_slow_error"] is found["model_slow_error"] is None
     assert found["reference_failed"] == "no agreement"
+
+
+def test_runs_that_average_may_take_few_steps():
+    long = replace(SCENE, stokes=1e6, time=1e4)
+    assert replace(CASE, scene=long).problem.least_steps > 10
+    assert replace(CASE, scene=long, form="hybrid").problem.least_steps == 1
