@@ -15,11 +15,14 @@ from polhode.harness.common.text import scientific
 from polhode.harness.ensembles.starts import Drawn, Starts
 from polhode.harness.ensembles.statistics import RATES, Layout, Statistics, squared_rates
 from polhode.models.catalogue import form as find_form
+from polhode.models.hybrid.course import ERROR_PER_TOLERANCE
+from polhode.models.problem import Problem
 from polhode.models.scene import BodyStart, Scene
 from polhode.models.shape import Ellipsoid
 from polhode.models.theory.attractors import Attractor, attractors
 from polhode.solvers.contract import Status
 from polhode.solvers.ensembles.equal_steps import TAYLOR, Plan, plan, run
+from polhode.solvers.ensembles.one_by_one import run_one_by_one
 from polhode.solvers.ensembles.runge_kutta_batch import run_vectorised
 from polhode.solvers.ensembles.taylor_batch import run_batches
 
@@ -45,7 +48,10 @@ BOUNDS = {
     "bins": (1, 10**4),
 }
 
-Equations = Literal["full", "averaged"]
+# What hybrid equations are solved by.
+HYBRID_SOLVER = "cyrk-vern8"
+
+Equations = Literal["full", "averaged", "hybrid"]
 
 
 @dataclass(frozen=True)
@@ -63,8 +69,10 @@ class Ensemble:
     starts: Starts = field(default_factory=Starts)
     particles: int = 10_000
     seed: int = 1
-    equations: Equations = "full"  # in the fewest variables without angles; "averaged" ones
-    tolerance: float = 1e-6  # the error of `equal_steps.plan` for full equations, of `run_vectorised` for averaged ones
+    equations: Equations = "full"  # in the fewest variables without angles; "averaged" ones; form "hybrid"
+    # For full equations the error of `equal_steps.plan`, for hybrid ones that of L and E over the largest moment of
+    # inertia, for averaged ones the tolerance of `run_vectorised`.
+    tolerance: float = 1e-6
     block: int = 10_000  # particles of one task
     samples: int = 101  # equispaced times at which arrival is looked for, start and end included
     snapshots: int = 11  # those of them at which moments and distributions are kept; divides them evenly
@@ -83,11 +91,15 @@ class Ensemble:
                 raise ValueError(f"{name}: got {value!r}, expected a finite positive number")
         if self.equations == "averaged" and self.starts.motion == "rest":
             raise ValueError("start.motion: got 'rest' with averaged equations, expected L not 0; use 'full'")
-        find_form(self.form).problem(self.first_scene(self.draw(0, 1)))
+        self.problem(self.first_scene(self.draw(0, 1)))
+
+    def problem(self, scene: Scene) -> Problem:
+        """Problem of all particles but for their starts."""
+        return find_form("hybrid" if self.equations == "hybrid" else self.form).problem(scene)
 
     @property
     def form(self) -> str:
-        """Catalogue name of the form that is solved."""
+        """Catalogue name of the form whose states are those of the particles; `hybrid` has those of full equations."""
         triaxial = self.ellipsoid.kind == "triaxial"
         if self.equations == "averaged":
             return "averaged" if triaxial else "averaged-spheroid"
@@ -100,6 +112,8 @@ class Ensemble:
         """What the particles are run by, in words."""
         if self.equations == "averaged":
             return f"Dormand and Prince's pair, averaging's error up to {scientific(AVERAGING / self.stokes)}"
+        if self.equations == "hybrid":
+            return f"{HYBRID_SOLVER}, error {scientific(self.tolerance)}"
         chosen = plan_of(self)
         return "Taylor's method" if chosen is None else f"{chosen.method}, error {scientific(chosen.error)}"
 
@@ -111,14 +125,14 @@ class Ensemble:
     @cached_property
     def attractors(self) -> tuple[Attractor, ...]:
         """The stable states that particles can be said to arrive at (`polhode.models.theory.attractors`)."""
-        return attractors(self.ellipsoid, self.stokes, self.radius, circling=self.equations == "full")
+        return attractors(self.ellipsoid, self.stokes, self.radius, circling=self.equations != "averaged")
 
     @cached_property
     def layout(self) -> Layout:
         """What is counted."""
         shape, given = self.ellipsoid, self.starts.angular_momentum
         axes = shape.order if shape.kind == "triaxial" else (2 if shape.symmetry_axis is None else shape.symmetry_axis,)
-        axes = axes if self.equations == "full" else ()
+        axes = axes if self.equations != "averaged" else ()
         momentum = max(LEAST_LIMIT, 0.0 if given is None else float(np.linalg.norm(given)))
         energy = max(LEAST_LIMIT / 2, momentum**2 / 2 * max(shape.inertia) / min(shape.inertia) if given else 0.0)
         return Layout(
@@ -157,24 +171,27 @@ class Ensemble:
         """Statistics of a block of particles, in bounded memory."""
         particles = min(self.block, self.particles - index * self.block)
         drawn = self.draw(index, particles)
-        form, scene, layout = find_form(self.form), self.first_scene(drawn), self.layout
-        problem, starts = form.problem(scene), drawn.states(self.form, self.ellipsoid)
+        scene, layout = self.first_scene(drawn), self.layout
+        problem, starts = self.problem(scene), drawn.states(self.form, self.ellipsoid)
         times = np.linspace(0.0, problem.end, self.samples)
         statistics = Statistics.empty(layout)
         at_once = min(MOST_AT_ONCE, max(1, HELD // (self.samples * problem.dimension)))
         for first in range(0, particles, at_once):
-            some = starts[first : first + at_once]
-            if self.equations == "averaged":
-                states, statuses = run_vectorised(problem, some, times, self.tolerance)
-            elif (chosen := plan_of(self)) is not None:
-                states, statuses = run(problem, some, times, self.tolerance, chosen)
-            else:
-                slow = form.observe(scene, some).slow
-                states, statuses = run_batches(problem, some, times, self.tolerance * TAYLOR, slow)
+            states, statuses = self.states(problem, starts[first : first + at_once], times)
             success = statistics.add_statuses(statuses, str(Status.REACHED_END))
             finished = states.swapaxes(0, 1)
             self._observe(scene, finished if success.all() else finished[success], statistics)
         return statistics
+
+    def states(self, problem: Problem, starts: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """States, shape (m, n, d), of particles at times, with NaN from where one failed, and their statuses."""
+        if self.equations == "averaged":
+            return run_vectorised(problem, starts, times, self.tolerance)
+        if self.equations == "hybrid":
+            return run_one_by_one(problem, starts, times, HYBRID_SOLVER, self.tolerance / ERROR_PER_TOLERANCE)
+        if (chosen := plan_of(self)) is not None:
+            return run(problem, starts, times, self.tolerance, chosen)
+        return run_batches(problem, starts, times, self.tolerance * TAYLOR)
 
     def _observe(self, scene: Scene, states: np.ndarray, statistics: Statistics) -> None:
         """Add states, shape (n, samples, d), to the statistics."""

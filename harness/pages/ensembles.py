@@ -53,7 +53,7 @@ def picture(rows: list[Found]) -> Any:
 
 def page(found: Found) -> str:
     """The measured figures as a page."""
-    settings, long = found["settings"], found["long"]
+    settings = found["settings"]
     places = {"machine": found["machine"], "versions": found["versions"], "date": found.get("date")}
     return "\n".join(
         [
@@ -69,10 +69,10 @@ def page(found: Found) -> str:
             _table(found["averaged"], AVERAGED),
             "Where their time goes, in microseconds a particle:\n",
             _shares(found),
-            f"At St = {long['stokes']:g}, to t₂ = 0.5, 1 : 0.8 : 0.5: {long['per_second']:,.0f} particles a second; of "
-            f"{long['particles']} particles {long['within']:.0%} keep L and E within {long['wanted_error']:g} of "
-            f"full equations all the way (median {scientific(long['median_error'])}, "
-            f"largest {scientific(long['error'])}).\n",
+            f"## Long runs: St = {settings['long_stokes']:g}, t₂ = 0.5, 1 : 0.8 : 0.5\n",
+            f"Errors in L and E over I_max against full equations, of 32 particles all the way; the error asked for is "
+            f"{settings['long_error']:g}.\n",
+            _table(found["long"], LONG),
             "## Whole tasks, statistics at 101 samples and 11 snapshots included\n",
             _table(found["tasks"], TASKS),
             f"## What large sweeps to t₂ = {settings['slow_time']:g} take, in tasks of up to {BLOCK:,} particles\n",
@@ -112,6 +112,13 @@ AVERAGED = {
     "whole tasks": "{task_per_second:,.0f}",
     "median error": "{median_error}",
     "error of 99 %": "{error_of_99_percent}",
+}
+LONG = {
+    "equations": "{equations}",
+    "particles/s": "{per_second:,.0f}",
+    "within that error": "{within:.0%}",
+    "median": "{median_error}",
+    "largest": "{error}",
 }
 TASKS = {
     "shape": "{shape}",
