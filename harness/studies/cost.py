@@ -38,7 +38,7 @@ BEGINNING = 1e-6
 def rhs_seconds(problem: Problem, backend: Backend) -> float:
     """Wall time of one right-hand side at the start, as a solver of a back end calls it: the best of five measurements.
 
-    "compiled" is called from machine code, as CyRK does; the others from Python, as SciPy and SUNDIALS do, so that the
+    "compiled" is called from machine code, as CyRK and SUNDIALS do; the others from Python, as SciPy does, so that the
     call itself counts.
     """
     y, parameters = np.array(problem.start), parameter_array(problem)
