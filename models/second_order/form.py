@@ -3,7 +3,6 @@
 from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache, partial
-from math import inf
 
 import numpy as np
 
@@ -16,8 +15,7 @@ from polhode.models.scene import Scene
 from polhode.models.second_order import field as triaxial
 from polhode.models.second_order import run as triaxial_run
 from polhode.models.second_order import spheroid as spheroidal
-from polhode.models.second_order.outline import outline
-from polhode.models.second_order.spheroid_error import Estimate, estimate
+from polhode.models.second_order.outline import Estimate, outline
 
 # The slow start x solves x = z - u(x)/St; each pass gains a factor of the correction's size.
 START_PASSES = 60
@@ -50,16 +48,16 @@ class SecondOrder(Form):
             raise self.refuse("a sphere has no symmetry axis, and L obeys a linear equation", full_form(scene))
         self.require_slow_motion(scene)
         self.require_orientation(scene)
+        found = outline(scene)
+        for each in found.stretches:
+            if not each.second_order:
+                when = f"averaging does not hold from t₂ = {each.start:.2g}" if each.start > 0 else "the start"
+                raise self.refuse(f"{when}: {each.reason}", full_form(scene))
         if scene.ellipsoid.kind == "triaxial":
             self._entry(scene)
-            for each in outline(scene).stretches:
-                if not each.second_order:
-                    raise self.refuse(
-                        f"averaging does not hold from t₂ = {each.start:.2g}: {each.reason}", full_form(scene)
-                    )
         elif slow_start(scene) is None:
             raise self.refuse(f"St = {scene.stokes:g} is too small for the start's |L|", full_form(scene))
-        if not estimated(scene).slow < MEANINGLESS:
+        if not found.error < MEANINGLESS:
             raise self.refuse(f"St = {scene.stokes:g} is too small for this run", full_form(scene))
 
     def orientation_of(self, scene: Scene) -> Orientation:
@@ -92,20 +90,19 @@ class SecondOrder(Form):
     def estimate(self, scene: Scene) -> Estimate:
         """Largest model errors over the run, slow and orientation, from the size of the expansion's next term."""
         self.check(scene)
-        return estimated(scene)
+        found = outline(scene)
+        return Estimate(found.error, found.orientation)
 
     def reach(self, scene: Scene) -> float:
-        """Slow time to which the form follows a scene: its end, or, of a triaxial one, short of its first window."""
+        """Slow time to which the form follows a scene: its end, or short of its first window."""
         try:
             self.check(scene)
         except FormNotValidError:
-            if scene.ellipsoid.kind != "triaxial" or not 0 < scene.stokes < inf or not np.any(scene.initial.slow):
-                raise
-            end = outline(scene).stretches[0].end
-            if end >= scene.slow_time:
-                raise
-            for share in STOPS:
-                part = replace(scene, time=share * end * scene.stokes)
+            self.require_slow_motion(scene)
+            self.require_orientation(scene)
+            first = outline(scene).stretches[0]
+            for share in STOPS if first.second_order and first.end < scene.slow_time else ():
+                part = replace(scene, time=share * first.end * scene.stokes)
                 with suppress(FormNotValidError):
                     self.check(part)
                     return part.slow_time
@@ -136,17 +133,6 @@ def slow_start(scene: Scene) -> tuple[float, ...] | None:
         if not np.all(np.abs(slow) < 1e3 * np.max(np.abs(exact))):
             return None
     return None
-
-
-@lru_cache(maxsize=256)
-def estimated(scene: Scene) -> Estimate:
-    """Estimated model errors of a scene that has a slow start."""
-    if scene.ellipsoid.kind == "triaxial":
-        found = outline(scene)
-        return Estimate(found.error, found.orientation)
-    start = slow_start(scene)
-    assert start is not None
-    return estimate(Spheroid.of(scene.ellipsoid), scene.torque_factor, start, scene.slow_time)
 
 
 def drift(states: np.ndarray, first: int) -> np.ndarray:

@@ -27,11 +27,11 @@ from polhode.models.shape import Ellipsoid
 Array = np.ndarray
 
 # Above this rho the expansion in 1/St means nothing.
-MEANINGLESS = 0.2
+MEANINGLESS = 0.35
 # Depth a² at which tables end, less what a first-order path may be wrong by.
 DEEPEST = tables.MOST - 0.2
 # Third-order terms over what rho makes of those of second order, so that estimates bound most runs.
-MARGIN = 5.0
+MARGIN = 4.5
 # Share of the error asked for that a stretch may cost.
 SHARE = 0.25
 # Of resonances, the least and the largest half width of a window, in √(|dD/dt|/St) of the divisor.
@@ -39,11 +39,19 @@ WIDTHS = (5.0, 40.0)
 # Turns of the body that a stretch between windows lasts at least, lest it cost more than it saves.
 TURNS = 300
 # Share of the slowest damping rate at which errors are forgotten; levels between which windows are chosen.
-FADING, LEVELS = 0.3, 30
+FADING, LEVELS = 0.15, 30
 # Square of the slow time, in 1/(St times the slowest damping rate), in which |L| rises from 0 to where averaging holds.
 RISEN = 45.0
 # Points of a path: so many times those that the integrator took.
 FINER = 3
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Estimated model errors of a run: `slow`, of L and E over I_max, and `orientation`, in rad and π at most."""
+
+    slow: float
+    orientation: float
 
 
 @dataclass(frozen=True)

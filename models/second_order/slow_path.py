@@ -30,7 +30,7 @@ def slow_path(
         new = y + step * (2 * first + 3 * second + 4 * third) / 9
         fourth = _rates(rates, new)
         error = np.abs(step * (-5 * first + 6 * second + 8 * third - 9 * fourth) / 72)
-        sizes = max(np.abs(new[:3])), max(*np.abs(new[3:]), 1e-300)
+        sizes = max(*np.abs(new[:3]), 1e-300), max(*np.abs(new[3:]), 1e-300)
         worst = max(error[:3].max() / sizes[0], error[3:].max() / sizes[1]) / TOLERANCE
         if worst <= 1:
             times.append(end if step == end - times[-1] else times[-1] + step)

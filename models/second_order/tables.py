@@ -222,7 +222,7 @@ def coordinates(series: Series, pose: Pose, q: Array) -> tuple[Array, Array, Arr
     above = (i2 - i3) * z[:, 2] ** 2 - (i1 - i2) * z[:, 0] ** 2
     with np.errstate(divide="ignore", invalid="ignore"):
         share = below / above
-    if not np.all(share >= 0):
+    if not np.all((share >= 0) & np.isfinite(share)):
         nothing = np.full(len(z), np.nan)
         return nothing, nothing, nothing
     y = np.log(np.maximum(share, FLOOR))

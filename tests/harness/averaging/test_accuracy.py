@@ -143,7 +143,7 @@ def plain_or_certified(scene: Scene, form: Any, samples: int) -> Any:
 
 @pytest.mark.parametrize(("index", "stokes"), [(0, 100.0), (2, 1000.0)])
 def test_the_model_error_is_that_of_two_plain_runs(index: int, stokes: float, tmp_path, monkeypatch):
-    """Second order refuses so small an St; else it goes as far as the separatrix, and errs less on its way."""
+    """Second order goes as far as a small |L| or the separatrix, and errs less on its way."""
     monkeypatch.setenv("POLHODE_CACHE", str(tmp_path))
     monkeypatch.setattr(module, "SAMPLES", 101)
     monkeypatch.setattr(module, "SOLVER", "dop853")
@@ -151,12 +151,9 @@ def test_the_model_error_is_that_of_two_plain_runs(index: int, stokes: float, tm
     subject = paper_cases()[index]
     scene = subject.scene(stokes)
     (found, *second), absent = measure(subject, stokes)
-    if index == 0:
-        assert [row.reason for row in absent] == ["refused: St = 100 is too small for this run"]
-    else:
-        assert (second[0].form, absent) == ("averaged-second-order", [])
-        assert 0.035 < second[0].until < 0.049
-        assert second[0].model_error < found.model_error
+    assert (second[0].form, absent) == ("averaged-second-order", [])
+    assert 0.01 < second[0].until < 0.049
+    assert second[0].model_error < found.model_error
     assert (found.form, found.until) == ("averaged-spheroid" if index == 0 else "averaged", 0.5)
     slow = []
     for form_name, solver in (("euler-angles", "cyrk-vern8"), (found.form, "cyrk-dop853")):
