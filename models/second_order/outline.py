@@ -42,8 +42,8 @@ TURNS = 300
 FADING, LEVELS = 0.15, 30
 # Square of the slow time, in 1/(St times the slowest damping rate), in which |L| rises from 0 to where averaging holds.
 RISEN = 45.0
-# Points of a path: so many times those that the integrator took.
-FINER = 3
+# Points of a path: so many times those that the integrator took, unless these are many.
+FINER, MANY = 3, 900
 
 
 @dataclass(frozen=True)
@@ -265,8 +265,9 @@ class _Path:
 
 
 def _finer(times: Array, states: Array, rates: Array) -> tuple[Array, Array]:
-    """Times and states, shape (n, d), with `FINER` - 1 points between any two, by cubic Hermite interpolation."""
-    share, step = np.arange(FINER)[:, None] / FINER, np.diff(times)[:, None, None]
+    """Times and states, shape (n, d), with further points between any two, by cubic Hermite interpolation."""
+    finer = max(1, min(FINER, MANY // len(times)))
+    share, step = np.arange(finer)[:, None] / finer, np.diff(times)[:, None, None]
     left, bend = states[:-1, None], np.diff(states, axis=0)[:, None]
     excess = (
         share
