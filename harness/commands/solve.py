@@ -44,19 +44,26 @@ FEW, SHOWN = 11, ["t", "t2", "Lx", "Ly", "Lz", "E"]
 )
 @click.option("--samples", type=int, default=201, show_default=True, help="Equispaced times, start and end included.")
 @click.option(
-    "--out", type=click.Path(path_type=Path), help="CSV file to write, - for standard output; by default a short table."
+    "--out",
+    type=click.Path(path_type=Path),
+    help="CSV file to write (or .parquet), - for standard output; by default a short table.",
 )
+@click.option("--omega", is_flag=True, help="The angular velocity in space axes too: wx, wy, wz.")
+@click.option("--restart", type=click.Path(path_type=Path), help="Scene file to write that goes on from the end.")
 @click.option("--estimate/--no-estimate", default=True, show_default=True, help="Look again, to estimate the error.")
 @click.option("--quiet", is_flag=True, help="No progress and no notes.")
 @click.option("-v", "--verbose", is_flag=True, help="Say where the time went, on standard error.")
-def solve(scene: str, out: Path | None, quiet: bool, verbose: bool, **given: Any) -> None:
+def solve(
+    scene: str, out: Path | None, omega: bool, restart: Path | None, quiet: bool, verbose: bool, **given: Any
+) -> None:
     """Solve SCENE and write t, t2, L, E and the rotation matrix at equispaced times.
 
     FILE appears when it is complete; a run that fails or is interrupted leaves its rows as FILE.partial. A form
     or solver that is not expected to meet the error runs all the same, and a note on standard error says why. A second
     look, in less time than the run or 5 ms, estimates its error; FILE.json says where the numbers of FILE come from.
     """
-    from polhode.harness.common.files import PartialFile
+    from polhode.harness.commands.show import scene_text
+    from polhode.harness.common.files import PartialFile, write_file
     from polhode.harness.common.progress import Progress
     from polhode.harness.common.text import aligned, duration, short
     from polhode.models.spent import SPENT, spent_on
@@ -65,7 +72,7 @@ def solve(scene: str, out: Path | None, quiet: bool, verbose: bool, **given: Any
     SPENT["import"] = process_time()
     with Progress(quiet) as progress:
         with bad_input():
-            target = PartialFile(out) if out else None
+            target = PartialFile(out, binary=_as_parquet(out)) if out else None
             progress.begin("choosing")
             with spent_on("import"):
                 from polhode.harness.api import plan
@@ -77,7 +84,12 @@ def solve(scene: str, out: Path | None, quiet: bool, verbose: bool, **given: Any
             click.echo(f"{what.form.name} by {what.solver.name} at tolerance {short(what.tolerance)}", err=True)
             for note in _notes(what, given["tolerance"]):
                 click.echo(f"note: {note}", err=True)
-        solution = _run(what, target, progress)
+        solution = _run(what, target, progress, omega)
+    if restart:
+        with bad_input():
+            from polhode.models.files.scene_file import scene_table
+
+            write_file(restart, scene_text(scene_table(solution.restart())))
     with spent_on("output"):
         if not target:
             click.echo(_table(solution))
@@ -108,7 +120,16 @@ def _notes(what: "Plan", tolerance: float | None) -> list[str]:
     return notes
 
 
-def _run(what: "Plan", target: "PartialFile | None", progress: "Progress") -> "SceneSolution":
+def _as_parquet(out: Path) -> bool:
+    """Whether the file is Parquet; raises ValueError where nothing can write that."""
+    from importlib.util import find_spec
+
+    if out.suffix == ".parquet" and find_spec("pyarrow") is None:
+        raise ValueError(f"--out: got {out}, expected pyarrow installed (pip install pyarrow), or a .csv file")
+    return out.suffix == ".parquet"
+
+
+def _run(what: "Plan", target: "PartialFile | None", progress: "Progress", omega: bool) -> "SceneSolution":
     """Solve, and write what is finished.
 
     Raises
@@ -138,7 +159,10 @@ def _run(what: "Plan", target: "PartialFile | None", progress: "Progress") -> "S
             progress.begin("writing")
             if file:
                 with spent_on("output"):
-                    write_csv(file, solution.table(), progress.advance)
+                    if target and _as_parquet(target.path):
+                        solution.frame(omega).to_parquet(file)
+                    else:
+                        write_csv(file, solution.table(omega), progress.advance)
             if how or not solution.success:
                 where = f"in {target.partial}" if target else "finished"
                 rows = f"{len(solution.times)} of {what.samples} rows are {where}"

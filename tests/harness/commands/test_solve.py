@@ -5,6 +5,7 @@ import signal
 import subprocess
 import time
 import tomllib
+from importlib.util import find_spec
 from math import inf
 from pathlib import Path
 
@@ -309,3 +310,19 @@ def test_ctrl_c_keeps_the_finished_rows(polhode: Run, environment, scene_file: P
     assert note.startswith("quaternion by")
     assert line == f"polhode: interrupted: {len(rows)} of 1000001 rows are in out.csv.partial."
     assert sorted(path.name for path in tmp_path.iterdir()) == ["out.csv.partial", "scene.toml"]
+
+
+def test_omega_parquet_and_a_scene_to_go_on(here: Run, tmp_path: Path):
+    way = ("--form", "quaternion", "--solver", "taylor", "--tolerance", "1e-10", "--samples", "3")
+    done = here("solve", "paper", *way, "--omega", "--out", "a.csv", "--restart", "next.toml")
+    assert done.returncode == 0, done.stderr
+    header, *rows = (tmp_path / "a.csv").read_text().splitlines()
+    assert header.endswith("R33,wx,wy,wz")
+    again = here("solve", "next.toml", *way, "--omega", "--out", "b.csv")
+    assert again.returncode == 0, again.stderr
+    first = (tmp_path / "b.csv").read_text().splitlines()[1].split(",")
+    end = rows[-1].split(",")
+    assert [float(text) for text in first[2:]] == pytest.approx([float(text) for text in end[2:]], abs=1e-12)
+    if find_spec("pyarrow") is None:
+        refused = here("solve", "paper", *way, "--out", "a.parquet")
+        assert (refused.returncode, "expected pyarrow installed" in refused.stderr) == (2, True)
