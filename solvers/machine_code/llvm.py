@@ -59,15 +59,18 @@ def compile_lines(signature: Signature, lines: str) -> MachineCode:
     return MachineCode(engine.get_function_address("function"), engine)
 
 
-def compile_text(text: str) -> Any:
-    """Compile definitions for this processor into an engine, which knows the addresses of the functions."""
+def compile_text(text: str, level: int = 3) -> Any:
+    """Compile definitions for this processor into an engine, which knows the addresses of the functions.
+
+    At a lower level of optimization it takes less time.
+    """
     llvm = _llvm()
     module = llvm.parse_assembly(_DECLARATIONS + text)
     target = llvm.Target.from_default_triple()
     machine = target.create_target_machine(
         cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=3
     )
-    passes = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=3))
+    passes = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=level))
     passes.getModulePassManager().run(module, passes)
     engine = llvm.create_mcjit_compiler(module, machine)
     engine.finalize_object()

@@ -162,7 +162,8 @@ def compiled(*programs: Program) -> list[Callable[..., None]]:
 
     The arrays, or their addresses, are of contiguous float64: nothing checks that. A call releases Python's lock.
     """
-    engine = compile_text("\n".join(str(each) for each in programs))
+    # Loops as these gain nothing by more.
+    engine = compile_text("\n".join(str(each) for each in programs), level=1)
 
     def function(program: Program) -> Callable[..., None]:
         types = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * len(program.arguments))

@@ -1,5 +1,6 @@
 """Splitting: exact flows of a problem's fast and slow parts in turns, by schemes for nearly integrable systems."""
 
+from functools import cached_property
 from math import inf, pi, sqrt
 
 import numpy as np
@@ -18,7 +19,7 @@ from polhode.solvers.contract import (
     Status,
 )
 from polhode.solvers.machine_code.underflow import FlushedToZero
-from polhode.solvers.parts.kernels import At, Code, clock, kernels
+from polhode.solvers.parts.kernels import At, Code, Kernels, clock, kernels
 from polhode.solvers.parts.planning import Planner
 from polhode.solvers.parts.schemes import Scheme
 
@@ -49,10 +50,15 @@ class Split:
         assert problem.parts is not None
         self.parts: Parts = problem.parts
         self.p = parameter_array(problem)
-        self.address, self.kernels = self.p.ctypes.data, kernels(problem.parts, problem.dimension)
+        self.address, self.dimension = self.p.ctypes.data, problem.dimension
         self.strength, self.forgetting = self.parts.strength(self.p.tolist()), self.parts.forgetting(self.p.tolist())
         self.floor = SHEAR * self.strength
         self.planner = Planner(self, tolerance)
+
+    @cached_property
+    def kernels(self) -> Kernels:
+        """The machine code, compiled when first asked for."""
+        return kernels(self.parts, self.dimension)
 
     def rate(self, state: np.ndarray) -> float:
         """Rate of the fast angle, no less than the least one that counts."""
@@ -176,6 +182,7 @@ class Splitting(PartsSolver):
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         """Compile the kernels, once per parts."""
         split = Split(problem, settings.tolerance)
+        _ = split.kernels
 
         def integrate(record: Record) -> Outcome:
             with FlushedToZero():

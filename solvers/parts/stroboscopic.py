@@ -1,7 +1,7 @@
 """Stroboscopic averaging: the averaged field from turns of the full equations, integrated by steps of whole turns."""
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from importlib.util import find_spec, module_from_spec, spec_from_file_location
 from math import isfinite, pi
 from pathlib import Path
@@ -15,7 +15,7 @@ from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Stat
 from polhode.solvers.machine_code.underflow import FlushedToZero
 from polhode.solvers.parts.schemes import SCHEMES
 from polhode.solvers.parts.splitting import PartsSolver, Split
-from polhode.solvers.parts.strobe_kernels import strobe_kernels
+from polhode.solvers.parts.strobe_kernels import StrobeKernels, strobe_kernels
 
 # Runs of fewer turns are left to splitting, and so is a stretch of turns wherever a macro-step would be of fewer than
 # so many times its order: it costs fifteen times its order. A stretch is doubled so often while that fails.
@@ -71,15 +71,24 @@ class Strobe:
     def __init__(self, problem: Problem, tolerance: float) -> None:
         assert problem.parts is not None
         self.split, self.tolerance = Split(problem, tolerance), tolerance
-        self.kernels, self.scheme = strobe_kernels(problem.parts, problem.dimension), SCHEMES[-1].numbers
-        self.p, self.table = self.split.p, dop853()
+        self.p, self.scheme, self.table = self.split.p, SCHEMES[-1].numbers, dop853()
+        # Either machine code is compiled beforehand if it is the one needed, and else where it turns out to be.
+        _ = self.kernels if self.pays(np.array(problem.start), problem.end) else self.split.kernels
+
+    @cached_property
+    def kernels(self) -> StrobeKernels:
+        """The machine code, compiled when first asked for."""
+        return strobe_kernels(self.split.parts, self.split.dimension)
+
+    def pays(self, start: np.ndarray, length: float) -> bool:
+        """Whether a run is long enough; no rate that is not finite passes."""
+        rate = self.split.rate(start)
+        return isfinite(rate) and length * rate >= 2 * pi * LEAST_TURNS
 
     def run(self, record: Record) -> Outcome:
         """Fill the record's rows."""
         begin, end = float(record.times[0]), float(record.times[-1])
-        rate = self.split.rate(record.start)
-        # Nor does a rate that is not finite pass.
-        if not (end - begin) * rate >= 2 * pi * LEAST_TURNS or not isfinite(rate):
+        if not self.pays(record.start, end - begin):
             return self.split.run(record)
         point, setting = np.append(record.start, begin), Setting()
         record.work.steps = record.work.rejected = 0
