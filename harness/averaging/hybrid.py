@@ -1,30 +1,83 @@
 """Errors and cost of `hybrid` on random starts, against the full equations."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from math import nan
+from pathlib import Path
+from time import perf_counter
 
 import numpy as np
+from tqdm import tqdm
 
+from polhode.harness.api import plan
 from polhode.harness.common import cache
 from polhode.harness.common.plain_json import digest
+from polhode.harness.common.tables import read_table, write_table
 from polhode.harness.references.errors import errors
 from polhode.harness.references.extended import extended_run
 from polhode.models.catalogue import form as find_form
 from polhode.models.catalogue import full_form
+from polhode.models.hybrid.course import ERROR_PER_TOLERANCE
+from polhode.models.hybrid.form import Hybrid
 from polhode.models.observables import Observables
 from polhode.models.scene import BodyStart, Scene
+from polhode.models.second_order.form import slow_start
+from polhode.models.second_order.outline import outline
 from polhode.models.shape import Ellipsoid
+from polhode.solvers.pieces import Stage
 from polhode.solvers.solve import solve
 
-SEED, RANDOM, SAMPLES = 15, 200, 201
+SEED, RANDOM, SAMPLES, SOLVER = 15, 240, 201, "cyrk-vern8"
 LEAST_AXIS = 0.15
 STOKES, SLOW_TIMES = (1e4, 1e5, 1e6, 1e7), (0.05, 0.2, 0.5, 1.0, 2.0)
 ERRORS = (1e-4, 1e-6, 1e-8)
-# Duration up to which the truth is a run in long double, of which a tighter one tells the error; beyond it two
-# unrelated methods in double, whose difference is the truth's uncertainty.
-LONG_DOUBLE_UP_TO = 1.2e5
+# Duration up to which the truth is a run in long double, of which a looser one tells the error; beyond it two
+# unrelated methods in double, whose difference is the truth's uncertainty; and where that takes minutes, no more.
+LONG_DOUBLE_UP_TO, LONGEST = 1.2e5, 5.1e6
 LONG_DOUBLE = (1e-18, 1e-16)
 DOUBLE = (("taylor", 1e-16), ("cyrk-vern8", 1e-14))
+# Speed: random starts at each St, at one slow time and error, against these solvers at the loosest tolerance that does.
+FAST_SEED, FAST, FAST_SLOW_TIME, FAST_ERROR, FEW, REPEATS = 16, {1e6: 40, 1e7: 6, 1e8: 6}, 0.5, 1e-6, 11, 3
+FULL_SOLVERS, FULL_TOLERANCES = ("cyrk-vern8", "taylor"), (1e-8, 1e-9, 1e-10, 1e-11, 1e-12)
+# A body has settled where its shortest axis (the symmetry axis of a spheroid) is so near the vorticity.
+SETTLED = 0.9
+PARTS = ("errors", "speed")
+
+
+@dataclass(frozen=True)
+class HybridError:
+    """One run of a random start: errors over I_max and in rad against the truth, NaN where there is none."""
+
+    start: int
+    kind: str
+    axes: str
+    stokes: float
+    slow_time: float
+    error: float  # asked for
+    status: str
+    slow: float
+    orientation: float
+    estimated: float  # slow: below it are the stated share of runs
+    uncertainty: float  # of the truth, slow
+    full_share: float  # of the time, followed by the full equations
+    pieces: int
+    mirror: float  # 1 if it ends the same way up as the truth, 0 if not, NaN where that is uncertain
+
+
+@dataclass(frozen=True)
+class Speed:
+    """Wall times of a run in s, and of the best full solution that meets the error."""
+
+    start: int
+    kind: str
+    stokes: float
+    slow: float
+    full_share: float
+    seconds: float  # with SAMPLES output times
+    few_seconds: float  # with FEW
+    solver: str
+    tolerance: float
+    full_seconds: float
 
 
 @dataclass(frozen=True)
@@ -78,3 +131,114 @@ def truth(scene: Scene, samples: int = SAMPLES) -> Truth:
         cache.keep(key, found)
     observables = Observables(found["angular_momentum"], found["energy"], found["rotation"])
     return Truth(observables, *found["uncertainty"].tolist())
+
+
+def measure_errors(scenes: Sequence[Scene], quiet: bool = False) -> list[HybridError]:
+    """Runs of the scenes at every error; scenes whose truth takes minutes are left out."""
+    rows = []
+    for i, scene in enumerate(tqdm(scenes, "errors", leave=False, disable=quiet)):
+        if scene.time <= LONGEST:
+            true = truth(scene)
+            rows += [_measured(i, scene, error, true) for error in ERRORS]
+    return rows
+
+
+def _measured(start: int, scene: Scene, error: float, true: Truth) -> HybridError:
+    run = plan(scene, Hybrid.name, SOLVER, error / ERROR_PER_TOLERANCE, error, "slow", SAMPLES).run()
+    slow = orientation = mirror = nan
+    if run.success:
+        found = errors(scene.ellipsoid, run.observables, true.observables)
+        slow, orientation = found.slow, found.orientation or nan
+        axis = scene.ellipsoid.symmetry_axis
+        axis = scene.ellipsoid.order[2] if axis is None else axis
+        up = float(true.observables.rotation[-1, axis, 2])
+        if abs(up) > SETTLED and true.orientation_uncertainty < 1 - SETTLED:
+            mirror = float(up * run.rotation[-1, axis, 2] > 0)
+    return HybridError(
+        *(start, scene.ellipsoid.kind, _axes(scene), scene.stokes, scene.slow_time, error, str(run.status)),
+        *(slow, orientation, run.error.slow.high if run.error.slow else nan, true.slow_uncertainty),
+        *(_share(run.pieces, scene.slow_time), len(run.pieces), mirror),
+    )
+
+
+def measure_speed(quiet: bool = False) -> list[Speed]:
+    """Times of random starts at each St."""
+    scenes = [
+        (i, replace(scene, stokes=stokes, time=FAST_SLOW_TIME * stokes))
+        for stokes, count in FAST.items()
+        for i, scene in enumerate(random_scenes(count, FAST_SEED))
+    ]
+    return [_timed(i, scene) for i, scene in tqdm(scenes, "speed", leave=False, disable=quiet)]
+
+
+def _timed(start: int, scene: Scene) -> Speed:
+    form, times = Hybrid(), np.linspace(0.0, scene.time, SAMPLES)
+    problem, tolerance = form.problem(scene), FAST_ERROR / ERROR_PER_TOLERANCE
+
+    def seconds(times: np.ndarray) -> float:
+        outline.cache_clear()
+        slow_start.cache_clear()
+        began = perf_counter()
+        solve(problem, SOLVER, tolerance, times)
+        return perf_counter() - began
+
+    run = solve(problem, SOLVER, tolerance, times)
+    taken, few = (min(seconds(each) for _ in range(REPEATS)) for each in (times, times[:: SAMPLES // (FEW - 1)]))
+    slow, best = nan, ("", nan, nan)
+    if scene.time <= LONGEST:
+        true = truth(scene).observables
+        slow = errors(scene.ellipsoid, form.observe(scene, run.states), true).slow if run.success else nan
+        best = _best_full(scene, times, true)
+    share = _share(run.stages, scene.time)
+    return Speed(start, scene.ellipsoid.kind, scene.stokes, slow, share, taken, few, *best)
+
+
+def _best_full(scene: Scene, times: np.ndarray, true: Observables) -> tuple[str, float, float]:
+    """Solver, tolerance and seconds of the fastest full solution that meets the error."""
+    form, found = find_form(full_form(scene)), []
+    problem = form.problem(scene)
+    for solver in FULL_SOLVERS:
+        for tolerance in FULL_TOLERANCES:
+            run = solve(problem, solver, tolerance, times)
+            if run.success and errors(scene.ellipsoid, form.observe(scene, run.states), true).slow <= FAST_ERROR:
+                again = min(solve(problem, solver, tolerance, times).seconds for _ in range(REPEATS - 1))
+                found.append((solver, tolerance, min(run.seconds, again)))
+                break
+    return min(found, key=lambda each: each[2], default=("", nan, nan))
+
+
+def _share(pieces: Sequence[Stage], whole: float) -> float:
+    return sum(each.end - each.begin for each in pieces if not each.error) / whole
+
+
+def _axes(scene: Scene) -> str:
+    return ":".join(f"{axis:.3g}" for axis in scene.ellipsoid.semi_axes)
+
+
+def measure(old: "Study | None", part: str, *, quick: bool, quiet: bool) -> "Study":
+    """Both parts, or one of them anew; quick: a few starts, and no times."""
+    study = old or Study([], [])
+    if part in ("", "errors"):
+        study = replace(study, errors=measure_errors(list(random_scenes(8 if quick else RANDOM)), quiet))
+    if part in ("", "speed") and not quick:
+        study = replace(study, speed=measure_speed(quiet))
+    return study
+
+
+@dataclass(frozen=True)
+class Study:
+    """All that is measured of the form."""
+
+    errors: Sequence[HybridError]
+    speed: Sequence[Speed]
+
+
+def write(study: Study, folder: Path) -> None:
+    """Write the tables into a folder."""
+    write_table(folder / "errors.csv", HybridError, study.errors)
+    write_table(folder / "speed.csv", Speed, study.speed)
+
+
+def read(folder: Path) -> Study:
+    """Read what `write` wrote; raises ValueError where that is missing."""
+    return Study(read_table(folder / "errors.csv", HybridError), read_table(folder / "speed.csv", Speed))

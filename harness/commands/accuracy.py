@@ -8,9 +8,9 @@ import click
 from polhode.harness.cli import RunFailed, bad_input
 from polhode.harness.commands._study_options import FOLDER, as_json, quiet
 
-# Again in `averaging.second_order`, so that `--help` needs no numerics.
-PARTS = ("orders", "resonances", "cost")
-FOLDERS = {"1": Path("reports/accuracy"), "2": Path("reports/second-order")}
+# Again in `averaging.second_order` and `averaging.hybrid`, so that `--help` needs no numerics.
+PARTS = {"1": (), "2": ("orders", "resonances", "cost"), "hybrid": ("errors", "speed")}
+FOLDERS = {"1": Path("reports/accuracy"), "2": Path("reports/second-order"), "hybrid": Path("reports/hybrid")}
 
 
 @click.command(epilog="Example: polhode accuracy --quick --out look")
@@ -19,12 +19,15 @@ FOLDERS = {"1": Path("reports/accuracy"), "2": Path("reports/second-order")}
     type=click.Choice(list(FOLDERS)),
     default="1",
     show_default=True,
-    help="1: both orders in the paper's cases. 2: second order beyond them, through resonances, and its cost.",
+    help="1: both orders in the paper's cases. 2: second order beyond them, through resonances, and its cost. "
+    "hybrid: second order with windows of the full equations, on random starts.",
 )
-@click.option("--out", type=FOLDER, help="Folder; by default reports/accuracy or second-order.")
+@click.option("--out", type=FOLDER, help="Folder; by default reports/accuracy, second-order or hybrid.")
 @as_json
 @click.option("--quick", is_flag=True, help="St up to 1000 or a few cases alone: a look, not a result.")
-@click.option("--part", type=click.Choice(PARTS), help="Of order 2, measure that alone anew.")
+@click.option(
+    "--part", type=click.Choice([*PARTS["2"], *PARTS["hybrid"]]), help="Of order 2 or hybrid, measure that alone anew."
+)
 @click.option("--page-only", is_flag=True, help="Measure nothing: write the page anew from the data in --out.")
 @quiet
 def accuracy(
@@ -36,30 +39,34 @@ def accuracy(
     averaged form meets a given error; or, with --order 2, how the second order does away from resonances, through
     them, and up to L² = 2EI₂, and what it costs. Writes a page with its data into the folder --out.
     """
+    from polhode.harness.averaging import hybrid as hybrid_study
     from polhode.harness.averaging.data import read_data, read_second_order
     from polhode.harness.averaging.measure import measure_all
     from polhode.harness.averaging.second_order import measure_study
     from polhode.harness.common.plain_json import dumps
-    from polhode.harness.pages import averaging, second_order
+    from polhode.harness.pages import averaging, hybrid, second_order
     from polhode.harness.references.reference import ReferenceFailedError
 
-    page: Any = averaging if order == "1" else second_order
-    read: Any = read_data if order == "1" else read_second_order
-    out = out or FOLDERS[order]
+    pages: dict[str, Any] = {"1": averaging, "2": second_order, "hybrid": hybrid}
+    readers: dict[str, Any] = {"1": read_data, "2": read_second_order, "hybrid": hybrid_study.read}
+    page, out = pages[order], out or FOLDERS[order]
     with bad_input():
         if quick + bool(part) + page_only > 1:
             raise ValueError("--quick, --part, --page-only: got several of them, expected one")
-        if part and order == "1":
-            raise ValueError("--part: got --order 1, expected --order 2")
-        found = read(out) if part or page_only else None
+        if part and part not in PARTS[order]:
+            raise ValueError(
+                f"--part: got {part!r} with --order {order}, expected {' or '.join(PARTS[order]) or 'none'}"
+            )
+        found = readers[order](out) if part or page_only else None
         out.mkdir(parents=True, exist_ok=True)
     try:
         if order == "1" and not page_only:
             found = measure_all(quick=quick, quiet=quiet)
         elif not page_only:
-            found = measure_study(found, part or "", quick=quick, quiet=quiet)
+            measure: Any = measure_study if order == "2" else hybrid_study.measure
+            found = measure(found, part or "", quick=quick, quiet=quiet)
     except ReferenceFailedError as error:
         raise RunFailed(str(error)) from None
-    page.write_page(found, out, "polhode accuracy" + " --order 2" * (order == "2") + " --quick" * quick)
+    page.write_page(found, out, "polhode accuracy" + f" --order {order}" * (order != "1") + " --quick" * quick)
     click.echo(dumps(page.as_json(found)) if as_json else page.as_text(found))
     click.echo(str(out / "README.md"), err=True)
