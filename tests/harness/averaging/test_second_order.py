@@ -6,7 +6,7 @@ from math import isnan, nan
 
 from click.testing import CliRunner
 
-from polhode.harness.averaging import second_order
+from polhode.harness.averaging import hybrid, second_order
 from polhode.harness.averaging.cases import RESONANT
 from polhode.harness.averaging.data import Cost, Passage, SecondOrderErrors, SecondOrderStudy, read_second_order
 from polhode.harness.averaging.findings import findings
@@ -105,7 +105,7 @@ def test_one_part_is_measured_and_the_others_stay(monkeypatch):
 
 
 def test_the_commands_parts_are_the_studys():
-    assert PARTS == second_order.PARTS
+    assert PARTS == {"1": (), "2": second_order.PARTS, "hybrid": hybrid.PARTS}
 
 
 def test_costs_have_one_row_for_each_form_solver_and_st(monkeypatch):

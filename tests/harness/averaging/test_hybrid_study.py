@@ -1,0 +1,72 @@
+"""The study of the form `hybrid`: its starts, its rows in their files, what its page says."""
+
+from dataclasses import replace
+from itertools import islice
+from math import nan
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from polhode.harness.averaging.hybrid import (
+    ERRORS,
+    SLOW_TIMES,
+    STOKES,
+    HybridError,
+    Speed,
+    Study,
+    measure_errors,
+    random_scenes,
+    read,
+    write,
+)
+from polhode.harness.pages.hybrid import findings, page
+from polhode.models.scene import Scene
+
+ROW = HybridError(0, "triaxial", "1:0.8:0.5", 1e6, 0.5, 1e-6, "reached_end", 5e-7, 1e-3, 2e-6, 1e-12, 0.05, 5, 1.0)
+BAD = replace(ROW, start=1, slow=2e-6, estimated=1e-6, mirror=0.0)
+SPEEDS = [Speed(i, "triaxial", 1e6, 5e-7, 0.05, 0.01, 0.008, "taylor", 1e-9, 0.1 * (i + 1)) for i in range(9)]
+
+
+def test_starts_are_spread_over_shapes_stokes_numbers_and_times():
+    scenes = list(random_scenes(80))
+    assert sum(scene.ellipsoid.kind == "triaxial" for scene in scenes) == 40
+    assert {scene.stokes for scene in scenes} == set(STOKES)
+    assert {round(scene.slow_time, 9) for scene in scenes} == set(SLOW_TIMES)
+    assert scenes[:5] == list(random_scenes(5))
+    axes = np.array([scene.ellipsoid.semi_axes for scene in scenes])
+    assert 0.15 <= axes.min() < 0.2
+    assert 0.9 < axes.max() <= 1
+
+
+def test_rows_come_back_from_their_files(tmp_path: Path):
+    study = Study([ROW, BAD], SPEEDS)
+    write(study, tmp_path)
+    assert read(tmp_path) == study
+
+
+def test_findings_count_what_was_kept():
+    said = "\n".join(findings(Study([ROW, BAD], SPEEDS)))
+    assert "within the one asked for in 50 % of the runs" in said
+    assert "below the run's own estimate in 50 %" in said
+    assert "the right way up in 50 % of 2 runs" in said
+    assert "50 times as fast as the best full solution in the median" in said
+    text = page(Study([ROW, BAD], SPEEDS), "polhode accuracy --order hybrid")
+    assert "## Speed" in text
+    assert "right way up" not in page(Study([replace(ROW, mirror=nan)], []), "polhode")
+
+
+@pytest.fixture(scope="module")
+def short_scene() -> Scene:
+    return next(islice(random_scenes(), 1, None))
+
+
+def test_a_run_is_measured_against_the_truth(short_scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("POLHODE_CACHE", str(tmp_path))
+    rows = measure_errors([replace(short_scene, time=100.0)], quiet=True)
+    assert [row.error for row in rows] == list(ERRORS)
+    for row in rows:
+        assert row.uncertainty < 1e-12
+        assert row.slow <= row.error
+    # The second time the truth is read.
+    assert len(list(tmp_path.glob("references/*"))) == 1
