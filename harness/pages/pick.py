@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from polhode.harness.calibration.evaluation import CHEAP, FACTOR, MEETS, PREDICTED, Evaluation, close
-from polhode.harness.calibration.selection import CUTOFF, PENALTY, pays_from, scores, write_aslib
+from polhode.harness.calibration.selection import CUTOFF, PENALTY, PICK, pays_from, scores, write_aslib
 from polhode.harness.common.files import write_file
 from polhode.harness.common.text import duration, markdown, scientific
 from polhode.harness.pages.figures.style import family_colour
@@ -47,7 +47,7 @@ def summary(evaluation: Evaluation) -> list[str]:
     count, shares = len(evaluation.scenes), evaluation.shares
     refused = sum(scene["refusal"] != "" for scene in evaluation.scenes.to_dict("records"))
     lines = [
-        f"The first choice met the error on {shares['met']:.1%} of {count} held-out scenes (target: {MEETS:.0%}).",
+        f"The first choice met the error on {shares['met']:.1%} of {count} held-out scenes (target: {MEETS:.1%}).",
         f"It cost at most {FACTOR:g} times the best measured choice on {shares['cheap']:.1%} (target: {CHEAP:.0%}).",
         f"The cost laws predicted {shares['predicted']:.1%} of {len(evaluation.runs)} held-out times "
         f"within a factor {FACTOR:g} (target: {PREDICTED:.0%}) after correcting for the machine's speed; "
@@ -55,6 +55,13 @@ def summary(evaluation: Evaluation) -> list[str]:
         f"The slow error stayed below the upper end of its interval in {shares['bounded']:.1%} of the runs "
         "(target: 97.5%).",
     ]
+    lines.append(f"The dearest first choice cost {evaluation.scenes['factor'].max():.2g} times the best (target: 5).")
+    if evaluation.ways is not None:
+        table: Any = scores(evaluation.ways)
+        gaps = [f"{row.gap_closed:.3f} ({row.stratum})" for row in table[table["way"] == PICK].itertuples()]
+        lines.append(
+            f"It closes {', '.join(gaps)} of the gap from the single best way to the virtual best (target: 0.95)."
+        )
     if refused:
         lines.append(
             f"{refused} requests were refused as not attainable; they count as met if no measured run met them."

@@ -42,6 +42,8 @@ TIGHTER_THAN_TAYLOR, VERNER = 1e-4, (10.0, 1e-9, 8)
 # machine be slower.
 STEP, PATIENCE = (4e-7, 3e-6), 3.0
 TIGHTEST, LOOSEST = 1e-15, 1e-2
+# Tolerance below which Radau's fifth order takes too many steps to look at a stiff run; LSODA's errors are larger.
+LOW_ORDER = 1e-6
 # Solvers whose own looser and tighter runs are far cheaper than those of any other.
 KNOW_PARTS = ("splitting", "stroboscopic")
 # Upper ends over the middle: of a tighter look, of a looser one, and of a looser one by an implicit method, whose
@@ -191,7 +193,8 @@ def _solver_error(
 def _looks(scene: Scene, method: Solver, found: Solution, turns: float, limit: float) -> Iterator[Look]:
     """Second runs worth trying, the most telling one first."""
     tolerance, taylor = found.settings.tolerance, method.name == "taylor"
-    other = find_solver("cyrk-radau" if damping_times(scene) > STIFF else "cyrk-vern8")
+    implicit = "cyrk-radau" if tolerance >= LOW_ORDER else "cyrk-lsoda"
+    other = find_solver(implicit if damping_times(scene) > STIFF else "cyrk-vern8")
     explicit = method.library == "CyRK" and not method.implicit
     if explicit or method.name in (other.name, *KNOW_PARTS):
         tighter = max(TIGHTEST, tolerance * TIGHTER)
@@ -201,7 +204,8 @@ def _looks(scene: Scene, method: Solver, found: Solution, turns: float, limit: f
     else:
         per_rotation, usual, order = VERNER
         affordable = 0.0 if other.implicit else usual * (per_rotation * turns * STEP[False] / limit) ** order
-        tighter = max(TIGHTEST, affordable, tolerance * (TIGHTER_THAN_TAYLOR if taylor else TIGHTER))
+        sharper = TIGHTER_THAN_TAYLOR if taylor else TIGHTER / 10 if other.switching else TIGHTER
+        tighter = max(TIGHTEST, affordable, tolerance * sharper)
         if taylor or tighter < tolerance:
             yield Look(other, min(LOOSEST, tighter), 0.0, CERTAIN)
     looser = min(LOOSEST, tolerance * LOOSER)
