@@ -126,3 +126,15 @@ def test_every_page_of_the_site_is_there():
     assert set(pages) == {path.name for path in EXAMPLES.parent.glob("*.md")}
     for name in re.findall(r"^::: (.+)$", (EXAMPLES.parent / "api.md").read_text(encoding="utf-8"), re.MULTILINE):
         assert pkgutil.resolve_name(name)
+
+
+def test_the_notebook_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    cells = json.loads((EXAMPLES / "tour.ipynb").read_text(encoding="utf-8"))["cells"]
+    names: dict = {"__name__": "tour"}
+    for cell in cells:
+        if cell["cell_type"] == "code":
+            exec("".join(cell["source"]), names)
+    assert names["solution"].success
+    assert names["problem"].name == "pendulum"
