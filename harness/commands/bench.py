@@ -66,6 +66,8 @@ def bench(
         study = study.quick() if quick else study
         folder = out or Path("reports") / study.name
     store = open_store(folder, resume)
+    if outside := [name for name in (*study.forms, *study.solvers) if ":" in name]:
+        click.echo(f"note: the study runs code of {', '.join(outside)}", err=True)
     with running_into(store):
         records = Runner(store, quiet).run(study)
     trusted = steady(records, folder / "README.md", disturbed)

@@ -121,9 +121,11 @@ def _notes(what: "Plan", tolerance: float | None) -> list[str]:
 
 
 def _as_parquet(out: Path) -> bool:
-    """Whether the file is Parquet; raises ValueError where nothing can write that."""
+    """Whether the file is Parquet; ValueError where nothing can write that, or the ending promises another format."""
     from importlib.util import find_spec
 
+    if out.suffix not in (".csv", ".txt", ".dat", ".parquet", ""):
+        raise ValueError(f"--out: got {str(out)!r}, expected a name ending in .csv or .parquet")
     if out.suffix == ".parquet" and find_spec("pyarrow") is None:
         raise ValueError(f"--out: got {out}, expected pyarrow installed (pip install pyarrow), or a .csv file")
     return out.suffix == ".parquet"
