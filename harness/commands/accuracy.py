@@ -54,9 +54,8 @@ def accuracy(
         if quick + bool(part) + page_only > 1:
             raise ValueError("--quick, --part, --page-only: got several of them, expected one")
         if part and part not in PARTS[order]:
-            raise ValueError(
-                f"--part: got {part!r} with --order {order}, expected {' or '.join(PARTS[order]) or 'none'}"
-            )
+            fitting = next(each for each, parts in PARTS.items() if part in parts)
+            raise ValueError(f"--part: got --order {order}, expected --order {fitting} for {part!r}")
         found = readers[order](out) if part or page_only else None
         out.mkdir(parents=True, exist_ok=True)
     try:

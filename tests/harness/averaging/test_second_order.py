@@ -132,6 +132,7 @@ def test_options_that_make_no_sense_are_one_line(tmp_path):
     assert "orders.csv: No such file or directory, expected a table of shape" in told("--order", "2", "--page-only")
     assert "--quick, --part, --page-only: got several" in told("--order", "2", "--page-only", "--part", "cost")
     assert "--part: got --order 1, expected --order 2" in told("--part", "cost")
+    assert "--part: got --order 2, expected --order hybrid" in told("--order", "2", "--part", "speed")
     write_page(STUDY, tmp_path, COMMAND)
     (tmp_path / "cost.csv").write_text("form,solver\n")
     assert "cost.csv: got the columns form, solver, expected form, solver, tol" in told(
