@@ -295,7 +295,8 @@ def test_results_tell_what_the_store_holds(here: Run, sweep_file: Path, tmp_path
     assert dict(zip(header, first, strict=True))["moment"] == "xx"
     assert float(first[header.index("mean")]) == mean[0, 0, 0]
     names = sorted(path.name for path in (tmp_path / "out").iterdir() if not path.name.startswith("store"))
-    assert names == ["README.md", "SHA256SUMS", "arrivals.csv", "distributions.csv", "moments.csv", "slow.csv"]
+    tables = ["arrivals.csv", "distributions.csv", "moments.csv", "rates.csv", "slow.csv", "voigt.csv"]
+    assert names == sorted(["README.md", "SHA256SUMS", "shape-1.png", "shape-2.png", *tables])
 
 
 def test_dask_gives_the_same_numbers(here: Run, cluster, sweep_file: Path, tmp_path: Path, undisturbed):
