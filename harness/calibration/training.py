@@ -10,7 +10,7 @@ from polhode.harness.calibration.scenes import TRAINING_SCENES, TRAINING_SEED, Q
 from polhode.harness.common.store import Record, Store
 from polhode.harness.picking.laws import Laws
 from polhode.harness.picking.model_error import LEAST_ROTATIONS
-from polhode.harness.picking.pilot import ANGLES, damping_times, pilot
+from polhode.harness.picking.pilot import ANGLES, InPieces, damping_times, pilot
 from polhode.harness.studies.case import Case
 from polhode.harness.studies.runner import Runner
 from polhode.harness.studies.study import Study
@@ -66,7 +66,7 @@ def forms_for(scene: Scene, rotations: float) -> list[str]:
             form.problem(scene)
         except FormNotValidError:
             continue
-        if not form.averaged or rotations > LEAST_ROTATIONS * damping_times(scene):
+        if not (form.averaged or isinstance(form, InPieces)) or rotations > LEAST_ROTATIONS * damping_times(scene):
             accepted.append(name)
     return accepted
 

@@ -10,7 +10,7 @@ from polhode.harness.common.text import aligned, duration, scientific, short
 from polhode.harness.picking.laws import EPS, STIFF, WANTS, Interval, Laws, MethodLaws, Sensitivity, load_laws
 from polhode.harness.picking.load import held_back, load_of
 from polhode.harness.picking.model_error import NotApplicableError, causes, model_errors, own_estimate, unfit_to_average
-from polhode.harness.picking.pilot import Pilot, PilotFailedError, form_sensitivity, pilot
+from polhode.harness.picking.pilot import InPieces, Pilot, PilotFailedError, form_sensitivity, pilot
 from polhode.harness.picking.refusals import (
     Refusal,
     Stage,
@@ -261,7 +261,7 @@ def _problem(form: Form, scene: Scene, found: Pilot, want: str) -> Problem:
     """The scene's problem in a form that takes it; the first of several reasons against it is the plainest one."""
     if want == "orientation" and form.orientation_of(scene) == "none":
         raise UnfitError("gives no orientation", Stage.FORM)
-    if form.averaged and (unfit := unfit_to_average(found)):
+    if (form.averaged or isinstance(form, InPieces)) and (unfit := unfit_to_average(found)):
         raise UnfitError(unfit, Stage.AVERAGING)
     return form.problem(scene)
 
