@@ -10,7 +10,7 @@ import numpy as np
 # Environment variable that names the folder for caches.
 CACHE_VARIABLE = "POLHODE_CACHE"
 # Files that may lie in the folder; the oldest half goes when there are more.
-MOST = 2000
+MOST = 200
 
 
 def cache_folder(library: str = "") -> Path:

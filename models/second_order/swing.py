@@ -12,6 +12,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 
+from polhode.models.files import kept
 from polhode.models.second_order.field import regular
 from polhode.models.second_order.polhodes import Polhodes, SidedBody
 from polhode.models.second_order.torus import least_rotation
@@ -19,6 +20,8 @@ from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
 
+# Changes whenever the numbers of a series do.
+VERSION = 1
 # Largest depth a² = -ln(1 - x), Chebyshev nodes in a up to there, polhode phases at them, Fourier terms kept.
 MOST, NODES, PHASES, TERMS = 6.0, 40, 96, 25
 _E, _Z = np.array([1, -1j, 0]), np.array([0, 0, 1])
@@ -158,9 +161,21 @@ def _nodes() -> tuple[Array, Array]:
 
 @lru_cache(maxsize=64)
 def series_for(ellipsoid: Ellipsoid, longest: bool) -> Series:
-    """The series of one side: that around the longest semi-axis, or that around the shortest."""
+    """The series of one side: that around the longest semi-axis, or that around the shortest; kept on disk."""
     axis = ellipsoid.order[0 if longest else 2]
-    return series_of(SidedBody.of(ellipsoid, np.eye(3)[axis]))
+    side, key = SidedBody.of(ellipsoid, np.eye(3)[axis]), f"swing {VERSION} {ellipsoid.scaled_axes} {longest}"
+    numbers = kept.load(key)
+    if numbers is None:
+        found = series_of(side)
+        rows = found.rates, found.shape, found.frequencies, found.terms[:, None]
+        kept.save(key, np.concatenate([*rows, np.full((NODES, 1), found.shape.shape[1])], axis=1))
+        return found
+    rows = numbers.reshape(NODES, -1)
+    shape = int(rows[0, -1])
+    rates, waves, frequencies = (
+        np.ascontiguousarray(each) for each in np.split(rows[:, :-2], [-4 - shape, -4], axis=1)
+    )
+    return Series(side, rates, waves, frequencies, rows[:, -2].astype(int))
 
 
 def series_of(side: SidedBody) -> Series:
