@@ -63,7 +63,7 @@ def run_problems(
     for name in names:
         if name not in PROBLEMS:
             raise ValueError(f"scene: got {name!r}, expected one of {', '.join(PROBLEMS)}{hint(name, PROBLEMS)}")
-    settings = {"tolerances": QUICK if quick else TOLERANCES, "max_seconds": 0.3 if quick else 10.0}
+    settings = {"tolerances": QUICK if quick else TOLERANCES, "max_seconds": 0.3 if quick else 3.0}
     pairs = [(name, solver) for name in names or PROBLEMS for solver in solvers or SOLVERS if _takes(name, solver)]
     cases = [{"problem": name, "solver": solver, **settings, "versions": versions()} for name, solver in pairs]
     known = store.keys()
