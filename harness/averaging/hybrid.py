@@ -22,7 +22,7 @@ from polhode.models.hybrid.form import Hybrid
 from polhode.models.observables import Observables
 from polhode.models.scene import BodyStart, Scene
 from polhode.models.second_order.form import slow_start
-from polhode.models.second_order.outline import outline
+from polhode.models.second_order.outline import outline, path_of
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.pieces import Stage
 from polhode.solvers.solve import solve
@@ -176,8 +176,8 @@ def _timed(start: int, scene: Scene) -> Speed:
     problem, tolerance = form.problem(scene), FAST_ERROR / ERROR_PER_TOLERANCE
 
     def seconds(times: np.ndarray) -> float:
-        outline.cache_clear()
-        slow_start.cache_clear()
+        for kept in (outline, path_of, slow_start):
+            kept.cache_clear()
         began = perf_counter()
         solve(problem, SOLVER, tolerance, times)
         return perf_counter() - began

@@ -84,7 +84,7 @@ class Outline:
 @lru_cache(maxsize=64)
 def outline(scene: Scene, budget: float = inf) -> Outline:
     """Outline of a run with orientation and 0 < St < inf; windows as the error asked for demands."""
-    path, share = _Path.of(scene), SHARE * budget
+    path, share = path_of(scene), SHARE * budget
     kicks = tuple(path.kicks())
     strong = [each for each in kicks if each.size > share / 2]
     if strong:
@@ -262,6 +262,12 @@ class _Path:
     def fading(self) -> float:
         """Rate at which errors are forgotten."""
         return FADING * min(self.ellipsoid.damping)
+
+
+@lru_cache(maxsize=16)
+def path_of(scene: Scene) -> _Path:
+    """The path of a scene, kept for outlines with other budgets."""
+    return _Path.of(scene)
 
 
 def _finer(times: Array, states: Array, rates: Array) -> tuple[Array, Array]:
