@@ -1,7 +1,7 @@
 """Form `averaged-second-order`: slow variables to O(1/St²) and orientation to O(1/St), at a cost free of St."""
 
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 
 import numpy as np
@@ -15,7 +15,7 @@ from polhode.models.scene import Scene
 from polhode.models.second_order import field as triaxial
 from polhode.models.second_order import run as triaxial_run
 from polhode.models.second_order import spheroid as spheroidal
-from polhode.models.second_order.outline import Estimate, outline
+from polhode.models.second_order.outline import outline
 
 # The slow start x solves x = z - u(x)/St; each pass gains a factor of the correction's size.
 START_PASSES = 60
@@ -24,6 +24,14 @@ START_CLOSE = 1e-15
 STOPS = (0.98, 0.9)
 # Above this estimated slow error, over I_max, the expansion in 1/St means nothing.
 MEANINGLESS = 1.0
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Estimated model errors of a run: `slow`, of L and E over I_max, and `orientation`, in rad and π at most."""
+
+    slow: float
+    orientation: float
 
 
 class SecondOrder(Form):

@@ -47,14 +47,6 @@ FINER, MANY = 3, 900
 
 
 @dataclass(frozen=True)
-class Estimate:
-    """Estimated model errors of a run: `slow`, of L and E over I_max, and `orientation`, in rad and π at most."""
-
-    slow: float
-    orientation: float
-
-
-@dataclass(frozen=True)
 class Stretch:
     """From `start` to `end` in slow time, by averaging to second order or, for a `reason`, not."""
 
