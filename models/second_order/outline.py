@@ -88,13 +88,9 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
     local = MARGIN * swing**2 * path.size
     for each in kicks:
         if each.size > share / 2:
-            reasons[np.abs(path.times - each.time) <= each.window(share / 2)] = (
-                f"resonance ({each.mode[0]:.0f}, {each.mode[1]:.0f})"
-            )
-            local = (
-                local
-                + 2 * each.size * np.minimum(1, each.width / np.maximum(np.abs(path.times - each.time), 1e-300)) ** 3
-            )
+            away, name = np.abs(path.times - each.time), f"resonance ({each.mode[0]:.0f}, {each.mode[1]:.0f})"
+            reasons[away <= each.window(share / 2)] = name
+            local = local + 2 * each.size * np.minimum(1, each.width / np.maximum(away, 1e-300)) ** 3
         else:
             sudden[np.searchsorted(path.times, each.time)] += each.size
     sudden = np.where(reasons == "", sudden, 0)
@@ -267,12 +263,8 @@ def _finer(times: Array, states: Array, rates: Array) -> tuple[Array, Array]:
     finer = max(1, min(FINER, MANY // len(times)))
     share, step = np.arange(finer)[:, None] / finer, np.diff(times)[:, None, None]
     left, bend = states[:-1, None], np.diff(states, axis=0)[:, None]
-    excess = (
-        share
-        * (1 - share)
-        * ((1 - 2 * share) * bend - (1 - share) * step * rates[:-1, None] + share * step * rates[1:, None])
-    )
-    inner = left + share * bend - excess
+    excess = (1 - 2 * share) * bend - (1 - share) * step * rates[:-1, None] + share * step * rates[1:, None]
+    inner = left + share * bend - share * (1 - share) * excess
     fine = times[:-1, None] + share[:, 0] * step[:, :, 0]
     return np.append(fine.ravel(), times[-1]), np.concatenate([inner.reshape(-1, states.shape[1]), states[-1:]])
 
