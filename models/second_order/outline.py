@@ -21,7 +21,7 @@ from polhode.models.second_order import spheroid as spheroidal
 from polhode.models.second_order import tables
 from polhode.models.second_order.averages import NAMES
 from polhode.models.second_order.field import averaged_rates, regular
-from polhode.models.second_order.slow_path import slow_path
+from polhode.models.second_order.slow_path import interpolated, refined, slow_path
 from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
@@ -42,8 +42,6 @@ TURNS = 300
 FADING, LEVELS = 0.15, 30
 # Square of the slow time, in 1/(St times the slowest damping rate), in which |L| rises from 0 to where averaging holds.
 RISEN = 45.0
-# Points of a path: so many times those that the integrator took, unless these are many.
-FINER, MANY = 3, 900
 
 
 @dataclass(frozen=True)
@@ -148,7 +146,7 @@ class _Path:
             )
             with np.errstate(all="ignore"):
                 slopes = np.stack(problem.field(numpy_operations())(states.T, p), axis=1)
-            times, states = _finer(times, states, np.nan_to_num(slopes))
+            times, states = refined(times, states, np.nan_to_num(slopes))
             slow = form.observe(scene, states).slow
         if times[-1] < scene.slow_time:
             # |L| is 0 or falls to it: what is said of it holds until it has risen again.
@@ -159,7 +157,7 @@ class _Path:
     def at(self, times: Array) -> "_Path":
         """The same at further times."""
         every = np.union1d(self.times, times[(times > 0) & (times < self.times[-1])])
-        slow = _interpolated(every, self.times, self.slow)
+        slow = interpolated(every, self.times, self.slow)
         return self._along(self.ellipsoid, self.torque_factor, every, slow)
 
     @classmethod
@@ -256,21 +254,6 @@ class _Path:
 def path_of(scene: Scene) -> _Path:
     """The path of a scene, kept for outlines with other budgets."""
     return _Path.of(scene)
-
-
-def _finer(times: Array, states: Array, rates: Array) -> tuple[Array, Array]:
-    """Times and states, shape (n, d), with further points between any two, by cubic Hermite interpolation."""
-    finer = max(1, min(FINER, MANY // len(times)))
-    share, step = np.arange(finer)[:, None] / finer, np.diff(times)[:, None, None]
-    left, bend = states[:-1, None], np.diff(states, axis=0)[:, None]
-    excess = (1 - 2 * share) * bend - (1 - share) * step * rates[:-1, None] + share * step * rates[1:, None]
-    inner = left + share * bend - share * (1 - share) * excess
-    fine = times[:-1, None] + share[:, 0] * step[:, :, 0]
-    return np.append(fine.ravel(), times[-1]), np.concatenate([inner.reshape(-1, states.shape[1]), states[-1:]])
-
-
-def _interpolated(wanted: Array, times: Array, rows: Array) -> Array:
-    return np.stack([np.interp(wanted, times, column) for column in rows.T], axis=1)
 
 
 def _swing(found: tables.Table, size: Array, a2: Array) -> Array:
