@@ -32,8 +32,8 @@ MEANINGLESS = 0.35
 DEEPEST = tables.MOST - 0.2
 # Third-order terms over what rho makes of those of second order, so that estimates bound most runs.
 MARGIN = 4.5
-# Share of the error asked for that a stretch may cost.
-SHARE = 0.25
+# Share of the error asked for that averaging may cost; a kick may cost a quarter of that.
+SHARE = 0.5
 # Of resonances, the least and the largest half width of a window, in √(|dD/dt|/St) of the divisor.
 WIDTHS = (5.0, 40.0)
 # Turns of the body that a stretch between windows lasts at least, lest it cost more than it saves.
@@ -76,18 +76,18 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
     """Outline of a run with orientation and 0 < St < inf; windows as the error asked for demands."""
     path, share = path_of(scene), SHARE * budget
     kicks = tuple(path.kicks())
-    strong = [each for each in kicks if each.size > share / 2]
+    strong = [each for each in kicks if each.size > share / 4]
     if strong:
         # A window may be narrower than the path's steps.
         shares = np.concatenate([[-1.01], np.linspace(-1, 1, 9) * (1 - 1e-9), [1.01]])
-        path = path.at(np.concatenate([each.time + each.window(share / 2) * shares for each in strong]))
+        path = path.at(np.concatenate([each.time + each.window(share / 4) * shares for each in strong]))
     reasons, sudden = path.reasons(), np.zeros(len(path.times))
     swing, second = (np.where(reasons == "", each, 0) for each in (path.swing, path.second))
     local = MARGIN * swing**2 * path.size
     for each in kicks:
-        if each.size > share / 2:
+        if each.size > share / 4:
             away, name = np.abs(path.times - each.time), f"resonance ({each.mode[0]:.0f}, {each.mode[1]:.0f})"
-            reasons[away <= each.window(share / 2)] = name
+            reasons[away <= each.window(share / 4)] = name
             local = local + 2 * each.size * np.minimum(1, each.width / np.maximum(away, 1e-300)) ** 3
         else:
             sudden[np.searchsorted(path.times, each.time)] += each.size
@@ -99,7 +99,7 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
     # Where the phase is wrong, the swing is put back wrongly.
     wrong = path.phase(errors) * np.where(reasons == "", swing * path.size, 0)[:, None]
     kept = int(np.argmax((errors + wrong).max(axis=0) <= share))
-    reasons[(reasons == "") & ((held > levels[kept]) | (local > 2 * share))] = "the error asked for"
+    reasons[(reasons == "") & ((held > levels[kept]) | (local > share))] = "the error asked for"
     drifting = errors[:, kept] + late @ sudden
     error = drifting + local + wrong[:, kept]
     return Outline(path.times, path.slow, path.stretches(reasons, error), kicks, path.orientation(drifting))
