@@ -9,8 +9,8 @@ import numpy as np
 from polhode.harness.events import EventLike, as_events, with_events
 from polhode.harness.picking.choice import check_tolerance, choose
 from polhode.harness.picking.doubt import doubt
-from polhode.harness.picking.ranking import Recommendation
 from polhode.harness.picking.ranking import pick as recommend
+from polhode.harness.picking.recommendation import Recommendation
 from polhode.harness.picking.second_look import run_error
 from polhode.harness.solution import SceneSolution
 from polhode.harness.studies.scenes import find_scene

@@ -14,7 +14,7 @@ from polhode.harness.common.store import Record
 from polhode.harness.picking.laws import Laws
 from polhode.harness.picking.load import load_of
 from polhode.harness.picking.pilot import PilotFailedError, form_sensitivity
-from polhode.harness.picking.ranking import Recommendation
+from polhode.harness.picking.recommendation import Recommendation
 from polhode.models.catalogue import form as find_form
 from polhode.solvers.contract import Status
 

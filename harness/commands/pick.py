@@ -14,7 +14,7 @@ from polhode.harness.common.text import aligned, duration, in_full, on_terminal,
 from polhode.solvers.catalogue import SOLVERS
 
 if TYPE_CHECKING:
-    from polhode.harness.picking.ranking import Recommendation
+    from polhode.harness.picking.recommendation import Recommendation
 
 # Ways shown unless all are asked for.
 FEW = 8

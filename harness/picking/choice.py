@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from polhode.harness.common.text import duration, short
 from polhode.harness.picking.laws import WANTS
-from polhode.harness.picking.ranking import LOOSEST, TIGHTEST, NotAttainableError, Recommendation, pick
+from polhode.harness.picking.ranking import LOOSEST, TIGHTEST, NotAttainableError, pick
+from polhode.harness.picking.recommendation import Recommendation
 from polhode.models.catalogue import form as find_form
 from polhode.models.catalogue import full_form
 from polhode.models.form import FormNotValidError

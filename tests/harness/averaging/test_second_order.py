@@ -13,6 +13,7 @@ from polhode.harness.averaging.findings import findings
 from polhode.harness.averaging.second_order import REPEATS, costs, measure_passage, measure_study
 from polhode.harness.cli import polhode
 from polhode.harness.commands.accuracy import PARTS
+from polhode.harness.common.files import SUMS
 from polhode.harness.pages.second_order import page, write_page
 
 ROWS = [
@@ -134,6 +135,7 @@ def test_options_that_make_no_sense_are_one_line(tmp_path):
     assert "--part: got --order 1, expected --order 2" in told("--part", "cost")
     assert "--part: got --order 2, expected --order hybrid" in told("--order", "2", "--part", "speed")
     write_page(STUDY, tmp_path, COMMAND)
+    (tmp_path / SUMS).unlink()
     (tmp_path / "cost.csv").write_text("form,solver\n")
     assert "cost.csv: got the columns form, solver, expected form, solver, tol" in told(
         "--order", "2", "--part", "cost"

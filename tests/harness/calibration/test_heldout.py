@@ -19,7 +19,7 @@ from polhode.harness.commands.calibrate import calibrate, validate
 from polhode.harness.common.text import scientific
 from polhode.harness.pages.pick import summary, write_pages
 from polhode.harness.picking.laws import Interval, load_laws
-from polhode.harness.picking.ranking import Excluded, Recommendation, Way
+from polhode.harness.picking.recommendation import Excluded, Recommendation, Way
 
 
 def a_record(question, solver, tolerance, seconds, error):

@@ -10,6 +10,7 @@ from commandline import Run
 
 from polhode.harness.commands import setup
 from polhode.harness.commands.setup import examine, look, steady
+from polhode.harness.common.files import SUMS
 from polhode.harness.picking.laws import parse_laws
 from polhode.solvers.catalogue import SOLVERS
 
@@ -23,7 +24,7 @@ def test_json_tells_versions_solvers_and_caches(polhode: Run, environment: dict[
     place = Path(environment["POLHODE_CACHE"])
     assert [cache["folder"] for cache in found["caches"]] == [str(place / "references"), str(place / "heyoka")]
     assert found["steadiness"]["ratio"] >= 1
-    pieces = {"import", "compilation", "pilots", "integration", "output"}
+    pieces = {"import", "compilation", "pilots", "integration", "error", "output"}
     assert set(found["cold_start"]) == pieces | {"in all"}
     assert all(seconds > 0 for seconds in found["cold_start"].values())
 
@@ -54,6 +55,7 @@ def test_laws_are_named_for_what_they_are(monkeypatch: pytest.MonkeyPatch, tmp_p
     assert examine(watch=0.0)["laws"] == f"fitted on this machine: {own}"
     replace(laws, source={**fitted, "refitted": 412}).save(own)
     assert examine(watch=0.0)["laws"] == f"times rescaled by 412 runs of this machine: {own}"
+    (tmp_path / SUMS).unlink()
     own.write_text('{"schema": "of another version"}', encoding="utf-8")
     assert examine(watch=0.0)["laws"] == f"those of the package; passed over, since of another version: {own}"
     own.write_text("{", encoding="utf-8")

@@ -9,7 +9,7 @@ from polhode.harness.commands.pick import FEW, pick_page
 from polhode.harness.common import text
 from polhode.harness.common.text import aligned, on_terminal, short
 from polhode.harness.picking.laws import Interval
-from polhode.harness.picking.ranking import Excluded, Recommendation, Way
+from polhode.harness.picking.recommendation import Excluded, Recommendation, Way
 from polhode.solvers.catalogue import SOLVERS
 
 
@@ -46,9 +46,13 @@ def test_pick_shows_the_cheapest_and_the_forms_that_will_not_do():
     excluded += [Excluded("quaternion", "exact", "no closed form")]
     found = Recommendation("slow", 1e-6, 40.0, 16.0, ranking, tuple(excluded))
     page = pick_page(found, everything=False)
-    assert page.startswith("L and E within 1e-6 of I_max, over 40 rotations")
+    assert page.startswith(
+        "Run quaternion by taylor at tolerance 1e-8: about 1.0 ms (500 µs to 2.0 ms), L and E within"
+    )
     assert page.count("taylor  ") == FEW
     assert "3 more ways, not cheaper: --all" in page
+    assert "too far off" not in page
+    page = pick_page(found, everything=False, why=True)
     assert "why quaternion takes so long" in page
     assert page.splitlines()[-1].split() == ["averaged", "too", "far", "off"]
     whole = pick_page(found, everything=True)

@@ -1,0 +1,105 @@
+"""What `pick` answers: ways to run a scene, from the cheapest to the dearest, and those that will not do."""
+
+from dataclasses import asdict, dataclass
+from html import escape
+from typing import TYPE_CHECKING
+
+from polhode.harness.common.text import aligned, duration, scientific, short
+from polhode.harness.picking.laws import Interval
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True)
+class Way:
+    """One way to run a scene, as `polhode solve` takes it.
+
+    Parameters
+    ----------
+    form, solver : str
+    tolerance : float
+        Positive.
+    error : Interval
+        Predicted error of the kind wanted, model error included.
+    seconds : Interval
+        Predicted time of a warm run.
+    first_run_seconds : float
+        The same with the compilation that a first run in a process pays.
+    tied : bool
+        Whether it is among those, more than one, whose intervals of time overlap with the first one's: no significant
+        difference.
+    reason : str
+    """
+
+    form: str
+    solver: str
+    tolerance: float
+    error: Interval
+    seconds: Interval
+    first_run_seconds: float
+    tied: bool
+    reason: str
+
+
+@dataclass(frozen=True)
+class Excluded:
+    """A way that will not do, and why."""
+
+    form: str
+    solver: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class Recommendation:
+    """What `pick` answers.
+
+    Parameters
+    ----------
+    want : str
+    error : float
+    rotations : float
+        N = ∫|ω|dt/2π of the scene.
+    damping_times : float
+        T max(8πX/I)/St of the scene.
+    ranking : tuple of Way
+        From the cheapest to the dearest.
+    excluded : tuple of Excluded
+    """
+
+    want: str
+    error: float
+    rotations: float
+    damping_times: float
+    ranking: tuple[Way, ...]
+    excluded: tuple[Excluded, ...]
+
+    @property
+    def summary(self) -> str:
+        """What to run, in a line."""
+        first, others = self.ranking[0], sum(way.tied for way in self.ranking) - 1
+        low, high = duration(first.seconds.low), duration(first.seconds.high)
+        of = "L and E within {} of I_max" if self.want == "slow" else "orientation within {} rad"
+        ties = f"; {others} other{'s' * (others > 1)} tie{'s' * (others == 1)}" if others > 0 else ""
+        way = f"{first.form} by {first.solver} at tolerance {short(first.tolerance)}"
+        time = f"about {duration(first.seconds.predicted)} ({low} to {high})"
+        return f"Run {way}: {time}, {of.format(scientific(first.error.high))}{ties}."
+
+    def __repr__(self) -> str:
+        """What to run, and the first ways, one a line."""
+        rows = [
+            (way.form, way.solver, short(way.tolerance), scientific(way.error.high), duration(way.seconds.predicted))
+            for way in self.ranking[:5]
+        ]
+        return f"{self.summary}\n{aligned(['form', 'solver', 'tolerance', 'error below', 'time'], rows)}"
+
+    def frame(self) -> "pd.DataFrame":
+        """The ranking as a table: a row for each way, intervals in columns of their own, times in seconds."""
+        import pandas as pd
+
+        return pd.json_normalize([asdict(way) for way in self.ranking], sep="_")
+
+    def _repr_html_(self) -> str:
+        """What notebooks show."""
+        return f"<p>{escape(self.summary)}</p>{self.frame().to_html(max_rows=10)}"
