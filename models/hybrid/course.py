@@ -16,7 +16,7 @@ from polhode.models.scene import Scene, Start, start_from
 from polhode.models.second_order import field as triaxial
 from polhode.models.second_order import spheroid as spheroidal
 from polhode.models.second_order.form import SecondOrder, slow_start
-from polhode.models.second_order.outline import Outline, Stretch, outline
+from polhode.models.second_order.outline import Stretch, outline
 from polhode.models.second_order.run import NotAveragedError, entered
 
 Array = np.ndarray
@@ -25,6 +25,8 @@ Array = np.ndarray
 ERROR_PER_TOLERANCE = 100.0
 # How fast angles go wrong, over St and the error of L over I_max.
 RATE = 5.0
+# A run of so few turns costs less than to look ahead; the shear turns any body about so fast.
+SHORT, LEAST_SPEED = 1000, 0.5
 # Turns by which a window is lengthened where no slow state belongs to its end.
 MORE = 50
 
@@ -48,7 +50,7 @@ class HybridCourse:
         here = replace(scene, start=self.start(state), time=scene.time - time)
         if not self.stretches:
             found, factor = foreseen(here, ERROR_PER_TOLERANCE * tolerance)
-            return replace(self, since=time, stretches=found.stretches, factor=factor)(time, state, tolerance)
+            return replace(self, since=time, stretches=found, factor=factor)(time, state, tolerance)
         stretch, *rest = self.stretches
         end, reason, later = self.since + stretch.end * stokes, stretch.reason, replace(self, stretches=tuple(rest))
         if stretch.second_order:
@@ -71,8 +73,11 @@ class HybridCourse:
         return start_from(self.scene.ellipsoid, find_form(full_form(self.scene)).observe(self.scene, state[None]))
 
 
-def foreseen(scene: Scene, error: float) -> tuple[Outline, float]:
-    """Outline of a run, and the factor by which the kicks of its resonances make errors before them larger."""
+def foreseen(scene: Scene, error: float) -> tuple[tuple[Stretch, ...], float]:
+    """Stretches of a run, and the factor by which the kicks of its resonances make errors before them larger."""
+    speed = max(LEAST_SPEED, float(np.linalg.norm(scene.angular_velocity)))
+    if speed * scene.time < 2 * np.pi * SHORT:
+        return (Stretch(0.0, scene.slow_time, False, "the run is short"),), 1.0
     found, factor = outline(scene, error), 1.0
     for _ in range(2):
         last, amplified = 0.0, 1.0
@@ -83,7 +88,7 @@ def foreseen(scene: Scene, error: float) -> tuple[Outline, float]:
             break
         factor = min(amplified, 1e6)
         found = outline(scene, error / factor)
-    return found, factor
+    return found.stretches, factor
 
 
 def second_order(scene: Scene) -> tuple[Problem, Callable[[Array], Array]]:

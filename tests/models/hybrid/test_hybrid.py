@@ -25,7 +25,7 @@ PAPER = EulerStart((pi / 3, pi / 6, 0.0), (1.0, 1.0, -1.0))
 REST = EulerStart((1.0, 0.3, 0.2))
 TRIAXIAL, PROLATE = (1.0, 0.8, 0.5), (1.0, 1.0, 2.0)
 # A crossing of L² = 2EI₂ and resonances; a pinch point, L falling along z; a start from rest.
-CROSSING = Scene(Ellipsoid(TRIAXIAL), 1e5, PAPER, 2e4)
+CROSSING = Scene(Ellipsoid(TRIAXIAL), 1e5, PAPER, 4e4)
 PINCHED = Scene(Ellipsoid(PROLATE), 1e5, BodyStart((1.0, 0.0, 0.2, 0.1), (0.1, 0.2, 0.9)), 2e4)
 RESTING = Scene(Ellipsoid(PROLATE), 1e5, REST, 2e4)
 RESTING_TRIAXIAL = replace(RESTING, ellipsoid=Ellipsoid(TRIAXIAL))
