@@ -39,8 +39,10 @@ def test_error_follows_the_tolerance(run: Run, name: str):
     solutions = [solve(run.problem, name, float(tolerance), run.times) for tolerance in tolerances]
     assert all(solution.success for solution in solutions)
     errors = np.array([run.error(solution.states) for solution in solutions])
-    above = errors > FLOOR
-    assert above.sum() >= min(5, len(tolerances))
+    # At tolerances at which a run takes the least steps that it ever takes its error stays the same.
+    own = np.append(np.abs(np.diff(np.log(errors + FLOOR))) > 1e-3, True)
+    above = (errors > FLOOR) & own
+    assert above.sum() >= min(4, len(tolerances))
     slope = np.polyfit(np.log(tolerances[above]), np.log(errors[above]), 1)[0]
     assert 0.7 <= slope <= 1.3
     worst = np.max(errors[above] / tolerances[above]) / run.rotations
