@@ -8,6 +8,9 @@ from polhode.models.problem import Problem
 from polhode.solvers.contract import Record
 from polhode.solvers.taylor import Precision, propagate, taylor_integrator
 
+# Steps after which a run is given up, of equations in slow time and of all others: minutes of work.
+MOST_SLOW_STEPS, MOST_STEPS = 200_000, 50_000_000
+
 
 class ReferenceFailedError(RuntimeError):
     """There is no reference."""
@@ -22,7 +25,8 @@ def extended_run(problem: Problem, times: np.ndarray, precision: Precision, tole
     integrator.pars[:] = np.array(problem.parameters).astype(number)
     rows = np.empty((len(times), problem.dimension), dtype=number)
     rows[0] = integrator.state
-    status, message = propagate(integrator, Record(times, rows))
+    most = MOST_STEPS if problem.time_unit == 1 else MOST_SLOW_STEPS
+    status, message = propagate(integrator, Record(times, rows, max_steps=most))
     if not status.success:
         raise ReferenceFailedError(f"the reference of form {problem.name!r} ended with {status}: {message}")
     return _long_double(rows)
