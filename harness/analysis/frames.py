@@ -13,7 +13,7 @@ from polhode.harness.references.uncertainty import known
 # Of a run, what a reader of its page looks for.
 RUN_COLUMNS = ["scene_name", "stokes", "form", "solver", "tolerance", "status", "slow_error", "orientation_error"]
 RUN_COLUMNS += ["model_slow_error", "slow_uncertainty", "orientation_uncertainty", "seconds", "seconds_spread"]
-RUN_COLUMNS += ["work.rhs_calls", "work.steps", "sentinel_seconds", "date"]
+RUN_COLUMNS += ["work.rhs_calls", "work.steps", "sentinel_seconds", "date", "scene.time", "scene.shape.semi_axes"]
 
 
 def frame(records: Sequence[Record]) -> pd.DataFrame:

@@ -22,6 +22,8 @@ REPORTS = {
     "bench": ("Bench", "polhode bench"),
     "regimes": ("Map", "polhode regimes"),
     "solvers": ("Solvers", "polhode equal-error"),
+    "hybrid": ("Hybrid", "polhode accuracy --order hybrid"),
+    "known-stokes": ("Known St", "polhode bench harness/studies/known_stokes.toml"),
     "accuracy": ("Averaging", "polhode accuracy"),
     "second-order": ("Second order", "polhode accuracy --order 2"),
     "hard-cases": ("Hard cases", "polhode bench harness/studies/hard_cases.toml"),
@@ -30,6 +32,8 @@ REPORTS = {
     "sweep": ("Ensembles", "polhode throughput"),
 }
 # What these pictures show is on the page of costs.
+# What the opening page takes from the page of the bench, by its own heading.
+SECTIONS = {"Robust or fast": "Robust or fast", "When averaging pays": "Verdict"}
 OVERWRITTEN = " Do not edit: the next run overwrites this page."
 ON_COSTS = re.compile(r"(slow|orientation)(-[\w-]+)?\.png")
 
@@ -65,14 +69,13 @@ def build(reports: Path, out: Path, scenes: dict[str, Scene], say: Callable[[str
 
 
 def _verdict(files: dict[str, Path], texts: dict[str, str], known: dict[Path, str]) -> str:
-    """When averaging pays, from the bench, and what the reports lack."""
+    """Who is robust, who is fast and when averaging pays, from the bench, and what the reports lack."""
     body = ""
-    if "bench" in files:
-        text = section(texts["bench"], "Verdict")
-        body = f"<h2>When averaging pays</h2>{render(text, files['bench'], known).body}"
-    return body + "".join(
-        missing(f"reports/{name} is", command) for name, (_, command) in REPORTS.items() if name not in files
-    )
+    for title, heading in SECTIONS.items():
+        if "bench" in files and (text := section(texts["bench"], heading)):
+            body += f"<h2>{title}</h2>{render(text, files['bench'], known).body}"
+    lacking = (missing(f"reports/{name} is", command) for name, (_, command) in REPORTS.items() if name not in files)
+    return body + "".join(lacking)
 
 
 def _as_costs(picture: str) -> str:

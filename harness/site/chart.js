@@ -147,7 +147,7 @@ const polhode = (() => {
       if (!s.mark) return;
       for (const [a, b, text] of good) {
         const px = x.clamp(a), py = y.clamp(b), out = !(x.inside(a) && y.inside(b));
-        mark(s.mark, px, py, { fill: out ? "#fff" : s.color, stroke: s.color }, svg);
+        mark(s.mark, px, py, { fill: out ? "var(--paper)" : s.color, stroke: s.color }, svg);
         flat.push({ px, py, text, row });
       }
     }
@@ -159,7 +159,7 @@ const polhode = (() => {
         const place = x.clamp(a), others = taken.get(place) || 0;
         taken.set(place, others + 1);
         const px = Math.max(MARGIN.left + 70, place - 10 * others);
-        mark(shape, px, py, { fill: "#fff", stroke: color, "stroke-width": 1.3 }, svg);
+        mark(shape, px, py, { fill: "var(--paper)", stroke: color, "stroke-width": 1.3 }, svg);
         flat.push({ px, py, text, row });
       });
     }

@@ -5,7 +5,7 @@
   const motions = read("motion-data");
   const place = document.getElementById("motion");
   if (!motions.length) return;
-  const BLACK = "#111", ORANGE = "#D55E00", BLUE = "#0072B2", PINK = "#CC79A7", GREY = "#8a8f98";
+  const BLACK = getComputedStyle(document.body).color, ORANGE = "#D55E00", BLUE = "#0072B2", PINK = "#CC79A7", GREY = "#8a8f98";
   const TRAIL = 150, SECONDS = 20;
 
   const choice = html("label", { className: "field" }, place);
@@ -44,8 +44,8 @@
     const full = pairs(motion.plane), all = full.concat(pairs(motion.averaged)).map((p) => p[0]);
     const low = Math.min(...all, 0), high = Math.max(...all, 0), pad = 0.05 * (high - low || 1);
     const grid = Array.from({ length: 81 }, (_, i) => low - pad + ((high - low + 2 * pad) * i) / 80);
-    const series = [{ name: "full equations", color: BLUE, line: true, mark: "", width: 1, points: full }];
-    if (motion.averaged.length) series.push({ name: "averaged equations", color: PINK, line: true, mark: "", width: 2.4,
+    const series = [{ name: "full equations", color: BLUE, line: true, mark: "", width: 1.2, points: full }];
+    if (motion.averaged.length) series.unshift({ name: "averaged equations", color: PINK, line: true, mark: "", width: 3,
       points: pairs(motion.averaged) });
     return {
       label: "Plane of L_z and E", square: true, series, x: { label: "L_z / I_max" }, y: { label: "E / I_max", min: 0 },
@@ -159,8 +159,9 @@
     paintParticle(Number(slider.value));
     const size = Math.min(canvas.parentElement.clientWidth, 460), pen = paper(canvas, size), R = size * 0.42;
     const shade = pen.createRadialGradient(-R / 3, -R / 3, R / 8, 0, 0, R);
-    shade.addColorStop(0, "#ffffff");
-    shade.addColorStop(1, "#e9edf2");
+    const style = getComputedStyle(document.documentElement), look = (name) => style.getPropertyValue(name).trim();
+    shade.addColorStop(0, look("--paper"));
+    shade.addColorStop(1, look("--line"));
     pen.fillStyle = shade;
     pen.beginPath();
     pen.arc(0, 0, R, 0, 2 * Math.PI);
@@ -188,7 +189,7 @@
     for (const [name, end] of [["x flow", [1.22, 0, 0]], ["y gradient", [0, 1.14, 0]], ["z vorticity", [0, 0, 1.16]]]) {
       line([[0, 0, 0], end.map((v) => v * 0.94)], "#9aa3af", 0.9);
       const [px, py] = project(end);
-      pen.fillStyle = "#5b6470";
+      pen.fillStyle = look("--soft");
       pen.font = "12px system-ui, sans-serif";
       pen.textAlign = Math.abs(px) < 0.3 ? "center" : px > 0 ? "right" : "left";
       pen.fillText(name, Math.max(-size / 2 + 2, Math.min(size / 2 - 2, px * R * 1.02)), Math.max(12 - size / 2, -py * R));

@@ -41,8 +41,10 @@ STOKES, TIME = 200.0, 100.0
 def examples() -> dict[str, Scene]:
     """Motions to show: both kinds of particle where rotations are fast but still to be seen, and no inertia at all."""
     return {
+        f"the paper's ellipsoid (1, 0.8, 0.5), St = {STOKES:g}": replace(
+            named_scene("paper"), stokes=STOKES, time=TIME
+        ),
         f"prolate spheroid, κ = 2, St = {STOKES:g}": replace(named_scene("spheroid"), stokes=STOKES, time=TIME),
-        f"ellipsoid (1, 0.8, 0.5), St = {STOKES:g}": replace(named_scene("paper"), stokes=STOKES, time=TIME),
         "from rest, needle κ = 10, St = 1000": replace(named_scene("needle"), time=200.0),
         "Jeffery orbit, κ = 2, St = 0": replace(named_scene("jeffery"), time=50.0),
     }

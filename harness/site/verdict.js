@@ -89,20 +89,23 @@
     if (cell.form) command(`polhode solve scene.toml --form ${cell.form} --solver ${cell.solver}` +
       (cell.tolerance ? ` --tolerance ${cell.tolerance}` : ""));
     const note = made("p", { className: "note" }, answer);
-    note.append(`Measured at St = ${short(cell.St)} for an error of ${short(cell.error)}. `,
+    const asked = Math.abs(cell.St / St - 1) < 1e-3 ? "" : ", the nearest St measured";
+    note.append(`Measured at St = ${short(cell.St)}${asked}, for an error of ${short(cell.error)}${cell.span ? ", over " + cell.span : ""}. `,
       made("a", { textContent: "All runs there", href: "cost.html#" + new URLSearchParams({ scene: "regimes: " + cell.particle,
         St: String(cell.St), error: cell.want === "slow" ? "slow_error" : "orientation_error" }) }), ".");
   }
 
-  // The smallest error of the averaged equations at St, between the measured ones by a power law.
+  // The smallest error of each averaged form at St, between the measured ones by a power law.
   function averaging(cell, St, allowed, cells) {
-    const known = [...new Map(cells.map((each) => [each.St, each.averaging])).entries()].sort((a, b) => a[0] - b[0]);
-    const found = known.map(([x, forms]) => [x, Object.values(forms).length ? Math.min(...Object.values(forms)) : NaN]);
-    const at = found.findLastIndex(([x]) => x <= St * 1.0001);
-    const [x, y] = found[at] ?? [], [u, v] = found[at + 1] ?? [];
-    const value = Math.abs(St / x - 1) < 1e-3 ? y : y * (St / x) ** (Math.log(v / y) / Math.log(u / x));
-    if (Number.isFinite(value)) made("p", { textContent: `Averaged equations err by about ${short(value)} here: ` +
-      (value <= allowed ? `good enough for ${short(allowed)}.` : `not good enough for ${short(allowed)}.`) }, answer);
+    const known = new Map(cells.map((each) => [each.St, each.averaging]));
+    const numbers = [...known.keys()].sort((a, b) => a - b);
+    const at = numbers.findLastIndex((x) => x <= St * 1.0001), x = numbers[at], u = numbers[at + 1];
+    const lines = Object.keys(known.get(x) ?? {}).flatMap((form) => {
+      const y = known.get(x)[form], v = known.get(u)?.[form];
+      const value = Math.abs(St / x - 1) < 1e-3 ? y : y * (St / x) ** (Math.log(v / y) / Math.log(u / x));
+      return Number.isFinite(value) ? [`${form} errs by about ${short(value)}, ${value <= allowed ? "" : "not "}good enough`] : [];
+    });
+    if (lines.length) made("p", { textContent: `Averaged equations at St = ${short(St)}: ${lines.join("; ")} for ${short(allowed)}.` }, answer);
     else if (cell.want === "orientation") made("p", { textContent: "No averaged form was measured for the orientation here." }, answer);
   }
 

@@ -4,7 +4,7 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from html import escape
 from io import BytesIO
-from math import inf, isnan
+from math import inf, isnan, nan
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +28,6 @@ NOTE = (
     "Averaged forms stand under their own name, whichever solver runs them. “none”: no run measured gets there. "
     "“unknown”: no reference is good enough. A cell leads to its answer."
 )
-PARTICLES = {"ellipsoid": "triaxial ellipsoid"}
 # What the page calls the two kinds of error, and the word of `--want`.
 WANTS = {"slow_error": ("slow", "L and E"), "orientation_error": ("orientation", "orientation")}
 # Letters of a name that may be broken at its hyphens.
@@ -41,7 +40,9 @@ def question(folder: Path) -> tuple[str, dict[str, Any]]:
     found = read_cells(path) if path.is_file() else {}
     if not found:
         return "", {}
-    particles = {name: PARTICLES.get(name, name) for name, _ in found}
+    reached = _reached(folder / "runs.csv")
+    shapes = {name: runs[0].get("scene.shape.semi_axes", "") for (name, _), runs in reached.items()}
+    particles = {name: f"{name} {shapes.get(name, '')}".strip() for name, _ in found}
     sections = "".join(
         f'<section class="region" data-particle="{escape(name)}" data-want="{WANTS[error][0]}"><h3>'
         f"The {particles[name]}: {prose(ERRORS[error][1].replace('$I_{max}$', 'I_max'))}</h3>"
@@ -52,23 +53,28 @@ def question(folder: Path) -> tuple[str, dict[str, Any]]:
         '<form class="filters ask" id="ask" aria-label="Question"></form><div id="answer" role="status"></div>'
         f'<p class="note">{prose(OWN)}</p><h2>The map</h2><p class="note">{NOTE}</p>{sections}'
     )
-    data = {"particles": particles, "wants": dict(WANTS.values()), "cells": _answers(found, folder / "runs.csv")}
+    data = {"particles": particles, "wants": dict(WANTS.values()), "cells": _answers(found, reached)}
     return body, {"question-data": data}
 
 
-def _answers(found: Mapping[tuple[str, str], Sequence[Cell]], path: Path) -> list[dict[str, Any]]:
+def _answers(
+    found: Mapping[tuple[str, str], Sequence[Cell]], reached: Mapping[tuple[str, float], list[dict[Any, Any]]]
+) -> list[dict[str, Any]]:
     """What the script knows of each cell: the method, the loosest tolerance that reaches the error, and averaging."""
-    reached = _reached(path)
     answers = []
     for (name, error), cells in found.items():
         for cell in cells:
-            runs = [run for run in reached[name, cell.stokes] if not isnan(run[error])]
+            runs = [run for run in reached.get((name, cell.stokes), []) if not isnan(run[error])]
             averaging: dict[str, float] = {}
             for run in runs:
                 if is_averaged(run["form"]):
                     averaging[run["form"]] = min(run[error], averaging.get(run["form"], inf))
             answer = {"particle": name, "want": WANTS[error][0], "St": cell.stokes, "error": cell.target}
             answer |= {"known": cell.known, "averaging": averaging}
+            if runs and not isnan(time := runs[0].get("scene.time", nan)):
+                answer["span"] = (
+                    f"t = {short(time)}, t₂ = {short(time / cell.stokes)}" if cell.stokes else f"t = {short(time)}"
+                )
             if cell.winner:
                 method = cell.winner.form, cell.winner.solver
                 answer |= dict(zip(("form", "solver"), method, strict=True))
