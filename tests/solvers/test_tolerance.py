@@ -16,9 +16,10 @@ FLOOR = 2e-12
 
 
 def tolerances_of(run: Run, name: str) -> np.ndarray:
-    """All of them; every other one by Python's pace and where heyoka compiles anew, but for two short fields."""
-    few = name in SHORTENED or (name == "taylor" and run.form not in ("quaternion", "jeffery"))
-    return TOLERANCES[:5:2] if few else TOLERANCES
+    """All of them; three by Python's pace; two where heyoka compiles anew for each, but for two short fields."""
+    if name == "taylor" and run.form not in ("quaternion", "jeffery"):
+        return TOLERANCES[:5:4]
+    return TOLERANCES[:5:2] if name in SHORTENED else TOLERANCES
 
 
 def takes_too_long(run: Run, name: str) -> bool:

@@ -20,9 +20,9 @@ def test_shares_and_factors():
 
 def test_a_run_is_measured_once_and_its_statement_holds(tmp_path, monkeypatch):
     with Store(tmp_path / "stated.sqlite") as store:
-        first = stated(store, 3, 2, quiet=True)
+        first = stated(store, 6, 2, quiet=True)
         monkeypatch.setattr(module, "_row", None)
-        pd.testing.assert_frame_equal(stated(store, 3, 2, quiet=True), first)
+        pd.testing.assert_frame_equal(stated(store, 6, 2, quiet=True), first)
     assert judged(first)["bounded"] == 1
     page = write_page(tmp_path, first, "polhode validate --errors 2").read_text(encoding="utf-8")
     assert all(sentence in page for sentence in summary(first))
