@@ -98,12 +98,12 @@ def plan(
         check_tolerance(tolerance)
     # What is plainly wrong is refused before anything is tried.
     if form is not None:
-        _form(form).check(what)
+        find_form(form).check(what)
     if solver is not None:
-        _solver(solver)
+        find_solver(solver)
     with spent_on("pilots"):
         choice = choose(what, _name(form), _name(solver), tolerance, error, want, len(wanted))
-    equations, method = _form(form or choice.form), _solver(solver or choice.solver)
+    equations, method = find_form(form or choice.form), find_solver(solver or choice.solver)
     problem = equations.problem(what)
     if not method.available:
         raise ValueError(f"solver: {method.why_not}")
@@ -225,14 +225,6 @@ def _checked_times(times: Sequence[float] | np.ndarray, scene: Scene) -> np.ndar
     if not (increasing and 0 < wanted[-1] <= scene.time):
         raise ValueError(f"times: got {times!r:.60}, expected increasing numbers from 0 to {scene.time:g}")
     return wanted
-
-
-def _form(what: str | Form) -> Form:
-    return what if isinstance(what, Form) else find_form(what)
-
-
-def _solver(what: str | Solver) -> Solver:
-    return what if isinstance(what, Solver) else find_solver(what)
 
 
 def _name(thing: str | Form | Solver | None) -> str | None:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from polhode.harness.solution import SceneSolution
+from polhode.models.own_function import line_of
 from polhode.models.registry import hint
 from polhode.models.theory.attractors import attractors
 
@@ -90,7 +91,8 @@ def as_events(given: Iterable[EventLike] | EventLike) -> list[Event]:
             found.append(Event(getattr(what, "__name__", repr(what)), what, direction, terminal))
     names = [event.name for event in found]
     if len(set(names)) < len(names):
-        raise ValueError(f"events: got the names {names}, expected each once")
+        advice = "give a function by def, or Event(name, function)"
+        raise ValueError(f"events: got the names {names}, expected each once: {advice}")
     return found
 
 
@@ -102,7 +104,14 @@ def happened(solution: Any, event: Event) -> Any:
     from scipy.optimize import brentq
 
     looked = solution(_looks(solution))
-    values = np.asarray(event.function(looked), dtype=float)
+    try:
+        values = np.asarray(event.function(looked), dtype=float)
+    except Exception as error:
+        if event in EVENTS.values():
+            raise
+        frame = line_of(error, __file__)
+        place = f" ({frame.filename}:{frame.lineno}: {frame.line})" if frame else ""
+        raise ValueError(f"event {event.name!r}: got {type(error).__name__}: {error}{place}") from error
     if values.shape != looked.times.shape:
         raise ValueError(f"event {event.name!r}: got values of shape {values.shape}, expected {looked.times.shape}")
 

@@ -29,6 +29,8 @@ def solve_ivp(
     events: Sequence[Callable[..., float]] | Callable[..., float] = (),
     args: Sequence[float] = (),
     rtol: float = 1e-6,
+    dense_output: bool = True,
+    **others: Any,
 ) -> "OptimizeResult":
     """Solve ``y' = fun(t, y, *args)``, forward in time, by a solver of the catalogue or of one's own.
 
@@ -47,6 +49,10 @@ def solve_ivp(
     args : sequence of float
     rtol : float
         The solver's tolerance, relative and absolute alike.
+    dense_output : bool
+        For SciPy's sake: `sol` is always there.
+    others
+        Any other of SciPy's options is refused.
 
     Returns
     -------
@@ -61,15 +67,20 @@ def solve_ivp(
     """
     from scipy.optimize import OptimizeResult
 
-    began, d = float(t_span[0]), len(y0)
+    if others:
+        taken = "t_eval, events, args, rtol, dense_output"
+        raise ValueError(f"solve_ivp: got {', '.join(others)}, expected no options of SciPy's but {taken}")
+    began = float(t_span[0])
     problem = Problem.from_function(fun, y0, t_span[1], args, t_start=began)
     check_field(problem)
+    d = len(y0)
     wanted = np.linspace(*t_span, SAMPLES) if t_eval is None else np.array(t_eval, dtype=float)
     if not (wanted.ndim == 1 and wanted.size and began <= wanted[0] and wanted[-1] <= t_span[1]):
         raise ValueError(f"t_eval: got {t_eval!r:.60}, expected increasing times from {began!r} to {t_span[1]!r}")
     times = np.unique(np.concatenate([[0.0], wanted - began, [problem.end]]))
     found = solve(problem, method, rtol, times, count=True)
-    looked_for, happenings = as_events(events), []
+    # Events are counted here, so that their names may be the same.
+    looked_for, happenings = [as_events(each)[0] for each in ([events] if callable(events) else events)], []
     for event in looked_for:
         value = replace(event, function=partial(_values, event.function, began, d, args))
         happenings.append(happened(found, value))

@@ -16,7 +16,7 @@ from polhode.harness.picking.second_look import UNKNOWN, RunError
 from polhode.models.form import Form
 from polhode.models.observables import Observables, angular_velocity
 from polhode.models.scene import Scene, start_from
-from polhode.solvers.contract import Status, Work
+from polhode.solvers.contract import Status, Work, installed
 from polhode.solvers.dense_output import LikeSolveIvp
 from polhode.solvers.pieces import Stage
 from polhode.solvers.solve import Solution, described
@@ -93,7 +93,7 @@ class SceneSolution(LikeSolveIvp):
         problem = f"{self.form}, St = {short(self.scene.stokes)}, to t = {short(self.scene.time)}"
         lines = [described(self, problem, f"tolerance {short(self.tolerance)}")]
         if self.error is not UNKNOWN:
-            lines.append(f"  error: {self.error.words(self.scene.ellipsoid, self.observables)}")
+            lines.append(f"  error: {self.error.words()}")
         lines += [f"  piece: {each}" for each in self.pieces_in_words()]
         return "\n".join([*lines, *[f"  advice: {self.error.advice}"] * bool(self.error.advice)])
 
@@ -222,10 +222,12 @@ class SceneSolution(LikeSolveIvp):
 
     def to_parquet(self, path: "str | PathLike[str]", omega: bool = False) -> None:
         """Write `frame` as Parquet, where pyarrow is installed."""
+        _need("to_parquet", "pyarrow")
         self.frame(omega).to_parquet(path)
 
     def to_xarray(self) -> "xr.Dataset":
         """L, E, rotation matrix and ω over t, where xarray is installed; body axes count from 1."""
+        _need("to_xarray", "xarray")
         import xarray as xr
 
         space, body = ["x", "y", "z"], [1, 2, 3]
@@ -263,3 +265,8 @@ class SceneSolution(LikeSolveIvp):
         last = float(self.times[-1]) if t is None else t
         start = start_from(self.scene.ellipsoid, self(last).observables)
         return replace(self.scene, start=start, time=time or self.scene.time - last or self.scene.time)
+
+
+def _need(method: str, library: str) -> None:
+    if not installed(library):
+        raise ImportError(f"{method}: {library} is not installed: pip install 'polhode[data]'")

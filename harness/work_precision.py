@@ -101,7 +101,9 @@ class WorkPrecision:
         return float(np.max(np.abs(states - exact) / np.where(size > 0, size, 1)))
 
     def _accepted(self) -> list[Solver]:
-        methods = [find_solver(name) if isinstance(name, str) else name for name in self.solvers or SOLVERS]
+        if isinstance(self.solvers, str):
+            raise ValueError(f"solvers: got {self.solvers!r}, expected a sequence: [{self.solvers!r}]")
+        methods = [find_solver(name) for name in self.solvers or SOLVERS]
         if self.solvers is not None:
             return methods
         return [method for method in methods if _accepts(method, self.problem)]

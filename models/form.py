@@ -42,9 +42,10 @@ class Form(ABC):
        (alpha, beta) = (1, 1/St) is the explicit form and (St, 1) the implicit one.
     """
 
+    required: ClassVar[tuple[str, ...]] = ("name", "state", "orientation")
     name: ClassVar[str]
-    summary: ClassVar[str]
-    valid_for: ClassVar[str]
+    summary: ClassVar[str] = ""
+    valid_for: ClassVar[str] = ""
     state: ClassVar[tuple[str, ...]]
     orientation: ClassVar[Orientation]
     averaged: ClassVar[bool] = False

@@ -3,9 +3,11 @@
 import builtins
 import inspect
 import math
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from traceback import FrameSummary, extract_tb
 from types import FunctionType, ModuleType
 from typing import Any
 
@@ -14,6 +16,9 @@ import numpy as np
 from polhode.models.operations import FLOAT, Field, Operations
 
 LIBRARIES = (np, math)
+# What a function may use, and what it does instead of branching.
+BRANCHES = "np.heaviside, np.maximum, np.minimum or np.abs"
+FUNCTIONS = f"sin, cos, tan, sqrt, exp and log of NumPy or math, {BRANCHES}"
 
 
 class _Absent:
@@ -61,6 +66,8 @@ def own_field(
         raise ValueError(f"t_end: got {span[1]!r}, expected a finite number above {span[0]!r}")
     try:
         inspect.signature(f).bind(*span[:1], start, *given)
+        if [*inspect.signature(f).parameters][1:2] in (["t"], ["time"]):
+            raise TypeError("the time comes first")
     except TypeError as error:
         words = f"f(t, y{''.join(f', p{i}' for i in range(len(given)))})"
         got = f"{getattr(f, '__name__', 'f')}{inspect.signature(f)}"
@@ -69,12 +76,22 @@ def own_field(
     try:
         rates = _listed(f(span[0], np.array(start), *given))
     except Exception as error:
-        raise ValueError(f"f: got {type(error).__name__} at the start: {error}") from error
+        frame = line_of(error)
+        place = f" ({frame.filename}:{frame.lineno}: {frame.line})" if frame else ""
+        raise ValueError(f"f: got {type(error).__name__} at the start: {error}{place}") from error
     if len(rates) != len(start):
         raise ValueError(f"f: got {len(rates)} rates, expected {len(start)}, one per component of y0")
     if not all(isinstance(rate, float | int) and math.isfinite(rate) for rate in rates):
         raise ValueError(f"f: got the rates {rates} at the start, expected finite numbers")
     return (*start, 0.0) if timed else start, OwnField(f, timed, span[0])
+
+
+def line_of(error: BaseException, *skipped: str) -> FrameSummary | None:
+    """The last line of a user's code on the way to an error: outside this file, NumPy and the files skipped."""
+    ours = (__file__, os.path.dirname(np.__file__), *skipped)
+    return next(
+        (each for each in reversed(extract_tb(error.__traceback__)) if not each.filename.startswith(ours)), None
+    )
 
 
 def _numbers(name: str, values: Sequence[float]) -> tuple[float, ...]:
@@ -96,8 +113,10 @@ def _uses_time(f: Callable[..., Any], start: tuple[float, ...], parameters: tupl
 
 def _listed(rates: Any) -> list[Any]:
     """The rates as a list of Python's numbers, whatever held them."""
-    found = rates.ravel().tolist() if isinstance(rates, np.ndarray) else list(rates)
-    return [rate.item() if isinstance(rate, np.generic) else rate for rate in found]
+    if not isinstance(rates, np.ndarray):
+        rates = list(rates) if hasattr(rates, "__iter__") else [rates]
+    found = rates.ravel().tolist() if isinstance(rates, np.ndarray) else rates
+    return [rate.item() if isinstance(rate, np.generic | np.ndarray) and not rate.ndim else rate for rate in found]
 
 
 def _array(state: list[Any]) -> np.ndarray:
@@ -112,7 +131,26 @@ def _array(state: list[Any]) -> np.ndarray:
 def _own(ops: Operations) -> dict[str, Any]:
     arrays = {name: partial(getattr(np, name), dtype=object) for name in ("zeros", "empty", "ones")}
     own = {name: getattr(ops, name) for name in ("sin", "cos", "sqrt", "exp", "log")}
-    return {**arrays, **own, "tan": lambda x: own["sin"](x) / own["cos"](x)}
+    own["tan"] = lambda x: ops.sin(x) / ops.cos(x)
+    own["abs"] = own["absolute"] = lambda x: ops.where_positive(x, x, -x)
+    own["maximum"] = lambda a, b: ops.where_positive(a - b, a, b)
+    own["minimum"] = lambda a, b: ops.where_positive(a - b, b, a)
+    own["heaviside"] = lambda x, at_zero: ops.where_positive(x, 1.0, ops.where_positive(-x, 0.0, at_zero))
+    return {**arrays, **{name: _each(function) for name, function in own.items()}}
+
+
+def _each(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A function of numbers, for arrays component by component."""
+
+    def of_any(*given: Any) -> Any:
+        if not any(isinstance(each, np.ndarray | list | tuple) for each in given):
+            return function(*given)
+        arrays = np.broadcast_arrays(*(np.array(each, dtype=object) for each in given))
+        found = np.empty(arrays[0].shape, dtype=object)
+        found.flat[:] = [function(*each) for each in zip(*(array.flat for array in arrays), strict=True)]
+        return found
+
+    return of_any
 
 
 class _Library:

@@ -55,8 +55,16 @@ class Catalogue(dict[str, str], Generic[T]):
         self.kind, self.base = kind, base
         self._made: dict[str, T] = {}
 
-    def find(self, name: str) -> T:
-        """The instance of a catalogue name, or of a "module:class" outside; raises NotFoundError if there is none."""
+    def find(self, name: str | T) -> T:
+        """The instance of a catalogue name, or of a "module:class" outside, or the object that is one already.
+
+        Raises
+        ------
+        NotFoundError
+            If there is none, or its class lacks what the contract requires.
+        """
+        if not isinstance(name, str):
+            return self._object(name)
         if name not in self._made:
             self._made[name] = self._class(name)()
         return self._made[name]
@@ -73,6 +81,23 @@ class Catalogue(dict[str, str], Generic[T]):
             raise NotFoundError(self.kind, name, f"an importable module:class ({error}){place}") from None
         if not (isinstance(found, type) and issubclass(found, imported(self.base))):
             raise NotFoundError(self.kind, name, f"a class derived from {self.base}")
+        return self._complete(found)
+
+    def _object(self, given: T) -> T:
+        base = imported(self.base)
+        if isinstance(given, type) and issubclass(given, base):
+            raise NotFoundError(self.kind, given.__name__, f"an object, not the class: {given.__name__}()")
+        if not isinstance(given, base):
+            raise NotFoundError(self.kind, repr(given), f"a name, or an object of a class derived from {self.base}")
+        self._complete(type(given))
+        return given
+
+    def _complete(self, found: type) -> type[T]:
+        """The class, unless it lacks attributes or methods that every class of the kind must have."""
+        missing = [each for each in found.required if not hasattr(found, each)]  # pyright: ignore
+        missing += sorted(found.__abstractmethods__)  # pyright: ignore
+        if missing:
+            raise NotFoundError(self.kind, found.__name__, f"a class that has {', '.join(missing)}")
         return found
 
 

@@ -192,11 +192,12 @@ class Solver(ABC):
        about three times what was measured; a tolerance is each library's own, so that constants differ widely.
     """
 
+    required: ClassVar[tuple[str, ...]] = ("name",)
     name: ClassVar[str]
-    summary: ClassVar[str]
-    accepts: ClassVar[str]
-    library: ClassVar[str]
-    package: ClassVar[str]
+    summary: ClassVar[str] = ""
+    accepts: ClassVar[str] = ""
+    library: ClassVar[str] = "numpy"
+    package: ClassVar[str] = "numpy"
     family: ClassVar[str] = OWN
     implicit: ClassVar[bool] = False
     switching: ClassVar[bool] = False

@@ -4,13 +4,15 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import pi
 from time import perf_counter
+from traceback import extract_tb
+from typing import Any
 
 import numpy as np
 
 from polhode.models.operations import FLOAT
 from polhode.models.problem import Course, Piece, Problem
 from polhode.models.spent import spent_on
-from polhode.solvers.contract import Integrator, Record, Settings, Solver, Status, Work
+from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status, Work
 
 # Growth of an angle, in rad, after which it is wrapped: small against what a tolerance relative to it would lose.
 WRAP_AFTER = 100 * pi
@@ -57,7 +59,7 @@ class Run:
             if watch:
                 watch(record)
             try:
-                self.status, message = integrate(record)
+                self.status, message = _outcome(integrate, record, self.method.name)
             finally:
                 self._keep(piece, record)
             # The solver knows the steps of its own piece alone.
@@ -109,6 +111,19 @@ class Run:
             self.work = record.work
         begin, self.now = self.now, min(record.reached, piece.end) if record.filled < len(record.times) else piece.end
         self.stages.append(Stage(begin, self.now, piece.reason, piece.error, record.work.steps))
+
+
+def _outcome(integrate: Integrator, record: Record, solver: str) -> Outcome:
+    """What an integrator returns; an exception, or anything but a status and a message, is a crash."""
+    try:
+        outcome: Any = integrate(record)
+    except Exception as error:
+        place = extract_tb(error.__traceback__)[-1]
+        where = f"{place.filename}:{place.lineno}"
+        return Status.CRASHED, f"solver {solver!r} raised {type(error).__name__}: {error} ({where})"
+    if isinstance(outcome, tuple) and [type(each) for each in outcome] == [Status, str]:
+        return outcome
+    return Status.CRASHED, f"solver {solver!r} returned {outcome!r}, expected a tuple (Status, message)"
 
 
 def wrapped(problem: Problem, times: np.ndarray) -> Course:

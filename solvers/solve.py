@@ -154,7 +154,7 @@ def solve(
     Interrupted
         On Ctrl-C, with the finished part.
     """
-    method = find_solver(solver) if isinstance(solver, str) else solver
+    method = find_solver(solver)
     settings = method.settings(tolerance, backend, jacobian, count)
     times = _wanted(problem, times)
     start = np.array(problem.start)

@@ -112,7 +112,7 @@ def test_references_name_every_method_form_and_problem():
 
 def test_pages_show_python_that_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
-    for page in ("own-ode.md", "solutions.md"):
+    for page in ("add-a-solver.md", "own-ode.md", "solutions.md"):
         blocks = re.findall(r"```python\n(.*?)```", (EXAMPLES.parent / page).read_text(encoding="utf-8"), re.DOTALL)
         assert blocks
         # Three solvers say as much as all.

@@ -39,15 +39,15 @@ class ClassicalRungeKutta(Solver):
                 steps = max(1, round((end - begin) / wanted))
                 h = (end - begin) / steps
                 for _ in range(steps):
+                    if record.expired:
+                        return Status.TIME_LIMIT, f"after {record.work.steps} steps"
                     callback(y, p, k1)
                     callback(y + h / 2 * k1, p, k2)
                     callback(y + h / 2 * k2, p, k3)
                     callback(y + h * k3, p, k4)
                     y = y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-                record.work.steps += steps
+                    record.work.steps += 1
                 record.put(y[None])
-                if record.expired:
-                    return Status.TIME_LIMIT, f"after {record.work.steps} steps"
             return Status.REACHED_END, ""
 
         return integrate

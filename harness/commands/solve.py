@@ -99,7 +99,7 @@ def solve(
             for piece in solution.pieces_in_words():
                 click.echo(f"note: {piece}", err=True)
         if what.estimate and not quiet:
-            click.echo(f"error: {solution.error.words(what.scene.ellipsoid, solution.observables)}", err=True)
+            click.echo(f"error: {solution.error.words()}", err=True)
             if solution.error.advice and not what.note:
                 click.echo(f"note: {solution.error.advice}", err=True)
     if verbose:

@@ -23,7 +23,6 @@ from polhode.models.form import Form, FormNotValidError
 from polhode.models.observables import Observables
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
-from polhode.models.shape import Ellipsoid
 from polhode.models.spent import SPENT
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import UNLIMITED, Solver, SolverNotValidError
@@ -71,6 +70,8 @@ class RunError:
         What it cost, compilation left out.
     advice : str
         What to do about an error asked for that was missed; empty if none was.
+    largest_lz : float
+        The whole run's largest |L_z| over I_max, which the first error is compared with; 0 where it is not known.
     """
 
     slow: Interval | None
@@ -79,17 +80,18 @@ class RunError:
     share: float = BOUNDED
     seconds: float = 0.0
     advice: str = ""
+    largest_lz: float = 0.0
 
     def wanted(self, want: str) -> Interval | None:
         """That of what is wanted."""
         return self.slow if want == "slow" else self.orientation
 
-    def words(self, ellipsoid: Ellipsoid, observables: Observables) -> str:
-        """The errors in a line, that of L and E also as a share of the run's largest |L_z|."""
+    def words(self) -> str:
+        """The errors in a line, that of L and E also as a share of the run's largest |L_z|, if it is smaller."""
         parts = []
         if self.slow:
-            largest = float(np.max(np.abs(observables.angular_momentum[:, 2]))) / max(ellipsoid.inertia)
-            share = in_two_digits(100 * self.slow.high / largest) if largest > 0 else ""
+            smaller = 0 < self.slow.high <= self.largest_lz
+            share = in_two_digits(100 * self.slow.high / self.largest_lz) if smaller else ""
             of_lz = f", {share} % of the largest |L_z|" if share else ""
             parts.append(f"L and E within {scientific(self.slow.high)} of I_max{of_lz}")
         if self.orientation:
@@ -149,7 +151,8 @@ def run_error(scene: Scene, form: Form, method: Solver, found: Solution, observa
                 own = {want: _sum(own[want], model[want]) for want in own}
     except (_NoLookError, NotApplicableError, PilotFailedError, FormNotValidError) as failure:
         return RunError(None, None, str(failure), seconds=seconds())
-    return RunError(own["slow"], own["orientation"], note, seconds=seconds())
+    largest = float(np.max(np.abs(observables.angular_momentum[:, 2]))) / max(scene.ellipsoid.inertia)
+    return RunError(own["slow"], own["orientation"], note, seconds=seconds(), largest_lz=largest)
 
 
 def _sum(own: Interval | None, model: Interval | None) -> Interval | None:

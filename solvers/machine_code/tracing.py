@@ -8,7 +8,6 @@ the meaning; the compiler may change nothing else.
 
 import inspect
 import math
-import traceback
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import cache, partial
@@ -16,7 +15,10 @@ from numbers import Real
 from struct import pack, unpack
 from typing import Any
 
+import numpy as np
+
 from polhode.models.operations import Field, Operations
+from polhode.models.own_function import BRANCHES, FUNCTIONS, OwnField, line_of
 
 FieldFactory = Callable[[Operations], Field]
 
@@ -26,6 +28,14 @@ MULTIPLIED_OUT = range(-16, 17)
 
 class FieldError(ValueError):
     """A vector field does what no field may do; the message names file and line."""
+
+
+class _RefusedError(TypeError):
+    """What no field may do; what to use instead in a field over `ops`, and in an ordinary function f(t, y)."""
+
+    def __init__(self, what: str, instead: str, in_function: str) -> None:
+        super().__init__(f"{what}; use {instead}")
+        self.in_function = f"{what}; use {in_function}"
 
 
 def _operators(instruction: str) -> tuple[Callable[[Any, Any], Any], Callable[[Any, Any], Any]]:
@@ -74,12 +84,12 @@ class Number:
         return call("pow", base, self)
 
     def _compare(self, other: Any = None) -> bool:
-        raise TypeError("a field cannot compare or branch; use ops.where_positive(x, a, b)")
+        raise _RefusedError("a field cannot compare or branch", "ops.where_positive(x, a, b)", BRANCHES)
 
     __bool__ = __lt__ = __le__ = __gt__ = __ge__ = __eq__ = __ne__ = _compare  # pyright: ignore
 
     def __float__(self) -> float:
-        raise TypeError("a field cannot use float() or math's functions; use ops.sin, ops.cos, ops.sqrt")
+        raise _RefusedError("a field cannot use float() or math's functions", "ops.sin, ops.cos, ops.sqrt", FUNCTIONS)
 
 
 def operand(x: Any) -> str:
@@ -88,6 +98,12 @@ def operand(x: Any) -> str:
 
 
 def _arithmetic(instruction: str, left: Any, right: Any) -> Any:
+    for array in (left, right):
+        if isinstance(array, np.ndarray):
+            found = np.empty(array.shape, dtype=object)
+            sides = ((left, each) if array is right else (each, right) for each in array.flat)
+            found.flat[:] = [_arithmetic(instruction, *pair) for pair in sides]
+            return found
     if not (isinstance(left, Number | Real) and isinstance(right, Number | Real)):
         return NotImplemented
     number: Any = left if isinstance(left, Number) else right
@@ -163,14 +179,15 @@ def written(lines: dict[str, str], numbers: Iterable[Any]) -> str:
 
 def _evaluate(factory: FieldFactory, y: tuple[Number, ...], p: tuple[Number, ...]) -> tuple[Any, ...]:
     """The rates of a traced state, or the place where the field goes wrong."""
-    with _located():
+    own = isinstance(factory, OwnField)
+    with _located(own):
         rhs = factory(OPERATIONS)
     code = getattr(rhs, "__code__", None)
     place = f"{code.co_filename}:{code.co_firstlineno}" if code else repr(rhs)
     names = [name for name, each in inspect.signature(rhs).parameters.items() if each.default is each.empty]
     if len(names) != 2 or names[0] == "t":
         raise FieldError(f"{place}: got rhs({', '.join(names)}), expected rhs(y, p)")
-    with _located():
+    with _located(own):
         rates = rhs(y, p)
     if not isinstance(rates, tuple | list) or len(rates) != len(y):
         got = f"{len(rates)} rates" if isinstance(rates, tuple | list) else f"{type(rates).__name__!r}"
@@ -182,11 +199,16 @@ def _evaluate(factory: FieldFactory, y: tuple[Number, ...], p: tuple[Number, ...
 
 
 @contextmanager
-def _located() -> Iterator[None]:
+def _located(own: bool) -> Iterator[None]:
     """Name the line of the field, or of what it calls, in which an exception arose."""
     try:
         yield
     except Exception as error:
-        frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename != __file__]
-        where, line = (f"{frames[-1].filename}:{frames[-1].lineno}: ", f": {frames[-1].line}") if frames else ("", "")
-        raise FieldError(f"{where}{error}{line}") from error
+        frame = line_of(error, __file__)
+        where, line = (f"{frame.filename}:{frame.lineno}: ", f": {frame.line}") if frame else ("", "")
+        words = str(error)
+        if own and isinstance(error, _RefusedError):
+            words = error.in_function
+        elif "__array_ufunc__" in words or "bad operand type for abs" in words:
+            words = f"a field cannot use this function; use {FUNCTIONS if own else 'those of ops'}"
+        raise FieldError(f"{where}{words}{line}") from error

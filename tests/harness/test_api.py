@@ -17,6 +17,7 @@ from polhode.harness.pages.figures.motion import slow_variables
 from polhode.harness.pages.figures.style import GREY
 from polhode.harness.pages.figures.work_precision import UNKNOWN
 from polhode.models.catalogue import form
+from polhode.models.form import Form
 from polhode.models.forms.quaternion import Quaternion
 from polhode.models.scenes import named_scene
 from polhode.solvers.contract import Status
@@ -127,6 +128,17 @@ def test_refusals_name_value_and_expectation(change: dict, words: str):
         solve("paper", **WAY | change)
     with pytest.raises(ValueError, match="scene: got 'papre', expected a file or one of paper"):
         solve("papre")
+
+
+def test_a_form_without_what_every_form_has_is_refused_in_a_line():
+    methods = {"check": Quaternion.check, "problem": Quaternion.problem}
+    bare = type("Bare", (Form,), {"name": "bare", "state": ("q",), "observe": Quaternion.observe, **methods})()
+    with pytest.raises(ValueError, match=r"^form: got 'Bare', expected a class that has orientation$"):
+        solve("paper", form=bare)
+    with pytest.raises(
+        ValueError, match=r"^form: got 'Quaternion', expected an object, not the class: Quaternion\(\)$"
+    ):
+        solve("paper", form=Quaternion)  # pyright: ignore
 
 
 def test_pick_takes_a_name_and_gives_what_solve_takes():

@@ -125,7 +125,7 @@ def test_events_that_do_not_happen_are_empty():
     ("events", "words"),
     [
         (["seperatrix"], "got 'seperatrix', expected one of separatrix, lz, settled, or a function .did you mean"),
-        (["lz", "lz"], "expected each once"),
+        (["lz", "lz"], "expected each once: give a function by def, or Event"),
     ],
 )
 def test_refused_events(events: list, words: str):
@@ -133,7 +133,25 @@ def test_refused_events(events: list, words: str):
         as_events(events)
 
 
+def test_at_an_event_the_error_is_compared_with_the_whole_run():
+    solution = solve("paper", form="quaternion", solver="cyrk-vern8", tolerance=1e-9, samples=21, events=["lz"])
+    words = [line for line in repr(solution).splitlines() if "error:" in line]
+    assert "% of the largest |L_z|" in words[0]
+    assert [line for line in repr(solution.events["lz"]).splitlines() if "error:" in line] == words
+    assert "L_z" not in replace(solution.error, largest_lz=1e-17).words()
+
+
+def test_what_is_missing_names_the_extra(monkeypatch: pytest.MonkeyPatch, tmp_path):
+    monkeypatch.setattr("polhode.harness.solution.installed", lambda library: False)
+    with pytest.raises(ImportError, match=r"pyarrow is not installed: pip install 'polhode\[data\]'"):
+        found("paper", "quaternion").to_parquet(tmp_path / "a.parquet")
+    with pytest.raises(ImportError, match=r"xarray is not installed: pip install 'polhode\[data\]'"):
+        found("paper", "quaternion").to_xarray()
+
+
 def test_refused_functions():
+    with pytest.raises(ValueError, match=r"event 'off': got AttributeError: .*enrgy.* \(.*test_solution.py:\d+: "):
+        happened(found("paper", "quaternion"), Event("off", lambda each: each.enrgy))
     with pytest.raises(ValueError, match=r"got values of shape \(\d+, 3\), expected"):
         happened(found("paper", "quaternion"), Event("wrong", lambda each: each.angular_momentum))
     with pytest.raises(ValueError, match="expected a stable state to reach"):

@@ -1,8 +1,13 @@
 """Work-precision studies of a problem and solvers of one's own: every failure comes with its reason."""
 
+import re
+
+import pytest
+
 from polhode.harness.work_precision import WorkPrecision
 from polhode.models.problem import Problem
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status
+from polhode.solvers.solve import solve
 
 
 def decay(ops):
@@ -14,7 +19,6 @@ class Idle(Solver):
 
     name = "idle"
     summary = accepts = ""
-    library = package = "numpy"
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         def integrate(record: Record) -> Outcome:
@@ -23,10 +27,66 @@ class Idle(Solver):
         return integrate
 
 
+class Raising(Idle):
+    """Divides by zero."""
+
+    name = "raising"
+
+    def prepare(self, problem: Problem, settings: Settings) -> Integrator:
+        return lambda record: (Status.REACHED_END, str(1 / (record.filled - 1)))
+
+
+class Bare(Idle):
+    """Returns a status alone."""
+
+    name = "bare"
+
+    def prepare(self, problem: Problem, settings: Settings) -> Integrator:
+        return lambda record: Status.REACHED_END  # pyright: ignore
+
+
+class Interrupting(Idle):
+    """Ctrl-C comes while it runs."""
+
+    name = "interrupting"
+
+    def prepare(self, problem: Problem, settings: Settings) -> Integrator:
+        def integrate(record: Record) -> Outcome:
+            raise KeyboardInterrupt
+
+        return integrate
+
+
+PROBLEM = Problem("decay", decay, start=(1.0,), end=3.0, parameters=(2.0,))
+
+
 def test_failures_stand_beside_successes_with_their_reasons():
-    problem = Problem("decay", decay, start=(1.0,), end=3.0, parameters=(2.0,))
-    frame = WorkPrecision(problem, solvers=["taylor", Idle()], tolerances=(1e-6,), samples=4).frame
-    good, bad = frame.to_dict("records")
+    solvers = ["taylor", Idle(), Raising(), Bare()]
+    frame = WorkPrecision(PROBLEM, solvers=solvers, tolerances=(1e-6,), samples=4).frame
+    good, bad, raising, bare = frame.to_dict("records")
     assert (good["solver"], good["status"], good["error"] < 1e-5) == ("taylor", "reached_end", True)
     assert (bad["solver"], bad["status"]) == ("idle", "false_success")
     assert bad["message"] == "the library stopped at t = 0.0, expected 3.0"
+    assert (raising["status"], bare["status"]) == ("crashed", "crashed")
+    assert re.match(r"solver 'raising' raised ZeroDivisionError: .*test_work_precision.py:\d+\)", raising["message"])
+    assert bare["message"].startswith("solver 'bare' returned <Status.REACHED_END")
+
+
+def test_ctrl_c_is_no_crash():
+    with pytest.raises(KeyboardInterrupt):
+        solve(PROBLEM, Interrupting(), 1e-6)
+
+
+@pytest.mark.parametrize(
+    ("solvers", "words"),
+    [
+        ("taylor", r"solvers: got 'taylor', expected a sequence: \['taylor'\]"),
+        ([Idle], r"solver: got 'Idle', expected an object, not the class: Idle\(\)"),
+        ([decay], "solver: got '<function decay .*expected a name, or an object of a class derived from"),
+        ([type("Nameless", (Solver,), {"prepare": Idle.prepare})()], "got 'Nameless', expected a class that has name"),
+        (["work_precision_absent:X"], "expected an importable module:class"),
+    ],
+)
+def test_what_is_no_solver_is_refused_in_a_line(solvers, words: str):
+    with pytest.raises(ValueError, match=words):
+        _ = WorkPrecision(PROBLEM, solvers=solvers, tolerances=(1e-6,), quiet=True).frame

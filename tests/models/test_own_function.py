@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp as scipys
 
 from polhode import Problem, solve_ivp
 from polhode.solvers.catalogue import SOLVERS, solver
-from polhode.solvers.compile import check_field
+from polhode.solvers.compile import check_field, compiled_callback
 from polhode.solvers.contract import SolverNotValidError
 from polhode.solvers.solve import solve
 
@@ -32,6 +32,12 @@ def matrix(t, y, k):
     rates[:] = np.array([[0.0, 1.0], [-1.0, 0.0]]) @ y
     rates[1] -= k * np.log(2 + y[0] * y[0])
     return rates
+
+
+def bent(t, y, k):
+    x, v = y
+    force = np.heaviside(x, 0.5) * np.sin(np.array([v, x])) - np.heaviside(-x, 0.5) * np.maximum([v, x], -0.3)
+    return k * -y + y / k - np.abs(k - y) + np.minimum(force, 0.4)
 
 
 def accepting(problem: Problem) -> list[str]:
@@ -58,13 +64,25 @@ def test_every_solver_agrees_with_scipy(f, parameters, timed):
     assert again == problem
 
 
+def test_arrays_and_branches_are_numpys_in_machine_code_and_for_taylor():
+    problem, out = Problem.from_function(bent, [1.0, 0.5], 0.05, (1.3,)), np.empty(2)
+    callback = compiled_callback(problem.field, 2, 1)
+    for state in (*np.random.default_rng(3).uniform(-2, 2, (50, 2)), np.zeros(2)):
+        callback(state, np.array([1.3]), out)
+        np.testing.assert_allclose(out, bent(0.0, state, 1.3), rtol=1e-14, atol=1e-15)
+    # No branch changes on the way.
+    states = [solve(problem, name, 1e-11).states[-1] for name in ("taylor", "dop853")]
+    np.testing.assert_allclose(*states, rtol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("f", "y0", "parameters", "words"),
     [
         (lambda t, y: [1.0], [1.0, 2.0], (), "f: got 1 rates, expected 2"),
         (lambda y: [1.0], [1.0], (), r"f: got <lambda>\(y\), expected f\(t, y\)"),
         (lambda t, y, a: [a], [1.0], (), r"f: got <lambda>\(t, y, a\), expected f\(t, y\)"),
-        (lambda t, y: [y[5]], [1.0], (), "f: got IndexError at the start: index 5"),
+        (lambda t, y: [y[5]], [1.0], (), r"f: got IndexError at the start: index 5.*test_own_function.py:\d+: .lambda"),
+        (lambda y, t: [y], [1.0], (), r"expected f\(t, y\).*the time comes first"),
         (lambda t, y: [math.inf], [1.0], (), r"f: got the rates \[inf\] at the start, expected finite"),
         (driven, "ab", (), "y0: got 'ab', expected a sequence of finite numbers"),
         (driven, [], (), "y0: got no numbers"),
@@ -81,10 +99,12 @@ def test_errors_are_in_the_users_words(f, y0, parameters, words):
 
 def test_a_branch_is_refused_with_its_line():
     def branching(t, y):
-        return [y[0] if y[0] > 0 else 0.0]
+        return [np.where(y[0] > 0, y[0], 0.0)]
 
-    with pytest.raises(ValueError, match=r"test_own_function.py:\d+: a field cannot compare"):
+    with pytest.raises(ValueError, match=r"test_own_function.py:\d+: a field cannot compare.*use np.heaviside"):
         check_field(Problem.from_function(branching, [1.0], 1.0))
+    with pytest.raises(ValueError, match=r"test_own_function.py:\d+: a field cannot use this function; use sin"):
+        check_field(Problem.from_function(lambda t, y: -np.tanh(y[0]), [1.0], 1.0))
 
 
 def falls(t, y, *args):
@@ -110,3 +130,11 @@ def test_solve_ivp_gives_what_scipy_gives(method: str):
     np.testing.assert_allclose(whole.sol(times[:3]), theirs.y[:, :3], atol=1e-7)
     with pytest.raises(ValueError, match="t_eval: got"):
         solve_ivp(driven, span, start, method, [0.0, 1.0], args=args)
+
+
+def test_of_scipys_options_those_that_would_change_nothing_are_taken():
+    two = [lambda t, y: y[0] - 0.5, lambda t, y: y[0] - 0.25]
+    found = solve_ivp(lambda t, y: -y, (0, 2), [1.0], events=two, rtol=1e-10, dense_output=True)
+    np.testing.assert_allclose(np.ravel(found.t_events), np.log([2, 4]), rtol=1e-8)
+    with pytest.raises(ValueError, match="solve_ivp: got max_step, expected no options of SciPy's but"):
+        solve_ivp(lambda t, y: -y, (0, 2), [1.0], max_step=0.1)
