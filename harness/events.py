@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from polhode.harness.solution import SceneSolution
-from polhode.models.own_function import line_of
+from polhode.models.own_function import place_of
 from polhode.models.registry import hint
 from polhode.models.theory.attractors import attractors
 
@@ -109,9 +109,8 @@ def happened(solution: Any, event: Event) -> Any:
     except Exception as error:
         if event in EVENTS.values():
             raise
-        frame = line_of(error, __file__)
-        place = f" ({frame.filename}:{frame.lineno}: {frame.line})" if frame else ""
-        raise ValueError(f"event {event.name!r}: got {type(error).__name__}: {error}{place}") from error
+        what = f"{type(error).__name__}: {error}{place_of(error, __file__)}"
+        raise ValueError(f"event {event.name!r}: got {what}") from error
     if values.shape != looked.times.shape:
         raise ValueError(f"event {event.name!r}: got values of shape {values.shape}, expected {looked.times.shape}")
 

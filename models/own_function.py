@@ -76,9 +76,7 @@ def own_field(
     try:
         rates = _listed(f(span[0], np.array(start), *given))
     except Exception as error:
-        frame = line_of(error)
-        place = f" ({frame.filename}:{frame.lineno}: {frame.line})" if frame else ""
-        raise ValueError(f"f: got {type(error).__name__} at the start: {error}{place}") from error
+        raise ValueError(f"f: got {type(error).__name__} at the start: {error}{place_of(error)}") from error
     if len(rates) != len(start):
         raise ValueError(f"f: got {len(rates)} rates, expected {len(start)}, one per component of y0")
     if not all(isinstance(rate, float | int) and math.isfinite(rate) for rate in rates):
@@ -92,6 +90,12 @@ def line_of(error: BaseException, *skipped: str) -> FrameSummary | None:
     return next(
         (each for each in reversed(extract_tb(error.__traceback__)) if not each.filename.startswith(ours)), None
     )
+
+
+def place_of(error: BaseException, *skipped: str) -> str:
+    """That line with its file, in brackets; empty if there is none."""
+    line = line_of(error, *skipped)
+    return f" ({line.filename}:{line.lineno}: {line.line})" if line else ""
 
 
 def _numbers(name: str, values: Sequence[float]) -> tuple[float, ...]:

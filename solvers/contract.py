@@ -179,7 +179,7 @@ class Solver(ABC):
     1. `prepare` receives the problem and the settings and returns an integrator; it compiles, if need be, and keeps
        what it compiled (in `polhode.solvers.compile`), so that a second call is cheap.
     2. The integrator receives a record (start, times, deadline), fills its rows in order, adds its work, and returns
-       a status with the reason of a failure. It never raises for a failed integration.
+       a status with the reason of a failure. It never raises for a failed integration: what it raises is a crash.
     3. It stops by itself soon after the record's deadline and leaves the rows finished so far.
     4. Rows lie on the requested times by the library's own interpolation wherever it has one, without changing steps.
     5. The solver counts steps, Jacobians and factorizations as its library reports them; the callbacks count

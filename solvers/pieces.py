@@ -4,12 +4,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import pi
 from time import perf_counter
-from traceback import extract_tb
 from typing import Any
 
 import numpy as np
 
 from polhode.models.operations import FLOAT
+from polhode.models.own_function import place_of
 from polhode.models.problem import Course, Piece, Problem
 from polhode.models.spent import spent_on
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status, Work
@@ -54,7 +54,13 @@ class Run:
                 return
             piece = course(self.now, self.state, self.settings.tolerance)
             piece, course = replace(piece, end=self._aligned(piece.end)), piece.then or course
-            integrate = self._integrator(piece)
+            try:
+                integrate = self._integrator(piece)
+            except ValueError:  # Problem or setting are refused.
+                raise
+            except Exception as error:
+                self.status, self.message = _crash(error, self.method.name)
+                return
             record = self._record(piece, self.began + seconds, steps_left)
             if watch:
                 watch(record)
@@ -113,14 +119,16 @@ class Run:
         self.stages.append(Stage(begin, self.now, piece.reason, piece.error, record.work.steps))
 
 
+def _crash(error: Exception, solver: str) -> Outcome:
+    return Status.CRASHED, f"solver {solver!r} raised {type(error).__name__}: {error}{place_of(error, __file__)}"
+
+
 def _outcome(integrate: Integrator, record: Record, solver: str) -> Outcome:
     """What an integrator returns; an exception, or anything but a status and a message, is a crash."""
     try:
         outcome: Any = integrate(record)
     except Exception as error:
-        place = extract_tb(error.__traceback__)[-1]
-        where = f"{place.filename}:{place.lineno}"
-        return Status.CRASHED, f"solver {solver!r} raised {type(error).__name__}: {error} ({where})"
+        return _crash(error, solver)
     if isinstance(outcome, tuple) and [type(each) for each in outcome] == [Status, str]:
         return outcome
     return Status.CRASHED, f"solver {solver!r} returned {outcome!r}, expected a tuple (Status, message)"

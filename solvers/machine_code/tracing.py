@@ -98,16 +98,20 @@ def operand(x: Any) -> str:
 
 
 def _arithmetic(instruction: str, left: Any, right: Any) -> Any:
+    if not (isinstance(left, Number | Real) and isinstance(right, Number | Real)):
+        return _of_array(instruction, left, right)
+    number: Any = left if isinstance(left, Number) else right
+    return number.emit(f"{instruction} contract double {operand(left)}, {operand(right)}")
+
+
+def _of_array(instruction: str, left: Any, right: Any) -> Any:
     for array in (left, right):
         if isinstance(array, np.ndarray):
             found = np.empty(array.shape, dtype=object)
-            sides = ((left, each) if array is right else (each, right) for each in array.flat)
-            found.flat[:] = [_arithmetic(instruction, *pair) for pair in sides]
+            pairs = ((left, each) if array is right else (each, right) for each in array.flat)
+            found.flat[:] = [_arithmetic(instruction, *pair) for pair in pairs]
             return found
-    if not (isinstance(left, Number | Real) and isinstance(right, Number | Real)):
-        return NotImplemented
-    number: Any = left if isinstance(left, Number) else right
-    return number.emit(f"{instruction} contract double {operand(left)}, {operand(right)}")
+    return NotImplemented
 
 
 def call(function: str, *arguments: Any) -> Any:

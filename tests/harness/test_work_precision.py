@@ -45,6 +45,15 @@ class Bare(Idle):
         return lambda record: Status.REACHED_END  # pyright: ignore
 
 
+class Unprepared(Idle):
+    """Raises before it runs."""
+
+    name = "unprepared"
+
+    def prepare(self, problem: Problem, settings: Settings) -> Integrator:
+        raise ZeroDivisionError(settings.tolerance)
+
+
 class Interrupting(Idle):
     """Ctrl-C comes while it runs."""
 
@@ -61,14 +70,15 @@ PROBLEM = Problem("decay", decay, start=(1.0,), end=3.0, parameters=(2.0,))
 
 
 def test_failures_stand_beside_successes_with_their_reasons():
-    solvers = ["taylor", Idle(), Raising(), Bare()]
+    solvers = ["taylor", Idle(), Raising(), Bare(), Unprepared()]
     frame = WorkPrecision(PROBLEM, solvers=solvers, tolerances=(1e-6,), samples=4).frame
-    good, bad, raising, bare = frame.to_dict("records")
+    good, bad, raising, bare, unprepared = frame.to_dict("records")
     assert (good["solver"], good["status"], good["error"] < 1e-5) == ("taylor", "reached_end", True)
     assert (bad["solver"], bad["status"]) == ("idle", "false_success")
     assert bad["message"] == "the library stopped at t = 0.0, expected 3.0"
     assert (raising["status"], bare["status"]) == ("crashed", "crashed")
-    assert re.match(r"solver 'raising' raised ZeroDivisionError: .*test_work_precision.py:\d+\)", raising["message"])
+    assert re.match(r"solver 'raising' raised ZeroDivisionError: .*test_work_precision.py:\d+: ", raising["message"])
+    assert (unprepared["status"], unprepared["message"][:27]) == ("crashed", "solver 'unprepared' raised ")
     assert bare["message"].startswith("solver 'bare' returned <Status.REACHED_END")
 
 
