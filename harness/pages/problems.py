@@ -29,7 +29,8 @@ def write_page(rows: Sequence[Record], folder: Path, command: str) -> Path:
     """Write page, figures and `runs.csv` into a folder; return the page's path."""
     table = pd.DataFrame(rows).assign(form="", slow_uncertainty=0.0)
     folder.mkdir(parents=True, exist_ok=True)
-    write_file(folder / "runs.csv", table.drop(columns=["machine", "versions", "form", "slow_uncertainty"]).to_csv())
+    runs = table.drop(columns=["machine", "versions", "form", "slow_uncertainty"])
+    write_file(folder / "runs.csv", runs.to_csv(index=False))
     save(_panels(table), folder, "work-precision")
     save(_profiles(_times(table, PROFILED)), folder, "profiles")
     page = folder / "README.md"

@@ -27,6 +27,7 @@ REPORTS = {
     "accuracy": ("Averaging", "polhode accuracy"),
     "second-order": ("Second order", "polhode accuracy --order 2"),
     "hard-cases": ("Hard cases", "polhode bench harness/studies/hard_cases.toml"),
+    "problems": ("Problems", "polhode bench --problems"),
     "pick": ("Pick", "polhode validate"),
     "paper": ("Paper", "polhode paper"),
     "sweep": ("Ensembles", "polhode throughput"),

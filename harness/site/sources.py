@@ -11,7 +11,7 @@ from polhode.harness.common.store import DamagedStoreError, Store, read_export
 
 NEEDED = ("scene_name", "form", "solver", "tolerance", "status")
 # Folders of `reports` that hold something else than a study.
-NO_STUDY = ("site", "paper", "accuracy", "pick")
+NO_STUDY = ("site", "paper", "accuracy", "pick", "problems")
 
 
 def read_studies(folder: Path) -> tuple[dict[str, pd.DataFrame], list[str]]:
