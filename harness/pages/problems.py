@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -13,12 +12,9 @@ from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record
 from polhode.harness.common.text import duration, in_two_digits, markdown, short
-from polhode.harness.pages.figures.style import looks, power
-from polhode.harness.pages.figures.work_precision import save, work_precision
+from polhode.harness.pages.figures.profiles import profiles
+from polhode.harness.pages.figures.work_precision import panels, save
 from polhode.models.problems.catalogue import PROBLEMS
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TARGETS, PROFILED = (1e-3, 1e-6, 1e-9), 1e-6
 FACTORS = (1.0, 2.0, 5.0, 20.0)
@@ -31,8 +27,9 @@ def write_page(rows: Sequence[Record], folder: Path, command: str) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     runs = table.drop(columns=["machine", "versions", "form", "slow_uncertainty"])
     write_file(folder / "runs.csv", runs.to_csv(index=False))
-    save(_panels(table), folder, "work-precision")
-    save(_profiles(_times(table, PROFILED)), folder, "profiles")
+    groups = [(str(name), runs.assign(slow_error=runs["error"])) for name, runs in table.groupby("problem", sort=False)]
+    save(panels(groups, "slow_error", "error at the end", alike=False), folder, "work-precision")
+    save(profiles(pd.DataFrame(_times(table, PROFILED).values()).dropna(how="all")), folder, "profiles")
     page = folder / "README.md"
     write_file(page, "\n".join([*header("Classical test problems", command, rows), *_body(table)]) + "\n")
     return page
@@ -102,41 +99,3 @@ def _winner(times: Mapping[str, float]) -> str:
     (first, best), *others = times.items()
     lead = f", by {in_two_digits(others[0][1] / best)} before {others[0][0]}" if others else ""
     return f"{first}: {duration(best)}{lead}"
-
-
-def _profiles(times: Times) -> "Figure":
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(figsize=(8, 4.5), layout="constrained")
-    shares = _shares(times)
-    for solver, look in looks(shares).items():
-        ratios = np.sort(shares[solver])
-        reached = ratios[np.isfinite(ratios)]
-        height = np.arange(1, len(reached) + 1) / len(ratios)
-        axes.step([*reached, 1e3], [*height, *height[-1:]], where="post", color=look.colour, lw=1)
-        axes.plot(reached, height, look.marker, color=look.colour, ms=4, label=solver)
-    axes.set(xscale="log", xlim=(0.95, 1e3), ylim=(0, 1.02), xlabel="time over the fastest solver's")
-    axes.set_ylabel(f"share of problems at error {power(PROFILED)}")
-    axes.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5))
-    return figure
-
-
-def _panels(table: pd.DataFrame) -> "Figure":
-    import matplotlib.pyplot as plt
-
-    groups = list(table.groupby("problem", sort=False))
-    columns = min(3, len(groups))
-    rows = -(-len(groups) // columns)
-    figure, grid = plt.subplots(rows, columns, figsize=(4 * columns, 3 * rows), squeeze=False, layout="constrained")
-    for axes, (name, runs) in zip(grid.flat, groups, strict=False):
-        work_precision(axes, runs.assign(slow_error=runs["error"]))
-        axes.set_title(str(name), fontsize=9)
-        axes.xaxis.set_inverted(True)
-    for axes in grid.flat[len(groups) :]:
-        axes.set_axis_off()
-    grid[-1, 0].set(xlabel="error at the end; more accurate to the right", ylabel="wall time, s")
-    handles = {
-        label: handle for axes in grid.flat for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
-    }
-    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=6, fontsize=7)
-    return figure

@@ -1,5 +1,6 @@
 """Figures: functions that draw on Matplotlib axes and return them."""
 
+from collections.abc import Sequence
 from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -150,21 +151,26 @@ def name_lines(axes: "Axes") -> None:
 
 
 def work_precision_panels(records: pd.DataFrame, error: str, label: str) -> "Figure":
-    """One panel of `work_precision` per St, with a common legend."""
+    """One panel of `work_precision` per St, on the same axes."""
+    groups = [(f"St = {power(stokes)}", runs) for stokes, runs in by_stokes(records)]
+    return panels(groups, error, label)
+
+
+def panels(groups: Sequence[tuple[str, pd.DataFrame]], error: str, label: str, *, alike: bool = True) -> "Figure":
+    """One panel of `work_precision` for each title and its runs, with one legend; `alike` ones share their axes."""
     import matplotlib.pyplot as plt
     from matplotlib.lines import Line2D
 
-    groups = by_stokes(records)
     columns = 2 if len(groups) > 1 else 1
     lines = -(-len(groups) // columns)
     size = (PANEL[0] + NAMES) * columns, PANEL[1] * lines + LEGEND
-    figure, grid = plt.subplots(lines, columns, figsize=size, sharex=True, sharey=True, squeeze=False)
-    for axes, (stokes, runs) in zip(grid.flat, groups, strict=False):
+    figure, grid = plt.subplots(lines, columns, figsize=size, sharex=alike, sharey=alike, squeeze=False)
+    for axes, (title, runs) in zip(grid.flat, groups, strict=False):
         work_precision(axes, runs, error)
-        axes.set_title(f"St = {power(stokes)}", fontsize=10, loc="left", pad=14)
+        axes.set_title(title, fontsize=10, loc="left", pad=14)
+        _limits(axes, pd.concat([own for _, own in groups]) if alike else runs, error)
     for axes in grid.flat[len(groups) :]:
         axes.set_visible(False)
-    _limits(grid[0, 0], records, error)
     for column in grid.T:
         lowest = [axes for axes in column if axes.get_visible()][-1]
         lowest.set_xlabel(f"{label}; more accurate to the right")
