@@ -79,6 +79,7 @@ def profiles(found: pd.DataFrame) -> "Figure":
     for name, look in looks(map(str, found)).items():
         for axes, values, end in ((left, ratios[name], LARGEST_FACTOR), (right, found[name], longest * 1.1)):
             points = np.sort(values.dropna().to_numpy(float))
+            points = points[points <= end]
             shares = np.arange(1, len(points) + 1) / len(found)
             points, shares = np.append(points, end), np.append(shares, shares[-1] if len(shares) else 0.0)
             axes.step(points, shares, where="post", color=look.colour, linewidth=1.4, label=name)

@@ -49,3 +49,12 @@ def test_the_sentence_and_the_picture_say_the_same():
     taylor = next(line for line in left.get_lines() if line.get_label() == "taylor")
     np.testing.assert_allclose(np.asarray(taylor.get_xdata())[:-1], [1] * 4 + [1.5, 3 / np.sqrt(2)] + [3] * 5)
     plt.close(figure)
+
+
+def test_what_lies_beyond_the_axis_is_not_counted_at_its_end():
+    figure = profiles(pd.DataFrame([{"taylor": 1.0, "radau": 5000.0}, {"taylor": 1.0, "radau": 2.0}]))
+    left, right = figure.axes
+    line = next(line for line in left.get_lines() if line.get_label() == "radau")
+    assert np.asarray(line.get_xydata()).tolist() == [[2.0, 0.5], [1000.0, 0.5]]
+    assert next(line for line in right.get_lines() if line.get_label() == "radau").get_ydata()[-1] == 1.0
+    plt.close(figure)
