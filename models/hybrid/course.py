@@ -62,7 +62,7 @@ class HybridCourse:
             else:
                 own = min(tolerance / self.factor / 10, 1e-2 / stokes)
                 return Piece(problem, end, states, "second order", stretch.error, _rounded(own), later)
-        elif self.factor > 2 or "I₂" in reason or "|L|" in reason:
+        elif self.factor > 2 or stretch.decisive:
             later = HybridCourse(scene)
         full = find_form(full_form(scene)).problem(scene)
         own = _rounded(tolerance / self.factor / 10)

@@ -44,6 +44,10 @@ FADING, LEVELS = 0.15, 30
 RISEN = 45.0
 
 
+# Reasons for which averaging means nothing, and a first-order path beyond them little.
+SEPARATRIX, TOO_SLOW = "L² = 2EI₂", "St is too small for |L|"
+
+
 @dataclass(frozen=True)
 class Stretch:
     """From `start` to `end` in slow time, by averaging to second order or, for a `reason`, not."""
@@ -53,6 +57,7 @@ class Stretch:
     second_order: bool
     reason: str = ""
     error: float = 0.0  # slow, over I_max, that averaging adds
+    decisive: bool = False  # whether what follows is to be looked at anew from where it ends
 
 
 @dataclass(frozen=True)
@@ -186,9 +191,9 @@ class _Path:
 
     def reasons(self) -> Array:
         """Why averaging does not hold at the times of the path: "" where it does."""
-        reasons = np.where(np.isfinite(self.a2), "", "L² = 2EI₂").astype(object)
-        reasons[np.isfinite(self.a2) & ~(self.swing < MEANINGLESS)] = "St is too small for |L|"
-        reasons[~(self.size > 0)] = "St is too small for |L|"
+        reasons = np.where(np.isfinite(self.a2), "", SEPARATRIX).astype(object)
+        reasons[np.isfinite(self.a2) & ~(self.swing < MEANINGLESS)] = TOO_SLOW
+        reasons[~(self.size > 0)] = TOO_SLOW
         return reasons
 
     def kicks(self) -> Iterator[Kick]:
@@ -228,6 +233,7 @@ class _Path:
                 not between[first],
                 "; ".join(dict.fromkeys(each for each in between[first:last] if each)),
                 0.0 if between[first] else float(error[first : last + 1].max()),
+                any(each in (SEPARATRIX, TOO_SLOW) for each in between[first:last]),
             )
             for first, last in found
         )
