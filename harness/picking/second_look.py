@@ -43,8 +43,6 @@ STEP, PATIENCE = (4e-7, 3e-6), 3.0
 TIGHTEST, LOOSEST = 1e-15, 1e-2
 # Tolerance below which Radau's fifth order takes too many steps to look at a stiff run; LSODA's errors are larger.
 LOW_ORDER = 1e-6
-# Solvers whose own looser and tighter runs are far cheaper than those of any other.
-KNOW_PARTS = ("splitting", "stroboscopic")
 # Upper ends over the middle: of a tighter look, of a looser one, and of a looser one by an implicit method, whose
 # errors follow its tolerance less closely.
 CERTAIN, SCALED, LOOSELY = 1.5, 6.0, 20.0
@@ -199,7 +197,8 @@ def _looks(scene: Scene, method: Solver, found: Solution, turns: float, limit: f
     implicit = "cyrk-radau" if tolerance >= LOW_ORDER else "cyrk-lsoda"
     other = find_solver(implicit if damping_times(scene) > STIFF else "cyrk-vern8")
     explicit = method.library == "CyRK" and not method.implicit
-    if explicit or method.name in (other.name, *KNOW_PARTS):
+    # Of solvers over many periods their own tighter runs are far cheaper than those of any other.
+    if explicit or method.many_periods or method.name == other.name:
         tighter = max(TIGHTEST, tolerance * TIGHTER)
         usual = (found.work.steps or inf) * STEP[method.implicit] if _compiled(method) else found.seconds
         if usual * DEARER <= limit and tighter < tolerance:
