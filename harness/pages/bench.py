@@ -4,7 +4,6 @@ import json
 from collections.abc import Iterable, Sequence
 from math import isfinite
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
@@ -13,7 +12,7 @@ from polhode.harness.analysis.winners import TARGETS, TIE, cheapest
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record, export
-from polhode.harness.common.text import bracketed, duration, markdown, scientific, short
+from polhode.harness.common.text import duration, markdown, scientific, short
 from polhode.harness.pages.figures.profiles import profile_lines
 from polhode.harness.pages.figures.work_precision import save, work_precision_panels
 from polhode.harness.pages.verdict import averaged_costs, verdict
@@ -156,17 +155,6 @@ def _winner(runs: pd.DataFrame, target: float, error: str) -> str:
     more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
     tied = f" = {', '.join(names[:SHOWN])}{more}" if names else ""
     return f"{best['form']}, {best['solver']}, {short(best['tolerance'])}: {duration(best['seconds'])}{tied}"
-
-
-def error_of(run: dict, want: str) -> str:
-    """An error in figures, in brackets where it is not known."""
-    error = run[f"{want}_error"]
-    return scientific(error) if pd.isna(error) else bracketed(error, bool(run[f"{want}_known"]))
-
-
-def whole(value: Any) -> str:
-    """A count; a dash where the library keeps none."""
-    return "–" if pd.isna(value) else str(int(value))
 
 
 def _uncertainties(table: pd.DataFrame) -> str:

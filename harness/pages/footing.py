@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from math import isnan, nan
 from pathlib import Path
 from statistics import median
+from typing import Any
 
 import pandas as pd
 
@@ -13,8 +14,7 @@ from polhode.harness.analysis.pareto import crossing, fastest, times_at_error
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record, export
-from polhode.harness.common.text import duration, markdown, scientific, short
-from polhode.harness.pages.bench import error_of, whole
+from polhode.harness.common.text import bracketed, duration, markdown, scientific, short
 from polhode.harness.pages.figures.work_precision import save, work_precision_panels
 from polhode.harness.studies.cost import STARTS, FirstRun
 from polhode.harness.studies.overhead import Overhead
@@ -192,7 +192,7 @@ def _backends(table: pd.DataFrame) -> str:
     for run in table.sort_values(by=["stokes", "solver", "backend", "jacobian"]).to_dict("records"):
         jacobian = "" if pd.isna(run["jacobian"]) else run["jacobian"]
         row = [short(run["stokes"]), run["solver"], WAYS[run["backend"]], jacobian, duration(run["seconds"])]
-        row += [whole(run["work.rhs_calls"]), error_of(run, "slow"), str(run["status"]).replace("_", " ")]
+        row += [_whole(run["work.rhs_calls"]), _error_of(run, "slow"), str(run["status"]).replace("_", " ")]
         rows.append(row)
     header = ["St", "solver", "right-hand side", "Jacobian", "time", "calls", "slow error", "status"]
     return markdown(header, rows, right=(4, 5, 6))
@@ -213,3 +213,14 @@ def _overheads(overheads: Sequence[Overhead]) -> str:
         rows.append([one.solver, duration(one.bare), duration(one.solve), *difference])
     header = ["solver", "bare call", "solve", "difference", "share", "within 5 % or 50 µs"]
     return markdown(header, rows, right=range(1, 5))
+
+
+def _error_of(run: dict, want: str) -> str:
+    """An error in figures, in brackets where it is not known."""
+    error = run[f"{want}_error"]
+    return scientific(error) if pd.isna(error) else bracketed(error, bool(run[f"{want}_known"]))
+
+
+def _whole(value: Any) -> str:
+    """A count; a dash where the library keeps none."""
+    return "–" if pd.isna(value) else str(int(value))

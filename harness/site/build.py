@@ -32,10 +32,10 @@ REPORTS = {
     "paper": ("Paper", "polhode paper"),
     "sweep": ("Ensembles", "polhode throughput"),
 }
-# What these pictures show is on the page of costs.
 # What the opening page takes from the page of the bench, by its own heading.
 SECTIONS = {"Robust or fast": "Robust or fast", "When averaging pays": "Verdict"}
 OVERWRITTEN = " Do not edit: the next run overwrites this page."
+# What these pictures show is on the page of costs.
 ON_COSTS = re.compile(r"(slow|orientation)(-[\w-]+)?\.png")
 
 
