@@ -44,10 +44,10 @@ def accuracy(
     from polhode.harness.averaging.measure import measure_all
     from polhode.harness.averaging.second_order import measure_study
     from polhode.harness.common.plain_json import dumps
-    from polhode.harness.pages import averaging, hybrid, second_order
+    from polhode.harness.pages.averaging import first_order, hybrid, second_order
     from polhode.harness.references.reference import ReferenceFailedError
 
-    pages: dict[str, Any] = {"1": averaging, "2": second_order, "hybrid": hybrid}
+    pages: dict[str, Any] = {"1": first_order, "2": second_order, "hybrid": hybrid}
     readers: dict[str, Any] = {"1": read_data, "2": read_second_order, "hybrid": hybrid_study.read}
     page, out = pages[order], out or FOLDERS[order]
     with bad_input():

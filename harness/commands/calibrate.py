@@ -65,8 +65,8 @@ def validate(out: Path, scenes: int, seed: int, seeds: int, errors: int, resume:
     """
     from polhode.harness.calibration.heldout import evaluate
     from polhode.harness.calibration.stated import stated
-    from polhode.harness.pages import stated as page_of_errors
-    from polhode.harness.pages.pick import summary, write_pages
+    from polhode.harness.pages.picking import stated as page_of_errors
+    from polhode.harness.pages.picking.pick import summary, write_pages
     from polhode.harness.picking.laws import load_laws
 
     if errors:

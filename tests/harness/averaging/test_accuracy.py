@@ -17,7 +17,7 @@ from polhode.harness.averaging.findings import statements
 from polhode.harness.averaging.measure import UNCERTIFIED, measure
 from polhode.harness.averaging.orders import Law, laws
 from polhode.harness.cli import polhode
-from polhode.harness.pages.averaging import absent_rows, as_json, as_text, law_rows, write_page
+from polhode.harness.pages.averaging.first_order import absent_rows, as_json, as_text, law_rows, write_page
 from polhode.harness.references.reference import reference
 from polhode.models.catalogue import form as find_form
 from polhode.models.scene import Scene

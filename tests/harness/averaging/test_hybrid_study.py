@@ -20,7 +20,7 @@ from polhode.harness.averaging.hybrid import (
     read,
     write,
 )
-from polhode.harness.pages.hybrid import findings, page
+from polhode.harness.pages.averaging.hybrid import findings, page
 from polhode.models.scene import Scene
 
 ROW = HybridError(0, "triaxial", "1:0.8:0.5", 1e6, 0.5, 1e-6, "reached_end", 5e-7, 1e-3, 2e-6, 1e-12, 0.05, 5, 1.0)

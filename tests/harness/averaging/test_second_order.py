@@ -14,7 +14,7 @@ from polhode.harness.averaging.second_order import REPEATS, costs, measure_passa
 from polhode.harness.cli import polhode
 from polhode.harness.commands.accuracy import PARTS
 from polhode.harness.common.files import SUMS
-from polhode.harness.pages.second_order import page, write_page
+from polhode.harness.pages.averaging.second_order import page, write_page
 
 ROWS = [
     SecondOrderErrors(

@@ -17,7 +17,7 @@ from polhode.harness.calibration.scenes import (
 )
 from polhode.harness.commands.calibrate import calibrate, validate
 from polhode.harness.common.text import scientific
-from polhode.harness.pages.pick import summary, write_pages
+from polhode.harness.pages.picking.pick import summary, write_pages
 from polhode.harness.picking.laws import Interval, load_laws
 from polhode.harness.picking.recommendation import Excluded, Recommendation, Way
 

@@ -6,7 +6,7 @@ import pytest
 from polhode.harness.calibration import stated as module
 from polhode.harness.calibration.stated import judged, stated
 from polhode.harness.common.store import Store
-from polhode.harness.pages.stated import summary, write_page
+from polhode.harness.pages.picking.stated import summary, write_page
 
 
 def test_shares_and_factors():
