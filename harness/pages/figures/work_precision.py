@@ -192,7 +192,7 @@ def panels(groups: Sequence[tuple[str, pd.DataFrame]], error: str, label: str, *
         "bbox_to_anchor": (0.01, 0.0),
         "frameon": False,
         "fontsize": 7.5,
-        "ncols": 3 * columns,
+        "ncols": columns + 1,
     }
     figure.legend([*rest.values()], [*rest], **style)
     return figure

@@ -105,6 +105,19 @@ def test_points_that_the_reference_cannot_tell_are_grey_and_the_legend_says_so()
     plt.close(figure)
 
 
+def test_the_legend_lies_within_the_picture():
+    second = [{**each, "form": "averaged-second-order", "solver": "cyrk-vern8"} for each in RECORDS[-2:]]
+    numbers = [{**record, "scene": {"stokes": stokes}} for stokes in (1e2, 1e3) for record in [*RECORDS, *second]]
+    for records in (numbers, numbers[: len(numbers) // 2]):
+        figure = work_precision_panels(frame(records), "slow_error", "slow error")
+        figure.canvas.draw()
+        (legend,) = figure.legends
+        box, page = legend.get_window_extent(), figure.bbox
+        assert page.x0 <= box.x0 <= box.x1 <= page.x1
+        assert page.y0 <= box.y0
+        plt.close(figure)
+
+
 def test_the_pareto_front_of_the_full_forms_is_drawn_beneath_all(axes):
     lines = {line.get_label(): line for line in work_precision(axes, frame(RECORDS)).get_lines()}
     front = lines.pop("Pareto front")
