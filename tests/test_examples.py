@@ -112,8 +112,13 @@ def test_references_name_every_method_form_and_problem():
 
 def test_pages_show_python_that_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
-    for page in ("add-a-solver.md", "own-ode.md", "solutions.md"):
-        blocks = re.findall(r"```python\n(.*?)```", (EXAMPLES.parent / page).read_text(encoding="utf-8"), re.DOTALL)
+    readme = EXAMPLES.parents[1] / "README.md"
+    scene = re.search(r"```toml\n(# ice\.toml\n.*?)```", readme.read_text(encoding="utf-8"), re.DOTALL)
+    assert scene
+    (tmp_path / "ice.toml").write_text(scene[1], encoding="utf-8")
+    own = ("add-a-solver.md", "own-ode.md", "quickstart.md", "solutions.md")
+    for page in (readme, *(EXAMPLES.parent / name for name in own)):
+        blocks = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
         assert blocks
         # Three solvers say as much as all.
         code = "\n".join(blocks).replace("tolerances=(1e-4, 1e-8)", "['taylor', 'radau', 'ida'], (1e-4,)")

@@ -114,7 +114,7 @@ KINETICS = {
         Problem("E5", e5_field, (1.0, 0.0, 0.0, 0.0), 1000.0),
         (0.9193619317661504, 0.13822370305188848, 0.8251573500555210, 0.12997212954716940),
         True,
-        f"{DETEST}: E5; digits by Taylor in long double, from which DETEST's differ in the eighth",
+        f"{DETEST}: E5; digits by Taylor in long double",
         ("rk45", "dop853"),
     ),
     "brusselator": Classical(
