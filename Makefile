@@ -15,7 +15,7 @@ SEED    ?= 1
 MINUTES ?= 20
 
 .DEFAULT_GOAL := help
-.PHONY: help setup bench test test-all check lint format docs benchmark benchmark-compare cold-start torture report clean
+.PHONY: help setup bench test test-all check lint format docs benchmark benchmark-compare cold-start torture report everything clean
 
 help: ## list the commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-18s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -63,6 +63,15 @@ docs: $(READY) ## one offline site of all pages and the API, into build/site/
 
 report: $(READY) ## one offline site of everything measured, into reports/site/
 	$(BIN)/polhode report
+
+# Finished lines of reports/commands.txt leave their mark in build/everything; the interrupted one is taken up.
+everything: $(READY) ## all that reports/ holds and the laws of `pick` anew: hours of an idle machine; an interrupted run goes on
+	@test -d build/everything || rm -f reports/sweep/store.sqlite; mkdir -p build/everything; while read -r line; do \
+	  mark=build/everything/$$(echo "$$line" | tr ' /' '__'); test -e "$$mark.done" && continue; \
+	  again=; if test -e "$$mark.begun" && $(BIN)/polhode $${line%% *} --help | grep -q -e --resume; then again=--resume; fi; \
+	  touch "$$mark.begun"; echo "polhode $$line $$again"; \
+	  $(BIN)/polhode $$line $$again </dev/null && mv "$$mark.begun" "$$mark.done" || exit 1; \
+	done <reports/commands.txt; rm -r build/everything
 
 check: lint ## format, lint, direction of imports, types
 	$(BIN)/basedpyright
