@@ -4,6 +4,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, TypeVar, get_args, get_type_hints
 
 from polhode.harness.common.files import read_file, write_file
 from polhode.harness.common.store import Record
@@ -12,16 +13,7 @@ from polhode.models.rotation import Triple
 
 VARIABLES = ("Lx", "Ly", "Lz", "E")
 Each = tuple[float, float, float, float]
-
-ERRORS, ABSENT = "errors.csv", "absent.csv"
-_HEAD = ("case", "family", "form")
-_ERROR_COLUMNS = (
-    *(*_HEAD, "a", "b", "c", "St", "slow_time"),
-    *(f"{kind}_{name}" for kind in ("model", "solver") for name in VARIABLES),
-    *("reference_uncertainty", "pieces"),
-)
-_ABSENT_COLUMNS = (*_HEAD, "St", "reason")
-# When and where the times were measured, and of how many runs each is the fastest.
+# When and where a study was measured, and of how many runs each time is the fastest.
 TIMED = "timed.json"
 
 
@@ -60,6 +52,15 @@ class Absent:
     form: str
     stokes: float
     reason: str
+
+
+@dataclass(frozen=True)
+class PaperStudy:
+    """Both orders in the paper's cases, and where there are no errors."""
+
+    errors: Sequence[AveragingErrors]
+    absent: Sequence[Absent]
+    timed: dict[str, Record]
 
 
 @dataclass(frozen=True)
@@ -114,20 +115,8 @@ class Cost:
 
 
 @dataclass(frozen=True)
-class Slope:
-    """Fitted exponents of St, with the numbers of points that they rest on."""
-
-    shape: str
-    start: str
-    slow: float
-    slow_points: int
-    orientation: float
-    orientation_points: int
-
-
-@dataclass(frozen=True)
 class SecondOrderStudy:
-    """All that is measured of the second order; `timed` says when and where "passages" and "cost" were."""
+    """All that is measured of the second order."""
 
     orders: Sequence[SecondOrderErrors]
     resonances: Sequence[Passage]
@@ -136,30 +125,35 @@ class SecondOrderStudy:
     timed: dict[str, Record]
 
 
-_TABLES = {"orders": SecondOrderErrors, "resonances": Passage, "crossings": Passage, "cost": Cost}
+_HEAD = ("case", "family", "form")
+# Columns of tables that are named otherwise than the fields of their rows.
+_COLUMNS = {
+    AveragingErrors: (
+        *(*_HEAD, "a", "b", "c", "St", "slow_time"),
+        *(f"{kind}_{name}" for kind in ("model", "solver") for name in VARIABLES),
+        *("reference_uncertainty", "pieces"),
+    ),
+    Absent: (*_HEAD, "St", "reason"),
+}
+Study = TypeVar("Study")
 
 
-def write_data(rows: Sequence[AveragingErrors], absent: Sequence[Absent], folder: Path) -> None:
-    """Write the errors of the paper's cases, and where there are none, into a folder."""
-    write_table(folder / ERRORS, AveragingErrors, rows, _ERROR_COLUMNS)
-    write_table(folder / ABSENT, Absent, absent, _ABSENT_COLUMNS)
-
-
-def read_data(folder: Path) -> tuple[list[AveragingErrors], list[Absent]]:
-    """Read what `write_data` wrote; raises ValueError where that is missing."""
-    rows = read_table(folder / ERRORS, AveragingErrors, _ERROR_COLUMNS)
-    return rows, read_table(folder / ABSENT, Absent, _ABSENT_COLUMNS)
-
-
-def write_second_order(study: SecondOrderStudy, slopes: Sequence[Slope], folder: Path) -> None:
-    """Write the study of the second order and the slopes fitted to it into a folder."""
-    for name, kind in _TABLES.items():
-        write_table(folder / f"{name}.csv", kind, getattr(study, name))
-    write_table(folder / "slopes.csv", Slope, slopes)
+def write_study(study: Any, folder: Path) -> None:
+    """Write each of a study's tables into a folder, and `timed.json`."""
+    for name, kind in _tables(type(study)).items():
+        write_table(folder / f"{name}.csv", kind, getattr(study, name), _COLUMNS.get(kind, ()))
     write_file(folder / TIMED, json.dumps(study.timed, indent=2) + "\n", summed=True)
 
 
-def read_second_order(folder: Path) -> SecondOrderStudy:
-    """Read what `write_second_order` wrote; raises ValueError where that is missing."""
-    tables = {name: read_table(folder / f"{name}.csv", kind) for name, kind in _TABLES.items()}
-    return SecondOrderStudy(**tables, timed=json.loads(read_file(folder / TIMED)))
+def read_study(kind: type[Study], folder: Path) -> Study:
+    """Read what `write_study` wrote; raises ValueError where that is missing."""
+    tables = {
+        name: read_table(folder / f"{name}.csv", row, _COLUMNS.get(row, ())) for name, row in _tables(kind).items()
+    }
+    made: Any = kind
+    return made(**tables, timed=json.loads(read_file(folder / TIMED)))
+
+
+def _tables(kind: type) -> dict[str, type]:
+    """The kind of row of each table of a study."""
+    return {name: get_args(hint)[0] for name, hint in get_type_hints(kind).items() if name != "timed"}

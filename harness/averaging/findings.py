@@ -10,9 +10,8 @@ from polhode.harness.averaging.data import (
     Passage,
     SecondOrderErrors,
     SecondOrderStudy,
-    Slope,
 )
-from polhode.harness.averaging.orders import LEAST_POINTS, Law, first_order, laws, slopes
+from polhode.harness.averaging.orders import LEAST_POINTS, Law, Slope, first_order, laws, slopes
 from polhode.harness.averaging.second_order import COMPARED, TARGET
 from polhode.harness.common.text import duration, in_two_digits, scientific, short
 from polhode.models.second_order.form import SecondOrder

@@ -9,7 +9,8 @@ from typing import cast
 from tqdm import tqdm
 
 from polhode.harness.averaging.cases import QUICK, Subject, paper_cases
-from polhode.harness.averaging.data import Absent, AveragingErrors, Each
+from polhode.harness.averaging.data import Absent, AveragingErrors, Each, PaperStudy
+from polhode.harness.common.machine import machine, now, versions
 from polhode.harness.references.errors import errors
 from polhode.harness.references.reference import ReferenceFailedError, reference
 from polhode.models.catalogue import averaged_form
@@ -24,10 +25,8 @@ SOLVER, TOLERANCE = "taylor", 1e-9
 
 UNCERTIFIED = "its own exact solution is not certified"
 
-Found = tuple[list[AveragingErrors], list[Absent]]
 
-
-def measure(subject: Subject, stokes: float) -> Found:
+def measure(subject: Subject, stokes: float) -> tuple[list[AveragingErrors], list[Absent]]:
     """Errors of first and second order in a case at one St, as far as each form follows it.
 
     A form that refuses the case, or whose own exact solution is not certified, is absent with its reason. Raises
@@ -61,7 +60,7 @@ def measure(subject: Subject, stokes: float) -> Found:
     return rows, absent
 
 
-def measure_all(*, quick: bool = False, quiet: bool = False) -> Found:
+def measure_all(*, quick: bool = False, quiet: bool = False) -> PaperStudy:
     """Measure all cases over all St, the longest runs first, on as many processes as there are cores."""
     cases = paper_cases()
     tasks = [(case, stokes) for case in cases for stokes in case.stokes if stokes <= QUICK or not quick]
@@ -78,4 +77,5 @@ def measure_all(*, quick: bool = False, quiet: bool = False) -> Found:
     def place(row: AveragingErrors | Absent) -> tuple[int, str, float]:
         return order.index(row.subject), row.form, row.stokes
 
-    return sorted(rows, key=place), sorted(absent, key=place)
+    here = {"date": now(), "machine": machine(), "versions": versions()}
+    return PaperStudy(sorted(rows, key=place), sorted(absent, key=place), {"errors": here})

@@ -7,7 +7,7 @@ from math import log10, nan
 
 import numpy as np
 
-from polhode.harness.averaging.data import VARIABLES, AveragingErrors, SecondOrderErrors, Slope
+from polhode.harness.averaging.data import VARIABLES, AveragingErrors, SecondOrderErrors
 from polhode.harness.common.fits import power_law
 from polhode.models.second_order.form import SecondOrder
 
@@ -91,6 +91,18 @@ class Law:
             return 10 ** ((constant - log10(target)) / order), "extrapolated"
         x, y = np.log10(stokes[i : i + 2]), np.log10(error[i : i + 2])
         return float(10 ** np.interp(-log10(target), -y, x)), "measured"
+
+
+@dataclass(frozen=True)
+class Slope:
+    """Fitted exponents of St, with the numbers of points that they rest on."""
+
+    shape: str
+    start: str
+    slow: float
+    slow_points: int
+    orientation: float
+    orientation_points: int
 
 
 def laws(rows: Sequence[AveragingErrors], variable: str | None = None) -> list[Law]:

@@ -40,7 +40,7 @@ def accuracy(
     them, and up to L² = 2EI₂, and what it costs. Writes a page with its data into the folder --out.
     """
     from polhode.harness.averaging import hybrid as hybrid_study
-    from polhode.harness.averaging.data import read_data, read_second_order
+    from polhode.harness.averaging.data import PaperStudy, SecondOrderStudy, read_study
     from polhode.harness.averaging.measure import measure_all
     from polhode.harness.averaging.second_order import measure_study
     from polhode.harness.common.plain_json import dumps
@@ -48,7 +48,7 @@ def accuracy(
     from polhode.harness.references.reference import ReferenceFailedError
 
     pages: dict[str, Any] = {"1": first_order, "2": second_order, "hybrid": hybrid}
-    readers: dict[str, Any] = {"1": read_data, "2": read_second_order, "hybrid": hybrid_study.read}
+    kinds: dict[str, Any] = {"1": PaperStudy, "2": SecondOrderStudy}
     page, out = pages[order], out or FOLDERS[order]
     with bad_input():
         if quick + bool(part) + page_only > 1:
@@ -56,7 +56,9 @@ def accuracy(
         if part and part not in PARTS[order]:
             fitting = next(each for each, parts in PARTS.items() if part in parts)
             raise ValueError(f"--part: got --order {order}, expected --order {fitting} for {part!r}")
-        found = readers[order](out) if part or page_only else None
+        found: Any = None
+        if part or page_only:
+            found = read_study(kinds[order], out) if order in kinds else hybrid_study.read(out)
         out.mkdir(parents=True, exist_ok=True)
     try:
         if order == "1" and not page_only:

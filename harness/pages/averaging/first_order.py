@@ -1,225 +1,159 @@
-"""The accuracy of the averaged forms as a table for the terminal, as JSON, and as a page with figure and data."""
+"""Both orders of averaging in the paper's cases: for the terminal, as JSON, and as a page with figure and data."""
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import asdict
-from itertools import cycle
 from math import isnan, nan
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
 
 from polhode.harness.averaging.cases import paper_cases
-from polhode.harness.averaging.data import VARIABLES, Absent, AveragingErrors, write_data
+from polhode.harness.averaging.data import VARIABLES, AveragingErrors, PaperStudy, write_study
 from polhode.harness.averaging.findings import statements
-from polhode.harness.averaging.measure import SAMPLES, SOLVER, TOLERANCE, UNCERTIFIED, Found
+from polhode.harness.averaging.measure import SAMPLES, SOLVER, TOLERANCE
 from polhode.harness.averaging.orders import FITTED_FROM, LEAST_POINTS, SAME_HORIZON, TARGETS, Law, first_order, laws
 from polhode.harness.common.files import write_file
-from polhode.harness.common.machine import versions
-from polhode.harness.common.text import aligned, in_two_digits, markdown, scientific, short
+from polhode.harness.common.machine import header
+from polhode.harness.common.text import aligned, in_two_digits, scientific, short
+from polhode.harness.pages.figures.averaging import Line, against_stokes
 from polhode.harness.pages.figures.work_precision import save
+from polhode.harness.pages.tables import cells, table
 from polhode.models.shape import Ellipsoid
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-ERRORS_HEADER = ["case", "form", "St", "to t₂", *(f"model {name}" for name in VARIABLES)]
-ERRORS_HEADER += ["model", "solver", "reference"]
-LAWS_HEADER = ["case", "form", "to t₂", "St measured", "St fitted"]
-LAWS_HEADER += [*(f"order {name}" for name in VARIABLES), "order", "95 % interval"]
-LAWS_HEADER += [f"St for {target:g}" for target in TARGETS]
-ABSENT_HEADER = ["case", "form", "St", "reason"]
-CASES_HEADER = ["case", "semi-axes", "θ, φ, ψ", "ω", "L"]
-
-# Okabe and Ito's palette, safe for colour-blind readers.
-COLORS = ("#000000", "#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7A7A7A")
-
-
-def as_text(found: Found) -> str:
-    """All tables and the statements, for a terminal."""
-    rows, absent = found
-    tables = [(ERRORS_HEADER, list(map(_error_row, rows))), (LAWS_HEADER, law_rows(rows))]
-    tables += [(ABSENT_HEADER, absent_rows(absent))] if absent else []
-    return "\n\n".join([*(aligned(*table) for table in tables), "\n".join(statements(rows))])
+# Errors of which the page says from which St on they are met.
+SHOWN = (1e-2, 1e-4)
+COLUMNS = {
+    "case": "{case}",
+    **{
+        f"St for {short(target)}, {which} order": f"{{{which}_{target:.0e}}}"
+        for target in SHOWN
+        for which in ("first", "second")
+    },
+    "p of first order": "{first}",
+    "p of second order": "{second}",
+    "second order up to t₂": "{until}",
+}
+PANELS = {"spheroid": "spheroids", "ellipsoid": "triaxial ellipsoids"}
+CASES = {"case": "{name}", "semi-axes": "{axes}", "θ, φ, ψ": "{angles}", "ω": "{omega}", "L": "{momentum}"}
 
 
-def as_json(found: Found) -> dict[str, Any]:
+def as_text(study: PaperStudy) -> str:
+    """What was found, and the table of the page, for a terminal."""
+    return "\n".join([*statements(study.errors), "", aligned([*COLUMNS], cells(case_rows(study.errors), COLUMNS))])
+
+
+def as_json(study: PaperStudy) -> dict[str, Any]:
     """Errors, laws, absences and statements as plain data."""
-    rows, absent = found
+    rows = study.errors
     return {
         "variables": list(VARIABLES),
         "errors": [asdict(row) | {"model_error": row.model_error, "solver_error": row.solver_error} for row in rows],
-        "laws": [
-            asdict(law)
-            | {
-                "fitted_stokes": law.fitted[0].tolist(),
-                "order": _number(law.order),
-                "order_interval": [_number(end) for end in law.order_interval],
-                "stokes_for": {
-                    f"{target:g}": {"stokes": _number(stokes), "from": source}
-                    for target in TARGETS
-                    for stokes, source in [law.needed(target)]
-                },
-            }
-            for law in laws(rows)
-        ],
-        "absent": [asdict(row) for row in absent],
+        "laws": [{name: _plain(value) for name, value in row.items()} for row in law_rows(rows)],
+        "absent": [asdict(row) for row in study.absent],
         "statements": statements(rows),
     }
 
 
-def write_page(found: Found, folder: Path, command: str) -> None:
+def write_page(study: PaperStudy, folder: Path, command: str) -> None:
     """Write the page, its figure and its data into a folder."""
-    write_data(*found, folder)
-    save(figure(found[0]), folder, "errors")
-    write_file(folder / "README.md", "\n".join(_lines(*found, command)))
+    write_study(study, folder)
+    write_file(folder / "laws.csv", pd.DataFrame(law_rows(study.errors)).to_csv(index=False), summed=True)
+    lines = {title: _drawn(study.errors, family) for family, title in PANELS.items()}
+    save(against_stokes(lines, "error of L and E over $I_{max}$"), folder, "errors")
+    write_file(folder / "README.md", "\n".join(_lines(study, command)))
 
 
-def figure(rows: Sequence[AveragingErrors]) -> Any:
-    """Model error against St, spheroids beside ellipsoids, over a line of slope -1."""
-    import matplotlib.pyplot as plt
-
-    drawing, panels = plt.subplots(1, 2, figsize=(11.0, 5.4), sharex=True, sharey=True)
-    for axes, family in zip(panels, ("spheroid", "ellipsoid"), strict=True):
-        _panel(axes, [law for law in laws(rows) if law.family == family])
-        axes.set_title({"spheroid": "spheroids", "ellipsoid": "triaxial ellipsoids"}[family], fontsize=11)
-        axes.set_xlabel("Stokes number St")
-    panels[0].set_ylabel("largest error of L and E along the run, over $I_{max}$")
-    drawing.tight_layout()
-    return drawing
+def _drawn(rows: Sequence[AveragingErrors], family: str) -> list[Line]:
+    own = [(1 if first_order(law.form) else 2, law) for law in laws(rows) if law.family == family]
+    return [Line(order, order, law.stokes, law.error) for order, law in own]
 
 
-def _panel(axes: "Axes", own: Sequence[Law]) -> None:
-    colors = dict(zip(dict.fromkeys(law.subject for law in own), cycle(COLORS), strict=False))
-    for law in own:
-        second = not first_order(law.form)
-        axes.loglog(
-            law.stokes,
-            law.error,
-            color=colors[law.subject],
-            label=None if second else law.subject,
-            linestyle="--" if second else "-",
-            linewidth=1.3,
-            marker="s" if second else "o",
-            markersize=4,
-        )
-    if any(not first_order(law.form) for law in own):
-        label = "the same, second order" + (" up to $L^2=2EI_2$" if own[0].family == "ellipsoid" else "")
-        axes.plot([], [], color="0.3", linestyle="--", marker="s", markersize=4, label=label)
-    x = [1e2, 1e6]
-    axes.loglog(x, [3e1 / s for s in x], color="0.6", linewidth=0.9, linestyle=":", label="30/St")
-    for target in TARGETS:
-        axes.axhline(target, color="0.88", linewidth=0.8, zorder=0)
-    axes.legend(fontsize=8, frameon=False, loc="lower left")
-
-
-def law_rows(rows: Sequence[AveragingErrors]) -> list[list[str]]:
+def law_rows(rows: Sequence[AveragingErrors]) -> list[dict[str, Any]]:
     """One row per case and form: the orders per variable and of the slow error, and the St that errors need."""
     each = {(law.subject, law.form, name): law.order for name in VARIABLES for law in laws(rows, name)}
-    table = []
+    found = []
     for law in laws(rows):
-        first, last = (_stokes(law.alike[0][end]) for end in (0, -1))
-        low, high = law.order_interval
-        orders = [*(each.get((law.subject, law.form, name), nan) for name in VARIABLES), law.order]
-        table.append([law.subject, law.form, f"{law.horizon:.3g}", first if first == last else f"{first} to {last}"])
-        table[-1] += [f"{len(law.fitted[0])}", *("–" if isnan(order) else f"{order:.2f}" for order in orders)]
-        table[-1] += ["too few points" if isnan(low) else f"{low:.2f} to {high:.2f}"]
-        table[-1] += [_needed(*law.needed(target)) for target in TARGETS]
-    return table
+        row = {"case": law.subject, "form": law.form, "to_t2": law.horizon}
+        row |= {"St_from": law.alike[0][0], "St_to": law.alike[0][-1], "St_fitted": len(law.fitted[0])}
+        row |= {f"order_{name}": each.get((law.subject, law.form, name), nan) for name in VARIABLES}
+        row |= {"order": law.order, **dict(zip(("order_low", "order_high"), law.order_interval, strict=True))}
+        for target in TARGETS:
+            row[f"St_for_{target:g}"], row[f"from_{target:g}"] = law.needed(target)
+        found.append(row)
+    return found
 
 
-def absent_rows(absent: Sequence[Absent]) -> list[list[str]]:
-    """One row per case, form and reason, with the St that it concerns."""
-    groups: dict[tuple[str, str, str], list[float]] = {}
-    for row in absent:
-        # What the certificate found differs from St to St; it stands in the data.
-        reason = UNCERTIFIED if row.reason.startswith(UNCERTIFIED) else row.reason
-        told = reason.replace(f"St = {row.stokes:g} is", "St is")
-        groups.setdefault((row.subject, row.form, told), []).append(row.stokes)
+def case_rows(rows: Sequence[AveragingErrors]) -> list[dict[str, str]]:
+    """One row per case: the St that errors need, and the orders, of first and of second order."""
+    found: dict[str, dict[str, str]] = defaultdict(lambda: dict.fromkeys(_FIELDS, "–"))
+    for law in laws(rows):
+        row, which = found[law.subject], "first" if first_order(law.form) else "second"
+        row |= {"case": law.subject, which: _order(law)}
+        row |= {f"{which}_{target:.0e}": _needed(*law.needed(target)) for target in SHOWN}
+        if which == "second":
+            row["until"] = f"{law.horizon:.3g}"
+    return list(found.values())
+
+
+_FIELDS = [text.strip("{}") for text in COLUMNS.values()]
+
+
+def _lines(study: PaperStudy, command: str) -> list[str]:
+    rows = study.errors
     return [
-        [subject, form, ", ".join(map(_stokes, numbers)), reason] for (subject, form, reason), numbers in groups.items()
-    ]
-
-
-def _lines(rows: Sequence[AveragingErrors], absent: Sequence[Absent], command: str) -> list[str]:
-    return [
-        "# How accurate the averaged equations are",
-        "",
-        f"Made by `{command}` with " + ", ".join(f"{name} {number}" for name, number in versions().items()) + ".",
-        "Do not edit: the next run overwrites this page.",
-        "",
-        "## What a reader may conclude",
-        "",
+        *header("How accurate the averaged equations are", command, list(study.timed.values())),
         *(f"- {sentence}" for sentence in statements(rows)),
         "",
-        "On its way to L² = 2EI₂ a triaxial ellipsoid passes resonances of polhode and precession, and at each of them "
-        "second order [leaves out](../../docs/second-order.md) a kick of O(St^-3/2). Its orders away from resonances "
-        "stand in [its own study](../second-order/README.md).",
+        "*St for* an error: from which on the slow error stays below it. p: exponent of the slow error's 1/St^p, with "
+        "its 95 % interval.",
         "",
-        "![Model error against St for spheroids and ellipsoids](errors.png)",
+        table(case_rows(rows), COLUMNS),
+        f"`<`: already at the smallest St measured; `~`: beyond the largest, by the fitted law; –: fewer than "
+        f"{LEAST_POINTS} St to fit, or none measured.",
         "",
-        f"- Errors are maxima over {SAMPLES} equispaced samples, from the start to the slow time t₂ = t/St in the "
-        "column *to t₂*, divided by the largest moment of inertia. The *slow error* is the largest of the four.",
+        "![Error of first and second order against St, for spheroids and ellipsoids](errors.png)",
+        "",
+        "## How to read it",
+        "",
+        f"- Errors are maxima over {SAMPLES} equispaced samples up to the slow time t₂ = t/St = 0.5, divided by the "
+        "largest moment of inertia; the *slow error* is the largest of those of L_x, L_y, L_z and E.",
         "- First order is the paper's: `averaged` for triaxial ellipsoids, `averaged-spheroid` for spheroids. Second "
         "order, `averaged-second-order`, follows a triaxial ellipsoid to just short of L² = 2EI₂ alone: its errors are "
-        "those of a shorter run, and not to be held against first order's over the whole one.",
-        "- *Model*: the averaged equations' exact solution against the full equations', *model* without a variable "
-        f"being the slow error. *Solver*: the averaged equations by `{SOLVER}` at tolerance {short(TOLERANCE)} against "
-        "their exact solution, slow error.",
+        "those of a shorter run, and not to be held against first order's. On its way there it passes resonances of "
+        "polhode and precession, and at each of them [leaves out](../../docs/second-order.md) a kick of O(St^-3/2); "
+        "its orders away from them stand in [its own study](../second-order/README.md).",
+        "- An error is that of the averaged equations' exact solution. Solved as a user would, by "
+        f"`{SOLVER}` at tolerance {short(TOLERANCE)}, they are off by at most "
+        f"{scientific(max(row.solver_error for row in rows))} more.",
         f"- Every full solution is a certified reference: confirmed on at least {min(row.pieces for row in rows)} "
-        "pieces by another form and method. *Reference* is its uncertainty, over the largest moment of inertia, at "
-        f"most {scientific(max(row.uncertainty for row in rows))}.",
+        "pieces by another form and method, uncertain by at most "
+        f"{scientific(max(row.uncertainty for row in rows))}.",
+        f"- p is fitted from St = {FITTED_FROM:g} on, over the runs that reach {100 * SAME_HORIZON:g} % of the longest "
+        "one's slow time, because shorter runs err less.",
         "",
-        "## Order in 1/St, and the St that an error needs",
+        "Every error, by variable: [errors.csv](errors.csv). Every law: [laws.csv](laws.csv). Where there is none "
+        f"({len(study.absent)} of {len(study.absent) + len(rows)}), with the reason: [absent.csv](absent.csv).",
         "",
-        "The model error is taken as c/St^order and fitted by least squares on logarithms, from St = "
-        f"{FITTED_FROM:g} on; *order* and its interval are the slow error's. *St fitted* counts the points; fewer "
-        f"than {LEAST_POINTS} give no order. Orders hold for the horizon *to t₂*: runs that end before "
-        f"{100 * SAME_HORIZON:g} % of it, as second order's do at small St, are left out of this table, because "
-        "shorter runs err less.",
-        "",
-        "*St for* 0.1, 0.01, …: the St from which on the slow error (model) stays below that, interpolated between "
-        "measured St. `<`: already at the smallest St of the row, below which the form refuses or nothing was "
-        "measured. `~`: beyond the largest St, by the fitted law.",
-        "",
-        markdown(LAWS_HEADER, law_rows(rows), right=range(2, len(LAWS_HEADER))),
-        "## Every error",
-        "",
-        "In full: [errors.csv](errors.csv).",
-        "",
-        markdown(ERRORS_HEADER, [_error_row(row) for row in rows], right=range(2, len(ERRORS_HEADER))),
-        *_absences(absent),
         "## The cases",
         "",
         "Starts: Euler angles in rad, angular velocity in body axes over the shear rate, and the L in space axes that "
         "they give, over the largest moment of inertia.",
         "",
-        markdown(CASES_HEADER, _case_rows(rows)),
+        table(_starts(rows), CASES, left=len(CASES)),
     ]
 
 
-def _absences(absent: Sequence[Absent]) -> list[str]:
-    if not absent:
-        return []
-    table = [[cell.replace("|", "\\|") for cell in row] for row in absent_rows(absent)]
-    return [
-        "## Where there is no row",
-        "",
-        "In full, with what the certificate found: [absent.csv](absent.csv). *Too small for this run*: the form's own "
-        "estimate of its slow error reaches the largest moment of inertia. *Too small for this start*: no start of the "
-        "averaged equations leads to the scene's.",
-        "",
-        markdown(ABSENT_HEADER, table),
-    ]
-
-
-def _case_rows(rows: Sequence[AveragingErrors]) -> list[list[str]]:
-    names = {row.subject for row in rows}
-    table = []
+def _starts(rows: Sequence[AveragingErrors]) -> list[dict[str, str]]:
+    names, found = {row.subject for row in rows}, []
     for case in paper_cases():
         if case.name in names:
             momentum = case.scene(1.0).initial.angular_momentum[0] / max(Ellipsoid(case.semi_axes).inertia)
             groups = case.semi_axes, case.start.angles, case.start.angular_velocity, momentum
-            table.append([case.name, *(", ".join(_coordinate(x) for x in group) for group in groups)])
-    return table
+            texts = (", ".join(_coordinate(x) for x in group) for group in groups)
+            found.append(dict(zip(("name", "axes", "angles", "omega", "momentum"), (case.name, *texts), strict=True)))
+    return found
 
 
 def _coordinate(value: float) -> str:
@@ -227,22 +161,18 @@ def _coordinate(value: float) -> str:
     return f"{0.0 if abs(value) < 1e-9 else value:.3g}"
 
 
-def _error_row(row: AveragingErrors) -> list[str]:
-    numbers = (*row.model, row.model_error, row.solver_error, row.uncertainty)
-    return [row.subject, row.form, _stokes(row.stokes), f"{row.until:.3g}", *(scientific(number) for number in numbers)]
+def _order(law: Law) -> str:
+    low, high = law.order_interval
+    return "–" if isnan(low) else f"{law.order:.2f} ({low:.2f} to {high:.2f})"
 
 
 def _needed(stokes: float, source: str) -> str:
     if isnan(stokes):
         return "–"
     if source == "at most":
-        return f"< {_stokes(stokes)}"
+        return f"< {short(float(f'{stokes:.3g}'))}"
     return ("~ " if source == "extrapolated" else "") + in_two_digits(stokes)
 
 
-def _stokes(stokes: float) -> str:
-    return short(float(f"{stokes:.3g}"))
-
-
-def _number(value: float) -> float | None:
-    return None if isnan(value) else value
+def _plain(value: Any) -> Any:
+    return None if value != value else value

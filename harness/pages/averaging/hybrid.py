@@ -2,21 +2,55 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
-from math import isfinite, isnan
+from itertools import product
+from math import isfinite, isnan, nan
 from pathlib import Path
 from statistics import median, quantiles
 from typing import Any
 
 from polhode.harness.averaging import hybrid
 from polhode.harness.averaging.hybrid import HybridError, Speed, Study
+from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header, machine, now, versions
-from polhode.harness.common.text import duration, in_two_digits, markdown, scientific, short
+from polhode.harness.common.text import in_two_digits, short
+from polhode.harness.pages.figures.averaging import errors_and_speed
+from polhode.harness.pages.figures.work_precision import save
+from polhode.harness.pages.tables import table
+
+ERRORS = {
+    "St": "{stokes:number}",
+    "error asked for": "{error:number}",
+    "runs": "{runs}",
+    "within": "{within}",
+    "bounded": "{bounded}",
+    "largest error": "{largest:error}",
+    "over": "{over:two}",
+    "in full": "{full:two}",
+}
+SPEEDS = {
+    "St": "{stokes:number}",
+    "bodies": "{bodies}",
+    "runs": "{runs}",
+    "time": "{time:time}",
+    f"with {hybrid.FEW} samples": "{few:time}",
+    "in full": "{full:two}",
+    "times as fast": "{gain:two}",
+}
+SPEED = (
+    "## Speed",
+    "",
+    f"Random starts, t₂ = {hybrid.FAST_SLOW_TIME:g}, error {short(hybrid.FAST_ERROR)}, {hybrid.SAMPLES} samples; "
+    "medians; observables and planning are within the times, tables and compilation are not. *Times as fast*: as "
+    f"the faster one of {' and '.join(hybrid.FULL_SOLVERS)} at the loosest tolerance that meets the error.",
+    "",
+)
 
 
 def write_page(study: Study, folder: Path, command: str) -> None:
     """Write the page and its data into a folder."""
     hybrid.write(study, folder)
-    (folder / "README.md").write_text(page(study, command), encoding="utf-8")
+    save(errors_and_speed(study), folder, "errors")
+    write_file(folder / "README.md", page(study, command))
 
 
 def as_json(study: Study) -> dict[str, Any]:
@@ -35,11 +69,11 @@ def page(study: Study, command: str) -> str:
     return "\n".join(
         [
             *header("Form hybrid: errors and speed", command, [here]),
-            "How the form works: [docs](../../docs/second-order.md). Data: [errors](errors.csv), [speed](speed.csv).",
-            "",
-            "## What was found",
-            "",
             *(f"- {sentence}" for sentence in findings(study)),
+            "",
+            "![Error measured against the one asked for; speed against a full solution](errors.png)",
+            "",
+            "How the form works: [docs](../../docs/second-order.md). Data: [errors](errors.csv), [speed](speed.csv).",
             "",
             "## Errors by St and error asked for",
             "",
@@ -48,8 +82,8 @@ def page(study: Study, command: str) -> str:
             "uncertainty. *Bounded*: runs whose error is below the estimate; *over*: median of estimate over error. "
             "*In full*: median share of the time that the full equations follow.",
             "",
-            _errors(study.errors),
-            *(_speeds(study.speed) if study.speed else []),
+            table(_errors(study.errors), ERRORS, left=0),
+            *([*SPEED, table(_speeds(study.speed), SPEEDS, left=0)] if study.speed else []),
         ]
     )
 
@@ -89,46 +123,29 @@ def _percent(rows: Sequence[HybridError], holds: Callable[[HybridError], bool]) 
     return f"{100 * sum(map(holds, rows)) / max(1, len(rows)):.3g} %"
 
 
-def _errors(rows: Sequence[HybridError]) -> str:
-    table = []
-    for stokes in hybrid.STOKES:
-        for error in hybrid.ERRORS:
-            some = [row for row in rows if (row.stokes, row.error) == (stokes, error) and not isnan(row.slow)]
-            if some:
-                table.append(
-                    (
-                        *(short(stokes), short(error), len(some), _percent(some, _within)),
-                        *(_percent(some, lambda row: row.slow <= row.estimated), scientific(max(r.slow for r in some))),
-                        in_two_digits(median([row.estimated / row.slow for row in some])),
-                        in_two_digits(median([row.full_share for row in some])),
-                    )
-                )
-    head = ("St", "error asked for", "runs", "within", "bounded", "largest error", "over", "in full")
-    return markdown(head, table, right=range(8))
+def _errors(rows: Sequence[HybridError]) -> list[dict[str, Any]]:
+    found = []
+    for stokes, error in product(hybrid.STOKES, hybrid.ERRORS):
+        some = [row for row in rows if (row.stokes, row.error) == (stokes, error) and not isnan(row.slow)]
+        if some:
+            row = {"stokes": stokes, "error": error, "runs": len(some), "within": _percent(some, _within)}
+            row |= {"bounded": _percent(some, lambda row: row.slow <= row.estimated), "largest": max(_slow(some))}
+            row |= {"over": median([row.estimated / row.slow for row in some])}
+            found.append(row | {"full": median([row.full_share for row in some])})
+    return found
 
 
-def _speeds(rows: Sequence[Speed]) -> list[str]:
-    table = []
-    for stokes in hybrid.FAST:
-        for kind in ("spheroids", "triaxial"):
-            some = [r for r in rows if r.stokes == stokes and (r.kind == "triaxial") == (kind == "triaxial")]
-            gains = [row.full_seconds / row.seconds for row in some if isfinite(row.full_seconds)]
-            if some:
-                table.append(
-                    (
-                        *(short(stokes), kind, len(some), duration(median([row.seconds for row in some]))),
-                        duration(median([row.few_seconds for row in some])),
-                        in_two_digits(median([row.full_share for row in some])),
-                        in_two_digits(median(gains)) if gains else "–",
-                    )
-                )
-    head = ("St", "bodies", "runs", "time", f"with {hybrid.FEW} samples", "in full", "times as fast")
-    return [
-        "## Speed",
-        "",
-        f"Random starts, t₂ = {hybrid.FAST_SLOW_TIME:g}, error {short(hybrid.FAST_ERROR)}, {hybrid.SAMPLES} samples; "
-        "medians; observables and planning are within the times, tables and compilation are not. *Times as fast*: as "
-        f"the faster one of {' and '.join(hybrid.FULL_SOLVERS)} at the loosest tolerance that meets the error.",
-        "",
-        markdown(head, table, right=(0, *range(2, 7))),
-    ]
+def _slow(rows: Sequence[HybridError]) -> list[float]:
+    return [row.slow for row in rows]
+
+
+def _speeds(rows: Sequence[Speed]) -> list[dict[str, Any]]:
+    found = []
+    for stokes, bodies in product(hybrid.FAST, ("spheroids", "triaxial")):
+        some = [r for r in rows if r.stokes == stokes and (r.kind == "triaxial") == (bodies == "triaxial")]
+        gains = [row.full_seconds / row.seconds for row in some if isfinite(row.full_seconds)]
+        if some:
+            row = {"stokes": stokes, "bodies": bodies, "runs": len(some), "gain": median(gains) if gains else nan}
+            row |= {"time": median([r.seconds for r in some]), "few": median([r.few_seconds for r in some])}
+            found.append(row | {"full": median([r.full_share for r in some])})
+    return found

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 from math import log10
 from types import SimpleNamespace
 from typing import Any
@@ -12,12 +13,12 @@ from click.testing import CliRunner
 
 from polhode.harness.averaging import measure as module
 from polhode.harness.averaging.cases import Subject, paper_cases
-from polhode.harness.averaging.data import Absent, AveragingErrors, read_data, write_data
+from polhode.harness.averaging.data import Absent, AveragingErrors, PaperStudy, read_study, write_study
 from polhode.harness.averaging.findings import statements
-from polhode.harness.averaging.measure import UNCERTIFIED, measure
+from polhode.harness.averaging.measure import measure
 from polhode.harness.averaging.orders import Law, laws
 from polhode.harness.cli import polhode
-from polhode.harness.pages.averaging.first_order import absent_rows, as_json, as_text, law_rows, write_page
+from polhode.harness.pages.averaging.first_order import as_json, as_text, case_rows, law_rows, write_page
 from polhode.harness.references.reference import reference
 from polhode.models.catalogue import form as find_form
 from polhode.models.scene import Scene
@@ -26,6 +27,12 @@ from polhode.models.shape import Ellipsoid
 from polhode.solvers.solve import solve
 
 STOKES = (1e2, 1e3, 1e4, 1e5, 1e6)
+HERE = {"date": "2026-05-04T03:02:01Z", "versions": {"polhode": "0.1.0"}}
+HERE["machine"] = {"processor": "abacus", "cores": 1, "system": "wood", "python": "3.11"}
+
+
+def study(errors: list[AveragingErrors], absent: tuple[Absent, ...] = ()) -> PaperStudy:
+    return PaperStudy(errors, list(absent), {"errors": HERE})
 
 
 def planted(constant: float, order: float, noise: float = 0.0) -> Law:
@@ -101,8 +108,9 @@ def test_three_points_tell_no_order_and_no_interval():
     three, four = (laws(rows({stokes: 30 / stokes for stokes in STOKES[1:n]}))[0] for n in (4, 5))
     assert np.isnan([three.order, *three.order_interval]).all()
     assert four.order == pytest.approx(1)
-    (row,) = law_rows(rows({1e3: 3e-2, 1e4: 3e-3, 1e5: 2.9e-3}))
-    assert row[4:11] == ["3", *["–"] * 5, "too few points"]
+    measured = rows({1e3: 3e-2, 1e4: 3e-3, 1e5: 2.9e-3})
+    assert law_rows(measured)[0]["St_fitted"] == 3
+    assert case_rows(measured)[0]["first"] == "–"
 
 
 def test_runs_that_end_early_tell_nothing_of_the_longest_horizon():
@@ -115,7 +123,9 @@ def test_runs_that_end_early_tell_nothing_of_the_longest_horizon():
     assert law.order == pytest.approx(1, abs=1e-12)
     assert law.needed(5e-2) == (1e3, "at most")
     (row,) = law_rows(early + late)
-    assert row[2:5] == ["0.03", "1000 to 1e6", "5"]
+    assert [row[name] for name in ("to_t2", "St_from", "St_to", "St_fitted")] == [0.03, 1e3, 1e6, 5]
+    (shown,) = case_rows(early + late)
+    assert (shown["until"], shown["second_1e-02"], shown["first"]) == ("0.03", "3000", "–")
 
 
 @pytest.mark.parametrize("case", paper_cases()[4:], ids=lambda case: case.name)
@@ -167,15 +177,6 @@ def test_the_model_error_is_that_of_two_plain_runs(index: int, stokes: float, tm
     assert found.pieces >= 20
 
 
-def test_absences_of_one_reason_share_a_row():
-    small = [Absent("a", "ellipsoid", "x", stokes, f"refused: St = {stokes:g} is too small") for stokes in (1e2, 1e3)]
-    open_ = [Absent("a", "ellipsoid", "x", stokes, f"{UNCERTIFIED}: by {stokes:g}") for stokes in (1e4, 1e5)]
-    assert absent_rows([*small, *open_]) == [
-        ["a", "x", "100, 1000", "refused: St is too small"],
-        ["a", "x", "10000, 1e5", UNCERTIFIED],
-    ]
-
-
 def test_statements_quote_the_measured_numbers():
     measured = rows({1e2: 0.25, 1e3: 0.025, 1e4: 0.0025, 1e5: 0.00025})
     measured += rows({1e2: 0.5, 1e3: 0.05, 1e4: 0.005, 1e5: 0.0005}, family="ellipsoid")
@@ -208,30 +209,35 @@ def test_statements_name_the_variables_that_fall_slowly():
 
 def test_data_come_back(tmp_path):
     measured = rows({stokes: 30 / stokes for stokes in STOKES}, uncertainty=1e-15 / 3)
-    absent = [Absent("a, b", "ellipsoid", "averaged-second-order", 10**2.5, "refused: |L|, St = 316.228")]
-    write_data(measured, absent, tmp_path)
-    assert read_data(tmp_path) == (measured, absent)
+    absent = (Absent("a, b", "ellipsoid", "averaged-second-order", 10**2.5, "refused: |L|, St = 316.228"),)
+    write_study(study(measured, absent), tmp_path)
+    assert read_study(PaperStudy, tmp_path) == study(measured, absent)
 
 
-def test_the_page_has_every_number(tmp_path):
+def test_the_page_answers_from_the_numbers(tmp_path):
     measured = rows({stokes: 30 / stokes for stokes in STOKES})
-    write_page((measured, []), tmp_path, "polhode accuracy")
+    write_page(study(measured, (Absent("a", "spheroid", "averaged", 1e2, "refused"),)), tmp_path, "polhode accuracy")
     page = (tmp_path / "README.md").read_text(encoding="utf-8")
-    assert "3.0e-3" in page
+    assert re.search(r"\| a spheroid \| +3000 \| +– \| +3e5 \| +– \| 1.00 \(1.00 to 1.00\) \|", page)
+    assert "Measured on 2026-05-04 on abacus" in page
+    assert "(1 of 6), with the reason" in page
     assert (tmp_path / "errors.png").stat().st_size > 10_000
-    with (tmp_path / "errors.csv").open(encoding="utf-8") as file:
-        table = list(csv.DictReader(file))
-    assert [float(row["model_Lx"]) for row in table] == [30 / stokes for stokes in STOKES]
-    assert "to 1e6" in as_text((measured, []))
-    assert "3000" in as_text((measured, []))
-    data = as_json((measured, []))
-    assert data["laws"][0]["order"] == pytest.approx(1)
-    assert log10(data["laws"][0]["stokes_for"]["0.01"]["stokes"]) == pytest.approx(log10(3e3))
+    tables = {}
+    for name in ("errors", "laws"):
+        with (tmp_path / f"{name}.csv").open(encoding="utf-8") as file:
+            tables[name] = list(csv.DictReader(file))
+    assert [float(row["model_Lx"]) for row in tables["errors"]] == [30 / stokes for stokes in STOKES]
+    assert float(tables["laws"][0]["St_for_0.01"]) == pytest.approx(3e3)
+    assert "3000" in as_text(study(measured))
+    law = as_json(study(measured))["laws"][0]
+    assert law["order"] == pytest.approx(1)
+    assert log10(law["St_for_0.01"]) == pytest.approx(log10(3e3))
+    assert (law["from_0.01"], law["order_Lz"]) == ("measured", None)
 
 
 def test_the_command_prints_nothing_but_json(tmp_path, monkeypatch):
     measured = rows({stokes: 30 / stokes for stokes in STOKES})
-    monkeypatch.setattr(module, "measure_all", lambda **options: (measured, []))
+    monkeypatch.setattr(module, "measure_all", lambda **options: study(measured))
     outcome = CliRunner().invoke(polhode, ["accuracy", "--json", "--out", str(tmp_path)])
     assert outcome.exit_code == 0
     assert len(json.loads(outcome.stdout)["errors"]) == len(STOKES)
@@ -239,11 +245,9 @@ def test_the_command_prints_nothing_but_json(tmp_path, monkeypatch):
 
 
 def test_the_page_alone_is_the_page_that_was_measured(tmp_path):
-    absent = [Absent("a spheroid", "spheroid", "averaged-second-order", 1e2, "refused: small |L|")]
-    write_page((rows({stokes: 30 / stokes for stokes in STOKES}), absent), tmp_path, "polhode accuracy")
+    write_page(study(rows({stokes: 30 / stokes for stokes in STOKES})), tmp_path, "polhode accuracy")
     page = tmp_path / "README.md"
     before = page.read_text(encoding="utf-8")
-    assert r"small \|L\| |" in before
     page.write_text("", encoding="utf-8")
     outcome = CliRunner().invoke(polhode, ["accuracy", "--page-only", "--out", str(tmp_path)])
     assert outcome.exit_code == 0

@@ -8,12 +8,14 @@ from click.testing import CliRunner
 
 from polhode.harness.averaging import hybrid, second_order
 from polhode.harness.averaging.cases import RESONANT
-from polhode.harness.averaging.data import Cost, Passage, SecondOrderErrors, SecondOrderStudy, read_second_order
+from polhode.harness.averaging.data import Cost, Passage, SecondOrderErrors, SecondOrderStudy, read_study
 from polhode.harness.averaging.findings import findings
+from polhode.harness.averaging.orders import slopes
 from polhode.harness.averaging.second_order import REPEATS, costs, measure_passage, measure_study
 from polhode.harness.cli import polhode
 from polhode.harness.commands.accuracy import PARTS
 from polhode.harness.common.files import SUMS
+from polhode.harness.common.text import short
 from polhode.harness.pages.averaging.second_order import page, write_page
 
 ROWS = [
@@ -56,21 +58,21 @@ STUDY = SecondOrderStudy(ROWS, [PASSED], [REFUSED], COST, TIMED)
 
 def test_data_come_back(tmp_path):
     write_page(STUDY, tmp_path, COMMAND)
-    assert repr(read_second_order(tmp_path)) == repr(STUDY)
+    assert repr(read_study(SecondOrderStudy, tmp_path)) == repr(STUDY)
 
 
-def test_the_page_shows_every_kind_of_row(tmp_path):
+def test_the_page_shows_cases_and_costs(tmp_path):
     write_page(STUDY, tmp_path, COMMAND)
     text = (tmp_path / "README.md").read_text(encoding="utf-8")
     assert "Measured on 2026-05-04 on abacus, 1 cores" in text
-    (row,) = re.findall(r"\| 1:0.8:0.5 .*", text)
-    assert [cell.strip() for cell in row.split("|")][10:-1] == ["50", "7.0e-3", "0.1", "1.5 s", "30 ms"]
-    assert "- 1:0.6:0.4, ω, St = 10000, up to t₂ = 0.03: St = 10000 is too small." in text
-    assert re.search(r"\| +-2\.00 \|", text)
-    assert "The fastest of 3 runs" in text
-    once = page(SecondOrderStudy(ROWS, [PASSED], [], [], {**TIMED, "passages": {**HERE, "repeats": 7}}), COMMAND)
-    assert "alone. The fastest of 7 runs;" in once
-    assert "## Cost" not in once
+    (row,) = re.findall(r"\| 1:1:2 +\| paper .*", text)
+    cells = [cell.strip() for cell in row.split("|")][3:-1]
+    assert cells == ["-2.00", "-1.00", "1e6", "1.0e-10", "1.0e-6", "1.0e-6"]
+    costs = re.findall(r"\| (\S+) +\| \S+ +\| +1e-[89] \| +(\S+) \|", text)
+    assert sorted(costs) == sorted((each.form, short(each.stokes)) for each in COST)
+    assert "the fastest of 3 runs; tables and compilation" in text
+    assert (tmp_path / "errors.png").stat().st_size > 10_000
+    assert "## Cost" not in page(replace(STUDY, cost=[]), slopes(ROWS), COMMAND)
 
 
 def test_findings_are_those_of_the_numbers():

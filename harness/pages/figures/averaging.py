@@ -1,0 +1,88 @@
+"""Figures of averaging: errors against St beside the slopes promised; errors and speed of the form `hybrid`."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from polhode.harness.pages.figures.style import colour
+from polhode.harness.pages.figures.style import power as power_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from polhode.harness.averaging.hybrid import Study
+
+COLOURS = {1: colour("averaged"), 2: colour("averaged-second-order")}
+NAMES = {1: "first order", 2: "second order"}
+SIZE = (8.0, 4.2)
+
+
+@dataclass(frozen=True)
+class Line:
+    """Errors of one case at its St, by an order of averaging that promises them to fall like 1/St^power."""
+
+    order: int
+    power: int
+    stokes: Sequence[float]
+    error: Sequence[float]
+
+
+def against_stokes(panels: Mapping[str, Sequence[Line]], label: str) -> "Figure":
+    """A panel for each title, one thin line for each case; dotted, the promised slopes."""
+    import matplotlib.pyplot as plt
+
+    figure, row = plt.subplots(1, len(panels), figsize=SIZE, sharex=True, sharey=True, layout="constrained")
+    for axes, (title, lines) in zip(row, panels.items(), strict=True):
+        for line in lines:
+            style = {"color": COLOURS[line.order], "linewidth": 1.2, "markersize": 3.5, "alpha": 0.8}
+            axes.loglog(line.stokes, line.error, "o-", **style)
+        for order, power in sorted({(line.order, line.power) for line in lines}):
+            _promise(axes, [line for line in lines if line.order == order], power)
+        axes.margins(y=0.12)
+        if lines:
+            axes.legend(loc="lower left", fontsize=10, labelcolor="linecolor", handlelength=1.2)
+        axes.set_title(title, loc="left", fontsize=11)
+        axes.set_xlabel("Stokes number St", fontsize=11)
+        axes.grid(True, linewidth=0.4, alpha=0.5)
+    row[0].set_ylabel(label, fontsize=11)
+    return figure
+
+
+def errors_and_speed(study: "Study") -> "Figure":
+    """Of the form `hybrid`: errors against those asked for; how many times as fast as the best full solution."""
+    import matplotlib.pyplot as plt
+
+    figure, (left, right) = plt.subplots(1, 2, figsize=SIZE, layout="constrained")
+    draw = np.random.default_rng(0)
+    for stokes in sorted({row.stokes for row in study.errors}):
+        own = [row for row in study.errors if row.stokes == stokes]
+        asked = np.array([row.error for row in own]) * 10 ** draw.uniform(-0.6, 0.6, len(own))
+        left.loglog(asked, [row.slow for row in own], ".", markersize=4, alpha=0.6, label=f"St = {power_of(stokes)}")
+    for asked in sorted({row.error for row in study.errors}):
+        left.plot([asked / 4, asked * 4], [asked, asked], color="black", linewidth=1.5)
+    left.set_xlabel("error asked for (spread sideways)", fontsize=11)
+    left.set_ylabel("slow error over $I_{max}$; black: asked for", fontsize=11)
+    left.legend(fontsize=9, loc="upper left")
+    for triaxial, marker in ((False, "o"), (True, "^")):
+        own = [row for row in study.speed if (row.kind == "triaxial") == triaxial]
+        gains = [row.full_seconds / row.seconds for row in own]
+        stokes = np.array([row.stokes for row in own]) * 10 ** draw.uniform(-0.25, 0.25, len(own))
+        right.loglog(stokes, gains, marker, markersize=5, alpha=0.7, label="triaxial" if triaxial else "spheroids")
+    right.axhline(1.0, color="black", linewidth=1.5)
+    right.set_xlabel("Stokes number St (spread sideways)", fontsize=11)
+    right.set_ylabel("times as fast as the best full solution", fontsize=11)
+    right.legend(fontsize=9, loc="upper left")
+    return figure
+
+
+def _promise(axes: "Axes", own: Sequence[Line], power: int) -> None:
+    """A dotted line of the promised slope above nine in ten of the errors."""
+    stokes, errors = (np.concatenate([getattr(line, name) for line in own]) for name in ("stokes", "error"))
+    ends = np.array([stokes.min(), stokes.max()])
+    order, exponent = own[0].order, f"^{power}" if power > 1 else ""
+    label = f"{NAMES[order]}, dotted: $\\propto 1/\\mathrm{{St}}{exponent}$"
+    heights = np.quantile(errors * stokes**power, 0.9) / ends**power
+    axes.loglog(ends, heights, ":", color=COLOURS[order], linewidth=2, label=label)
