@@ -50,13 +50,6 @@ def compiled_callback(factory: FieldFactory, dimension: int, parameters: int) ->
 
 
 @cache
-def compiled_residual(factory: FieldFactory, dimension: int, parameters: int) -> Callable[..., None]:
-    """The mass form as ``residual(y, slope, mass, p, out)`` in machine code: out = mass * slope - field(y, p)."""
-    sizes = {"y": dimension, "slope": dimension, "mass": dimension, "p": parameters, "out": dimension}
-    return array_function(trace(factory, dimension, parameters, mass=True), sizes)
-
-
-@cache
 def c_callback(factory: FieldFactory, dimension: int, parameters: int, *, count: bool = False) -> MachineCode:
     """The field as a C function ``void(double *dy, double t, double *y, double *p)``.
 
@@ -76,19 +69,6 @@ def array_callback(problem: Problem, backend: Backend, values: np.ndarray) -> tu
         out[:] = field(y.tolist(), p)
 
     return callback, values.tolist()
-
-
-def array_residual(problem: Problem, backend: Backend, values: np.ndarray) -> tuple[Callable[..., None], Callback, Any]:
-    """The mass form as ``residual(y, slope, mass, p, out)``, the field as ``callback(y, p, out)``, and p."""
-    callback, parameters = array_callback(problem, backend, values)
-    if backend == "numba":
-        return compiled_residual(problem.field, problem.dimension, len(values)), callback, parameters
-
-    def residual(y: np.ndarray, slope: np.ndarray, mass: np.ndarray, p: Any, out: np.ndarray) -> None:
-        callback(y, p, out)
-        np.subtract(mass * slope, out, out=out)
-
-    return residual, callback, parameters
 
 
 @cache

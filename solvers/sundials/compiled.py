@@ -19,18 +19,10 @@ from polhode.solvers.machine_code.derivatives import trace_jacobian
 from polhode.solvers.machine_code.llvm import MachineCode, Signature, compile_lines
 from polhode.solvers.machine_code.tracing import FieldFactory, trace
 from polhode.solvers.machine_code.underflow import FlushedToZero
-from polhode.solvers.sundials.library import Sundials
+from polhode.solvers.sundials.library import FAILURES, TOO_MUCH_WORK, Sundials, posed
 
 # Steps between two looks at deadline and Ctrl-C: a tenth of a second at most.
 CHUNK = 20_000
-TOO_MUCH_WORK = -1
-# Return values (cvode.h, ida.h; both libraries share these).
-FAILURES = {
-    TOO_MUCH_WORK: (Status.STEP_LIMIT, "too many steps"),
-    -2: (Status.TOLERANCE_UNATTAINABLE, "could not satisfy the demanded accuracy"),
-    -3: (Status.STEP_UNDERFLOW, "error tests failed too many times"),
-    -4: (Status.STEP_UNDERFLOW, "convergence tests failed too many times"),
-}
 # What the loop reports: code, steps, time reached, and counts.
 _CVODE_COUNTS = ("NumRhsEvals", "NumLinRhsEvals")
 _IDA_COUNTS = ("NumResEvals", "NumLinResEvals")
@@ -44,9 +36,8 @@ class Memory:
 
     def __init__(self, library: Sundials, problem: Problem, settings: Settings, method: tuple[int, ...]) -> None:
         self.library, self.implicit = library, library.prefix == "IDA"
-        form, d = problem.mass_form if self.implicit else None, problem.dimension
-        self.mass = np.array(form.mass) if form else np.ones(d)
-        values = (form.parameters if form else problem.parameters) or ()
+        d = problem.dimension
+        self.mass, values = posed(problem, self.implicit)
         # The arrays live as long as what points to them.
         self.data, self.start = np.array([*values, *self.mass]), np.array(problem.start)
         self.slope, self.residual, self.differential = np.zeros(d), np.zeros(d), (self.mass != 0).astype(float)

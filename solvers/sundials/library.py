@@ -6,8 +6,21 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from polhode.models.spent import spent_on
+import numpy as np
 
+from polhode.models.problem import Problem
+from polhode.models.spent import spent_on
+from polhode.solvers.compile import parameter_array
+from polhode.solvers.contract import Status
+
+TOO_MUCH_WORK = -1
+# Return values (cvode.h, ida.h; both libraries share these).
+FAILURES = {
+    TOO_MUCH_WORK: (Status.STEP_LIMIT, "too many steps"),
+    -2: (Status.TOLERANCE_UNATTAINABLE, "could not satisfy the demanded accuracy"),
+    -3: (Status.STEP_UNDERFLOW, "error tests failed too many times"),
+    -4: (Status.STEP_UNDERFLOW, "convergence tests failed too many times"),
+}
 # The version whose functions are called here.
 MAJOR = 7
 # What functions return that do not return a code, negative where they fail.
@@ -64,6 +77,13 @@ def load_sundials(prefix: str) -> Sundials | None:
         if numbers[0] == MAJOR:
             return library
     return None
+
+
+def posed(problem: Problem, implicit: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Masses and parameters of the equations: those of the mass form where they are implicit and there is one."""
+    form = problem.mass_form if implicit else None
+    mass = np.array(form.mass) if form else np.ones(problem.dimension)
+    return mass, np.array(form.parameters) if form else parameter_array(problem)
 
 
 def _files(pattern: str) -> list[Path]:

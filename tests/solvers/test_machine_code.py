@@ -16,7 +16,7 @@ from oracle.accepting import accepting
 from oracle.runs import Run, runs
 from polhode.models.problem import Problem
 from polhode.solvers.catalogue import solver
-from polhode.solvers.compile import c_callback, compiled_callback, compiled_residual, plain_field
+from polhode.solvers.compile import c_callback, compiled_callback, plain_field
 from polhode.solvers.cyrk import Call, method_number
 from polhode.solvers.machine_code.array_function import array_function
 from polhode.solvers.machine_code.llvm import CALLBACK, Signature, compile_lines, counting
@@ -259,7 +259,8 @@ def test_the_mass_form_is_the_field_times_its_masses():
     problem = Run("triaxial", "quaternion").problem
     y, p, n = np.array(problem.start), np.array(problem.parameters), len(problem.parameters)
     slope, mass, out = np.arange(7.0), np.arange(1.0, 8.0), np.empty(7)
-    compiled_residual(problem.field, 7, n)(y, slope, mass, p, out)
+    sizes = {"y": 7, "slope": 7, "mass": 7, "p": n, "out": 7}
+    array_function(trace(problem.field, 7, n, mass=True), sizes)(y, slope, mass, p, out)
     rates = in_python(problem.field, y.tolist(), p.tolist())
     assert out == pytest.approx(mass * slope - rates, rel=1e-14)
 
