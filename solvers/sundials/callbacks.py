@@ -62,8 +62,8 @@ class Callbacks:
 
     def run(self, record: Record) -> Outcome:
         """Fill the record's rows."""
-        # The wrapper prints the library's errors.
-        with redirect_stdout(io.StringIO()):
+        # The wrapper prints the library's errors, NumPy warns of what becomes infinite.
+        with redirect_stdout(io.StringIO()), np.errstate(all="ignore"):
             try:
                 record.rows[0] = self.library.init_step(record.times[0], *self.start(record)).y
             except RuntimeError as error:
