@@ -1,6 +1,6 @@
 """Records as pandas frames."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Any, cast
 
@@ -14,20 +14,37 @@ from polhode.harness.references.uncertainty import known
 RUN_COLUMNS = ["scene_name", "stokes", "form", "solver", "tolerance", "status", "slow_error", "orientation_error"]
 RUN_COLUMNS += ["model_slow_error", "slow_uncertainty", "orientation_uncertainty", "seconds", "seconds_spread"]
 RUN_COLUMNS += ["work.rhs_calls", "work.steps", "sentinel_seconds", "date", "scene.time", "scene.shape.semi_axes"]
+STOKES = "scene.stokes"
 
 
-def frame(records: Sequence[Record]) -> pd.DataFrame:
-    """Records as a frame, one row each: nested results as columns `work.steps`, `scene.stokes`, and so on.
+def frame(records: Iterable[Record], columns: Collection[str] = ()) -> pd.DataFrame:
+    """Records as a frame, one row each: nested results as columns `work.steps`, `stokes` of the scene, and so on.
+
+    All of them, or those named, as far as there are any; of the rest of a record nothing is kept then.
 
     Columns `slow_known` and `orientation_known` say which errors the reference is good enough to know
     (`polhode.harness.references.uncertainty.known`); NA where there is no error.
     """
-    table = pd.json_normalize(list(records)).rename(columns={"scene.stokes": "stokes"})
+    kept = (_picked(record, columns) for record in records) if columns else records
+    table = pd.json_normalize(list(kept)).rename(columns={STOKES: "stokes"})
     table = table.convert_dtypes(dtype_backend="numpy_nullable")
     for want in ("slow", "orientation"):
         if f"{want}_error" in table:
             table[f"{want}_known"] = known(table, f"{want}_error")
     return table
+
+
+def _picked(record: Record, columns: Collection[str]) -> Record:
+    """The values that go into these columns."""
+    found = {}
+    for name in columns:
+        path = STOKES if name == "stokes" else name
+        value: Any = record
+        for part in path.split("."):
+            value = value.get(part) if isinstance(value, dict) else None
+        if value is not None:
+            found[path] = value
+    return found
 
 
 def where(table: pd.DataFrame, condition: Any) -> pd.DataFrame:

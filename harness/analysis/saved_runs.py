@@ -35,7 +35,7 @@ def _records(path: Path) -> list[Record]:
             return store.records()
     try:
         if path.suffix == ".jsonl":
-            return read_export(path)
+            return list(read_export(path))
         return benchmark_records(json.loads(path.read_text(encoding="utf-8")))
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         reason = f"no {error} in it" if isinstance(error, KeyError) else str(error)

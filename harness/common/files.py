@@ -9,7 +9,7 @@ import os
 import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from hashlib import file_digest, sha256
+from hashlib import file_digest
 from pathlib import Path
 from typing import IO, Any
 
@@ -108,12 +108,21 @@ def write_file(path: Path, content: str | bytes, *, summed: bool = False) -> Non
         raise
 
 
+def open_file(path: Path) -> IO[bytes]:
+    """Open a file; ValueError if it is not what was written, as far as a checksum of it is kept."""
+    file = path.open("rb")
+    if sums := _sums(path.parent).get(path.name):
+        if file_digest(file, "sha256").hexdigest() not in sums:
+            file.close()
+            raise ValueError(f"{path}: fails its checksum in {SUMS}, expected what was written")
+        file.seek(0)
+    return file
+
+
 def read_file(path: Path) -> bytes:
-    """Content of a file; ValueError if it is not what was written, as far as a checksum of it is kept."""
-    content, sums = path.read_bytes(), _sums(path.parent).get(path.name)
-    if sums and sha256(content).hexdigest() not in sums:
-        raise ValueError(f"{path}: fails its checksum in {SUMS}, expected what was written")
-    return content
+    """Content of a file, if it is what was written."""
+    with open_file(path) as file:
+        return file.read()
 
 
 def _sums(folder: Path) -> dict[str, list[str]]:

@@ -10,12 +10,11 @@ import sqlite3
 from collections.abc import Iterable, Iterator
 from contextlib import closing, contextmanager, suppress
 from hashlib import sha256
-from io import BytesIO
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from polhode.harness.common.files import PartialFile, read_file
+from polhode.harness.common.files import PartialFile, open_file
 from polhode.harness.common.machine import now
 from polhode.harness.common.plain_json import dumps, loads
 
@@ -195,14 +194,17 @@ def _cell(value: Any) -> Any:
     return "'" + value if isinstance(value, str) and value.startswith(("=", "+", "-", "@")) else value
 
 
-def read_export(path: Path) -> list[Record]:
-    """Records of a JSON Lines file that `export` wrote, now or before; ValueError if a line is no JSON object."""
-    records = []
-    for number, line in enumerate(BytesIO(read_file(path)), start=1):
-        try:
-            records.append(record := loads(line.decode()))
-        except (ValueError, RecursionError) as error:
-            raise ValueError(f"{path}: line {number}: {error}, expected JSON") from None
-        if not isinstance(record, dict):
-            raise ValueError(f"{path}: line {number}: got {reprlib.repr(record)}, expected a JSON object")
-    return records
+def read_export(path: Path) -> Iterator[Record]:
+    """Records of a JSON Lines file that `export` wrote, now or before; one at a time in memory.
+
+    ValueError if the file is not what was written, or if a line is no JSON object.
+    """
+    with open_file(path) as file:
+        for number, line in enumerate(file, start=1):
+            try:
+                record = loads(line.decode())
+            except (ValueError, RecursionError) as error:
+                raise ValueError(f"{path}: line {number}: {error}, expected JSON") from None
+            if not isinstance(record, dict):
+                raise ValueError(f"{path}: line {number}: got {reprlib.repr(record)}, expected a JSON object")
+            yield record

@@ -19,6 +19,8 @@ TITLE = "Cost against accuracy"
 LEAD = "Every run measured: wall time, or calls of the right-hand side, against the error along the whole run."
 WORDS = ("form", "solver", "status", "message")
 COLUMNS = ("slow_error", "orientation_error", "seconds", "work.rhs_calls", "work.steps", "model_slow_error")
+# What else a record says of a run.
+MARKS = ("stokes", "backend", "jacobian", "inferred", "tags")
 CAPTION = (
     "Lower is cheaper, right is more accurate. A line joins the runs of one form and solver at different tolerances; "
     "stars are averaged forms, by any solver, and the dotted lines the error that those forms make by themselves. The "
@@ -31,7 +33,7 @@ CAPTION = (
 
 def cost_page(reports: Path) -> Page:
     """Every run of every study as a point."""
-    studies, unreadable = read_studies(reports)
+    studies, unreadable = read_studies(reports, (*WORDS, *COLUMNS, *MARKS))
     lost = "".join(f"<li>{escape(line)}</li>" for line in unreadable)
     lost = f"<h2>Files that could not be read</h2><ul>{lost}</ul>" if lost else ""
     if not studies:

@@ -1,12 +1,12 @@
 """The records of all studies in a folder of reports."""
 
-from io import BytesIO
+from collections.abc import Collection
 from pathlib import Path
 
 import pandas as pd
 
 from polhode.harness.analysis.frames import frame
-from polhode.harness.common.files import read_file
+from polhode.harness.common.files import open_file
 from polhode.harness.common.store import DamagedStoreError, Store, read_export
 
 NEEDED = ("scene_name", "form", "solver", "tolerance", "status")
@@ -14,16 +14,16 @@ NEEDED = ("scene_name", "form", "solver", "tolerance", "status")
 NO_STUDY = ("site", "paper", "accuracy", "pick", "problems")
 
 
-def read_studies(folder: Path) -> tuple[dict[str, pd.DataFrame], list[str]]:
+def read_studies(folder: Path, columns: Collection[str]) -> tuple[dict[str, pd.DataFrame], list[str]]:
     """Runs of each study by the name of its folder, and the files that cannot be read, with the reason.
 
-    A folder that holds several studies adds the file's name.
+    A folder that holds several studies adds the file's name. Memory holds no more of a record than these columns.
     """
     studies, unreadable = {}, []
     for path in _files(folder):
         name = path.parent.name if path.stem in ("records", "store", "runs") else f"{path.parent.name}/{path.stem}"
         try:
-            table = _table(path)
+            table = _table(path, {*NEEDED, *columns})
             lacking = [column for column in NEEDED if column not in table]
             if len(table) and lacking:
                 raise ValueError(f"a record without {lacking[0]!r}, expected those of `polhode bench`")
@@ -47,10 +47,11 @@ def _files(folder: Path) -> list[Path]:
     return found
 
 
-def _table(path: Path) -> pd.DataFrame:
+def _table(path: Path, columns: Collection[str]) -> pd.DataFrame:
     if path.suffix == ".csv":
-        return pd.read_csv(BytesIO(read_file(path)), dtype_backend="numpy_nullable")
+        with open_file(path) as file:
+            return pd.read_csv(file, dtype_backend="numpy_nullable")
     if path.suffix == ".jsonl":
-        return frame(read_export(path))
+        return frame(read_export(path), columns)
     with Store(path) as store:
-        return frame(store.records())
+        return frame(store, columns)

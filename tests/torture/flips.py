@@ -58,7 +58,7 @@ def kinds(folder: Path) -> dict[str, tuple[Path, Callable[[], Any]]]:
     write_file(folder / "timed.json", '{"seconds": 1.5}', summed=True)
     return {
         "table": (folder / "errors.csv", lambda: read_table(folder / "errors.csv", Row)),
-        "records": (folder / "records.jsonl", lambda: read_export(folder / "records.jsonl")),
+        "records": (folder / "records.jsonl", lambda: list(read_export(folder / "records.jsonl"))),
         "sums": (folder / SUMS, lambda: read_table(folder / "errors.csv", Row)),
         "other data": (folder / "timed.json", lambda: read_file(folder / "timed.json")),
         "store": (folder / "store.sqlite", lambda: _store(folder / "store.sqlite")),

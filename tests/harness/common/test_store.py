@@ -248,7 +248,7 @@ def test_exported_json_lines_are_json_and_read_back_as_they_were(tmp_path: Path)
 
 def test_exports_of_before_are_read(tmp_path: Path):
     (tmp_path / "old.jsonl").write_text('{"stokes": Infinity}\n{"stokes": 1}\n', encoding="utf-8")
-    assert read_export(tmp_path / "old.jsonl") == [{"stokes": inf}, {"stokes": 1}]
+    assert list(read_export(tmp_path / "old.jsonl")) == [{"stokes": inf}, {"stokes": 1}]
 
 
 def test_numbers_without_end_in_csv_are_what_float_reads(tmp_path: Path):

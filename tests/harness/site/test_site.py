@@ -1,6 +1,7 @@
 """The site: it says what the reports say, names what is missing, and loads nothing from elsewhere."""
 
 import re
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,10 +16,11 @@ from polhode.harness.common.text import duration
 from polhode.harness.pages.figures.style import looks
 from polhode.harness.pages.regimes import read_cells
 from polhode.harness.site.build import REPORTS
+from polhode.harness.site.cost import COLUMNS
 from polhode.harness.site.markdown import section
 from polhode.harness.site.markup import Page, document, plain, prose
 from polhode.harness.site.motion import examples, motion
-from polhode.harness.site.sources import read_studies
+from polhode.harness.site.sources import NEEDED, read_studies
 from polhode.models.scenes import named_scene
 
 PAGES = ("index", "cost", "regimes", "hard-cases", "own", "own-more", "motion")
@@ -91,7 +93,7 @@ def rows_of(page: str) -> list[dict]:
 
 
 def test_every_run_is_a_point_and_a_stopped_one_too(site_pages: dict[str, str], site_reports: Path):
-    records = read_export(site_reports / "bench" / "records.jsonl")
+    records = list(read_export(site_reports / "bench" / "records.jsonl"))
     bench = [row for row in rows_of(site_pages["cost"]) if row["study"] == "bench"]
     assert len(bench) == len(records)
     key = ("stokes", "form", "solver", "tolerance")
@@ -106,7 +108,7 @@ def test_every_run_is_a_point_and_a_stopped_one_too(site_pages: dict[str, str], 
 
 def test_lines_join_runs_in_the_order_of_their_tolerances(tmp_path: Path, site_reports: Path):
     (tmp_path / "reports" / "bench").mkdir(parents=True)
-    records = read_export(site_reports / "bench" / "records.jsonl")
+    records = list(read_export(site_reports / "bench" / "records.jsonl"))
     export(sorted(records, key=lambda record: record["seconds"] or 0), tmp_path / "reports" / "bench" / "records.jsonl")
     lines: dict[tuple, list[float]] = {}
     for row in rows_of(site(tmp_path / "site", tmp_path / "reports")["cost"]):
@@ -170,12 +172,26 @@ def test_no_motion_of_a_sphere():
     assert motion(replace(named_scene("sphere"), time=1.0)) == {"why": "a sphere has no axis"}
 
 
+def test_memory_holds_no_more_of_a_record_than_the_page_shows(tmp_path: Path, site_reports: Path):
+    *_, record = read_export(site_reports / "bench" / "records.jsonl")
+    record["text"] = "x" * 100_000
+    (tmp_path / "bench").mkdir()
+    export([record] * 40, tmp_path / "bench" / "records.jsonl")
+    read_studies(tmp_path, COLUMNS)
+    tracemalloc.start()
+    studies, _ = read_studies(tmp_path, COLUMNS)
+    assert tracemalloc.get_traced_memory()[1] < 1e6
+    tracemalloc.stop()
+    assert studies["bench"]["seconds"].tolist() == [record["seconds"]] * 40
+    assert set(studies["bench"]) <= {*COLUMNS, *NEEDED, "slow_known", "orientation_known"}
+
+
 def test_damaged_files_are_named(tmp_path: Path):
     broken = tmp_path / "reports"
     for name, text in (("torn", '{"form": "quat'), ("other", '{"answer": 42}\n')):
         (broken / name).mkdir(parents=True)
         (broken / name / "records.jsonl").write_text(text, encoding="utf-8")
-    studies, unreadable = read_studies(broken)
+    studies, unreadable = read_studies(broken, ())
     assert studies == {}
     assert [Path(line.split(":")[0]).parent.name for line in unreadable] == ["other", "torn"]
 

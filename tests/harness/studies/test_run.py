@@ -259,7 +259,7 @@ def test_a_terminated_export_leaves_the_rows_written_as_partial(tmp_path: Path):
     assert process.returncode == 1
     assert text == "polhode: interrupted\n"
     assert not (tmp_path / "out.jsonl").exists()
-    rows = read_export(tmp_path / "out.jsonl.partial")
+    rows = list(read_export(tmp_path / "out.jsonl.partial"))
     assert [row["key"] for row in rows] == [str(number) for number in range(len(rows))]
     assert 1 < len(rows) < 1000
 
