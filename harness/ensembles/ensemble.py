@@ -21,13 +21,13 @@ from polhode.models.scene import BodyStart, Scene
 from polhode.models.shape import Ellipsoid
 from polhode.models.theory.attractors import Attractor, attractors
 from polhode.solvers.contract import Status
+from polhode.solvers.ensembles.adaptive_steps import run_adaptive
 from polhode.solvers.ensembles.equal_steps import TAYLOR, Plan, plan, run
 from polhode.solvers.ensembles.one_by_one import run_one_by_one
-from polhode.solvers.ensembles.runge_kutta_batch import run_vectorised
 from polhode.solvers.ensembles.taylor_batch import run_batches
 
 # Changes whenever a record's meaning does, so that no old record is taken for a new one.
-SCHEMA = 3
+SCHEMA = 4
 # Error of averaging in L and E over I_max times St: the largest of the paper's starts (`reports/paper`).
 AVERAGING = 133.0
 # Particles on which method and step are chosen.
@@ -71,7 +71,7 @@ class Ensemble:
     seed: int = 1
     equations: Equations = "full"  # in the fewest variables without angles; "averaged" ones; form "hybrid"
     # For full equations the error of `equal_steps.plan`, for hybrid ones that of L and E over the largest moment of
-    # inertia, for averaged ones the tolerance of `run_vectorised`.
+    # inertia, for averaged ones the tolerance of `run_adaptive`.
     tolerance: float = 1e-6
     block: int = 10_000  # particles of one task
     samples: int = 101  # equispaced times at which arrival is looked for, start and end included
@@ -186,7 +186,7 @@ class Ensemble:
     def states(self, problem: Problem, starts: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """States, shape (m, n, d), of particles at times, with NaN from where one failed, and their statuses."""
         if self.equations == "averaged":
-            return run_vectorised(problem, starts, times, self.tolerance)
+            return run_adaptive(problem, starts, times, self.tolerance)
         if self.equations == "hybrid":
             return run_one_by_one(problem, starts, times, HYBRID_SOLVER, self.tolerance / ERROR_PER_TOLERANCE)
         if (chosen := plan_of(self)) is not None:

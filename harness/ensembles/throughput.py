@@ -24,8 +24,8 @@ from polhode.models.catalogue import form as find_form
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 from polhode.models.shape import Ellipsoid
+from polhode.solvers.ensembles.adaptive_steps import run_adaptive
 from polhode.solvers.ensembles.equal_steps import PIECES, Plan, plan, run
-from polhode.solvers.ensembles.runge_kutta_batch import array_field, integrate, run_vectorised
 from polhode.solvers.ensembles.taylor_batch import run_batches
 
 STOKES, SLOW_TIME, TOLERANCE, AVERAGED_TOLERANCE = 1e3, 0.2, 1e-6, 1e-6
@@ -152,44 +152,27 @@ def long_runs(particles: int = 20_000, known: int = 32) -> list[dict[str, Any]]:
 
 
 def averaged_throughput(name: str, shape: Ellipsoid, particles: int = 20_000) -> dict[str, Any]:
-    """Particles per second of the averaged equations by how much is kept of them, and what bounds them.
+    """Particles per second of the averaged equations by how much is kept of them.
 
-    With the end alone, with 101 samples, and in whole tasks, statistics included; the share of the first that the
-    field takes, and how often it is asked; the error's median and 99th percentile.
+    With the end alone, with 101 samples, and in whole tasks, statistics included; the error's median and 99th
+    percentile.
     """
     _, problem, starts = _problem(shape, "averaged", particles)
     two, samples = np.array([0.0, problem.end]), np.linspace(0.0, problem.end, 101)
-    field = array_field(problem)
-    asked: list[tuple[int, float]] = []
-    spent: list[float] = []
-
-    def timed_field(y: np.ndarray, rates: np.ndarray) -> None:
-        began = process_time()
-        field(y, rates)
-        asked.append((y.shape[1], process_time() - began))
-
-    def field_alone() -> None:
-        asked.clear()
-        integrate(timed_field, starts, two, AVERAGED_TOLERANCE)
-        spent.append(sum(seconds for _, seconds in asked))
-
     ensemble = _ensemble(shape, "averaged", particles)
-    (end, result), _, (sampled, _), (task, _) = _alternate(
-        lambda: run_vectorised(problem, starts, two, AVERAGED_TOLERANCE)[0][-1],
-        field_alone,
-        lambda: [run_vectorised(problem, part, samples, AVERAGED_TOLERANCE) for part in np.array_split(starts, 5)],
+    (end, result), (sampled, _), (task, _) = _alternate(
+        lambda: run_adaptive(problem, starts, two, AVERAGED_TOLERANCE)[0][-1],
+        lambda: [run_adaptive(problem, part, samples, AVERAGED_TOLERANCE) for part in np.array_split(starts, 5)],
         lambda: run_task(Task(ensemble, 0)),
     )
     some = slice(0, 2000)
-    exact = run_vectorised(problem, starts[some], two, 1e-11)[0][-1]
+    exact = run_adaptive(problem, starts[some], two, 1e-11)[0][-1]
     error = np.max(np.abs(result[some] - exact), axis=1)
     return {
         "shape": name,
         "per_second": particles / end,
         "sampled_per_second": particles / sampled,
         "task_per_second": particles / task,
-        "evaluations_per_particle": sum(width for width, _ in asked) / particles,
-        "field_share": min(spent) / end,
         "median_error": float(np.median(error)),
         "error_of_99_percent": float(np.quantile(error, 0.99)),
     }

@@ -67,8 +67,6 @@ def page(found: Found) -> str:
             "![Particles per second against the largest error](throughput.png)\n",
             f"## Averaged equations at tolerance {settings['averaged_tolerance']:g}, particles per second and core\n",
             _table(found["averaged"], AVERAGED),
-            "Where their time goes, in microseconds a particle:\n",
-            _shares(found),
             f"## Long runs: St = {settings['long_stokes']:g}, t₂ = 0.5, 1 : 0.8 : 0.5\n",
             f"Errors in L and E over I_max against full equations, of 32 particles all the way; the error asked for is "
             f"{settings['long_error']:g}.\n",
@@ -127,18 +125,6 @@ TASKS = {
     "bytes of a record": "{record_bytes:,}",
 }
 ENGINES = {"engine": "{engine}", "overhead": "{share:.2%}"}
-
-
-def _shares(found: Found) -> str:
-    """Microseconds a particle: the field, the rest of the steps, the samples, the statistics."""
-    rows = []
-    for row in found["averaged"]:
-        end, sampled, task = (1e6 / row[name] for name in ("per_second", "sampled_per_second", "task_per_second"))
-        field = row["field_share"] * end
-        parts = (field, end - field, sampled - end, task - sampled)
-        rows.append((row["shape"], f"{row['evaluations_per_particle']:.0f}", *(f"{part:.1f}" for part in parts)))
-    header = ("shape", "evaluations", "these", "the steps' arithmetic", "101 samples", "drawing and statistics")
-    return markdown(header, rows, right=(1, 2, 3, 4, 5))
 
 
 def _plan(found: Found) -> str:

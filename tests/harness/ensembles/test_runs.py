@@ -14,7 +14,7 @@ from polhode.models.rotation import matrix_from_quaternion
 from polhode.models.scene import BodyStart, Scene
 from polhode.models.shape import Ellipsoid
 from polhode.models.theory.attractors import attractors, circle
-from polhode.solvers.ensembles.runge_kutta_batch import run_vectorised
+from polhode.solvers.ensembles.adaptive_steps import run_adaptive
 from polhode.solvers.ensembles.taylor_batch import LEAST_FOR_SCOUTS, run_batches
 from polhode.solvers.solve import solve
 
@@ -62,14 +62,14 @@ def test_particles_in_lanes_are_the_same_as_alone(form: str):
 
 @pytest.mark.parametrize("form", ["averaged", "averaged-spheroid"])
 def test_averaged_particles_agree_with_another_method(form: str, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("polhode.solvers.ensembles.runge_kutta_batch.WIDTH", 32)
+    monkeypatch.setattr("polhode.solvers.ensembles.adaptive_steps.AT_ONCE", 32)
     drawn = draw(form, 200)
     problem = find_form(form).problem(scene_of(form, drawn, 0, 0.05))
     starts, times = drawn.states(form, shape_of(form)), np.linspace(0, problem.end, 41)
     some = np.array([0, 150, 199])
     errors = []
     for tolerance in (1e-6, 1e-9):
-        states, statuses = run_vectorised(problem, starts, times, tolerance)
+        states, statuses = run_adaptive(problem, starts, times, tolerance)
         assert set(statuses) == {"reached_end"}
         assert np.isfinite(states).all()
         for index in some:
@@ -87,7 +87,7 @@ def test_a_particle_that_fails_is_counted_and_left_out():
     problem = find_form(form).problem(scene_of(form, drawn, 0, 0.05))
     starts = drawn.states(form, shape_of(form))
     starts[3] = np.nan
-    states, statuses = run_vectorised(problem, starts, np.array([0.0, problem.end]), 1e-6)
+    states, statuses = run_adaptive(problem, starts, np.array([0.0, problem.end]), 1e-6)
     assert statuses[3] == "step_underflow"
     assert np.isnan(states[-1, 3]).all()
     assert list(np.flatnonzero(statuses != "reached_end")) == [3]
@@ -100,7 +100,7 @@ def test_a_particle_whose_momentum_vanishes_is_given_up():
     starts = drawn.states("averaged", TRIAXIAL)
     # L²/2E far below the smallest moment of inertia: what an error of E makes of a particle that all but stops.
     starts[7] = [6.4e-5, 5.0e-5, -9.1e-6, 1.8e-6]
-    states, statuses = run_vectorised(problem, starts, np.array([0.0, problem.end]), 1e-6)
+    states, statuses = run_adaptive(problem, starts, np.array([0.0, problem.end]), 1e-6)
     assert list(np.flatnonzero(statuses != "reached_end")) == [7]
     assert statuses[7] in ("step_limit", "step_underflow")
     assert np.isfinite(states[-1, statuses == "reached_end"]).all()

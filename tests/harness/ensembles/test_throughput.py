@@ -15,9 +15,6 @@ def averaged() -> list[dict]:
 
 def test_averaged_throughput_is_made_of_its_parts(averaged):
     for row in averaged:
-        # Six evaluations a step, and one to begin with.
-        assert 6 * 5 < row["evaluations_per_particle"] < 6 * 100
-        assert 0 < row["field_share"] < 1
         assert min(row["per_second"], row["sampled_per_second"], row["task_per_second"]) > 0
         assert 0 < row["median_error"] < 1e-4
         assert row["median_error"] < row["error_of_99_percent"] < 1e-2
@@ -43,9 +40,9 @@ def test_long_runs_are_held_against_full_equations(monkeypatch: pytest.MonkeyPat
     assert hybrid["within"] == 1
 
 
-def test_the_page_shows_where_the_time_goes(averaged):
-    averaged[0] |= {"per_second": 1e5, "sampled_per_second": 5e4, "task_per_second": 4e4, "field_share": 0.25}
-    averaged[0] |= {"evaluations_per_particle": 120.2}
+def test_the_page_shows_what_was_measured(averaged):
+    averaged[0] |= {"per_second": 1e5, "sampled_per_second": 5e4, "task_per_second": 4e4, "median_error": 1e-7}
+    averaged[0] |= {"error_of_99_percent": 2e-6}
     full = {"shape": "s", "target": 1e-4, "method": "m", "steps": 9, "per_second": 6e3, "taylor_per_second": 1e3}
     full |= {"speedup": 6.0, "error": 1e-5, "median_error": 1e-7, "taylor_error": 1e-5, "plan_seconds": 0.1}
     long = {"equations": "hybrid", "per_second": 3e4, "within": 0.9, "median_error": 1e-5, "error": 1e-3}
@@ -76,7 +73,7 @@ def test_the_page_shows_where_the_time_goes(averaged):
         "two_processes": {"particles": 100, "ratio": 2.0, "one_seconds": 4.0, "two_seconds": 2.0},
     }
     cells = [[cell.strip() for cell in line.split("|")[1:-1]] for line in page(found).splitlines() if "|" in line]
-    assert ["1 : 0.8 : 0.5", "120", "2.5", "7.5", "10.0", "5.0"] in cells
+    assert ["1 : 0.8 : 0.5", "100,000", "50,000", "40,000", "1.0e-7", "2.0e-6"] in cells
     # 10⁹ particles at 10⁵ a second; 10⁷ particles at a hundredth of 10⁴.
     assert ["1 : 1 : 2", "full", "1,000,000,000", "1000", "10,000", "10,000.0 MiB", "2.78"] in cells
     assert ["1 : 0.8 : 0.5", "full", "10,000,000", "100000", "100", "100.0 MiB", "27.78"] in cells
