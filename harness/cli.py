@@ -130,6 +130,8 @@ def polhode() -> None:
 
     A SCENE is a scene file (TOML) or the name of a built-in scene. Every command has --help with an example.
     """
+    if os.environ.get("NO_COLOR"):
+        click.get_current_context().color = False
 
 
 def complaint(error: click.ClickException) -> str:

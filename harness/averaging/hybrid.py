@@ -136,7 +136,7 @@ def truth(scene: Scene, samples: int = SAMPLES) -> Truth:
 def measure_errors(scenes: Sequence[Scene], quiet: bool = False) -> list[HybridError]:
     """Runs of the scenes at every error; scenes whose truth takes minutes are left out."""
     rows = []
-    for i, scene in enumerate(tqdm(scenes, "errors", leave=False, disable=quiet)):
+    for i, scene in enumerate(tqdm(scenes, "errors", leave=False, disable=quiet or None)):
         if scene.time <= LONGEST:
             true = truth(scene)
             rows += [_measured(i, scene, error, true) for error in ERRORS]
@@ -168,7 +168,7 @@ def measure_speed(quiet: bool = False) -> list[Speed]:
         for stokes, count in FAST.items()
         for i, scene in enumerate(random_scenes(count, FAST_SEED))
     ]
-    return [_timed(i, scene) for i, scene in tqdm(scenes, "speed", leave=False, disable=quiet)]
+    return [_timed(i, scene) for i, scene in tqdm(scenes, "speed", leave=False, disable=quiet or None)]
 
 
 def _timed(start: int, scene: Scene) -> Speed:

@@ -69,7 +69,9 @@ def measure_all(*, quick: bool = False, quiet: bool = False) -> PaperStudy:
     absent: list[Absent] = []
     with ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool:
         found = pool.map(measure, *zip(*tasks, strict=True))
-        for measured, missing in tqdm(found, "accuracy", len(tasks), leave=False, disable=quiet, unit="reference"):
+        for measured, missing in tqdm(
+            found, "accuracy", len(tasks), leave=False, disable=quiet or None, unit="reference"
+        ):
             rows += measured
             absent += missing
     order = [case.name for case in cases]

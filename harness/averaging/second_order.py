@@ -189,7 +189,7 @@ def measure_study(
         timed = {**study.timed, "passages": _here(PASSAGE_REPEATS)}
         study = replace(study, resonances=resonances, crossings=crossings, timed=timed)
     if part in ("", "cost") and not quick:
-        cost = list(tqdm(costs(), "cost", leave=False, disable=quiet))
+        cost = list(tqdm(costs(), "cost", leave=False, disable=quiet or None))
         study = replace(study, cost=cost, timed={**study.timed, "cost": _here(REPEATS)})
     return study
 
@@ -198,7 +198,7 @@ def _rows(
     what: str, cases: Sequence[Subject], quiet: bool, take: Callable[[Subject, float], Any], points: int | None
 ) -> list[Any]:
     tasks = [(case, stokes) for case in cases for stokes in case.stokes[:points]]
-    return [take(*task) for task in tqdm(tasks, what, leave=False, disable=quiet)]
+    return [take(*task) for task in tqdm(tasks, what, leave=False, disable=quiet or None)]
 
 
 def _here(repeats: int) -> Record:

@@ -37,7 +37,7 @@ def stated(store: Store, seed: int, count: int, quiet: bool = False) -> pd.DataF
     """One random way to run each of `count` scenes, over both strata: the error stated, and the true one."""
     rows = []
     wanted = [(stratum, each) for stratum in STRATA for each in questions(seed, count // 2, stratum)]
-    for index, (stratum, question) in enumerate(tqdm(wanted, disable=quiet, desc="errors stated", leave=False)):
+    for index, (stratum, question) in enumerate(tqdm(wanted, disable=quiet or None, desc="errors stated", leave=False)):
         content = {"question": question.name, "seed": seed, "schema": 1}
         key = digest({"stated": content})
         row = store.result(key)

@@ -10,7 +10,7 @@ import click
 from polhode.harness.cli import BadInput, bad_input
 from polhode.harness.commands import setup
 from polhode.harness.commands._study_options import as_json
-from polhode.harness.common.text import aligned, duration, in_full, on_terminal, scientific, short
+from polhode.harness.common.text import duration, fitting, in_full, on_terminal, scientific, short
 from polhode.solvers.catalogue import SOLVERS
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def pick(scene: str, error: float, want: str, samples: int, why: bool, everythin
         return
     click.echo(pick_page(found, everything, why))
     options = f"--error {in_full(error)} --want {want} --samples {samples}"
-    click.echo(f"\nTo run the first: polhode solve {quote(scene)} {options} --out FILE.csv")
+    click.echo(fitting(f"\nTo run the first: polhode solve {quote(scene)} {options} --out FILE.csv"))
 
 
 def pick_page(found: "Recommendation", everything: bool, why: bool = False) -> str:
@@ -80,7 +80,9 @@ def pick_page(found: "Recommendation", everything: bool, why: bool = False) -> s
         ]
         for row in shown
     ]
-    parts = [found.summary, aligned(header, rows), *filter(None, [_notes(found, len(shown), why or everything)])]
+    notes = _notes(found, len(shown), why or everything)
+    # The first run, and then the interval, are what a narrow terminal goes without.
+    parts = [fitting(found.summary), on_terminal(header, rows, spare=(5, 6)), *filter(None, [fitting(notes)])]
     header = ["excluded", "solvers", "why"] if everything else ["excluded", "why"]
     if (why or everything) and (excluded := _why(found, everything)):
         parts.append(on_terminal(header, excluded))

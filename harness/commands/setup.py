@@ -8,7 +8,7 @@ from typing import Any
 import click
 from click.shell_completion import CompletionItem, get_completion_class
 
-from polhode.harness.common.text import aligned, duration
+from polhode.harness.common.text import duration, fitting, on_terminal
 
 # Seconds over which the sentinel is watched.
 WATCH = 1.0
@@ -190,12 +190,14 @@ def _page(found: dict[str, Any]) -> str:
     verdict = click.style("steady" if good else "unsteady", fg="green" if good else "red", bold=not good)
     seconds = duration(steadiness["seconds"])
     parts = [
-        aligned(["machine", ""], [*found["machine"].items()]),
-        aligned(["package", "version"], [*found["versions"].items()]),
-        aligned(["solver", "library", ""], adapters),
-        aligned(["cache", "folder", ""], [*caches, ["cost laws", found["laws"], ""]]),
-        aligned(["polhode solve paper", ""], [(work, duration(each)) for work, each in found["cold_start"].items()]),
+        on_terminal(["machine", ""], [*found["machine"].items()]),
+        on_terminal(["package", "version"], [*found["versions"].items()]),
+        on_terminal(["solver", "library", ""], adapters),
+        on_terminal(["cache", "folder", ""], [*caches, ["cost laws", found["laws"], ""]]),
+        on_terminal(
+            ["polhode solve paper", ""], [(work, duration(each)) for work, each in found["cold_start"].items()]
+        ),
         f"times: {verdict}; sentinel {seconds}, median {steadiness['ratio']:.2f} × that; load {waiting}",
-        *(["\n".join(["What to do:", *(f"- {line}" for line in found["advice"])])] if found["advice"] else []),
+        *([fitting("\n".join(["What to do:", *(f"- {line}" for line in found["advice"])]))] if found["advice"] else []),
     ]
     return "\n\n".join(parts)

@@ -8,7 +8,7 @@ import click
 from polhode.harness.cli import BadInput, bad_input
 from polhode.harness.commands import setup
 from polhode.harness.commands._study_options import as_json
-from polhode.harness.common.text import aligned, on_terminal
+from polhode.harness.common.text import fitting, on_terminal
 
 
 @click.command(
@@ -34,12 +34,12 @@ def shape(semi_axes: tuple[float, ...], as_json: bool) -> None:
         return
     for name, value in content.items():
         click.echo(f"{name:24}{_text(value)}")
-    click.echo(f"\n{_UNITS}")
+    click.echo(fitting(f"\n{_UNITS}"))
 
 
 _UNITS = (
-    "Inertia in units of ρ l⁵, resistance of 8π μ l³, with density ρ of the particle, viscosity μ of the fluid and\n"
-    "the longest semi-axis l. St* = St I/(8π X) about the symmetry axis of a spheroid."
+    "Inertia in units of ρ l⁵, resistance of 8π μ l³, with density ρ of the particle, viscosity μ of the fluid, the "
+    "longest semi-axis l.\nSt* = St I/(8π X) about the symmetry axis of a spheroid."
 )
 
 
@@ -66,7 +66,7 @@ def scenes(scene: str | None, as_json: bool) -> None:
     elif as_json:
         click.echo(json.dumps([{"name": name, "summary": each.summary} for name, each in SCENES.items()]))
     else:
-        click.echo(aligned(["name", "summary"], [[name, each.summary] for name, each in SCENES.items()]))
+        click.echo(on_terminal(["name", "summary"], [[name, each.summary] for name, each in SCENES.items()]))
 
 
 def scene_text(table: dict[str, Any]) -> str:

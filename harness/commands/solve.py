@@ -1,5 +1,6 @@
 """`polhode solve`: one scene, as a table on the terminal or as CSV."""
 
+import sys
 from pathlib import Path
 from time import process_time
 from typing import TYPE_CHECKING, Any
@@ -65,8 +66,12 @@ def solve(
     from polhode.harness.commands.show import scene_text
     from polhode.harness.common.files import PartialFile, write_file
     from polhode.harness.common.progress import Progress
-    from polhode.harness.common.text import aligned, duration, short
+    from polhode.harness.common.text import aligned, duration, fitting, short
     from polhode.models.spent import SPENT, spent_on
+
+    def say(words: str) -> None:
+        if not quiet:
+            click.echo(fitting(words, sys.stderr), err=True)
 
     # What came before this, in processor time.
     SPENT["import"] = process_time()
@@ -80,10 +85,9 @@ def solve(
             what = plan(scene, **given)
             if target:
                 target.open()
-        if not quiet:
-            click.echo(f"{what.form.name} by {what.solver.name} at tolerance {short(what.tolerance)}", err=True)
-            for note in _notes(what, given["tolerance"]):
-                click.echo(f"note: {note}", err=True)
+        say(f"{what.form.name} by {what.solver.name} at tolerance {short(what.tolerance)}")
+        for note in _notes(what, given["tolerance"]):
+            say(f"note: {note}")
         solution = _run(what, target, progress, omega)
     if restart:
         with bad_input():
@@ -93,15 +97,14 @@ def solve(
     with spent_on("output"):
         if not target:
             click.echo(_table(solution))
-        elif not quiet and target.atomic:
-            click.echo(f"{out}: {what.samples} rows, solved in {duration(solution.seconds)}", err=True)
-        if not quiet:
-            for piece in solution.pieces_in_words():
-                click.echo(f"note: {piece}", err=True)
-        if what.estimate and not quiet:
-            click.echo(f"error: {solution.error.words()}", err=True)
+        elif target.atomic:
+            say(f"{out}: {what.samples} rows, solved in {duration(solution.seconds)}")
+        for piece in solution.pieces_in_words():
+            say(f"note: {piece}")
+        if what.estimate:
+            say(f"error: {solution.error.words()}")
             if solution.error.advice and not what.note:
-                click.echo(f"note: {solution.error.advice}", err=True)
+                say(f"note: {solution.error.advice}")
     if verbose:
         rows = [(work, duration(seconds)) for work, seconds in SPENT.items()]
         click.echo(aligned(["time", ""], [*rows, ("in all", duration(sum(SPENT.values())))]), err=True)

@@ -14,12 +14,14 @@ import sys
 import textwrap
 from collections.abc import Sequence
 from decimal import Decimal
-from math import isnan
+from functools import partial
+from itertools import zip_longest
+from math import inf, isnan
 from shutil import get_terminal_size
-from typing import Any
+from typing import IO, Any
 
 # Least width of a column that is wrapped.
-NARROWEST = 30
+NARROWEST = 24
 UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns"))
 # Numbers outside these bounds are written with an exponent.
 PLAIN_FROM, PLAIN_BELOW = Decimal("1e-3"), Decimal("1e5")
@@ -28,22 +30,40 @@ PLAIN_FROM, PLAIN_BELOW = Decimal("1e-3"), Decimal("1e5")
 def aligned(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     """A table for the terminal: columns aligned, two spaces between them."""
     cells = [[str(cell) for cell in row] for row in (header, *rows)]
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    widths = _widths(cells)
     lines = ("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in cells)
     return "\n".join(lines)
 
 
-def on_terminal(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
-    """As `aligned`, the last column wrapped where the standard output is a terminal too narrow for it."""
-    if not sys.stdout.isatty():
-        return aligned(header, rows)
-    before = sum(2 + max(len(str(row[i])) for row in (header, *rows)) for i in range(len(header) - 1))
-    width = max(NARROWEST, get_terminal_size().columns - before)
-    wrapped: list[list[Any]] = []
-    for *first, last in rows:
-        lines = textwrap.wrap(str(last), width) or [""]
-        wrapped += [[*first, lines[0]], *([*("" for _ in first), line] for line in lines[1:])]
-    return aligned(header, wrapped)
+def on_terminal(header: Sequence[str], rows: Sequence[Sequence[Any]], spare: Sequence[int] = ()) -> str:
+    """As `aligned`, and no wider than the standard output, if that is a terminal.
+
+    While it is too wide it goes without the columns `spare`, one by one; then wide columns are wrapped.
+    """
+    cells = [[str(cell) for cell in row] for row in (header, *rows)]
+    room = get_terminal_size().columns + 2 if sys.stdout.isatty() else inf
+    for i in sorted(spare, reverse=True):
+        if sum(2 + width for width in _widths(cells)) > room:
+            cells = [row[:i] + row[i + 1 :] for row in cells]
+    widths = _widths(cells)
+    while (excess := sum(2 + width for width in widths) - room) > 0 and max(widths) > NARROWEST:
+        widest = widths.index(max(widths))
+        widths[widest] = max(NARROWEST, widths[widest] - int(excess))
+    wrap = partial(textwrap.wrap, break_on_hyphens=False)
+    wrapped = [[wrap(cell, max(1, width)) for cell, width in zip(row, widths, strict=True)] for row in cells]
+    return aligned(cells[0], [line for row in wrapped[1:] for line in zip_longest(*row, fillvalue="")])
+
+
+def _widths(cells: Sequence[Sequence[str]]) -> list[int]:
+    return [max(map(len, column)) for column in zip(*cells, strict=True)]
+
+
+def fitting(text: str, stream: IO[str] | None = None) -> str:
+    """Sentences for a stream, by default the standard output: no line longer than a terminal is wide, if it is one."""
+    if not (stream or sys.stdout).isatty():
+        return text
+    width = get_terminal_size().columns
+    return "\n".join(textwrap.fill(line, width, break_on_hyphens=False) for line in text.splitlines())
 
 
 def markdown(header: Sequence[str], rows: Sequence[Sequence[Any]], right: Sequence[int] = ()) -> str:

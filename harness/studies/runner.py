@@ -57,7 +57,7 @@ class Runner:
         surroundings = {"machine": machine(), "versions": versions()}
         with (
             self._worker,
-            tqdm(total=len(wanted), disable=self.quiet, unit="case", desc=study.name, leave=False) as progress,
+            tqdm(total=len(wanted), disable=self.quiet or None, unit="case", desc=study.name, leave=False) as progress,
         ):
             for batch in batches:
                 fresh = [case for case in batch if case.key not in known]

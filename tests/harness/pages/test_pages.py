@@ -1,6 +1,10 @@
 """What commands print for people: short tables, wrapped on terminals alone, and what to do next."""
 
+import os
+import pty
+import subprocess
 import sys
+from contextlib import suppress
 from os import terminal_size
 
 import pytest
@@ -33,6 +37,39 @@ def test_a_narrow_terminal_wraps_the_last_column(monkeypatch: pytest.MonkeyPatch
     assert max(map(len, lines)) <= 45
     assert lines[2].startswith(" " * 12)
     assert " ".join(lines[1].split() + lines[2].split()) == " ".join(ROWS[0])
+
+
+def on_narrow_terminal(*commands: list[str]) -> str:
+    """What commands print, in one process, on a terminal of 80 columns that wants no colours."""
+    code = """
+from contextlib import suppress
+from polhode.harness.cli import main
+from polhode.harness.commands import setup
+setup.cold_start, setup.watch_sentinel = dict, lambda seconds: {"seconds": 1e-3, "ratio": 2.0, "load": 0.0}
+"""
+    code += "".join(f"with suppress(SystemExit):\n    main({words})\n" for words in commands)
+    ours, theirs = pty.openpty()
+    environment = {**os.environ, "COLUMNS": "80", "NO_COLOR": "1"}
+    with subprocess.Popen([sys.executable, "-c", code], stdout=theirs, stderr=theirs, env=environment):
+        os.close(theirs)
+        printed = b""
+        # The terminal's end is an error of the system's.
+        with suppress(OSError):
+            while piece := os.read(ours, 10_000):
+                printed += piece
+    os.close(ours)
+    return printed.decode()
+
+
+def test_commands_keep_within_a_terminal_of_80_columns():
+    pick = ["pick", "paper", "--all"]
+    lists = (["shape", "1", "0.8", "0.5"], ["forms"], ["scenes"], ["solvers"], ["doctor"])
+    printed = on_narrow_terminal(pick, ["solve", "paper"], *lists)
+    assert [line for line in printed.splitlines() if len(line) > 80] == []
+    assert printed.startswith("Run quaternion by ")
+    for last in ("95 % interval", "orientation within", "symmetry axis of a spheroid", "stroboscopic", "What to do:"):
+        assert last in " ".join(printed.split())
+    assert "\x1b" not in printed
 
 
 def row(form: str, seconds: float) -> Way:
