@@ -16,6 +16,7 @@ from polhode.harness.site.markup import Page, document, missing
 from polhode.harness.site.motion import motion_page
 from polhode.harness.site.verdict import LEAD, TITLE, question
 from polhode.models.scene import Scene
+from polhode.models.scenes import SCENES
 
 # Folders of the reports in the order of the menu: what the menu calls them, and the command that fills them.
 REPORTS = {
@@ -34,6 +35,7 @@ REPORTS = {
 }
 # What the opening page takes from the page of the bench, by its own heading.
 SECTIONS = {"Robust or fast": "Robust or fast", "When averaging pays": "Verdict"}
+SCENE_CELL = re.compile(r"<td>([\w-]+)</td>")
 OVERWRITTEN = " Do not edit: the next run overwrites this page."
 # What these pictures show is on the page of costs.
 ON_COSTS = re.compile(r"(slow|orientation)(-[\w-]+)?\.png")
@@ -58,12 +60,13 @@ def build(reports: Path, out: Path, scenes: dict[str, Scene], say: Callable[[str
         say(page.title)
         write_file(out / f"{name}.html", document(name, page, menu, foot))
 
-    asked, data = question(reports / "regimes")
+    asked, data = question(reports / "regimes", _first(texts.get("hard-cases", "")))
     write("index", Page(TITLE, LEAD, asked + _verdict(files, texts, known), data, ("tables.js", "verdict.js")))
     write("cost", cost_page(reports))
     write("motion", motion_page(scenes, say))
     for name, found in rendered.items():
-        write(name, Page(found.title or name, "", found.body))
+        body = SCENE_CELL.sub(_runs_of, found.body) if name == "hard-cases" else found.body
+        write(name, Page(found.title or name, "", body))
         for picture, path in found.pictures.items():
             _copy(path, out / FIGURES / picture)
     return out / "index.html"
@@ -77,6 +80,18 @@ def _verdict(files: dict[str, Path], texts: dict[str, str], known: dict[Path, st
             body += f"<h2>{title}</h2>{render(text, files['bench'], known).body}"
     lacking = (missing(f"reports/{name} is", command) for name, (_, command) in REPORTS.items() if name not in files)
     return body + "".join(lacking)
+
+
+def _first(text: str) -> str:
+    """The first item of a page's first list: its answer."""
+    return next((line.removeprefix("- ") for line in text.splitlines() if line.startswith("- ")), "")
+
+
+def _runs_of(cell: re.Match[str]) -> str:
+    """A hard case's name in a table leads to its runs."""
+    if cell[1] not in SCENES:
+        return cell[0]
+    return f'<td><a href="cost.html#scene=hard-cases: {cell[1]}">{cell[1]}</a></td>'
 
 
 def _as_costs(picture: str) -> str:

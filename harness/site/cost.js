@@ -158,12 +158,7 @@
 
   function save() {
     const names = ["study", "scene", "St", ...data.columns.slice(1)];
-    // A cell that begins like a formula would be one to a spreadsheet.
-    const cell = (v) => (v === null ? "" : typeof v === "number" ? v : `"${String(v).replace(/^[=+@-]/, "'$&").replaceAll('"', '""')}"`);
-    const lines = seen.map((row) => [...data.groups[row[0]].slice(0, 3), ...row.slice(1)].map(cell).join(","));
-    const url = URL.createObjectURL(new Blob([[names.join(","), ...lines, ""].join("\n")], { type: "text/csv" }));
-    html("a", { href: url, download: "runs.csv" }).click();
-    setTimeout(() => URL.revokeObjectURL(url), 1000);
+    download("runs.csv", [names, ...seen.map((row) => [...data.groups[row[0]].slice(0, 3), ...row.slice(1)])]);
   }
 
   function largest(rows, x) {

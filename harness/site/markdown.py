@@ -48,9 +48,11 @@ def render(text: str, path: Path, known: Mapping[Path, str], drawn: Callable[[st
     found = Rendered("", "")
     if tokens and tokens[0].tag == "h1":
         found.title, tokens = tokens[1].content, tokens[3:]
+    heading, tables = found.title, 0
     for i, token in enumerate(tokens):
         if token.type == "heading_open":
-            token.attrSet("id", _slug(tokens[i + 1].content))
+            heading = tokens[i + 1].content
+            token.attrSet("id", _slug(heading))
         elif token.type in ("th_open", "td_open") and "right" in str(token.attrs.pop("style", "")):
             token.attrSet("class", "r")
             # Numbers in these cells do not break anyway.
@@ -59,6 +61,8 @@ def render(text: str, path: Path, known: Mapping[Path, str], drawn: Callable[[st
             columns = next(j for j, other in enumerate(tokens[i:]) if other.type == "thead_close")
             wide = sum(other.type == "th_open" for other in tokens[i : i + columns]) > WIDE
             token.attrSet("class", "sort wide" if wide else "sort")
+            tables += 1
+            token.meta["label"] = f"Table {tables}: {heading}"
         elif token.type == "inline":
             children = token.children or []
             for child in children:
@@ -102,16 +106,16 @@ def _slug(heading: str) -> str:
 @cache
 def _parser() -> MarkdownIt:
     parser = MarkdownIt("commonmark", {"html": False}).enable("table")
-    opening, closing = scroll("\0").split("\0")
 
     def text(_: Any, tokens: list[Token], i: int, *__: Any) -> str:
         return notation(escape(tokens[i].content, quote=False))
 
     def table_open(renderer: Any, tokens: list[Token], i: int, options: Any, __: Any) -> str:
+        opening = scroll("\0", tokens[i].meta["label"]).partition("\0")[0]
         return opening + renderer.renderToken(tokens, i, options, {})
 
     parser.add_render_rule("text", text)
     parser.add_render_rule("plain", lambda _, tokens, i, *__: escape(tokens[i].content, quote=False))
     parser.add_render_rule("table_open", table_open)
-    parser.add_render_rule("table_close", lambda *_: f"</table>{closing}")
+    parser.add_render_rule("table_close", lambda *_: "</table></div>")
     return parser

@@ -66,9 +66,9 @@ def asset(name: str) -> str:
     return (files("polhode.harness.site") / name).read_text(encoding="utf-8")
 
 
-def scroll(content: str) -> str:
-    """A region wider than a phone's screen, which scrolls by itself."""
-    return f'<div class="scroll" tabindex="0" role="region" aria-label="table">{content}</div>'
+def scroll(content: str, label: str) -> str:
+    """A region wider than a phone's screen, which scrolls by itself; its label is the page's only one of that name."""
+    return f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(label)}">{content}</div>'
 
 
 def prose(text: str) -> str:

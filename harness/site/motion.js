@@ -12,6 +12,8 @@
   html("span", { textContent: "motion" }, choice);
   const select = html("select", {}, choice);
   motions.forEach((m, i) => html("option", { value: i, textContent: m.name }, select));
+  const says = html("p", {}, place);
+  says.setAttribute("role", "status");
   const controls = html("div", { className: "controls" }, place);
   const pair = html("div", { className: "trio" }, place);
   const drawing = (label) => {
@@ -250,6 +252,7 @@
     motion = motions[Number(select.value)];
     slider.max = motion.samples - 1;
     slider.value = Math.round(motion.samples / 6);
+    says.textContent = motion.says;
     plane.querySelector("figcaption").textContent = "Solved in the form " + motion.how + ".";
     if (drawn) drawn.update(spec());
     else drawn = chart(plane, spec());

@@ -35,6 +35,8 @@ PER_ROTATION, FEWEST, MOST = 80, 400, 3000
 # The torque-free path, from so many moments, over so many turns, each of so many points.
 MOMENTS, TURNS, POINTS = 48, 4, 40
 TOLERANCE = 1e-10
+# Degrees between an axis and the vorticity, or the plane across it, that still count as along it.
+ALONG = 15.0
 STOKES, TIME = 200.0, 100.0
 
 
@@ -101,8 +103,28 @@ def motion(scene: Scene) -> dict[str, Any]:
         "paths": _torque_free(solution, axis) if scene.stokes > 0 and scene.ellipsoid.kind == "triaxial" else [],
         "parabolas": [size / max(scene.ellipsoid.inertia), size / min(scene.ellipsoid.inertia)],
         "stokes": scene.stokes,
+        "says": _sentence(solution, axis),
         "how": f"{solution.form} by {solution.solver} at tolerance {solution.tolerance:g}",
     }
+
+
+def _sentence(solution: SceneSolution, axis: int) -> str:
+    """How the body moves, in words: turns, where its axis begins and ends, what becomes of L and E."""
+    scene, rows = solution.scene, solution.rotation[[0, -1], :, 2]
+    name, nearest = "symmetry axis", scene.ellipsoid.symmetry_axis
+    if nearest is None:
+        nearest = int(np.argmax(np.abs(rows[1])))
+        name = ("longest", "middle", "shortest")[list(np.argsort(scene.ellipsoid.semi_axes)[::-1]).index(nearest)]
+        name += " axis"
+    first, last = np.degrees(np.arccos(np.minimum(1.0, np.abs(rows[:, nearest]))))
+    end = "spinning about it" if last < ALONG else "tumbling end over end" if last > 90 - ALONG else "still changing"
+    turns = max(1, round(rotations(scene)))
+    lz, energy = _plane(solution)[[0, -1]].T
+    return (
+        f"In {scene.time:g} shear times it turns about {turns} times. Its {name} goes from {first:.0f}° to {last:.0f}° "
+        f"off the vorticity, and it ends {end}; L_z goes from {lz[0]:.2g} to {lz[1]:.2g}, E from {energy[0]:.2g} to "
+        f"{energy[1]:.2g}."
+    )
 
 
 def _follow(scene: Scene, samples: int) -> SceneSolution:

@@ -1,10 +1,74 @@
 "use strict";
-// Regions that hold more than they show fade out on that side.
-for (const region of document.querySelectorAll(".scroll")) {
-  const look = () => region.classList.toggle("more", region.scrollLeft + region.clientWidth < region.scrollWidth - 4);
+// Regions that hold more than they show fade out on that side, and take the keyboard.
+for (const region of document.querySelectorAll(".scroll, figure")) {
+  const look = () => {
+    const wide = region.clientWidth < region.scrollWidth - 4;
+    region.classList.toggle("more", wide && region.scrollLeft + region.clientWidth < region.scrollWidth - 4);
+    if (wide) region.tabIndex = 0;
+    else region.removeAttribute("tabindex");
+  };
   region.addEventListener("scroll", look, { passive: true });
   new ResizeObserver(look).observe(region);
 }
+
+// Rows as a file; a cell that begins like a formula would be one to a spreadsheet.
+function download(name, rows) {
+  const cell = (v) => (v === null ? "" : typeof v === "number" ? v : `"${String(v).replace(/^[=+@-](?![\d.]+(e-?\d+)?$)/, "'$&").replaceAll('"', '""')}"`);
+  const text = rows.map((row) => row.map(cell).join(",") + "\n").join("");
+  const url = URL.createObjectURL(new Blob([text], { type: "text/csv" }));
+  Object.assign(document.createElement("a"), { href: url, download: name }).click();
+  setTimeout(() => URL.revokeObjectURL(url), 1000);
+}
+
+// Tables of many rows have filters, kept in the address, and come as CSV.
+document.querySelectorAll("table.sort").forEach((table, place) => {
+  const MANY = 8, FEW = 6, SHORT = 20;
+  const rows = [...table.tBodies[0].rows], heads = [...table.tHead.rows[0].cells].map((head) => head.textContent);
+  if (rows.length < MANY) return;
+  const tools = document.createElement("div");
+  tools.className = "tools";
+  table.closest(".scroll").before(tools);
+  const made = (name, properties) => tools.appendChild(Object.assign(document.createElement(name), properties));
+  const asked = (name) => new URLSearchParams(location.hash.slice(1)).get(name + place);
+  const words = made("input", { type: "search", placeholder: "filter rows", value: asked("rows") ?? "", name: "rows" });
+  words.setAttribute("aria-label", "filter rows");
+  // Columns of a few words that come again and again, as verdicts do.
+  const choices = heads.flatMap((head, i) => {
+    const values = [...new Set(rows.map((row) => row.cells[i].textContent))];
+    const fits = values.length > 1 && values.length <= FEW && 2 * values.length <= rows.length
+      && values.every((value) => value.length < SHORT && !/^[\d.<~–-]/.test(value)) && !rows[0].cells[i].classList.contains("r");
+    if (!fits || !head) return [];
+    const select = made("select", { name: head });
+    select.setAttribute("aria-label", head);
+    select.append(new Option(`every ${head}`, ""), ...values.sort().map((value) => new Option(value, value)));
+    select.value = values.includes(asked(head)) ? asked(head) : "";
+    return [[i, select]];
+  });
+  const count = made("span", { className: "note" });
+  count.setAttribute("role", "status");
+  const shown = () => rows.filter((row) => !row.hidden);
+  made("button", { type: "button", textContent: "CSV" }).addEventListener("click", () => download("table.csv",
+    [heads, ...shown().map((row) => [...row.cells].map((cell) => cell.textContent))]));
+  const filter = () => {
+    const wanted = words.value.toLowerCase().split(" ");
+    for (const row of rows)
+      row.hidden = !(wanted.every((word) => row.textContent.toLowerCase().includes(word))
+        && choices.every(([i, select]) => !select.value || row.cells[i].textContent === select.value));
+    count.textContent = shown().length < rows.length ? `${shown().length} of ${rows.length} rows` : "";
+  };
+  const keep = () => {
+    const query = new URLSearchParams(location.hash.includes("=") ? location.hash.slice(1) : "");
+    for (const control of [words, ...choices.map(([, select]) => select)])
+      if (control.value) query.set(control.name + place, control.value);
+      else query.delete(control.name + place);
+    history.replaceState(null, "", "#" + query);
+    filter();
+  };
+  words.addEventListener("input", keep);
+  choices.forEach(([, select]) => select.addEventListener("change", keep));
+  filter();
+});
+
 // Tables sort by a click, or Enter, on a header; numbers as numbers.
 for (const table of document.querySelectorAll("table.sort")) {
   const scale = { s: 1, ms: 1e-3, "µs": 1e-6 };

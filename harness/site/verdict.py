@@ -34,8 +34,11 @@ WANTS = {"slow_error": ("slow", "L and E"), "orientation_error": ("orientation",
 LONG = 12
 
 
-def question(folder: Path) -> tuple[str, dict[str, Any]]:
-    """The question, its maps, and the data of its script, from the cells and runs in `folder`; empty without cells."""
+def question(folder: Path, sure: str = "") -> tuple[str, dict[str, Any]]:
+    """The question, its maps, and the data of its script, from the cells and runs in `folder`; empty without cells.
+
+    `sure` says which solver never failed.
+    """
     path = folder / "cells.csv"
     found = read_cells(path) if path.is_file() else {}
     if not found:
@@ -51,10 +54,16 @@ def question(folder: Path) -> tuple[str, dict[str, Any]]:
     )
     body = (
         '<form class="filters ask" id="ask" aria-label="Question"></form><div id="answer" role="status"></div>'
-        f'<p class="note">{prose(OWN)}</p><h2>The map</h2><p class="note">{NOTE}</p>{sections}'
+        f'<p class="note">{prose(OWN)}</p>{_sure(sure)}<h2>The map</h2><p class="note">{NOTE}</p>{sections}'
     )
     data = {"particles": particles, "wants": dict(WANTS.values()), "cells": _answers(found, reached)}
     return body, {"question-data": data}
+
+
+def _sure(sentence: str) -> str:
+    """Who never failed, with the way to the hard cases."""
+    link = '<a href="hard-cases.html">The hard cases</a>'
+    return f"<h2>Which solver never failed?</h2><p>{prose(sentence)} {link}, one by one.</p>" if sentence else ""
 
 
 def _answers(
@@ -121,7 +130,8 @@ def _map(particle: str, want: str, found: Sequence[Cell]) -> str:
 
     rows = "".join(f"<tr><th scope=row>{prose(short(target))}</th>{cells(target)}</tr>" for target in targets)
     corner = "<th class=axis>error ↓ St →</th>"
-    return scroll(f"<table class=map><thead><tr>{corner}{head}</tr></thead><tbody>{rows}</tbody></table>")
+    table = f"<table class=map><thead><tr>{corner}{head}</tr></thead><tbody>{rows}</tbody></table>"
+    return scroll(table, f"Map of the {particle}, {want}")
 
 
 def _cell(cell: Cell, usual: str, question: str) -> str:

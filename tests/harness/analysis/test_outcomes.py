@@ -10,7 +10,7 @@ import pytest
 from commandline import STUDY
 
 from polhode.harness.analysis.outcomes import INACCURATE, limits, outcome
-from polhode.harness.pages.outcomes import write_page
+from polhode.harness.pages.outcomes import sentences, write_page
 from polhode.harness.studies.study_file import parse_study
 from polhode.models.files.scene_file import scene_table
 from polhode.models.scenes import named_scene
@@ -61,3 +61,29 @@ def test_page_of_several_scenes_counts_every_run(tmp_path: Path, site_reports: P
         reached = (own["outcome"] == "reached").sum()
         assert re.search(rf"^\| {name} +\| +{len(own)} \|[^|]*\| +{reached} \|", page, re.MULTILINE)
     assert len((tmp_path / "records.jsonl").read_text().splitlines()) == len(records)
+
+
+def test_who_failed_least_is_judged_by_the_runs_that_anybody_got_through():
+    def endings(**outcomes: str) -> list[dict]:
+        """A letter for each scene: reached, failed, or not taken."""
+        kinds = {"r": "reached", "f": "failed"}
+        return [
+            {
+                "scene": f"s{i}",
+                "St": 1.0,
+                "form": "quaternion",
+                "tolerance": 1e-6,
+                "solver": name,
+                "outcome": kinds[kind],
+            }
+            for name, letters in outcomes.items()
+            for i, kind in enumerate(letters)
+            if kind in kinds
+        ]
+
+    sure = sentences(endings(one="rrff", two="rfrf", few="r---"), "1 s")[0]
+    assert "Nearest come one, two: each failed in 1 of the 3 runs that anybody got through (scenes: s1, s2)." in sure
+    assert (
+        sentences(endings(one="rrf", two="frf"), "1 s")[0]
+        == "Never failed in the 2 runs that anybody got through: one."
+    )

@@ -42,8 +42,9 @@ def test_pages_load_nothing_and_link_to_each_other_alone(site_pages: dict[str, s
     pages = {f"{other}.html" for other in PAGES} | {"own.html#lx-of-1", "figures/own-drawn.webp", "data:,"}
     pages |= {link for link in links if re.fullmatch(r"figures/regimes-\w+\.webp", link)}
     questions = {link for link in links if link.startswith("#particle=")}
-    assert (name == "index") == bool(questions)
-    assert links - questions <= pages | within
+    runs = {link for link in links if link.startswith("cost.html#scene=hard-cases: ")}
+    assert (name == "index", name == "hard-cases") == (bool(questions), bool(runs))
+    assert links - questions - runs <= pages | within
     assert set(re.findall(r"https?://[^\s\"']*", page)) <= {"http://www.w3.org/2000/svg"}
     assert "@import" not in page
     assert "url(" not in page.replace("url(#", "")
