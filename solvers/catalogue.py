@@ -28,6 +28,7 @@ SOLVERS: "Catalogue[Solver]" = Catalogue(
         "cyrk-bdf": "polhode.solvers.cyrk:Bdf",
         "cyrk-radau": "polhode.solvers.cyrk:Radau",
         "splitting": "polhode.solvers.parts.splitting:Splitting",
+        "splitting-extended": "polhode.solvers.parts.splitting:SplittingExtended",
         "stroboscopic": "polhode.solvers.parts.stroboscopic:Stroboscopic",
         "exact": "polhode.solvers.exact:Exact",
     },

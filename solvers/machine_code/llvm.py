@@ -1,8 +1,11 @@
 """C functions around traced fields, compiled by llvmlite for this processor in some 10 ms."""
 
+import re
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
+
+import numpy as np
 
 from polhode.models.spent import spent_on
 
@@ -59,22 +62,32 @@ def compile_lines(signature: Signature, lines: str) -> MachineCode:
     return MachineCode(engine.get_function_address("function"), engine)
 
 
-def compile_text(text: str, level: int = 3) -> Any:
+def compile_text(text: str, level: int = 3, *, extended: bool = False) -> Any:
     """Compile definitions for this processor into an engine, which knows the addresses of the functions.
 
-    At a lower level of optimization it takes less time.
+    At a lower level of optimization it takes less time. Extended, every double is x86's long double of 80 bits.
     """
-    llvm = _llvm()
-    module = llvm.parse_assembly(_DECLARATIONS + text)
+    llvm, text = _llvm(), _DECLARATIONS + text
+    module = llvm.parse_assembly(_extended(text) if extended else text)
     target = llvm.Target.from_default_triple()
     machine = target.create_target_machine(
         cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=3
     )
+    module.data_layout = str(machine.target_data)
     passes = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=level))
     passes.getModulePassManager().run(module, passes)
     engine = llvm.create_mcjit_compiler(module, machine)
     engine.finalize_object()
     return engine
+
+
+def _extended(text: str) -> str:
+    def constant(found: re.Match[str]) -> str:
+        value = np.frombuffer(bytes.fromhex(found[1] or "00" * 8), ">f8")[0]
+        return "0xK" + np.longdouble(value).tobytes()[9::-1].hex().upper()
+
+    text = re.sub(r"0x([0-9A-F]{16})|\b0\.0\b", constant, text)
+    return text.replace("double", "x86_fp80").replace(".f64(", ".f80(").replace("@expm1(", "@expm1l(")
 
 
 def host_features() -> dict[str, bool]:

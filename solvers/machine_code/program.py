@@ -157,13 +157,14 @@ def compare(how: str, left: Any, right: Any) -> str:
     return number.lines.setdefault(f"fcmp {how} double {operand(left)}, {operand(right)}", "")
 
 
-def compiled(*programs: Program) -> list[Callable[..., None]]:
+def compiled(*programs: Program, number: type = float) -> list[Callable[..., None]]:
     """Compile programs together; those that are not internal have arrays alone as arguments, and become functions.
 
-    The arrays, or their addresses, are of contiguous float64: nothing checks that. A call releases Python's lock.
+    The arrays, or their addresses, are contiguous and of the type named, float or x86's `numpy.longdouble`: nothing
+    checks that. A call releases Python's lock.
     """
     # Loops as these gain nothing by more.
-    engine = compile_text("\n".join(str(each) for each in programs), level=1)
+    engine = compile_text("\n".join(str(each) for each in programs), level=1, extended=number is not float)
 
     def function(program: Program) -> Callable[..., None]:
         types = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * len(program.arguments))

@@ -17,7 +17,7 @@ from polhode.solvers.parts.schemes import AVOIDED
 # to and fro within a turn adds up to nothing only while steps are equal.
 BAND = 1.05
 # Numbers in a law; times at which a check compares runs, in either part; what rounding makes of their difference.
-LAW, POINTS, ROUNDING = 6, 12, 1e-13
+LAW, POINTS, ROUNDING = 6, 12, {float: 1e-13, np.longdouble: 5e-17}
 # More slow flows than a step of any scheme has.
 MOST_STAGES = 16
 # How a call of `kernel` ends.
@@ -53,17 +53,18 @@ class Kernels:
     check: Callable[..., None]
 
 
-def clock(time: float) -> np.ndarray:
+def clock(time: float, number: type = float) -> np.ndarray:
     """The clock of a run that begins; no rate lies between its bounds, so that a first step is chosen."""
-    return np.array([time, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0, 0.0, inf, 0.0, 0.0])
+    return np.array([time, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0, 0.0, inf, 0.0, 0.0], number)
 
 
 @cache
-def kernels(parts: Parts, dimension: int) -> Kernels:
-    """Compile those of splitting for a problem's parts, once in a process."""
+def kernels(parts: Parts, dimension: int, number: type = float) -> Kernels:
+    """Compile those of splitting for a problem's parts, once in a process, over a type of numbers."""
     pieces = Pieces(parts, dimension)
     advance = _advance(pieces)
-    return Kernels(*compiled(pieces.prepare, pieces.compose, pieces.step, advance, _check(pieces, advance)))
+    programs = pieces.prepare, pieces.compose, pieces.step, advance, _check(pieces, advance, ROUNDING[number])
+    return Kernels(*compiled(*programs, number=number))
 
 
 def larger(a: Number, b: Number) -> Number:
@@ -212,7 +213,7 @@ def _advance(pieces: Pieces) -> Program:
     return program
 
 
-def _check(pieces: Pieces, advance: Program) -> Program:
+def _check(pieces: Pieces, advance: Program, rounding: float) -> Program:
     program = Program("check", "scheme laws p state setting out")
     scheme, laws, p, state, setting, out = program.arguments
     dimension, moving, points = pieces.dimension, range(*pieces.parts.moving), float(POINTS)
@@ -247,7 +248,7 @@ def _check(pieces: Pieces, advance: Program) -> Program:
             change.store([each + more for each, more in zip(change.load(size), slow, strict=True)])
             out[0] = larger(out[0], length(slow))
             turns = (times[part * points + k + 1.0] - now) * rate / (2 * pi)
-            out[1] = larger(out[1], (length([second[i] - first[i] for i in moving]) - ROUNDING) / (1.0 + turns))
+            out[1] = larger(out[1], (length([second[i] - first[i] for i in moving]) - rounding) / (1.0 + turns))
             middle.store([middle[j] + first[i] / points for j, i in enumerate(moving)])
         most[0] = 0.0
         with program.times(points) as k:

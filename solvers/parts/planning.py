@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from polhode.solvers.contract import Record
-from polhode.solvers.parts.kernels import ROUNDING
 from polhode.solvers.parts.schemes import SCHEMES, Scheme
 
 # Error aimed at over the tolerance: estimates may be off, and what follows the check may amplify.
@@ -104,7 +103,8 @@ class Planner:
     def off(self, plan: Plan, state: np.ndarray, now: float, record: Record) -> float:
         """Estimated error of a plan over the one aimed at."""
         error = self.estimated(plan, state, now, record)
-        return max(error, ROUNDING) / max(self.error, ROUNDING) if isfinite(error) else HOPELESS
+        rounding = self.problem.rounding
+        return max(error, rounding) / max(self.error, rounding) if isfinite(error) else HOPELESS
 
     def estimated(self, plan: Plan, state: np.ndarray, now: float, record: Record) -> float:
         """Error of the slow quantities in the rest of the run, from short runs by the plan and by smaller steps.

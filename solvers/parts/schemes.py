@@ -1,7 +1,7 @@
 """Compositions of the flows of two parts, and how large their steps may be."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -44,15 +44,14 @@ class Scheme:
         """All shares of a step, of the fast flows, shape (stages + 1,), and of the slow ones, shape (stages,)."""
         return _mirrored(self.fast, self.stages + 1), _mirrored(self.slow, self.stages)
 
-    @cached_property
-    def address(self) -> int:
-        """Where machine code finds its numbers."""
-        return self.numbers.ctypes.data
+    def address(self, number: type) -> int:
+        """Where machine code finds its numbers, of a type."""
+        return _numbers(self, number).ctypes.data
 
-    @cached_property
+    @property
     def numbers(self) -> np.ndarray:
         """What machine code receives: stages and shares."""
-        return np.concatenate([[self.stages], *self.shares])
+        return _numbers(self, float)
 
     def factor(self, error: float) -> float:
         """The number H of ``step``, at which the law promises an error over γ."""
@@ -73,8 +72,18 @@ class Scheme:
         return (AVOIDED[0] if AVOIDED[0] < angle < AVOIDED[1] else angle) / rate
 
 
-def _mirrored(half: tuple[float, ...], length: int) -> np.ndarray:
-    return np.array([*half, *half[: length - len(half)][::-1]])
+@cache
+def _numbers(scheme: Scheme, number: type) -> np.ndarray:
+    fast, slow = _mirrored(scheme.fast, scheme.stages + 1, number), _mirrored(scheme.slow, scheme.stages, number)
+    return np.concatenate([[number(scheme.stages)], fast, slow])
+
+
+def _mirrored(half: tuple[float, ...], length: int, number: type = float) -> np.ndarray:
+    """All shares; the middle takes up what rounding of the others leaves, since a sum beside 1 changes the clock."""
+    shares = np.array([*half, *half[: length - len(half)][::-1]], number)
+    middle = shares[(length - 1) // 2 : length // 2 + 1]
+    middle += (1 - shares.sum()) / len(middle)
+    return shares
 
 
 # Blanes, Casas, Farrés, Laskar, Makazaga and Murua, Appl. Numer. Math. 68 (2013) 58; SABA2 is Laskar and Robutel's of

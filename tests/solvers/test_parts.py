@@ -32,6 +32,7 @@ from polhode.solvers.parts.kernels import Code, clock
 from polhode.solvers.parts.schemes import SCHEMES, Scheme
 from polhode.solvers.parts.splitting import Split
 from polhode.solvers.solve import Interrupted, solve
+from polhode.solvers.taylor import propagate, taylor_integrator
 
 FORM = form("spheroid-axis")
 PROLATE = Run("prolate", "spheroid-axis").problem
@@ -328,6 +329,21 @@ def test_fast_spin_over_many_turns():
     for name in NAMES:
         error = np.abs(solve(each, name, 1e-8, times).states - exact).max()
         assert error < 30 * turns * 1e-8
+
+
+@pytest.mark.skipif(not solver("splitting-extended").available, reason="no long double of 80 bits")
+def test_long_double_keeps_the_phase():
+    """Beside Taylor's method in long double: what rounding to double leaves is far larger."""
+    each = problem(1e5, 2000.0)
+    times = np.linspace(0.0, each.end, 21)
+    integrator = taylor_integrator(each.field, each.dimension, len(PARAMETERS), 1e-18, "long double")
+    integrator.state[:], integrator.pars[:] = each.start, each.parameters
+    exact = contract.Record(times, np.tile(np.array(each.start, np.longdouble), (21, 1)))
+    assert propagate(integrator, exact) == (Status.REACHED_END, "")
+    wide, double = (solve(each, name, 1e-14, times) for name in ("splitting-extended", "splitting"))
+    errors = [np.abs(run.states - exact.rows).max() for run in (wide, double)]
+    assert wide.success
+    assert errors[0] < min(1e-12, 0.1 * errors[1])
 
 
 def test_averaging_reaches_tight_errors_on_long_runs():

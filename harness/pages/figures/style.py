@@ -33,6 +33,7 @@ LOOKS: dict[str, tuple[str, Any]] = {
     "cyrk-bdf": ("#DDCC67", "d"),
     "cyrk-radau": ("#EB9406", "h"),
     "splitting": ("#A50026", (3, 0, 0)),
+    "splitting-extended": ("#D73027", (3, 0, 180)),
     "stroboscopic": ("#E0566B", (8, 1, 0)),
     "exact": ("#8C8C8C", "H"),
     "averaged": ("#B46086", "*"),
