@@ -204,13 +204,7 @@ def pick(scene: SceneLike, error: float = 1e-6, want: str = "slow", samples: int
 
 
 def as_scene(scene: SceneLike) -> Scene:
-    """The scene itself, that of a file, or the built-in one of that name.
-
-    Raises
-    ------
-    ValueError
-        If there is neither, or the file is no scene.
-    """
+    """The scene itself, that of a file, or the built-in one of that name; ValueError if there is none."""
     return scene if isinstance(scene, Scene) else find_scene(fspath(scene))
 
 

@@ -123,7 +123,7 @@ class _Commands(click.Group):
                 formatter.write_dl([(name, summary) for name, (_, summary) in group.items()])
 
 
-@click.group(cls=_Commands, no_args_is_help=False)
+@click.group(cls=_Commands, no_args_is_help=False, context_settings={"show_default": True})
 @click.version_option(package_name="polhode")
 def polhode() -> None:
     """Which equations and which solver for a massive ellipsoid in shear flow.

@@ -53,13 +53,7 @@ def measured(name: str, solver: str, tolerances: Sequence[float], max_seconds: f
 def run_problems(
     store: Store, names: Sequence[str] = (), solvers: Sequence[str] = (), *, quick: bool = False, quiet: bool = False
 ) -> list[Record]:
-    """Measure what the store lacks; return the rows of all, each with problem, machine, versions and date.
-
-    Raises
-    ------
-    ValueError
-        If a name is none of a test problem.
-    """
+    """Measure what the store lacks; return the rows of all, each with problem, machine, versions and date."""
     for name in names:
         if name not in PROBLEMS:
             raise ValueError(f"scene: got {name!r}, expected one of {', '.join(PROBLEMS)}{hint(name, PROBLEMS)}")

@@ -144,11 +144,6 @@ class SceneSolution(LikeSolveIvp):
         return self.run.message
 
     @property
-    def success(self) -> bool:
-        """Whether the run reached its end."""
-        return self.status.success
-
-    @property
     def work(self) -> Work:
         """What the run cost."""
         return self.run.work

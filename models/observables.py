@@ -50,6 +50,25 @@ def observe_slow(slow: np.ndarray) -> Observables:
     return Observables(slow[:, :3], slow[:, 3], np.full((len(slow), 3, 3), np.nan))
 
 
+def completed(ellipsoid: Ellipsoid, rotation: np.ndarray) -> np.ndarray | None:
+    """Matrices t_ij, shape (n, 3, 3), with rows that a form does not know filled in; None if it knows none.
+
+    About its symmetry axis a spheroid may be turned at will.
+    """
+    rotation = rotation.astype(float)
+    known = np.logical_not(np.isnan(rotation).any(axis=(0, 2))).tolist()
+    if all(known):
+        return rotation
+    axis = ellipsoid.symmetry_axis
+    if axis is None or not known[axis]:
+        return None
+    direction = rotation[:, axis]
+    across = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction), axis=1)])
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    rotation[:, axis - 2], rotation[:, axis - 1] = across, np.cross(direction, across)
+    return rotation
+
+
 def angular_velocity(ellipsoid: Ellipsoid, observables: Observables) -> np.ndarray:
     """ω in space axes, shape (n, 3), of L and the rotation matrix; NaN where they leave it open.
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from polhode.models import rotation
 from polhode.models.flow import jeffery_angular_velocity, shares
-from polhode.models.observables import Observables, angular_velocity, observe_body, observe_slow
+from polhode.models.observables import Observables, angular_velocity, completed, observe_body, observe_slow
 from polhode.models.operations import FLOAT
 from polhode.models.rotation import Quaternion, Triple
 from polhode.models.shape import Ellipsoid
@@ -167,15 +167,11 @@ def start_from(ellipsoid: Ellipsoid, observables: Observables) -> Start:
 
     Where the symmetry axis' row alone is known, the angle about it is any.
     """
-    rotation_matrix, momentum = observables.rotation[0].copy(), observables.angular_momentum[0]
-    axis = ellipsoid.symmetry_axis
-    if axis is not None and np.isnan(rotation_matrix).any():
-        third = rotation_matrix[axis]
-        first = np.cross(third, np.eye(3)[np.argmin(np.abs(third))])
-        rotation_matrix[axis - 2] = first / np.linalg.norm(first)
-        rotation_matrix[axis - 1] = np.cross(third, rotation_matrix[axis - 2])
-    if np.isnan(rotation_matrix).any():
-        return SlowStart((momentum[0], momentum[1], momentum[2]), float(observables.energy[0]))
+    known = completed(ellipsoid, observables.rotation[:1])
+    if known is None:
+        l1, l2, l3 = observables.angular_momentum[0].tolist()
+        return SlowStart((l1, l2, l3), float(observables.energy[0]))
+    rotation_matrix = known[0]
     q0, q1, q2, q3 = rotation.quaternion_from_matrix(rotation_matrix).tolist()
     body = rotation_matrix @ angular_velocity(ellipsoid, observables)[0]
     return BodyStart((q0, q1, q2, q3), (float(body[0]), float(body[1]), float(body[2])))

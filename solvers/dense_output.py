@@ -31,6 +31,11 @@ class LikeSolveIvp:
         return self.states.T
 
     @property
+    def success(self: Any) -> bool:
+        """Whether the run reached its end."""
+        return self.status.success
+
+    @property
     def nfev(self: Any) -> int | None:
         """Evaluations of the right-hand side."""
         return self.work.rhs_calls

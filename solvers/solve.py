@@ -69,11 +69,6 @@ class Solution(LikeSolveIvp):
         """The solver's name."""
         return self.method.name
 
-    @property
-    def success(self) -> bool:
-        """Whether the run reached its end."""
-        return self.status.success
-
     def __call__(self, t: "ArrayLike") -> "Solution":
         """The solution at other times of the run, a number or an array: `polhode.solvers.dense_output.states_at`."""
         times = np.atleast_1d(np.asarray(t, dtype=float))

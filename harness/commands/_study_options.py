@@ -34,7 +34,7 @@ FOLDER = click.Path(path_type=Path, file_okay=False)
 
 def out_folder(default: str) -> Callable[..., Any]:
     """The option --out, a folder."""
-    return click.option("--out", type=FOLDER, default=Path(default), show_default=True, help="Folder.")
+    return click.option("--out", type=FOLDER, default=Path(default), help="Folder.")
 
 
 def study_options(command: Callable[..., Any]) -> Callable[..., Any]:

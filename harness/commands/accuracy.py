@@ -18,7 +18,6 @@ FOLDERS = {"1": Path("reports/accuracy"), "2": Path("reports/second-order"), "hy
     "--order",
     type=click.Choice(list(FOLDERS)),
     default="1",
-    show_default=True,
     help="1: both orders in the paper's cases. 2: second order beyond them, through resonances, and its cost. "
     "hybrid: second order with windows of the full equations, on random starts.",
 )

@@ -13,7 +13,7 @@ from polhode.harness.commands._study_options import open_store, out_folder, quie
 @click.option(
     "--to", type=click.Path(path_type=Path, dir_okay=False), help="File for the laws; by default this user's."
 )
-@click.option("--scenes", type=click.IntRange(min=3), default=160, show_default=True, help="Training scenes.")
+@click.option("--scenes", type=click.IntRange(min=3), default=160, help="Training scenes.")
 @click.option("--add", is_flag=True, help="Measure only what the file's laws lack, and keep them.")
 @click.option("--first-runs", is_flag=True, help="Measure first runs alone, and keep all else in the file.")
 @resume
@@ -46,14 +46,13 @@ def calibrate(out: Path, to: Path | None, scenes: int, add: bool, first_runs: bo
 
 @click.command(epilog="Example: polhode validate --out look")
 @out_folder("reports/pick")
-@click.option("--scenes", type=click.IntRange(min=1), default=16, show_default=True, help="Held-out scenes of a seed.")
-@click.option("--seed", type=click.IntRange(min=0), default=1765, show_default=True, help="What they are drawn from.")
-@click.option("--seeds", type=click.IntRange(min=1), default=3, show_default=True, help="So many seeds from it on.")
+@click.option("--scenes", type=click.IntRange(min=1), default=16, help="Held-out scenes of a seed.")
+@click.option("--seed", type=click.IntRange(min=0), default=1765, help="What they are drawn from.")
+@click.option("--seeds", type=click.IntRange(min=1), default=3, help="So many seeds from it on.")
 @click.option(
     "--errors",
     type=click.IntRange(min=0),
     default=0,
-    show_default=True,
     help="Runs whose stated errors are held against references, instead.",
 )
 @resume

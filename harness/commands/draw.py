@@ -14,9 +14,7 @@ FORMATS = (".png", ".svg", ".pdf")
 @click.argument("scene", shell_complete=setup.scene_names)
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Picture to write: PNG, SVG or PDF.")
 @click.option("--until", type=float, help="Last time shown; by default that of one rotation.")
-@click.option(
-    "--frames", type=click.IntRange(2, 24), default=6, show_default=True, help="Moments, first and last included."
-)
+@click.option("--frames", type=click.IntRange(2, 24), default=6, help="Moments, first and last included.")
 def draw(scene: str, out: Path, until: float | None, frames: int) -> None:
     """Draw the particle of SCENE at equispaced moments, between arrows of the flow."""
     from dataclasses import replace

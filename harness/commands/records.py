@@ -40,8 +40,8 @@ def export(store: Path, out: Path) -> None:
 @click.command(epilog="Example: polhode compare before.json after.json --slower 1.3")
 @click.argument("before", type=click.Path(path_type=Path))
 @click.argument("after", type=click.Path(path_type=Path))
-@click.option("--slower", type=ABOVE_ONE, default=1.5, show_default=True, help="Factor in time that is a regression.")
-@click.option("--less-accurate", type=ABOVE_ONE, default=3.0, show_default=True, help="The same for the errors.")
+@click.option("--slower", type=ABOVE_ONE, default=1.5, help="Factor in time that is a regression.")
+@click.option("--less-accurate", type=ABOVE_ONE, default=3.0, help="The same for the errors.")
 @as_json
 def compare(before: Path, after: Path, slower: float, less_accurate: float, as_json: bool) -> None:
     """Compare two saved runs; fail if a case of AFTER is slower or less accurate than in BEFORE, or failed.

@@ -12,7 +12,7 @@ REPORTS = Path("reports")
 
 
 @click.command(epilog="Example: polhode report --scene ice.toml")
-@click.option("--reports", type=FOLDER, default=REPORTS, show_default=True, help="Folder of the other commands' pages.")
+@click.option("--reports", type=FOLDER, default=REPORTS, help="Folder of the other commands' pages.")
 @click.option("--out", type=FOLDER, help="Folder; by default REPORTS/site.")
 @click.option(
     "--scene",

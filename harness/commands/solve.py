@@ -30,20 +30,17 @@ FEW, SHOWN = 11, ["t", "t2", "Lx", "Ly", "Lz", "E"]
     help="Form of the equations (`polhode forms`); by default what fits the scene.",
 )
 @click.option(
-    "--solver",
-    shell_complete=setup.solver_names,
-    help="Solver (`polhode solvers`); by default what fits the scene.",
+    "--solver", shell_complete=setup.solver_names, help="Solver (`polhode solvers`); by default what fits the scene."
 )
 @click.option("--tolerance", type=float, help="The solver's tolerance, from 1e-16 to 1; by default what meets --error.")
-@click.option("--error", type=float, default=1e-6, show_default=True, help="Error wanted, where no tolerance is given.")
+@click.option("--error", type=float, default=1e-6, help="Error wanted, where no tolerance is given.")
 @click.option(
     "--want",
     type=click.Choice(["slow", "orientation"]),
     default="slow",
-    show_default=True,
     help="What that error is of: L and E, over I_max, or the orientation, in rad.",
 )
-@click.option("--samples", type=int, default=201, show_default=True, help="Equispaced times, start and end included.")
+@click.option("--samples", type=int, default=201, help="Equispaced times, start and end included.")
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
@@ -51,7 +48,7 @@ FEW, SHOWN = 11, ["t", "t2", "Lx", "Ly", "Lz", "E"]
 )
 @click.option("--omega", is_flag=True, help="The angular velocity in space axes too: wx, wy, wz.")
 @click.option("--restart", type=click.Path(path_type=Path), help="Scene file to write that goes on from the end.")
-@click.option("--estimate/--no-estimate", default=True, show_default=True, help="Look again, to estimate the error.")
+@click.option("--estimate/--no-estimate", default=True, help="Look again, to estimate the error.")
 @click.option("--quiet", is_flag=True, help="No progress and no notes.")
 @click.option("-v", "--verbose", is_flag=True, help="Say where the time went, on standard error.")
 def solve(
@@ -135,13 +132,7 @@ def _as_parquet(out: Path) -> bool:
 
 
 def _run(what: "Plan", target: "PartialFile | None", progress: "Progress", omega: bool) -> "SceneSolution":
-    """Solve, and write what is finished.
-
-    Raises
-    ------
-    RunFailed
-        If the run fails or is interrupted, or the disk is full.
-    """
+    """Solve, and write what is finished; RunFailed if the run fails or is interrupted, or the disk is full."""
     from contextlib import nullcontext
 
     from polhode.harness.common.files import write_file

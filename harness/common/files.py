@@ -21,28 +21,9 @@ class PartialFile:
     """A file written in the same folder under a private name, and renamed when the block succeeds.
 
     If the block fails, what was written is left as FILE.partial. Devices and pipes, which cannot be renamed, are
-    written to at once. A link stays, and what it points to is replaced. Text is UTF-8, with line ends as written.
-
-    Parameters
-    ----------
-    path : Path
-        An earlier file of this name stays as it is until the new one is complete; ``-`` is standard output.
-    binary : bool
-        Whether bytes are written.
-    summed : bool
-        Whether its checksum is kept beside it, so that `read_file` notices damage.
-
-    Attributes
-    ----------
-    partial : Path
-        Where a failure leaves what was written.
-    atomic : bool
-        Whether it appears under its name only when it is complete.
-
-    Raises
-    ------
-    OSError
-        At once, if the path is a folder or lies in none.
+    written to at once (not `atomic`). A link stays, and what it points to is replaced; ``-`` is standard output. Text
+    is UTF-8, with line ends as written. Where it is `summed`, its checksum is kept beside it, so that `read_file`
+    notices damage. Raises OSError at once if the path is a folder or lies in none.
     """
 
     def __init__(self, path: Path, *, binary: bool = False, summed: bool = False) -> None:

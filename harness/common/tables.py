@@ -27,13 +27,7 @@ def write_table(path: Path, kind: type, rows: Iterable[Any], columns: Sequence[s
 
 
 def read_table(path: Path, kind: type[Entry], columns: Sequence[str] = ()) -> list[Entry]:
-    """Rows as `write_table` wrote them.
-
-    Raises
-    ------
-    ValueError
-        If the file is missing, damaged, or has other columns or cells.
-    """
+    """Rows as `write_table` wrote them; raises ValueError if the file is missing, damaged, or has others."""
     expected = list(columns or [field.name for field in fields(kind)])  # pyright: ignore[reportArgumentType]
     try:
         head, *lines = list(csv.reader(StringIO(read_file(path).decode(), newline=""))) or [[]]

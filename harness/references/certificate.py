@@ -70,10 +70,7 @@ def pieces(scene: Scene, form: Form, end: float) -> list[Piece]:
 def certify(scene: Scene, form: Form, states: dict[float, np.ndarray], flow: Flow) -> Certificate:
     """Try a reference's states, shape (d,), at the times of `pieces` of its run; `flow` is its own method, to go back.
 
-    Raises
-    ------
-    UncertifiedError
-        If a piece disagrees by more than the other method's own error, or fewer than `REQUIRED` could be tried.
+    Raises UncertifiedError if a piece disagrees by more than the other method's own error, or too few could be tried.
     """
     end = form.problem(scene).end
     other, solver = opposite(scene, form)

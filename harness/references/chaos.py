@@ -56,12 +56,8 @@ def growth(problem: Problem, intervals: int = INTERVALS) -> Growth:
     """Growth along the solution of a problem, by the variational equations ẏ = f, v̇ = (∂f/∂y) v.
 
     The Jacobian is exact, by differentiation of the traced vector field; v starts in a generic direction and is
-    renormalised after each interval (Benettin et al., Meccanica 15 (1980) 9).
-
-    Raises
-    ------
-    ValueError
-        If the problem has no explicit form, or its integration fails.
+    renormalised after each interval (Benettin et al., Meccanica 15 (1980) 9). Raises ValueError if the problem has no
+    explicit form, or its integration fails.
     """
     if problem.parameters is None:
         raise ValueError(f"form {problem.name!r}: expected an explicit form, which St = 0 has not; use 'jeffery'")

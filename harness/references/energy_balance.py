@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from polhode.models.observables import Observables
+from polhode.models.observables import Observables, completed
 from polhode.models.scene import Scene
 from polhode.models.shape import Ellipsoid
 from polhode.models.theory.dissipation import dissipation
@@ -27,10 +27,11 @@ def balance_residual(scene: Scene, found: Observables, true: Observables) -> flo
     intervals = len(found.energy) - 1
     if scene.stokes == 0 or intervals < LEAST_INTERVALS:
         return None
-    rotations = [rotation for rotation in (complete(scene, found), complete(scene, true)) if rotation is not None]
+    ellipsoid, unit = scene.ellipsoid, max(scene.ellipsoid.inertia)
+    known = (completed(ellipsoid, each.rotation) for each in (found, true))
+    rotations = [rotation for rotation in known if rotation is not None]
     if len(rotations) < 2 or not np.isfinite(rotations).all():
         return None
-    ellipsoid, unit = scene.ellipsoid, max(scene.ellipsoid.inertia)
     omega = [body_angular_velocity(ellipsoid, *pair) for pair in zip((found, true), rotations, strict=True)]
     if float(np.max(np.linalg.norm(omega[1], axis=1))) * scene.time / intervals > LARGEST_TURN:
         return None
@@ -41,28 +42,6 @@ def balance_residual(scene: Scene, found: Observables, true: Observables) -> flo
     fine, coarse = _residual(times, energy, power), _residual(times[even], energy[even], power[even])
     largest = float(np.max(np.abs(fine)))
     return largest if np.max(np.abs(fine[even] - coarse)) <= RESOLVED * largest + ROUNDING else None
-
-
-def complete(scene: Scene, observables: Observables) -> np.ndarray | None:
-    """Rotations t_ij, shape (n, 3, 3), with rows that a form does not know filled in; None if it knows none.
-
-    About its symmetry axis a spheroid may be turned at will.
-    """
-    rotation = observables.rotation.astype(float)
-    known = np.logical_not(np.isnan(rotation).any(axis=(0, 2))).tolist()
-    if all(known):
-        return rotation
-    axis = scene.ellipsoid.symmetry_axis
-    if axis is None or not known[axis]:
-        return None
-    direction = rotation[:, axis]
-    least = np.eye(3)[np.argmin(np.abs(direction), axis=1)]
-    across = np.cross(direction, least)
-    across /= np.linalg.norm(across, axis=1, keepdims=True)
-    rows = np.empty_like(rotation)
-    rows[:, axis], rows[:, (axis + 1) % 3] = direction, across
-    rows[:, (axis + 2) % 3] = np.cross(direction, across)
-    return rows
 
 
 def body_angular_velocity(ellipsoid: Ellipsoid, observables: Observables, rotation: np.ndarray) -> np.ndarray:

@@ -81,12 +81,8 @@ def reference(scene: Scene, form: str | Form, samples: int) -> Reference:
     Taylor runs in extended precision, from the very parameters in double precision that the contestants receive.
 
     A full form gives the reference of all full forms; an averaged one its own exact solution. The times are equispaced
-    from 0 to the end, both included.
-
-    Raises
-    ------
-    ReferenceFailedError
-        If a run does not reach its end, is contradicted by its certificate, or is beyond the horizon.
+    from 0 to the end, both included. Raises ReferenceFailedError if a run does not reach its end, is contradicted by
+    its certificate, or is beyond the horizon.
     """
     shape = find_form(form) if isinstance(form, str) else form
     if not shape.averaged:

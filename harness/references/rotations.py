@@ -36,12 +36,8 @@ def rotations(scene: Scene) -> float:
 
     From the averaged slow variables where they are valid and N is large, else from a loose run that integrates |ω|
     along; beyond 1e5 rotations such a run stops, and goes on at the mean rate of its second half. Of a chaotic scene
-    N is known no better than the scene itself.
-
-    Raises
-    ------
-    ValueError
-        If the start has no orientation and the averaged equations do not apply.
+    N is known no better than the scene itself. Raises ValueError if the start has no orientation and the averaged
+    equations do not apply.
     """
     slow_start = isinstance(scene.start, SlowStart)
     if slow_start or _averages_well(scene):

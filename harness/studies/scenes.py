@@ -8,13 +8,7 @@ from polhode.models.scenes import SCENES, named_scene
 
 
 def find_scene(word: str) -> Scene:
-    """The scene of a file if one of that name exists, else the built-in scene of that name.
-
-    Raises
-    ------
-    ValueError
-        If there is neither, or the file is no scene.
-    """
+    """The scene of a file if one has that name, else the built-in one; raises ValueError if there is neither."""
     path = Path(word)
     if path.exists() and not path.is_dir():
         from polhode.models.files.scene_file import read_scene

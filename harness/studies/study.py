@@ -70,19 +70,9 @@ class Study:
                 wanted = (name for name in self.solvers if choice.solvers is None or name in choice.solvers)
                 accepted = [name for name in wanted if _accepts(name, problem)]
                 for tolerance in sorted(self.tolerances, reverse=True):
+                    limits = tolerance, self.samples, choice.max_seconds or self.max_seconds
                     yield [
-                        Case(
-                            scene_name,
-                            scene,
-                            form_name,
-                            solver_name,
-                            tolerance,
-                            self.samples,
-                            choice.max_seconds or self.max_seconds,
-                            backend,
-                            jacobian,
-                            choice.tags,
-                        )
+                        Case(scene_name, scene, form_name, solver_name, *limits, backend, jacobian, choice.tags)
                         for solver_name in accepted
                         for backend, jacobian in self._ways(solver_name)
                     ]
@@ -101,10 +91,7 @@ class Study:
     ) -> "Study":
         """The part of the study that meets every filter; none of a kind means all.
 
-        Raises
-        ------
-        ValueError
-            If a filter names what the study does not have, or nothing is left.
+        Raises ValueError if a filter names what the study does not have, or nothing is left.
         """
         wanted = {
             "scene": _known("scene", scenes, {name for name, _ in self.scenes}),

@@ -1,6 +1,7 @@
 """Study files: tables in TOML, checked, and the studies that they describe."""
 
 from collections.abc import Iterator
+from dataclasses import fields
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any
@@ -106,38 +107,25 @@ def read_study(path: Path | None, default: str = "bench") -> Study:
 
 
 def parse_study(contents: dict[str, Any]) -> Study:
-    """Make a study of the contents of a study file.
-
-    Raises
-    ------
-    ValueError
-        In one line: the key, the value and what was expected; or that no form and solver fit any scene.
-    """
-    contents = _with_builtin_scenes(contents)
-    table = checked(StudyTable, contents)
-    study = Study(
-        table.name,
-        table.title,
-        tuple(scene for position, scenes in enumerate(table.scenes) for scene in _scenes(position, scenes)),
-        tuple(table.forms),
-        tuple(table.solvers),
-        tuple(table.tolerances),
-        table.samples,
-        table.max_seconds,
-        tuple(table.backends) if table.backends else None,
-        tuple(table.jacobians) if table.jacobians else None,
-        {(scene.name, stokes): _choice(scene) for scene in table.scenes for stokes in scene.stokes},
-        # Which is the cheapest makes sense for one scene; several ask who gets through.
-        table.page or ("costs" if len({scene.name for scene in table.scenes}) == 1 else "outcomes"),
-    )
+    """The study that a file's contents describe; raises ValueError, in one line, if a key is wrong or nothing fits."""
+    table = checked(StudyTable, _with_builtin_scenes(contents))
+    own = _shared(Study, table)
+    own["scenes"] = tuple(scene for position, scenes in enumerate(table.scenes) for scene in _scenes(position, scenes))
+    choices = {(each.name, stokes): _shared(Choice, each) for each in table.scenes for stokes in each.stokes}
+    own["choices"] = {scene: Choice(**choice) for scene, choice in choices.items()}
+    # Which is the cheapest makes sense for one scene; several ask who gets through.
+    own["page"] = table.page or ("costs" if len({scene.name for scene in table.scenes}) == 1 else "outcomes")
+    study = Study(**own)
     if not any(study.batches()):
         raise ValueError(f"forms: got {list(study.forms)}, expected one that some scene and solver accept")
     return study
 
 
-def _choice(table: StudySceneTable) -> Choice:
-    forms, solvers = (None if names is None else tuple(names) for names in (table.forms, table.solvers))
-    return Choice(tuple(table.tags), forms, solvers, table.max_seconds)
+def _shared(kind: Any, table: BaseModel) -> dict[str, Any]:
+    """What a table says of a dataclass's fields, but for scenes; lists become tuples."""
+    names = [each.name for each in fields(kind) if each.name in type(table).model_fields and each.name != "scenes"]
+    values = {name: getattr(table, name) for name in names}
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
 
 
 def _with_builtin_scenes(contents: dict[str, Any]) -> dict[str, Any]:

@@ -6,10 +6,10 @@ from math import cos, pi, sin
 import numpy as np
 import pytest
 
-from polhode.harness.references.energy_balance import balance_residual, complete
+from polhode.harness.references.energy_balance import balance_residual
 from polhode.harness.references.errors import errors, statistics_distance
 from polhode.models.catalogue import form as find_form
-from polhode.models.observables import Observables
+from polhode.models.observables import Observables, completed
 from polhode.models.scene import Scene
 from polhode.models.scenes import named_scene
 from polhode.models.shape import Ellipsoid
@@ -116,7 +116,7 @@ def test_balance_is_unknown_where_the_samples_do_not_resolve_it():
 
 def test_completed_rotations_are_rotations():
     scene = replace(named_scene("spheroid"), time=20.0)
-    rotation = complete(scene, solved(scene, "spheroid-axis", 11))
+    rotation = completed(scene.ellipsoid, solved(scene, "spheroid-axis", 11).rotation)
     assert rotation is not None
     assert np.einsum("nij,nkj->nik", rotation, rotation) == pytest.approx(np.tile(np.eye(3), (11, 1, 1)), abs=1e-15)
     assert np.linalg.det(rotation) == pytest.approx(np.ones(11))
