@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cache, cached_property
-from math import isfinite
+from math import inf, isfinite
 from typing import Literal
 
 import numpy as np
@@ -12,10 +12,11 @@ from polhode.harness.common.machine import package_version
 from polhode.harness.common.plain_json import digest
 from polhode.harness.common.store import Record
 from polhode.harness.common.text import scientific
+from polhode.harness.ensembles.hybrid import SAMPLE as BOTH_WAYS
+from polhode.harness.ensembles.hybrid import SOLVER, least_momentum, run_hybrid
 from polhode.harness.ensembles.starts import Drawn, Starts
 from polhode.harness.ensembles.statistics import RATES, Layout, Statistics, squared_rates
 from polhode.models.catalogue import form as find_form
-from polhode.models.hybrid.course import ERROR_PER_TOLERANCE
 from polhode.models.problem import Problem
 from polhode.models.scene import BodyStart, Scene
 from polhode.models.shape import Ellipsoid
@@ -23,7 +24,6 @@ from polhode.models.theory.attractors import Attractor, attractors
 from polhode.solvers.contract import Status
 from polhode.solvers.ensembles.adaptive_steps import run_adaptive
 from polhode.solvers.ensembles.equal_steps import TAYLOR, Plan, plan, run
-from polhode.solvers.ensembles.one_by_one import run_one_by_one
 from polhode.solvers.ensembles.taylor_batch import run_batches
 
 # Changes whenever a record's meaning does, so that no old record is taken for a new one.
@@ -48,9 +48,6 @@ BOUNDS = {
     "bins": (1, 10**4),
 }
 
-# What hybrid equations are solved by.
-HYBRID_SOLVER = "cyrk-vern8"
-
 Equations = Literal["full", "averaged", "hybrid"]
 
 
@@ -71,7 +68,7 @@ class Ensemble:
     seed: int = 1
     equations: Equations = "full"  # in the fewest variables without angles; "averaged" ones; form "hybrid"
     # For full equations the error of `equal_steps.plan`, for hybrid ones that of L and E over the largest moment of
-    # inertia, for averaged ones the tolerance of `run_adaptive`.
+    # inertia, which 97.5 % of the particles keep, for averaged ones the tolerance of `run_adaptive`.
     tolerance: float = 1e-6
     block: int = 10_000  # particles of one task
     samples: int = 101  # equispaced times at which arrival is looked for, start and end included
@@ -91,7 +88,7 @@ class Ensemble:
                 raise ValueError(f"{name}: got {value!r}, expected a finite positive number")
         if self.equations == "averaged" and self.starts.motion == "rest":
             raise ValueError("start.motion: got 'rest' with averaged equations, expected L not 0; use 'full'")
-        self.problem(self.first_scene(self.draw(0, 1)))
+        self.problem(self.any_scene)
 
     def problem(self, scene: Scene) -> Problem:
         """Problem of all particles but for their starts."""
@@ -113,7 +110,8 @@ class Ensemble:
         if self.equations == "averaged":
             return f"Dormand and Prince's pair, averaging's error up to {scientific(AVERAGING / self.stokes)}"
         if self.equations == "hybrid":
-            return f"{HYBRID_SOLVER}, error {scientific(self.tolerance)}"
+            alone = f"{SOLVER}, error {scientific(self.tolerance)}"
+            return alone if (least := least_of(self)) == inf else f"averaged, below |L| = {least:.2g} {alone}"
         chosen = plan_of(self)
         return "Taylor's method" if chosen is None else f"{chosen.method}, error {scientific(chosen.error)}"
 
@@ -167,6 +165,11 @@ class Ensemble:
         w1, w2, w3 = drawn.angular_velocity[0].tolist()
         return Scene(self.ellipsoid, self.stokes, BodyStart((q0, q1, q2, q3), (w1, w2, w3)), self.time)
 
+    @property
+    def any_scene(self) -> Scene:
+        """Scene of the very first particle."""
+        return self.first_scene(self.draw(0, 1))
+
     def run(self, index: int) -> Statistics:
         """Statistics of a block of particles, in bounded memory."""
         particles = min(self.block, self.particles - index * self.block)
@@ -177,18 +180,24 @@ class Ensemble:
         statistics = Statistics.empty(layout)
         at_once = min(MOST_AT_ONCE, max(1, HELD // (self.samples * problem.dimension)))
         for first in range(0, particles, at_once):
-            states, statuses = self.states(problem, starts[first : first + at_once], times)
+            random = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(index, first)))
+            states, statuses = self.states(problem, starts[first : first + at_once], times, random)
             success = statistics.add_statuses(statuses, str(Status.REACHED_END))
             finished = states.swapaxes(0, 1)
             self._observe(scene, finished if success.all() else finished[success], statistics)
         return statistics
 
-    def states(self, problem: Problem, starts: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """States, shape (m, n, d), of particles at times, with NaN from where one failed, and their statuses."""
+    def states(
+        self, problem: Problem, starts: np.ndarray, times: np.ndarray, random: np.random.Generator
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """States, shape (m, n, d), of particles at times, with NaN from where one failed, and their statuses.
+
+        Phases that hybrid equations leave open are drawn from `random`.
+        """
         if self.equations == "averaged":
             return run_adaptive(problem, starts, times, self.tolerance)
         if self.equations == "hybrid":
-            return run_one_by_one(problem, starts, times, HYBRID_SOLVER, self.tolerance / ERROR_PER_TOLERANCE)
+            return run_hybrid(self.any_scene, starts, times, self.tolerance, least_of(self), random)
         if (chosen := plan_of(self)) is not None:
             return run(problem, starts, times, self.tolerance, chosen)
         return run_batches(problem, starts, times, self.tolerance * TAYLOR)
@@ -233,6 +242,15 @@ def plan_of(ensemble: Ensemble) -> Plan | None:
     problem = find_form(ensemble.form).problem(ensemble.first_scene(drawn))
     times = np.linspace(0.0, problem.end, ensemble.samples)
     return plan(problem, drawn.states(ensemble.form, ensemble.ellipsoid), times, ensemble.tolerance)
+
+
+@cache
+def least_of(ensemble: Ensemble) -> float:
+    """|L| down to which hybrid particles are averaged; inf if form `hybrid` runs all, as where they are few."""
+    if ensemble.particles <= BOTH_WAYS:
+        return inf
+    scene, drawn = ensemble.any_scene, ensemble.draw(0, BOTH_WAYS)
+    return least_momentum(scene, drawn.states(ensemble.form, ensemble.ellipsoid), ensemble.tolerance)
 
 
 @dataclass(frozen=True)

@@ -46,6 +46,7 @@ def test_the_page_shows_what_was_measured(averaged):
     full = {"shape": "s", "target": 1e-4, "method": "m", "steps": 9, "per_second": 6e3, "taylor_per_second": 1e3}
     full |= {"speedup": 6.0, "error": 1e-5, "median_error": 1e-7, "taylor_error": 1e-5, "plan_seconds": 0.1}
     long = {"equations": "hybrid", "per_second": 3e4, "within": 0.9, "median_error": 1e-5, "error": 1e-3}
+    long |= {"plan_seconds": 2.5}
     found = {
         "settings": {
             "stokes": 1e3,
@@ -78,4 +79,4 @@ def test_the_page_shows_what_was_measured(averaged):
     assert ["1 : 1 : 2", "full", "1,000,000,000", "1000", "10,000", "10,000.0 MiB", "2.78"] in cells
     assert ["1 : 0.8 : 0.5", "full", "10,000,000", "100000", "100", "100.0 MiB", "27.78"] in cells
     assert ["1 : 0.8 : 0.5", "averaged", "1,000,000,000", "1000", "10,000", "10,000.0 MiB", "6.94"] in cells
-    assert ["hybrid", "30,000", "90%", "1.0e-5", "1.0e-3"] in cells
+    assert ["hybrid", "30,000", "90%", "1.0e-5", "1.0e-3", "2.5"] in cells

@@ -1,0 +1,166 @@
+"""Hybrid equations of many particles: averaged to first order where that is good enough, form `hybrid` elsewhere.
+
+An error of L and E far above 1/St leaves the fast phases open: St times as large an angle. So whatever keeps no more
+than that error may as well draw them, evenly, as averaging says they are. What averaging leaves out is largest where
+|L| is least; how small |L| may become is found on a sample that runs both ways.
+"""
+
+from dataclasses import replace
+from math import inf
+
+import numpy as np
+from scipy.special import ellipj, ellipkm1
+
+from polhode.models.catalogue import averaged_form, full_form
+from polhode.models.catalogue import form as find_form
+from polhode.models.forms.spheroid import Spheroid
+from polhode.models.hybrid.course import ERROR_PER_TOLERANCE
+from polhode.models.scene import Scene, SlowStart
+from polhode.models.shape import Ellipsoid
+from polhode.solvers.contract import Status
+from polhode.solvers.ensembles.adaptive_steps import run_adaptive
+from polhode.solvers.ensembles.one_by_one import run_one_by_one
+
+# What particles are run by one at a time.
+SOLVER = "cyrk-vern8"
+# Error asked for times St from which on phases are drawn: the median error of averaging is some 14/St.
+OPEN = 10.0
+# Particles that run both ways, and the share of them that may miss the error: form `hybrid` itself keeps 97.5 %.
+SAMPLE, MISSED = 64, 0.025
+# Where all of the sample keep it, |L| may become this much smaller yet: the error grows more slowly than 1/L².
+BEYOND = 0.4
+# Times at which |L| is looked at, at least.
+PATH = 65
+# The error asked for over the tolerance of averaged equations: near L² = 2EI₂ they lose digits.
+AVERAGED = 1e4
+
+Array = np.ndarray
+
+
+def least_momentum(scene: Scene, sample: Array, tolerance: float) -> float:
+    """|L| down to which averaging to first order keeps the error, in the averaged form's unit; inf if nowhere.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its start is not used.
+    sample : ndarray, shape (n, d)
+        Starts, as states of the full equations.
+    tolerance : float
+        Error of L and E over the largest moment of inertia.
+    """
+    unit, form = max(scene.ellipsoid.inertia), find_form(full_form(scene))
+    if tolerance * scene.stokes < OPEN or not form.observe(scene, sample).angular_momentum.any(axis=1).all():
+        return inf
+    times = np.linspace(0.0, scene.time, PATH)
+    states, statuses = run_alone(scene, sample, times, tolerance / 10)
+    known = statuses == str(Status.REACHED_END)
+    exact = form.observe(scene, states[:, known].reshape(-1, states.shape[2])).slow.reshape(PATH, -1, 4)
+    path, _ = averaged(scene, sample[known], times, tolerance)
+    slow = find_form(averaged_form(scene)).observe(scene, path.reshape(-1, 4)).slow.reshape(exact.shape)
+    errors, least = np.abs(slow - exact).max(axis=(0, 2)) / unit, least_on_the_way(path)
+    order = np.argsort(-least)
+    good = np.flatnonzero(np.cumsum(~(errors[order] <= tolerance)) <= MISSED * np.arange(1, len(order) + 1))
+    if not len(good):
+        return inf
+    return float(least[order[good[-1]]]) * (BEYOND if good[-1] + 1 == len(order) else 1.0)
+
+
+def run_hybrid(
+    scene: Scene, starts: Array, times: Array, tolerance: float, least: float, random: np.random.Generator
+) -> tuple[Array, Array]:
+    """States of the full equations, shape (m, n, d), with NaN from where one failed, and statuses.
+
+    Parameters as of `least_momentum`, which makes `least`; phases are drawn from `random`.
+    """
+    if least == inf:
+        return run_alone(scene, starts, times, tolerance)
+    every = -(-(PATH - 1) // (len(times) - 1))
+    path, statuses = averaged(scene, starts, np.linspace(0.0, times[-1], every * (len(times) - 1) + 1), tolerance)
+    states = np.concatenate([starts[None], posed(scene, starts, path[every::every], random)])
+    small = ~(least_on_the_way(path) >= least)
+    doubtful = np.flatnonzero(small | (statuses != str(Status.REACHED_END)))
+    states[:, doubtful], statuses[doubtful] = run_alone(scene, starts[doubtful], times, tolerance)
+    return states, statuses
+
+
+def averaged(scene: Scene, starts: Array, times: Array, tolerance: float) -> tuple[Array, Array]:
+    """States of the form averaged to first order, shape (m, n, 4), from those of the full equations, and statuses."""
+    unit = max(scene.ellipsoid.inertia)
+    form = find_form(averaged_form(scene))
+    problem = form.problem(replace(scene, start=SlowStart((0.0, 0.0, unit), unit / 2)))
+    if scene.ellipsoid.kind == "triaxial":
+        slow = find_form(full_form(scene)).observe(scene, starts).slow / unit
+    else:
+        momentum, axis = starts[:, :3], starts[:, 3:]
+        spin = np.sum(momentum * axis, axis=1) / Spheroid.of(scene.ellipsoid).inertia_ratio
+        slow = np.column_stack([momentum, spin])
+    return run_adaptive(problem, slow, times / scene.stokes, tolerance / AVERAGED)
+
+
+def least_on_the_way(path: Array) -> Array:
+    """The least |L| of averaged states on their way, shape (n,), in their own unit; straight from time to time."""
+    momentum = path[..., :3]
+    here, way = momentum[:-1], np.diff(momentum, axis=0)
+    length = np.maximum(np.sum(way**2, axis=-1), 1e-300)
+    share = np.clip(-np.sum(here * way, axis=-1) / length, 0, 1)
+    return np.linalg.norm(here + share[..., None] * way, axis=-1).min(axis=0)
+
+
+def posed(scene: Scene, starts: Array, slow: Array, random: np.random.Generator) -> Array:
+    """States of the full equations, shape (m, n, d), on the tori of averaged states, shape (m, n, 4), drawn evenly.
+
+    A body that stays on its side of L² = 2EI₂ keeps the sense in which its polhode circles the axis; `starts`, shape
+    (n, d), say it.
+    """
+    if scene.ellipsoid.kind == "triaxial":
+        return _posed(scene.ellipsoid, starts, slow * max(scene.ellipsoid.inertia), random)
+    momentum = slow[..., :3]
+    size = np.linalg.norm(momentum, axis=-1, keepdims=True)
+    along = np.clip(Spheroid.of(scene.ellipsoid).inertia_ratio * slow[..., 3:] / size, -1, 1)
+    across = np.cross(momentum, random.standard_normal(momentum.shape))
+    across *= np.sqrt(1 - along**2) / np.linalg.norm(across, axis=-1, keepdims=True)
+    return np.concatenate([momentum, along * momentum / size + across], axis=-1)
+
+
+def _posed(ellipsoid: Ellipsoid, starts: Array, slow: Array, random: np.random.Generator) -> Array:
+    """Quaternions and angular velocities on polhodes (`eq:omg1`–`eq:omg3`)."""
+    inertia, (first, middle, last) = np.array(ellipsoid.inertia), ellipsoid.order
+    momentum, shape = slow[..., :3], slow.shape[:-1]
+    square = np.sum(momentum**2, axis=-1)
+    h = 2 * slow[..., 3] / square
+    longest = h > 1 / inertia[middle]
+    near, far = (
+        np.where(longest, 1 / inertia[one], 1 / inertia[other]) for one, other in ((first, last), (last, first))
+    )
+    rise = 1 / inertia[middle] - near
+    share = np.clip((h - near) / rise, 0, 1)
+    small = rise / (far - near) * share
+    complement = np.clip((1 - share) / (1 - small), 1e-300, 1)
+    phase, turn, *signs = random.uniform(-1, 1, (4, *shape))
+    sn, cn, dn, _ = ellipj(phase * ellipkm1(complement), 1 - complement)
+    # Half of the polhode; the other half is its image.
+    flip = np.sign(signs[0])
+    # The sense is drawn once on the side where a particle did not start.
+    body = starts[:, 4:] * inertia
+    began = np.sum(starts[:, 4:] * body, axis=1) * inertia[middle] > np.sum(body**2, axis=1)
+    own = np.sign(np.where(began, body[:, first], body[:, last]))
+    sense = np.where(longest == began, own, np.sign(signs[1][0]))
+    z = np.empty((*shape, 3))
+    one, other = sense * np.sqrt(1 - small) * dn, flip * np.sqrt(small) * cn
+    z[..., first], z[..., last] = np.where(longest, one, other), np.where(longest, other, one)
+    z[..., middle] = flip * np.sqrt(share) * sn
+    # The rotations that carry z to n: a circle of quaternions.
+    n = momentum / np.sqrt(square)[..., None]
+    cosine = 1 + np.sum(z * n, axis=-1)
+    angle, size = np.pi * turn, np.sqrt(2 * cosine)
+    real = np.cos(angle) * cosine
+    imaginary = np.cos(angle)[..., None] * np.cross(z, n) + np.sin(angle)[..., None] * (z + n)
+    q = np.concatenate([real[..., None], imaginary], axis=-1) / size[..., None]
+    return np.concatenate([q, np.sqrt(square)[..., None] * z / inertia], axis=-1)
+
+
+def run_alone(scene: Scene, starts: Array, times: Array, tolerance: float) -> tuple[Array, Array]:
+    """Form `hybrid`, one particle after another."""
+    problem = find_form("hybrid").problem(scene)
+    return run_one_by_one(problem, starts, times, SOLVER, tolerance / ERROR_PER_TOLERANCE)
