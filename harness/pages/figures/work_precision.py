@@ -27,11 +27,13 @@ UNKNOWN = f"grey: within {KNOWN:g} times the\nreference's uncertainty"
 LARGEST_ERROR = 10.0
 # One per full form, where a scene is solved in several.
 DASHES = ("-", "--", ":", "-.")
-# In inches: a panel, the names beside it, and the legend below all panels.
-PANEL, NAMES, LEGEND = (4.9, 3.7), 1.35, 0.45
+# In inches: a panel, the names beside it, and the legend below all panels. A page shows them 800 pixels wide.
+PANEL, NAMES, LEGEND = (3.35, 2.9), 1.05, 0.75
+# What the legend needs of one panel alone.
+LEAST_WIDTH = 6.4
 # Names beside a panel, in points: their size, and the least distance between two.
-LETTERS, APART = 7, 8.5
-BEHIND = "#BDBDBD"
+LETTERS, APART = 8.5, 10.5
+BEHIND, BEHIND_NAME = "#BDBDBD", "behind the front"
 
 
 def work_precision(axes: "Axes", runs: pd.DataFrame, error: str = "slow_error") -> "Axes":
@@ -121,14 +123,19 @@ def _without_result(axes: "Axes", runs: pd.DataFrame) -> None:
 
 
 def name_lines(axes: "Axes") -> None:
-    """Write each line's name beside the panel, at the height where it ends, as near as its neighbours allow."""
+    """Write each line's name beside the panel, at the height where it ends, as near as its neighbours allow.
+
+    Pale lines become grey, without markers or names.
+    """
     axes.figure.canvas.draw()
     # In points, which a picture's resolution does not change.
     scale = axes.figure.dpi / 72
     ends = []
     for line in axes.get_lines():
         label, points = str(line.get_label()), np.asarray(line.get_xydata())
-        if not label.startswith("_") and "\n" not in label and label != FRONT_NAME and len(points):
+        if line.get_alpha() is not None:
+            line.set(color=BEHIND, marker="", alpha=1.0, label=f"_{label}")
+        elif not label.startswith("_") and "\n" not in label and label != FRONT_NAME and len(points):
             end = points[-1]
             name = label.replace(", ", ",\n") if len(label) > NAME else label
             ends.append((axes.transData.transform(end)[1] / scale, tuple(end), line, name))
@@ -137,13 +144,7 @@ def name_lines(axes: "Axes") -> None:
     for y, end, line, name in sorted(ends, key=lambda each: each[0]):
         room = APART * (1 + name.count("\n")) / 2
         height = max(height + APART / 2 + room, y)
-        pale = line.get_alpha() is not None
-        style = {
-            "fontsize": LETTERS,
-            "color": line.get_color(),
-            "fontweight": "normal" if pale else "bold",
-            "va": "center",
-        }
+        style = {"fontsize": LETTERS, "color": line.get_color(), "fontweight": "bold", "va": "center"}
         arrow = {"arrowstyle": "-", "color": BEHIND, "lw": 0.4, "shrinkA": 0, "shrinkB": 2}
         place = (box.x1 / scale + 8, height)
         axes.annotate(name, end, place, textcoords="figure points", arrowprops=arrow, annotation_clip=False, **style)
@@ -163,17 +164,17 @@ def panels(groups: Sequence[tuple[str, pd.DataFrame]], error: str, label: str, *
 
     columns = 2 if len(groups) > 1 else 1
     lines = -(-len(groups) // columns)
-    size = (PANEL[0] + NAMES) * columns, PANEL[1] * lines + LEGEND
+    size = max((PANEL[0] + NAMES) * columns, LEAST_WIDTH), PANEL[1] * lines + LEGEND
     figure, grid = plt.subplots(lines, columns, figsize=size, sharex=alike, sharey=alike, squeeze=False)
     for axes, (title, runs) in zip(grid.flat, groups, strict=False):
         work_precision(axes, runs, error)
-        axes.set_title(title, fontsize=10, loc="left", pad=14)
+        axes.set_title(title, fontsize=11, loc="left", pad=14)
         _limits(axes, pd.concat([own for _, own in groups]) if alike else runs, error)
     for axes in grid.flat[len(groups) :]:
         axes.set_visible(False)
     for column in grid.T:
         lowest = [axes for axes in column if axes.get_visible()][-1]
-        lowest.set_xlabel(f"{label}; more accurate to the right")
+        lowest.set_xlabel(f"{label}, smaller to the right")
         lowest.tick_params(labelbottom=True)
     for axes in grid[:, 0]:
         axes.set_ylabel("wall time of a warm run, s")
@@ -186,12 +187,15 @@ def panels(groups: Sequence[tuple[str, pd.DataFrame]], error: str, label: str, *
         name: handle for axes in grid.flat for handle, name in zip(*axes.get_legend_handles_labels(), strict=True)
     }
     rest = {name.replace("\n", " "): entries[name] for name in entries if "\n" in name or name == FRONT_NAME}
+    rest[BEHIND_NAME] = Line2D([], [], color=BEHIND)
     rest["hollow: no result, at that tolerance"] = Line2D([], [], marker="o", fillstyle="none", color="0.4", lw=0)
     style = {
         "loc": "lower left",
         "bbox_to_anchor": (0.01, 0.0),
         "frameon": False,
-        "fontsize": 7.5,
+        "fontsize": 8.5,
+        "columnspacing": 1.0,
+        "handlelength": 1.5,
         "ncols": columns + 1,
     }
     figure.legend([*rest.values()], [*rest], **style)

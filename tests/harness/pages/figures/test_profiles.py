@@ -5,7 +5,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from polhode.harness.pages.figures.profiles import TARGETS, profiles, sentence, times
+from polhode.harness.pages.figures.profiles import NAMED, TARGETS, profiles, sentence, times
+from polhode.solvers.catalogue import SOLVERS
 
 
 def run(solver: str, tolerance: float, seconds: float, error: float, **more: object) -> dict:
@@ -48,6 +49,14 @@ def test_the_sentence_and_the_picture_say_the_same():
     # taylor is the fastest on four of the twelve, and takes three times as long on five.
     taylor = next(line for line in left.get_lines() if line.get_label() == "taylor")
     np.testing.assert_allclose(np.asarray(taylor.get_xdata())[:-1], [1] * 4 + [1.5, 3 / np.sqrt(2)] + [3] * 5)
+    plt.close(figure)
+
+
+def test_methods_that_are_neither_fast_nor_sure_are_grey():
+    names = [*SOLVERS][: NAMED + 1]
+    figure = profiles(pd.DataFrame([{name: 3.0**i for i, name in enumerate(names)}]))
+    for axes in figure.axes:
+        assert {text.get_text() for text in axes.texts} == set(names[:NAMED])
     plt.close(figure)
 
 
