@@ -13,7 +13,7 @@ L⊥        n×(r₁S_n + r₂W_n)          [p₁S_n⊥ + p₂W_n + n×(p₃S_n 
 ========  =========================  ==================================================================================
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -26,8 +26,8 @@ Array = np.ndarray
 FIRST = ("f0", "f2", "g0", "g2", "r1", "r2", "ea", "eb")
 SECOND = ("a1", "a2", "b1", "b2", "p1", "p2", "p3", "p4", "p5", "p6")
 NAMES = (*FIRST, *SECOND, "nu1", "nu2")
-# Polhode phases per ln(1/nome) that resolve second-order averages to 1e-9, and at least so many.
-PHASES, LEAST_PHASES = 90.0, 24
+# Polhode phases per ln(1/nome) that resolve second-order averages to 1e-9; at least so many, in steps of so many.
+PHASES, LEAST_PHASES, STEP_OF_PHASES = 90.0, 24, 8
 # Flow directions, as rows, and |L| at which the averages are taken, so that their parts can be separated.
 _TURNS = np.array([[[2, -1, 2], [2, 2, -1], [-1, 2, 2]], [[6, 2, 3], [-3, 6, 2], [-2, -3, 6]]]) / np.array(
     [[[3]], [[7]]]
@@ -46,25 +46,40 @@ def averages(side: SidedBody, y: Array) -> tuple[dict[str, Array], float, Array,
     what it gains per l, and that of all modes at l = 1. Last the size of the generator, shape (m, 2), largest over
     phases and orientations, as change of L over l and turn of R: its part in 1/l² and that in 1/l.
     """
-    numbers, residuals, strengths, swings = zip(*(_at(side, float(value)) for value in y), strict=True)
+    counts, found = phases(side, y), {}
+    for count in np.unique(counts).tolist():
+        here = np.flatnonzero(counts == count)
+        found |= dict(zip(here.tolist(), _at(side, y[here], count), strict=True))
+    numbers, residuals, strengths, swings = zip(*(found[i] for i in range(len(y))), strict=True)
     return dict(zip(NAMES, np.array(numbers).T, strict=True)), max(residuals), np.array(strengths), np.array(swings)
 
 
-def phases(side: SidedBody, y: float) -> int:
-    """Even number of polhode phases that resolves a polhode."""
+def phases(side: SidedBody, y: Array) -> Array:
+    """Numbers of polhode phases that resolve polhodes, of few kinds, so that many polhodes are averaged at once."""
     from scipy.special import ellipk, ellipkm1
 
-    _, _, complement = Polhodes(side, np.array([y]), np.zeros(1), 2).moduli
-    nome = np.pi * ellipk(complement[0]) / ellipkm1(complement[0])
-    return max(LEAST_PHASES, 2 * int(np.ceil(PHASES / nome / 2)))
+    _, _, complement = Polhodes(side, y, np.zeros_like(y), 2).moduli
+    needed = PHASES * ellipkm1(complement) / (np.pi * ellipk(complement))
+    return LEAST_PHASES + STEP_OF_PHASES * np.ceil(np.maximum(needed - LEAST_PHASES, 0) / STEP_OF_PHASES).astype(int)
 
 
-def _at(side: SidedBody, level: float) -> tuple[list[float], float, Array, Array]:
-    zero = np.zeros(len(SIZES))
-    polhode = Polhodes(side, level + zero, zero, phases(side, level))
-    torus = Torus(polhode, SIZES, zero, EVERY_FRAME[:, 0], EVERY_FRAME[:, 1])
-    mean = np.real(torus.spectrum[:, 0, 0])
-    second = second_order(torus)
+def _at(side: SidedBody, levels: Array, count: int) -> Iterator[tuple[list[float], float, Array, Array]]:
+    """What is found at each of several levels, with so many polhode phases."""
+    poses, m = len(SIZES), len(levels)
+    size, frames, zero = np.tile(SIZES, m), np.tile(EVERY_FRAME, (m, 1, 1)), np.zeros(m * poses)
+    polhode = Polhodes(side, np.repeat(levels, poses), zero, count)
+    torus = Torus(polhode, size, zero, frames[:, 0], frames[:, 1])
+    mean, second, swings = np.real(torus.spectrum[:, 0, 0]), second_order(torus), _swings(torus)
+    strengths = np.linalg.norm(torus.spectrum[..., :3], axis=-1)
+    for i in range(m):
+        own = slice(poses * i, poses * (i + 1))
+        numbers, residual = _coefficients(mean[own], second[own])
+        numbers += [float(polhode.rate[own][0]), float(polhode.precession[own][0])]
+        yield numbers, residual, _strengths(strengths[own]), _swing(swings[own])
+
+
+def _coefficients(mean: Array, second: Array) -> tuple[list[float], float]:
+    """Coefficients of first and second order from the means in all poses, and the misfit."""
     x, y, z = (EVERY_FRAME[:, i] for i in range(3))
     over, s0, w0 = 1 / SIZES, x[:, 2] * y[:, 2], z[:, 2] / 2
     s, w = s0 * over, w0 * over
@@ -76,14 +91,21 @@ def _at(side: SidedBody, level: float) -> tuple[list[float], float, Array, Array
     first, left = fitted([*parts, ((s,), mean[:, 4]), ((s,), mean[:, 5])])
     parts = [((s, s * w), second[:, 2]), ((s * over, s * w * over), second[:, 3])]
     higher, right = fitted([*parts, ([*across, *steep], second[:, :2])])
-    numbers = [*first, *higher, float(polhode.rate[0]), float(polhode.precession[0])]
-    return numbers, max(left, right), _strengths(np.linalg.norm(torus.spectrum[..., :3], axis=-1)), _swing(torus)
+    return [*first, *higher], max(left, right)
 
 
-def _swing(torus: Torus) -> Array:
-    change, turn = replace(torus, torque_factor=AWAY).ambient
+def _swings(torus: Torus) -> Array:
+    """Size of the generator in each pose: change of L over l and turn of R."""
+    away = replace(torus, torque_factor=AWAY)
+    # None of these depends on St.
+    vars(away).update(rotation=torus.rotation, spectrum=torus.spectrum, turn_beside=torus.turn_beside)
+    change, turn = away.ambient
     relative = np.linalg.norm(change, axis=-1) / torus.size[:, None, None] + np.linalg.norm(turn, axis=-1)
-    one, two = (float(relative[i::2].max()) for i in (0, 1))
+    return relative.max(axis=(1, 2))
+
+
+def _swing(sizes: Array) -> Array:
+    one, two = (float(sizes[i::2].max()) for i in (0, 1))
     drag = min(max(4 * two - one, 0.0), one)
     return np.array([one - drag, drag])
 

@@ -127,17 +127,16 @@ def _resonances(rates: Array, points: Array, strengths: Array) -> Array:
 
 def _poles(side: SidedBody, resonances: Array) -> Array:
     """Poles of the averages of second order at resonances, rows as in `Table`."""
-    rows = []
+    known: list[list[float]] = []
     for a2, slope in resonances[resonances[:, 2] > 2 * BESIDE, 2:4].tolist():
-        if any(abs(a2 - other[0]) < BESIDE for other in rows):
-            continue
-        values = []
-        for each in (a2 - BESIDE, a2 + BESIDE):
-            found = averages(side, level(np.array([each])))[0]
-            values.append([found[name][0] * (per_square(each) if name[0] == "b" else 1.0) for name in SECOND])
-        below, above = np.array(values)
-        rows.append([a2, slope, *(0.5 * BESIDE**2 * (above + below)), *(0.5 * BESIDE * (above - below))])
-    return np.array(rows).reshape(-1, POLE)
+        if all(abs(a2 - other) >= BESIDE for other, _ in known):
+            known.append([a2, slope])
+    places = np.array(known).reshape(-1, 2)
+    beside = np.concatenate([places[:, 0] - BESIDE, places[:, 0] + BESIDE])
+    found = averages(side, level(beside))[0] if known else {}
+    values = [found[name] * (per_square(beside) if name[0] == "b" else 1.0) for name in SECOND if known]
+    below, above = np.array(values).reshape(len(SECOND), 2, -1).swapaxes(0, 1)
+    return np.column_stack([places, 0.5 * BESIDE**2 * (above + below).T, 0.5 * BESIDE * (above - below).T])
 
 
 def _fitted(values: Array, weight: Array) -> Array:
