@@ -11,15 +11,18 @@ steps, each starting from the step at which the last one stopped. While it runs,
 
 import ctypes
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
 
 from polhode.models.problem import Problem
+from polhode.solvers import scipy_ivp
 from polhode.solvers.compile import c_callback, parameter_array
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status
 from polhode.solvers.cyrk_library import load_cyrk
 from polhode.solvers.machine_code.underflow import FlushedToZero
+from polhode.solvers.scipy_ivp import ScipySolver
 
 # Deadline and Ctrl-C are looked at once per this many steps: a tenth of a second at most.
 CHUNK = 20_000
@@ -46,37 +49,29 @@ class CyrkSolver(Solver):
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         """Compile the callback, once per field."""
-        parameters, method = parameter_array(problem), method_number(self.method)
-        address = c_callback(problem.field, problem.dimension, len(parameters), count=settings.count).address
-        if not settings.count:
-            call = Call(address, method, parameters, settings.tolerance)
-            return lambda record: _run(call, record)
         calls = np.zeros(1, dtype=np.int64)
-        counted = np.append(parameters, np.array([calls.ctypes.data]).view(float))
-        call = Call(address, method, counted, settings.tolerance)
+        call = self._call(problem, settings, calls)
 
         def integrate(record: Record) -> Outcome:
             calls[0] = 0
             outcome = _run(call, record)
-            record.work.rhs_calls = int(calls[0])
+            record.work.rhs_calls = int(calls[0]) if settings.count else None
             return outcome
 
         return integrate
 
+    def _call(self, problem: Problem, settings: Settings, calls: np.ndarray) -> "Call":
+        parameters = parameter_array(problem)
+        address = c_callback(problem.field, problem.dimension, len(parameters), count=settings.count).address
+        if settings.count:
+            parameters = np.append(parameters, np.array([calls.ctypes.data]).view(float))
+        return Call(address, method_number(self.method), parameters, settings.tolerance)
+
     def bare_call(self, problem: Problem, settings: Settings, times: np.ndarray) -> Callable[[], object] | None:
         """CyRK's C entry with these times; its rows stay there."""
-        parameters = parameter_array(problem)
-        address = c_callback(problem.field, problem.dimension, len(parameters)).address
-        call = Call(address, method_number(self.method), parameters, settings.tolerance)
+        call = self._call(problem, replace(settings, count=False), np.empty(0))
         start, end, wanted = np.array(problem.start), float(times[-1]), times[1:]
         return lambda: call.library.c_free(call(0.0, end, start, wanted, 10**9))
-
-
-class ImplicitCyrkSolver(CyrkSolver):
-    """An implicit method of CyRK."""
-
-    implicit = True
-    jacobians = ("difference",)
 
 
 def method_number(name: str) -> int:
@@ -207,40 +202,23 @@ class Tsit5(CyrkSolver):
     error_constant = 400.0  # 106 measured
 
 
-class Dop853(CyrkSolver):
-    """The compiled twin of `polhode.solvers.scipy_ivp.Dop853`."""
-
-    name = "cyrk-dop853"
-    summary = "explicit Runge-Kutta 8(5,3), compiled (CyRK)"
-    method = "DOP853"
-    error_constant = 150.0  # 59 measured
-
-
-class Lsoda(ImplicitCyrkSolver):
-    """The compiled twin of `polhode.solvers.scipy_ivp.Lsoda`; starts anew, at order 1, after every piece of a run."""
-
-    name = "cyrk-lsoda"
-    summary = "Adams or BDF, switching by itself, compiled (CyRK)"
-    method = "LSODA"
-    switching = True
-    error_constant = 300.0  # 86 measured
-
-
-class Bdf(ImplicitCyrkSolver):
-    """The compiled twin of `polhode.solvers.scipy_ivp.Bdf`; starts anew, at order 1, after every piece of a run."""
-
-    name = "cyrk-bdf"
-    summary = "backward differentiation formulas of order 1 to 5, compiled (CyRK)"
-    method = "BDF"
-    low_order = True
-    error_constant = 2500.0  # 833 measured
+def _twin(of: type[ScipySolver]) -> type[CyrkSolver]:
+    """One of SciPy's methods as CyRK has it: the same formulas, and the same errors at the same tolerance."""
+    again = " Starts anew, at order 1, after every piece of a run." if of.method in ("BDF", "LSODA") else ""
+    traits = {
+        "__doc__": f"The compiled twin of `polhode.solvers.scipy_ivp.{of.__name__}`.{again}",
+        "__module__": __name__,
+        "name": f"cyrk-{of.name}",
+        "summary": of.summary[: of.summary.rindex(" (")] + ", compiled (CyRK)",
+        "method": of.method.upper(),
+        "implicit": of.implicit,
+        # By finite differences a Jacobian costs one right-hand side per component.
+        "jacobians": ("difference",) if of.implicit else (),
+        "switching": of.switching,
+        "low_order": of.implicit and not of.switching,
+        "error_constant": of.error_constant,
+    }
+    return type(of.__name__, (CyrkSolver,), traits)
 
 
-class Radau(ImplicitCyrkSolver):
-    """The compiled twin of `polhode.solvers.scipy_ivp.Radau`; a Jacobian costs one right-hand side per component."""
-
-    name = "cyrk-radau"
-    summary = "implicit Runge-Kutta Radau IIA of order 5, compiled (CyRK)"
-    method = "RADAU"
-    low_order = True
-    error_constant = 10.0  # 2 measured
+Dop853, Lsoda, Bdf, Radau = map(_twin, (scipy_ivp.Dop853, scipy_ivp.Lsoda, scipy_ivp.Bdf, scipy_ivp.Radau))

@@ -14,7 +14,7 @@ from polhode.harness.analysis.pareto import crossing, fastest, times_at_error
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record, export
-from polhode.harness.common.text import bracketed, duration, markdown, scientific, short
+from polhode.harness.common.text import duration, markdown, scientific, short
 from polhode.harness.pages.figures.work_precision import save, work_precision_panels
 from polhode.harness.studies.cost import STARTS, FirstRun
 from polhode.harness.studies.overhead import Overhead
@@ -58,7 +58,8 @@ def write_page(measured: Measured, folder: Path, command: str) -> Path:
         "What the interpreter costs": (
             "The same algorithm at tolerance 1e-6 with the right-hand side in plain Python, with a compiled one that "
             "Python calls, and in machine code alone: SciPy's methods beside their twins in CyRK, with Jacobians by "
-            "finite differences; SUNDIALS' with exact ones, through scikit-sundae and without. One right-hand side "
+            "finite differences; SUNDIALS' with exact ones, through scikit-sundae, step by step, "
+            "and without. One right-hand side "
             f"alone takes {rhs}.\n\n{_interpreter(backends)}"
         ),
         "Where Taylor's and Verner's method cross": (
@@ -72,8 +73,8 @@ def write_page(measured: Measured, folder: Path, command: str) -> Path:
         ),
         "Time at equal slow error": _times(solvers),
         "What the Jacobian costs": (
-            "All runs of the table above, implicit methods with exact Jacobians and with finite differences.\n\n"
-            f"{_backends(backends)}"
+            "Implicit methods at tolerance 1e-6, by exact Jacobians and by finite differences: times, and right-hand "
+            f"sides as far as the library counts them.\n\n{_jacobians(backends)}"
         ),
         "What `solve` adds to the bare library call": (
             "The paper's ellipsoid at St = 1000, 201 samples, tolerance 1e-8, everything compiled; bare call and "
@@ -97,6 +98,11 @@ def write_page(measured: Measured, folder: Path, command: str) -> Path:
     return folder / "README.md"
 
 
+def _table(header: Sequence[str], rows: Sequence[Sequence[Any]], words: int = 1) -> str:
+    """A table whose first columns hold words."""
+    return markdown(header, rows, right=range(words, len(header)))
+
+
 def _times_by_stokes(table: pd.DataFrame, target: float) -> dict[float, dict[tuple[str, str], float]]:
     """Time of each form and solver at a slow error, by St."""
     return {stokes: times_at_error(runs, target) for stokes, runs in by_stokes(table)}
@@ -118,40 +124,54 @@ def _worth(table: pd.DataFrame) -> str:
         for name, factors in behind.items()
         if factors
     ]
-    return "\n".join([*claims, "", markdown(["slow error", "St", *ALONE], rows, right=range(2, 5))])
+    return "\n".join([*claims, "", _table(["slow error", "St", *ALONE], rows, 2)])
+
+
+def _finished(table: pd.DataFrame) -> dict[tuple[float, str, Any, str], tuple[float, float]]:
+    """Seconds and right-hand sides of runs that reached their end, by St, solver, back end and Jacobian."""
+    done = where(table, table["status"] == Status.REACHED_END)
+    keys = zip(done["stokes"], done["solver"], done["backend"], done["jacobian"].fillna(""), strict=True)
+    calls = done["work.rhs_calls"] if "work.rhs_calls" in done else [nan] * len(done)
+    return dict(zip(keys, zip(done["seconds"].astype(float), calls, strict=True), strict=True))
 
 
 def _interpreter(table: pd.DataFrame) -> str:
     """Times of an algorithm in the three ways, and how many times as long as alone the others take."""
-    done = where(table, table["status"] == Status.REACHED_END)
-    keys = zip(done["stokes"], done["solver"], done["backend"], done["jacobian"].fillna(""), strict=True)
-    seconds = dict(zip(keys, done["seconds"].astype(float), strict=True))
-    rows = []
-    for stokes, solver in dict.fromkeys((stokes, solver) for stokes, solver, *_ in seconds):
+    runs, rows = _finished(table), []
+    for stokes, solver in dict.fromkeys((stokes, solver) for stokes, solver, *_ in runs):
         method = find_solver(solver)
         if method.family not in ("SciPy", "SUNDIALS"):
             continue
         scipy = method.family == "SciPy"
         jacobian = ("difference" if scipy else "exact") if method.implicit else ""
-        times = [
-            seconds.get((stokes, f"cyrk-{solver}" if scipy and way == "compiled" else solver, way, jacobian))
-            for way in WAYS
-        ]
+        names = [f"cyrk-{solver}" if scipy and way == "compiled" else solver for way in WAYS]
+        times = [runs.get((stokes, name, way, jacobian), (None,))[0] for name, way in zip(names, WAYS, strict=True)]
         factors = [f"{each / times[-1]:.1f}" if each and times[-1] else "–" for each in times[:-1]]
         rows.append([short(stokes), solver, *map(duration, times), *factors])
-    header = ["St", "method", *WAYS.values(), *(f"{WAYS[way]} / alone" for way in ("python", "numba"))]
-    return markdown(header, rows, right=range(2, 7))
+    return _table(["St", "method", *WAYS.values(), *(f"{WAYS[way]} / alone" for way in ("python", "numba"))], rows, 2)
+
+
+def _jacobians(table: pd.DataFrame) -> str:
+    """Runs by exact Jacobians beside those by finite differences."""
+    runs, rows = _finished(table), []
+    for (stokes, solver, way, jacobian), (exact, calls) in runs.items():
+        difference = runs.get((stokes, solver, way, "difference"))
+        if jacobian != "exact" or not difference:
+            continue
+        counts = ["–" if isnan(each) else f"{each:.0f}" for each in (calls, difference[1])]
+        times = [duration(exact), duration(difference[0]), f"{difference[0] / exact:.2f}"]
+        rows.append([short(stokes), solver, WAYS[way], *times, *counts])
+    header = ["St", "solver", "right-hand side", "exact", "differences", "ratio", "calls, exact", "calls, differences"]
+    return _table(header, rows, 3)
 
 
 def _crossings(table: pd.DataFrame) -> str:
-    taylor, verner = ("quaternion", "taylor"), ("quaternion", "cyrk-vern8")
-    ratios = _ratios(table, taylor, verner, ERRORS)
+    ratios = _ratios(table, ("quaternion", "taylor"), ("quaternion", "cyrk-vern8"), ERRORS)
     rows = []
     for stokes, runs in by_stokes(table):
         error = crossing(runs, "quaternion", "taylor", "cyrk-vern8")
         rows.append([short(stokes), scientific(error) if error else "none", *ratios[stokes]])
-    header = ["St", "they cross at", *(f"taylor / cyrk-vern8 at {short(target)}" for target in ERRORS)]
-    return markdown(header, rows, right=range(1, 5))
+    return _table(["St", "they cross at", *(f"taylor / cyrk-vern8 at {short(each)}" for each in ERRORS)], rows)
 
 
 def _ratios(
@@ -169,8 +189,7 @@ def _ratios(
 def _forms(table: pd.DataFrame) -> str:
     targets = (1e-6, 1e-8, 1e-10, 1e-12)
     ratios = _ratios(table, ("quaternion", "taylor"), ("spheroid-axis", "taylor"), targets)
-    rows = [[short(stokes), *row] for stokes, row in ratios.items()]
-    return markdown(["St", *map(short, targets)], rows, right=range(1, 5))
+    return _table(["St", *map(short, targets)], [[short(stokes), *row] for stokes, row in ratios.items()])
 
 
 def _times(table: pd.DataFrame) -> str:
@@ -182,28 +201,17 @@ def _times(table: pd.DataFrame) -> str:
             for solver in SOLVERS
             if any(("quaternion", solver) in found for found in times.values())
         ]
-        header = ["solver", *(f"St = {short(stokes)}" for stokes in times)]
-        lines.append(f"Slow error {short(target)}:\n\n{markdown(header, rows, right=range(1, len(header)))}")
+        text = _table(["solver", *(f"St = {short(stokes)}" for stokes in times)], rows)
+        lines.append(f"Slow error {short(target)}:\n\n{text}")
     return "\n".join(lines)
-
-
-def _backends(table: pd.DataFrame) -> str:
-    rows = []
-    for run in table.sort_values(by=["stokes", "solver", "backend", "jacobian"]).to_dict("records"):
-        jacobian = "" if pd.isna(run["jacobian"]) else run["jacobian"]
-        row = [short(run["stokes"]), run["solver"], WAYS[run["backend"]], jacobian, duration(run["seconds"])]
-        row += [_whole(run["work.rhs_calls"]), _error_of(run, "slow"), str(run["status"]).replace("_", " ")]
-        rows.append(row)
-    header = ["St", "solver", "right-hand side", "Jacobian", "time", "calls", "slow error", "status"]
-    return markdown(header, rows, right=(4, 5, 6))
 
 
 def _first_runs(runs: Mapping[str, tuple[FirstRun, FirstRun]]) -> str:
     rows = [
-        [name, duration(cold.library), duration(cold.compilation), duration(warm.compilation), duration(warm.run)]
+        [name, *map(duration, (cold.library, cold.compilation, warm.compilation, warm.run))]
         for name, (cold, warm) in runs.items()
     ]
-    return markdown(["solver", "import", "compile, cold", "compile, warm", "run"], rows, right=range(1, 5))
+    return _table(["solver", "import", "compile, cold", "compile, warm", "run"], rows)
 
 
 def _overheads(overheads: Sequence[Overhead]) -> str:
@@ -211,16 +219,4 @@ def _overheads(overheads: Sequence[Overhead]) -> str:
     for one in overheads:
         difference = [f"{one.seconds * 1e6:+.0f} µs", f"{one.seconds / one.bare:+.1%}", "yes" if one.allowed else "no"]
         rows.append([one.solver, duration(one.bare), duration(one.solve), *difference])
-    header = ["solver", "bare call", "solve", "difference", "share", "within 5 % or 50 µs"]
-    return markdown(header, rows, right=range(1, 5))
-
-
-def _error_of(run: dict, want: str) -> str:
-    """An error in figures, in brackets where it is not known."""
-    error = run[f"{want}_error"]
-    return scientific(error) if pd.isna(error) else bracketed(error, bool(run[f"{want}_known"]))
-
-
-def _whole(value: Any) -> str:
-    """A count; a dash where the library keeps none."""
-    return "–" if pd.isna(value) else str(int(value))
+    return _table(["solver", "bare call", "solve", "difference", "share", "within 5 % or 50 µs"], rows)

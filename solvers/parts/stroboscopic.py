@@ -2,10 +2,11 @@
 
 from dataclasses import dataclass
 from functools import cache, cached_property
-from importlib.util import find_spec, module_from_spec, spec_from_file_location
+from importlib.util import find_spec
 from math import isfinite, pi
 from pathlib import Path
-from typing import Any
+from runpy import run_path
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -51,18 +52,11 @@ class Setting:
 
 
 @cache
-def dop853() -> Any:
+def dop853() -> SimpleNamespace:
     """SciPy's coefficients of DOP853, without the 0.2 s that its package takes to import."""
     scipy = find_spec("scipy")
-    assert scipy is not None
-    assert scipy.origin is not None
-    path = Path(scipy.origin).parent / "integrate" / "_ivp" / "dop853_coefficients.py"
-    spec = spec_from_file_location("dop853_coefficients", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    folder = Path((scipy and scipy.origin) or "scipy is not installed").parent
+    return SimpleNamespace(**run_path(str(folder / "integrate" / "_ivp" / "dop853_coefficients.py")))
 
 
 class Strobe:
