@@ -85,19 +85,20 @@ def _stroboscopic(study: Study, table: pd.DataFrame) -> list[str]:
     runs = where(table, (table["scene_name"] == "spheroid") & (table["stokes"] == STOKES))
     done = where(runs, runs["seconds"].notna() & (runs["status"] == "reached_end"))
     good = where(done, (done["slow_error"] <= slow) & (done["orientation_error"] <= orientation))
-    best = good.groupby("solver")["seconds"].min().sort_values().to_dict()
+    ordered = good.sort_values(by=["seconds"]).drop_duplicates("solver")
+    best = dict(zip(ordered["solver"].astype(str), ordered["seconds"].to_numpy(float).tolist(), strict=True))
     name = next((each for each in best if not _known(each)), None)
     if "stroboscopic" not in best or name is None:
         return []
     strobe = where(done, done["solver"] == "stroboscopic")
     scene = next(scene for name, scene in study.scenes if name == "spheroid" and scene.stokes == STOKES)
-    longer = _longer(scene, float(strobe["tolerance"].min()), study.samples)
+    longer = _longer(scene, min(strobe["tolerance"].to_numpy(float)), study.samples)
     return [
         f"`stroboscopic`, scene spheroid at St = {short(STOKES)}: slow error {short(slow)} and orientation error "
         f"{short(orientation)} rad in {duration(best['stroboscopic'])}, {name} in {duration(best[name])}: "
         f"{best[name] / best['stroboscopic']:.3g} times as fast, asked for: {asked:g}; splitting in "
         f"{duration(best.get('splitting'))}.",
-        f"Its least slow error there is {short(float(strobe['slow_error'].min()))}, asked for: 1e-10.",
+        f"Its least slow error there is {short(min(strobe['slow_error'].to_numpy(float)))}, asked for: 1e-10.",
         f"A run at St = {short(LARGER)} takes {longer:.2g} times as long as that at {short(STOKES)}, "
         f"asked for: at most {LONGER:g}.",
     ]
