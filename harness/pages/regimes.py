@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from io import BytesIO
 from math import isnan
 from pathlib import Path
+from statistics import median
 
 import pandas as pd
 
@@ -15,32 +16,41 @@ from polhode.harness.analysis.winners import TIE
 from polhode.harness.common.files import read_file, write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record
-from polhode.harness.common.text import duration, in_two_digits, markdown, short
+from polhode.harness.common.text import duration, in_two_digits, short
 from polhode.harness.pages.figures.map_picture import ERRORS, picture
 from polhode.harness.pages.figures.profiles import profile_lines
 from polhode.harness.pages.figures.work_precision import save
+from polhode.harness.pages.tables import table
 from polhode.harness.studies.study import Study
 from polhode.models.scene import Scene
 
 Maps = Mapping[tuple[str, str], Sequence[Cell]]
 """Cells by the scene's name and the error."""
+COLUMNS = {
+    "form": "{method.form}",
+    "solver": "{method.solver}",
+    "cells won": "{full.won} / {slow.won}",
+    "ties with the winner": "{full.tied} / {slow.tied}",
+    "on the Pareto front, St": "{full.front} / {slow.front} of {slow.measured}",
+    "runs without a result": "{failed}",
+}
 CELL_COLUMNS = ["scene", "error", "St", "target", "known", "form", "solver", "seconds", "lead", "tie", "next"]
 
 
 def write_page(study: Study, records: Sequence[Record], folder: Path, command: str) -> Path:
     """Write the page, its pictures and its data into a folder and return the page's path."""
-    table = frame(records)
+    runs = frame(records)
     folder.mkdir(parents=True, exist_ok=True)
     names = list(dict.fromkeys(name for name, _ in study.scenes))
     maps: Maps = {
-        (name, error): cells(where(table, table["scene_name"] == name), error) for name in names for error in ERRORS
+        (name, error): cells(where(runs, runs["scene_name"] == name), error) for name in names for error in ERRORS
     }
     for name in names:
         times = {scene.stokes: scene.time for own, scene in study.scenes if own == name}
         save(picture([maps[name, error] for error in ERRORS], times), folder, name)
-    write_runs(table, folder)
+    write_runs(runs, folder)
     _write_cells(maps, folder / "cells.csv")
-    write_file(folder / "README.md", "\n".join(_lines(study, table, records, maps, folder, command)))
+    write_file(folder / "README.md", "\n".join(_lines(study, runs, records, maps, folder, command)))
     return folder / "README.md"
 
 
@@ -67,40 +77,35 @@ def read_cells(path: Path) -> Maps:
 
 
 def _lines(
-    study: Study, table: pd.DataFrame, records: Sequence[Record], maps: Maps, folder: Path, command: str
+    study: Study, runs: pd.DataFrame, records: Sequence[Record], maps: Maps, folder: Path, command: str
 ) -> list[str]:
-    text = [*header(study.title, command, records), steadiness(table), "", _how(study), ""]
+    named = [(name, error, sentence(found, ERRORS[error][0])) for (name, error), found in maps.items()]
+    text = [*header(study.title, command, records), *(f"- The {name}, {words}" for name, _, words in named), ""]
     for name in dict.fromkeys(name for name, _ in maps):
         scenes = [scene for own, scene in study.scenes if own == name]
         axes = ", ".join(f"{length:g}" for length in scenes[0].ellipsoid.semi_axes)
-        text += [f"## The {name} ({axes})", "", f"![Winners over St and error]({name}.png)", ""]
-        for error, (what, _) in ERRORS.items():
-            text += [f"- {sentence}" for sentence in (*sentences(maps[name, error], what), _forms(maps[name, error]))]
-        rows = [[short(scene.stokes), short(scene.time), short(scene.slow_time)] for scene in scenes]
-        text += ["", _methods(where(table, table["scene_name"] == name), name, maps)]
-        text += ["Duration t in units of the inverse shear rate, and in slow time t₂ = t/St:", ""]
-        text += [markdown(["St", "t", "t₂"], rows, right=(0, 1, 2)), *horizon(scenes)]
-    return [*text, *profile_lines(table, folder)]
+        text += [f"## The {name} ({axes})", "", f"![Winners over St and error]({name}.png)", "", *horizon(scenes)]
+        text += [_methods(where(runs, runs["scene_name"] == name), name, maps)]
+    return [*text, *profile_lines(runs, folder), "## How to read it", "", _how(study), "", steadiness(runs), ""]
 
 
-def sentences(found: Sequence[Cell], what: str) -> list[str]:
-    """What a map shows, in sentences: which kind of method wins where, and by how much."""
-    words = {"implicit": "An implicit solver", "explicit": "An explicit solver", "averaged": "An averaged form"}
-    lines = []
+def sentence(found: Sequence[Cell], what: str) -> str:
+    """What a map shows: which kind of method wins where, by how much, and in which form."""
+    words = {"implicit": "implicit solvers", "explicit": "explicit solvers", "averaged": "averaged forms"}
+    parts = []
     for side, subject in words.items():
         own = [cell for cell in found if cell.winner and cell.winner.side == side]
         if not own:
-            lines.append(f"{subject} never wins ({what}).")
+            parts.append(f"{subject} never win")
             continue
         low, high = min(cell.stokes for cell in own), max(cell.stokes for cell in own)
-        leads = sorted(cell.lead for cell in own if not isnan(cell.lead))
-        ties = sum(cell.tied for cell in own)
-        middle, most = (in_two_digits(lead) for lead in (leads[len(leads) // 2], leads[-1])) if leads else ("", "")
-        by = f", by a factor {middle} (median) to {most}" if leads else ""
-        share = f"{len(own)} of {sum(cell.winner is not None for cell in found)}"
+        leads = [cell.lead for cell in own if not isnan(cell.lead)]
+        lead = f", × {in_two_digits(median(leads))}" if leads else ""
         span = f"from St = {short(low)} to {short(high)}" if low < high else f"at St = {short(low)}"
-        lines.append(f"{subject} wins {share} cells, {span}{by}; {ties} are ties ({what}).")
-    return lines
+        parts.append(f"{subject} win {len(own)} cells {span} ({sum(cell.tied for cell in own)} ties{lead})")
+    forms = Counter(cell.winner.form for cell in found if cell.winner and cell.winner.side != "averaged")
+    counts = ", ".join(f"{form} {number}" for form, number in forms.most_common())
+    return f"{what}: {'; '.join(parts)}. Cells by full form: {counts or 'none'}."
 
 
 def horizon(scenes: Sequence[Scene]) -> list[str]:
@@ -145,33 +150,27 @@ def _how(study: Study) -> str:
         f"next method of another colour; a corner shows who ties with it, within {100 * (TIE - 1):.0f} %. “Alone” "
         "stands where no method of another colour has a run that gets to this error. White cells: no run measured "
         f"gets there, at none of these tolerances within {study.max_seconds:g} s. Grey cells: below what the reference "
-        "resolves. Errors are maxima along the run against certified references. Every run: [runs.csv](runs.csv); "
+        "resolves. × in the sentences: the median lead. Errors are maxima along the run against certified references. "
+        "Every run: [runs.csv](runs.csv); "
         "every cell: [cells.csv](cells.csv)."
     )
 
 
-def _methods(table: pd.DataFrame, name: str, maps: Maps) -> str:
-    """Every method that was run, those that never win too."""
+def _methods(runs: pd.DataFrame, name: str, maps: Maps) -> str:
+    """The methods that win or tie somewhere, or lie on a front; the others by name."""
     full, slow = (
-        {row.method: row for row in standings(table, error, maps[name, error])}
+        {row.method: row for row in standings(runs, error, maps[name, error])}
         for error in ("orientation_error", "slow_error")
     )
     rows = [
-        [
-            *(row.method.form, row.method.solver),
-            *(f"{full[method].won} / {row.won}", f"{full[method].tied} / {row.tied}"),
-            f"{full[method].front} / {row.front} of {row.measured}",
-            ", ".join(f"{status.replace('_', ' ')} {number}" for status, number in row.failures.items()),
-        ]
+        {"method": method, "full": full[method], "slow": row, "failed": ", ".join(_failed(row.failures))}
         for method, row in slow.items()
     ]
-    columns = ["form", "solver", "cells won", "ties with the winner"]
-    columns += ["on the Pareto front, St", "runs without a result"]
-    text = "Every method, full solution / slow variables; at the other St somebody is both faster and more accurate:"
-    return f"{text}\n\n{markdown(columns, rows, right=(2, 3, 4))}"
+    seen = [row for row in rows if any(each.won + each.tied + each.front for each in (row["full"], row["slow"]))]
+    rest = "; ".join(str(row["method"]) for row in rows if row not in seen)
+    beside = f"Never among them: {rest}." if rest else ""
+    return f"Full solution / slow variables:\n\n{table(seen, COLUMNS, left=2)}\n{beside}\n"
 
 
-def _forms(found: Sequence[Cell]) -> str:
-    forms = [cell.winner.form for cell in found if cell.winner and cell.winner.side != "averaged"]
-    counts = ", ".join(f"{form} {forms.count(form)}" for form in dict.fromkeys(forms))
-    return f"Cells by form, where a full one wins: {counts}."
+def _failed(failures: Mapping[str, int]) -> list[str]:
+    return [f"{status.replace('_', ' ')} {number}" for status, number in failures.items()]

@@ -122,8 +122,9 @@ def _lines(study: PaperStudy, command: str) -> list[str]:
         "- First order is the paper's: `averaged` for triaxial ellipsoids, `averaged-spheroid` for spheroids. Second "
         "order, `averaged-second-order`, follows a triaxial ellipsoid to just short of L² = 2EI₂ alone: its errors are "
         "those of a shorter run, and not to be held against first order's. On its way there it passes resonances of "
-        "polhode and precession, and at each of them [leaves out](../../docs/second-order.md) a kick of O(St^-3/2); "
-        "its orders away from them stand in [its own study](../second-order/README.md).",
+        "polhode and precession, and [leaves out](../../docs/second-order.md) the kick of O(St^-1/2) times its "
+        "strength that each gives: where one is met, the error falls no faster at large St. The form `hybrid` follows "
+        "them. Orders away from resonances stand in [their own study](../second-order/README.md).",
         "- An error is that of the averaged equations' exact solution. Solved as a user would, by "
         f"`{SOLVER}` at tolerance {short(TOLERANCE)}, they are off by at most "
         f"{scientific(max(row.solver_error for row in rows))} more.",

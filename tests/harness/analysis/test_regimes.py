@@ -15,7 +15,7 @@ from polhode.harness.commands.bench import ahead, regimes
 from polhode.harness.common.store import Store
 from polhode.harness.pages.figures.map_picture import draw, picture
 from polhode.harness.pages.figures.style import LOOKS, colour
-from polhode.harness.pages.regimes import horizon, read_cells, sentences, write_page
+from polhode.harness.pages.regimes import horizon, read_cells, sentence, write_page
 from polhode.harness.studies.study_file import read_study
 from polhode.models.catalogue import form as find_form
 
@@ -96,13 +96,13 @@ def test_nobody_wins_where_the_reference_cannot_tell(table: pd.DataFrame):
     assert found[1e6, 1e-2].winner == Method("quaternion", "taylor")
 
 
-def test_sentences_name_each_side(table: pd.DataFrame):
-    implicit, explicit, averaged = sentences(cells(table, "slow_error"), "slow")
-    assert implicit.startswith("An implicit solver wins")
-    assert ", at St = 0.001, by a factor" in implicit
-    assert "from St = 1000 to 1e6" in explicit
-    assert averaged.startswith("An averaged form wins 4 of 33 cells")
-    assert sentences([], "slow")[0] == "An implicit solver never wins (slow)."
+def test_the_sentence_names_each_side(table: pd.DataFrame):
+    words = sentence(cells(table, "slow_error"), "slow")
+    assert re.search(r"^slow: implicit solvers win \d+ cells at St = 0.001 \(0 ties, × [\d.e]+\); explicit", words)
+    assert "from St = 1000 to 1e6" in words
+    assert "averaged forms win 4 cells at St = 1e6" in words
+    assert "Cells by full form: quaternion 29." in words
+    assert "implicit solvers never win; explicit" in sentence([], "slow")
 
 
 def test_every_cell_is_drawn_in_its_winners_colour(table: pd.DataFrame):
@@ -173,7 +173,8 @@ def test_the_page_is_written_from_records(table: pd.DataFrame, tmp_path):
     study = replace(study, scenes=tuple(pair for pair in study.scenes if pair[0] == "ellipsoid"))
     records = [{**row, **SURROUNDINGS} for row in table.to_dict("records")]
     page = write_page(study, records, tmp_path, "polhode regimes").read_text(encoding="utf-8")
-    assert "An averaged form wins 4 of 33 cells" in page
+    assert "- The ellipsoid, slow variables: implicit solvers win" in page
+    assert "averaged forms win 4 cells" in page
     assert re.search(r"\| quaternion +\| cyrk-vern8 +\| +0 / 0 \|", page)
     assert {path.name for path in tmp_path.iterdir()} == {
         "README.md",
