@@ -134,7 +134,8 @@ def _stride(times: np.ndarray) -> int:
 def _apart(states: np.ndarray, others: np.ndarray, stride: int = 1) -> np.ndarray:
     """Largest difference of each particle's states over the largest component at the start or 1."""
     with np.errstate(invalid="ignore", over="ignore"):
-        apart = np.abs(states[:, ::stride][:, : others.shape[1]] - others).max(axis=(1, 2))
+        apart = states[:, ::stride][:, : others.shape[1]] - others
+        apart = np.abs(apart, out=apart).reshape(len(states), -1, states.shape[3]).max(axis=1)
         return (apart / np.maximum(1.0, np.abs(states[:, 0]).max(axis=1))).ravel()
 
 

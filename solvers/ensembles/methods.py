@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -62,10 +62,15 @@ def method(name: str, problem: Problem) -> Method:
 
 def _splitting_constants(parts: Parts, scheme: Scheme, p: Sequence[float]) -> Callable[[float], np.ndarray]:
     def constants(h: float) -> np.ndarray:
-        fast = [value for share in scheme.fast for value in parts.fast.constants(p, share * h)]
+        fast = [value for share in _fast_shares(scheme) for value in parts.fast.constants(p, share * h)]
         return np.array([*fast, *(value for share in scheme.slow for value in parts.slow.constants(p, share * h))])
 
     return constants
+
+
+def _fast_shares(scheme: Scheme) -> tuple[float, ...]:
+    """Those of a step; the last of one step and the first of the next in one, and the first one undone."""
+    return *scheme.fast, 2 * scheme.fast[0], -scheme.fast[0]
 
 
 @cache
@@ -73,17 +78,20 @@ def _splitting(parts: Parts, scheme: Scheme, dimension: int) -> Lanes:
     zeros = [0.0] * 64
     fast, slow = parts.fast.flow(OPERATIONS), parts.slow.flow(OPERATIONS)
     fast_size, slow_size = (len(part.constants(zeros, 0.0)) for part in (parts.fast, parts.slow))
-    begin = fast_size * len(scheme.fast)
+    count = len(scheme.fast)
+    begin = fast_size * (count + 2)
+
+    def turned(y: Sequence[Any], c: Sequence[Any], share: int) -> Sequence[Any]:
+        return fast(y, c[share * fast_size :])
 
     def step(y: Sequence[Any], c: Sequence[Any]) -> Sequence[Any]:
-        fasts = [c[i * fast_size :] for i in range(len(scheme.fast))]
-        slows = [c[begin + i * slow_size :] for i in range(len(scheme.slow))]
         for i in range(scheme.stages):
-            y = fast(y, fasts[min(i, scheme.stages - i)])
-            y = slow(y, slows[min(i, scheme.stages - 1 - i)])
-        return fast(y, fasts[0])
+            y = slow(y, c[begin + min(i, scheme.stages - 1 - i) * slow_size :])
+            y = turned(y, c, min(i + 1, scheme.stages - 1 - i) or count)
+        return y
 
-    return lanes(step, dimension, begin + slow_size * len(scheme.slow))
+    ends = partial(turned, share=0), partial(turned, share=count + 1)
+    return lanes(step, dimension, begin + slow_size * len(scheme.slow), *ends)
 
 
 @cache

@@ -66,14 +66,16 @@ def by_particle(states: np.ndarray, particles: int) -> np.ndarray:
     return np.moveaxis(states.transpose(2, 0, 3, 1).reshape(dimension, groups * wide, rows), 0, 2)[:particles]
 
 
-def lanes(step: Step, dimension: int, constants: int) -> Lanes:
-    """Compile ``step(y, constants) -> y`` over generic numbers; the constants are the same for all particles."""
-    lines: dict[str, str] = {}
-    before, given = (
-        [Number(lines, f"%{name}{i}") for i in range(n)] for name, n in (("y", dimension), ("c", constants))
-    )
-    results = [_widened(operand(each)) for each in step(before, given)]
+def lanes(step: Step, dimension: int, constants: int, before: Step | None = None, after: Step | None = None) -> Lanes:
+    """Compile ``step(y, constants) -> y`` over generic numbers; the constants are the same for all particles.
+
+    Rows are states as the map `after` makes them of what is stepped, and the map `before` makes that of a row.
+    """
     vector, each_state = f"<{width()} x double>", range(dimension)
+    begun, text_before = _traced(before, "before", [f"%row{i}" for i in each_state], constants)
+    results, text_step = _traced(step, "step", [f"%y{i}" for i in each_state], constants)
+    rows, text_after = _traced(after, "after", results, constants)
+    begun, results, rows = ([_widened(each) for each in part] for part in (begun, results, rows))
     text = []
     for i in range(constants):
         text += [
@@ -89,21 +91,37 @@ def lanes(step: Step, dimension: int, constants: int) -> Lanes:
         text += [f"%begin{i}_at = getelementptr {vector}, ptr %at, i64 {i}"]
         text += [f"%begin{i} = load {vector}, ptr %begin{i}_at, align 8"]
     text += ["br label %row", "row:", "%r = phi i64 [1, %group], [%next_row, %row_end]"]
-    text += [f"%row{i} = phi {vector} [%begin{i}, %group], [{results[i]}, %row_end]" for i in each_state]
+    text += [f"%row{i} = phi {vector} [%begin{i}, %group], [{rows[i]}, %row_end]" for i in each_state]
+    text += [_widened(line) for line in text_before]
     text += ["br label %step", "step:", "%n = phi i64 [0, %row], [%next, %step]"]
-    text += [f"%y{i} = phi {vector} [%row{i}, %row], [{results[i]}, %step]" for i in each_state]
-    text += [_widened(f"{name} = {line}") for line, name in lines.items()]
+    text += [f"%y{i} = phi {vector} [{begun[i]}, %row], [{results[i]}, %step]" for i in each_state]
+    text += [_widened(line) for line in text_step]
     text += ["%next = add i64 %n, 1", "%more = icmp slt i64 %next, %steps"]
     text += ["br i1 %more, label %step, label %row_end", "row_end:", f"%row_first = mul i64 %r, {dimension}"]
+    text += [_widened(line) for line in text_after]
     for i in each_state:
         text += [f"%place{i} = add i64 %row_first, {i}", f"%out{i} = getelementptr {vector}, ptr %at, i64 %place{i}"]
-        text += [f"store {vector} {results[i]}, ptr %out{i}, align 8"]
+        text += [f"store {vector} {rows[i]}, ptr %out{i}, align 8"]
     text += ["%next_row = add i64 %r, 1", "%another_row = icmp slt i64 %next_row, %rows"]
     text += ["%next_group = add i64 %g, 1", "%another_group = icmp slt i64 %next_group, %groups"]
     text += ["br i1 %another_row, label %row, label %group_end", "group_end:"]
     text += ["br i1 %another_group, label %group, label %end", "end:"]
     functions = "\n".join(f"declare {vector} @llvm.{name}.v{width()}f64({vector})" for name in ("sqrt", "sin", "cos"))
     return Lanes(compile_lines(Signature(_HEAD, "start:", helpers=functions), "\n".join(text)), dimension)
+
+
+def _traced(step: Step | None, name: str, state: Sequence[str], constants: int) -> tuple[list[str], list[str]]:
+    """The numbers that a map makes of a state's, and the lines that do; the state's own if there is no map."""
+    lines: dict[str, str] = {}
+    given = [Number(lines, f"%c{i}") for i in range(constants)]
+    numbers = [Number(lines, each) for each in state]
+    made = numbers if step is None else step(numbers, given)
+
+    def named(text: str) -> str:
+        """Several maps stand in one function."""
+        return re.sub(r"%v(\d+)", rf"%{name}_\1", text)
+
+    return [named(operand(each)) for each in made], [named(f"{each} = {line}") for line, each in lines.items()]
 
 
 def _widened(line: str) -> str:

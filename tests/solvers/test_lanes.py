@@ -47,17 +47,25 @@ def test_lanes_are_the_map_repeated(particles: int, rows: int, steps: int):
     def step(ops):
         return lambda y, c: (ops.where_positive(y[1], 0.5, y[0]) - c[0] * y[1], ops.sqrt(y[0] * y[0] + c[1]) / -2, 0.25)
 
+    def before(y, c):
+        return y[0] + c[0], y[2], y[1] * y[1]
+
+    def after(y, c):
+        return y[0] - 0.5 * c[1], 2.0, y[1] - y[2]
+
     starts = np.random.default_rng(particles).standard_normal((particles, 3))
     constants = np.array([0.3, 2.0])
-    compiled = COMPILED.setdefault(width(), lanes(step(OPERATIONS), 3, 2))
+    compiled = COMPILED.setdefault(width(), lanes(step(OPERATIONS), 3, 2, before, after))
     found = by_particle(compiled.march(starts, rows, constants, steps), particles)
     assert found.shape == (particles, rows, 3)
     for start, seen in zip(starts.tolist(), found, strict=True):
         state = tuple(start)
         for row in range(rows):
             assert seen[row] == pytest.approx(state, rel=1e-14, abs=1e-15)
+            state = before(state, constants.tolist())
             for _ in range(steps):
                 state = step(FLOAT)(state, constants.tolist())
+            state = after(state, constants.tolist())
 
 
 COMPILED: dict = {}
