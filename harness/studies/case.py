@@ -80,7 +80,8 @@ class Case:
         """The scene's initial value problem in the case's form, with the least number of steps it can take."""
         form = find_form(self.form)
         problem = form.problem(self.scene)
-        if form.averaged or problem.course or self.scene.stokes < OSCILLATORY_FROM:
+        averages = form.averaged or problem.course or find_solver(self.solver).many_periods
+        if averages or self.scene.stokes < OSCILLATORY_FROM:
             return problem
         return replace(problem, least_steps=max(1, int(rotations(self.scene) / ROTATIONS_PER_STEP)))
 

@@ -83,3 +83,4 @@ def test_runs_that_average_may_take_few_steps():
     long = replace(SCENE, stokes=1e6, time=1e4)
     assert replace(CASE, scene=long).problem.least_steps > 10
     assert replace(CASE, scene=long, form="hybrid").problem.least_steps == 1
+    assert replace(CASE, scene=long, solver="stroboscopic").problem.least_steps == 1
