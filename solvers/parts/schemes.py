@@ -1,7 +1,7 @@
 """Compositions of the flows of two parts, and how large their steps may be."""
 
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 
 import numpy as np
 
@@ -44,14 +44,19 @@ class Scheme:
         """All shares of a step, of the fast flows, shape (stages + 1,), and of the slow ones, shape (stages,)."""
         return _mirrored(self.fast, self.stages + 1), _mirrored(self.slow, self.stages)
 
-    def address(self, number: type) -> int:
-        """Where machine code finds its numbers, of a type."""
-        return _numbers(self, number).ctypes.data
+    @cached_property
+    def numbers(self) -> dict[type, np.ndarray]:
+        """What machine code receives, by the type of its numbers: stages and shares."""
+        halves = (self.fast, self.stages + 1), (self.slow, self.stages)
+        return {
+            number: np.concatenate([[number(self.stages)], *(_mirrored(*half, number) for half in halves)])
+            for number in (float, np.longdouble)
+        }
 
-    @property
-    def numbers(self) -> np.ndarray:
-        """What machine code receives: stages and shares."""
-        return _numbers(self, float)
+    @cached_property
+    def addresses(self) -> dict[type, int]:
+        """Where machine code finds these numbers."""
+        return {number: array.ctypes.data for number, array in self.numbers.items()}
 
     def factor(self, error: float) -> float:
         """The number H of ``step``, at which the law promises an error over γ."""
@@ -70,12 +75,6 @@ class Scheme:
         """Step ``H r**-m``, between one in angle (m = 1) and one in time (m = 0), and no wider than can be."""
         angle = min(factor * rate ** (1 - self.exponent), self.widest)
         return (AVOIDED[0] if AVOIDED[0] < angle < AVOIDED[1] else angle) / rate
-
-
-@cache
-def _numbers(scheme: Scheme, number: type) -> np.ndarray:
-    fast, slow = _mirrored(scheme.fast, scheme.stages + 1, number), _mirrored(scheme.slow, scheme.stages, number)
-    return np.concatenate([[number(scheme.stages)], fast, slow])
 
 
 def _mirrored(half: tuple[float, ...], length: int, number: type = float) -> np.ndarray:

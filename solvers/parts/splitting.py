@@ -75,7 +75,7 @@ class Split:
         """What two runs differ by, as `polhode.solvers.parts.kernels.Kernels` says."""
         out = np.empty(7, self.number)
         laws, setting_ = (self.numbers(each) for each in ((*law, *finer), setting))
-        self.kernels.check(scheme.address(self.number), laws, self.address, state, setting_, out)
+        self.kernels.check(scheme.addresses[self.number], laws, self.address, state, setting_, out)
         return out
 
     def numbers(self, values: Any) -> np.ndarray:
@@ -128,7 +128,7 @@ class Split:
     ) -> int:
         """Advance state and clock until the rows are filled, or a limit is met; says which."""
         own[At.LIMIT], own[At.ROWS] = limit, len(times)
-        self.kernels.advance(scheme.address(self.number), self.numbers(law), self.address, state, own, times, rows)
+        self.kernels.advance(scheme.addresses[self.number], self.numbers(law), self.address, state, own, times, rows)
         return int(own[At.CODE])
 
     def free(self, record: Record) -> Outcome:

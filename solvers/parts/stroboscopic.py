@@ -65,7 +65,7 @@ class Strobe:
     def __init__(self, problem: Problem, tolerance: float) -> None:
         assert problem.parts is not None
         self.split, self.tolerance = Split(problem, tolerance), tolerance
-        self.p, self.scheme, self.table = self.split.p, SCHEMES[-1].numbers, dop853()
+        self.p, self.scheme, self.table = self.split.p, SCHEMES[-1].numbers[float], dop853()
         # Either machine code is compiled beforehand if it is the one needed, and else where it turns out to be.
         _ = self.kernels if self.pays(np.array(problem.start), problem.end) else self.split.kernels
 
