@@ -47,9 +47,9 @@ class Scheme:
     @cached_property
     def numbers(self) -> dict[type, np.ndarray]:
         """What machine code receives, by the type of its numbers: stages and shares."""
-        halves = (self.fast, self.stages + 1), (self.slow, self.stages)
+        shares = [(self.fast, self.stages + 1), (self.slow, self.stages)]
         return {
-            number: np.concatenate([[number(self.stages)], *(_mirrored(*half, number) for half in halves)])
+            number: np.concatenate([np.array([self.stages], number), *(_mirrored(*each, number) for each in shares)])
             for number in (float, np.longdouble)
         }
 
