@@ -74,12 +74,18 @@ _EXPECTED = {
 }
 
 
+# A full disk is nobody's bad input.
+_FULL = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
+
+
 @contextmanager
 def bad_input() -> Iterator[None]:
     """Turn what a caller's values raise into `BadInput`."""
     try:
         yield
     except OSError as error:
+        if error.errno in _FULL:
+            raise
         where = f"{error.filename}: " if error.filename else ""
         expected = _EXPECTED.get(error.errno or 0, "")
         reason = str(error.strerror or error)

@@ -1,9 +1,13 @@
 """What tests of the command line share: the installed script, a scene, a study."""
 
+import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+
+import pytest
 
 SCRIPT = str(Path(sys.executable).with_name("polhode"))
 # The scene file of the manual.
@@ -35,3 +39,16 @@ start.euler_rates = [1.0, 1.0, -1.0]
 """
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@contextmanager
+def small_disk(folder: Path, size: str) -> Iterator[Path]:
+    """A disk of that size at the folder."""
+    folder.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(folder)]
+    if os.geteuid() != 0 or subprocess.run(mount, capture_output=True, check=False).returncode:
+        pytest.skip("a small disk needs the right to mount one")
+    try:
+        yield folder
+    finally:
+        subprocess.run(["umount", "-l", str(folder)], check=True)

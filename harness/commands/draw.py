@@ -20,6 +20,7 @@ def draw(scene: str, out: Path, until: float | None, frames: int) -> None:
     from dataclasses import replace
 
     from polhode.harness.api import solve
+    from polhode.harness.common.files import PartialFile
     from polhode.harness.pages.figures.particle import tumbling
     from polhode.harness.picking.choice import simplest
     from polhode.harness.references.rotations import rotations
@@ -37,5 +38,6 @@ def draw(scene: str, out: Path, until: float | None, frames: int) -> None:
         solution = solve(shown, form=simplest(shown, "orientation")[0], error=1e-3, want="orientation", samples=frames)
         if not solution.success:
             raise RunFailed(f"{solution.form} by {solution.solver}: {solution.status}")
-        tumbling(solution).savefig(out, dpi=160)
+        with PartialFile(out, binary=True) as file:
+            tumbling(solution).savefig(file, format=out.suffix[1:], dpi=160)
     click.echo(f"{out}")

@@ -60,7 +60,19 @@ class PartialFile:
     def __enter__(self) -> IO[Any]:
         return self.open()
 
-    def __exit__(self, failure: type[BaseException] | None, *details: object) -> None:
+    def __exit__(self, kind: type[BaseException] | None, failure: BaseException | None, *where: object) -> None:
+        try:
+            self._close(failure)
+        except OSError as error:
+            failure = error
+            raise
+        finally:
+            # Where the disk is full, the system says so without the file's name.
+            if isinstance(failure, OSError) and failure.errno and not failure.filename:
+                failure.filename = str(self.path)
+
+    def _close(self, failure: BaseException | None) -> None:
+        """Give the file its name, that of a partial one if the block failed."""
         file, kept = self.open(), self.partial
         try:
             file.flush()

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from PIL import Image
 
+from polhode.harness.common.files import write_file
 from polhode.harness.pages.figures.style import power
 from polhode.harness.paper.item import Table
 from polhode.harness.paper.tables import groups
@@ -153,12 +155,14 @@ def draw_law(axes: Axes, x: np.ndarray, y: float, slope: float, line: str = ":",
 def save(figure: Figure, folder: Path, name: str, formats: Sequence[str] = FORMATS) -> None:
     """Save a figure; the same figure gives the same files. A palette of 256 colours keeps the PNG small."""
     for ending in formats:
-        path = folder / f"{name}.{ending}"
+        drawn = BytesIO()
         metadata = {"Date": None} if ending == "svg" else {"Software": None}
-        figure.savefig(path, dpi=RESOLUTION, metadata=metadata)
+        figure.savefig(drawn, format=ending, dpi=RESOLUTION, metadata=metadata)
         if ending == "png":
-            with Image.open(path) as image:
-                with_palette(image.convert("RGB")).save(path, optimize=True)
+            with Image.open(drawn) as image:
+                drawn = BytesIO()
+                with_palette(image.convert("RGB")).save(drawn, "png", optimize=True)
+        write_file(folder / f"{name}.{ending}", drawn.getvalue())
 
 
 def with_palette(image: Image.Image) -> Image.Image:

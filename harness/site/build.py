@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable
 from datetime import UTC, datetime
 from html import escape
+from io import BytesIO
 from pathlib import Path
 
 from PIL import Image
@@ -100,8 +101,10 @@ def _as_costs(picture: str) -> str:
 
 def _copy(source: Path, target: Path) -> None:
     """Copy a picture without loss in a format that keeps the site small."""
+    copied = BytesIO()
     with Image.open(source) as image:
-        image.convert("RGB").save(target, lossless=True, quality=50, method=2)
+        image.convert("RGB").save(copied, "webp", lossless=True, quality=50, method=2)
+    write_file(target, copied.getvalue())
 
 
 def _foot() -> str:

@@ -10,6 +10,7 @@ import pandas as pd
 
 from polhode.harness.analysis.frames import by_stokes, where
 from polhode.harness.analysis.pareto import pareto_front
+from polhode.harness.common.files import PartialFile
 from polhode.harness.pages.figures.style import GREY, is_averaged, looks, power
 from polhode.harness.references.uncertainty import KNOWN, known
 
@@ -214,5 +215,6 @@ def save(figure: "Figure", folder: Path, name: str) -> None:
     """Save a figure and close it."""
     import matplotlib.pyplot as plt
 
-    figure.savefig(folder / f"{name}.png", dpi=150)
+    with PartialFile(folder / f"{name}.png", binary=True) as file:
+        figure.savefig(file, format="png", dpi=150)
     plt.close(figure)

@@ -8,13 +8,12 @@ import sqlite3
 import subprocess
 import time
 import tomllib
-from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pytest
-from commandline import SCRIPT, Run
+from commandline import SCRIPT, Run, small_disk
 
 from polhode.harness.common.store import DamagedStoreError, Store
 from polhode.harness.ensembles.engines import serial
@@ -198,19 +197,6 @@ def test_a_limit_of_file_size_loses_nothing(here: Run, environment, sweep_file: 
     assert text.splitlines()[-1].endswith("; finished tasks are in out/store.sqlite, --resume goes on")
     assert "Traceback" not in text
     finish(here, path, undisturbed)
-
-
-@contextmanager
-def small_disk(folder: Path, size: str) -> Iterator[Path]:
-    """A disk of that size at the folder."""
-    folder.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(folder)]
-    if os.geteuid() != 0 or subprocess.run(mount, capture_output=True, check=False).returncode:
-        pytest.skip("a small disk needs the right to mount one")
-    try:
-        yield folder
-    finally:
-        subprocess.run(["umount", "-l", str(folder)], check=True)
 
 
 def test_a_full_disk_loses_nothing(here: Run, environment, sweep_file: Path, tmp_path: Path, undisturbed):

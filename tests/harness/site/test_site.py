@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from commandline import Run
+from commandline import Run, small_disk
 from sites import TAG, data_of, site
 
 from polhode.harness.common.store import export, read_export
@@ -185,6 +185,18 @@ def test_memory_holds_no_more_of_a_record_than_the_page_shows(tmp_path: Path, si
     tracemalloc.stop()
     assert studies["bench"]["seconds"].tolist() == [record["seconds"]] * 40
     assert set(studies["bench"]) <= {*COLUMNS, *NEEDED, "slow_known", "orientation_known"}
+
+
+def test_a_full_disk_is_named_and_leaves_no_half_page(here: Run, site_reports: Path, tmp_path: Path):
+    with small_disk(tmp_path / "full", "80k") as folder:
+        done = here("report", "--reports", site_reports, "--out", folder)
+        assert done.returncode == 1
+        assert re.fullmatch(
+            rf"polhode: {folder}/\S+: No space left on device, expected a place to write and room for it\n", done.stderr
+        )
+        pages = [path for path in folder.rglob("*") if path.is_file()]
+        assert pages
+        assert all(path.read_text(encoding="utf-8").endswith("</html>\n") for path in pages)
 
 
 def test_damaged_files_are_named(tmp_path: Path):
