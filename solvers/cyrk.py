@@ -83,17 +83,7 @@ def method_number(name: str) -> int:
 
 
 class Call:
-    """The library's C entry with everything bound but the piece to run.
-
-    Parameters
-    ----------
-    address : int
-        Of the right-hand side, ``void(double *dy, double t, double *y, double *p)``.
-    method : int
-        The library's number of the method.
-    parameters : ndarray
-    tolerance : float
-    """
+    """The library's C entry with everything bound but the piece to run: field, number of the method, parameters."""
 
     def __init__(self, address: int, method: int, parameters: np.ndarray, tolerance: float) -> None:
         self.library = load_cyrk()
@@ -104,31 +94,16 @@ class Call:
         """Run; the pointer returned is to be freed by ``library.c_free``."""
         tolerance = self.tolerance.ctypes.data
         return self.library.c_numba_cysolve_ivp(
-            self.address,
-            start,
-            end,
-            state.ctypes.data,
-            state.size,
-            self.method,
-            0,  # expected size: the library's guess
-            0,  # extra outputs
-            self.parameters.ctypes.data,
-            self.parameters.nbytes,
-            max_steps,
-            MAX_RAM_MB,
-            False,  # dense output is used, not kept
-            times.ctypes.data,
-            times.size,
-            None,  # no function before the right-hand side
-            None,  # no events
-            0,
-            tolerance,
-            1,
-            tolerance,
-            1,
-            np.inf,  # largest step
-            0.0,  # first step: the library's guess
-            True,  # keep what `c_get_y_now` reads
+            *(self.address, start, end, state.ctypes.data, state.size),
+            # Expected size: the library's guess; extra outputs.
+            *(self.method, 0, 0, self.parameters.ctypes.data, self.parameters.nbytes),
+            # Dense output is used, not kept.
+            *(max_steps, MAX_RAM_MB, False, times.ctypes.data, times.size),
+            # No function before the right-hand side, no events.
+            *(None, None, 0),
+            *(tolerance, 1, tolerance, 1),
+            # Largest step, first step: the library's guess; keep what `c_get_y_now` reads.
+            *(np.inf, 0.0, True),
         )
 
 

@@ -17,47 +17,32 @@ _READABLE, _WRITEABLE = 0x0101, 0x0501  # C-contiguous and aligned; writeable as
 _FASTCALL = 0x0080
 _EXPECTED = b"expected one-dimensional contiguous arrays of float64, of the field's sizes, the last one writeable"
 
-# The data of an array that is what it should be, else null.
-_CHECK = f"""
-define internal ptr @data(ptr %array, i64 %length, i32 %flags) alwaysinline {{
-  %type_at = getelementptr i8, ptr %array, i64 {_TYPE}
-  %type = load ptr, ptr %type_at
-  %is_array = icmp eq ptr %type, inttoptr (i64 {id(np.ndarray)} to ptr)
-  br i1 %is_array, label %array_found, label %wrong
-array_found:
-  %dimensions_at = getelementptr i8, ptr %array, i64 {_DIMENSIONS}
-  %dimensions = load i32, ptr %dimensions_at
-  %is_vector = icmp eq i32 %dimensions, 1
-  br i1 %is_vector, label %vector, label %wrong
-vector:
-  %lengths_at = getelementptr i8, ptr %array, i64 {_LENGTHS}
-  %lengths = load ptr, ptr %lengths_at
-  %got_length = load i64, ptr %lengths
-  %is_long = icmp eq i64 %got_length, %length
-  %element_at = getelementptr i8, ptr %array, i64 {_ELEMENT}
-  %element = load ptr, ptr %element_at
-  %order_at = getelementptr i8, ptr %element, i64 {_ORDER}
-  %order = load i8, ptr %order_at
-  %is_native = icmp eq i8 %order, {ord("=")}
-  %number_at = getelementptr i8, ptr %element, i64 {_NUMBER}
-  %number = load i32, ptr %number_at
-  %is_double = icmp eq i32 %number, {np.dtype(float).num}
-  %flags_at = getelementptr i8, ptr %array, i64 {_FLAGS}
-  %got_flags = load i32, ptr %flags_at
-  %common = and i32 %got_flags, %flags
-  %is_usable = icmp eq i32 %common, %flags
-  %both = and i1 %is_long, %is_native
-  %three = and i1 %both, %is_double
-  %all = and i1 %three, %is_usable
-  br i1 %all, label %right, label %wrong
-right:
-  %data_at = getelementptr i8, ptr %array, i64 {_DATA}
-  %data = load ptr, ptr %data_at
-  ret ptr %data
-wrong:
-  ret ptr null
-}}
-"""
+
+def _data() -> str:
+    """The function of an array, a length and flags: where its data are, null if it is not what it should be."""
+    requirements = (
+        ("array", _TYPE, "ptr", f"inttoptr (i64 {id(np.ndarray)} to ptr)"),
+        ("array", _DIMENSIONS, "i32", "1"),
+        ("lengths", 0, "i64", "%length"),
+        ("element", _ORDER, "i8", str(ord("="))),
+        ("element", _NUMBER, "i32", str(np.dtype(float).num)),
+    )
+    lines = ["define internal ptr @data(ptr %array, i64 %length, i32 %flags) alwaysinline {"]
+
+    def load(name: str, kind: str, base: str, offset: int) -> None:
+        lines.append(f"%{name}_at = getelementptr i8, ptr %{base}, i64 {offset}\n%{name} = load {kind}, ptr %{name}_at")
+
+    for i, (base, offset, kind, expected) in enumerate(requirements):
+        if base != "array":
+            load(f"{base}{i}", "ptr", "array", {"lengths": _LENGTHS, "element": _ELEMENT}[base])
+        load(f"got{i}", kind, base if base == "array" else f"{base}{i}", offset)
+        lines += [f"%is{i} = icmp eq {kind} %got{i}, {expected}", f"br i1 %is{i}, label %right{i}, label %wrong"]
+        lines.append(f"right{i}:")
+    load("got_flags", "i32", "array", _FLAGS)
+    load("data", "ptr", "array", _DATA)
+    lines += ["%common = and i32 %got_flags, %flags", "%usable = icmp eq i32 %common, %flags"]
+    lines += ["%found = select i1 %usable, ptr %data, ptr null", "ret ptr %found", "wrong:", "ret ptr null", "}"]
+    return "\n".join(lines)
 
 
 class _Definition(ctypes.Structure):
@@ -110,7 +95,7 @@ def _signature(arrays: Mapping[str, int], message: int) -> Signature:
         f"call void {_python('Py_IncRef')}(ptr inttoptr (i64 {id(None)} to ptr))",
     ]
     none = f"ptr inttoptr (i64 {id(None)} to ptr)"
-    return Signature("ptr @function(ptr %self, ptr %arguments, i64 %count)", "\n".join(lines), none, _CHECK)
+    return Signature("ptr @function(ptr %self, ptr %arguments, i64 %count)", "\n".join(lines), none, _data())
 
 
 def _python(name: str) -> str:

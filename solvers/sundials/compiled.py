@@ -144,20 +144,14 @@ def _free(library: Sundials, owned: list[tuple[str, int, Any]]) -> None:
         library(name, pointer)
 
 
-def _array(library: Sundials, name: str, function: str, vector: str) -> str:
-    return f"%{name} = call ptr {library.address(function)}(ptr %{vector})"
-
-
 @cache
 def _field(library: Sundials, factory: FieldFactory, dimension: int, parameters: int) -> MachineCode:
     """CVODE's ``int f(double t, N_Vector y, N_Vector rate, void *p)``, or IDA's with its residual before p."""
     implicit = library.prefix == "IDA"
     vectors = {"y": "state", "slope": "rate", "out": "rest"} if implicit else {"y": "state", "out": "rate"}
-    head = f"i32 @function(double %t, {', '.join(f'ptr %{vector}' for vector in vectors.values())}, ptr %p)"
-    prologue = [_array(library, name, "N_VGetArrayPointer", vector) for name, vector in vectors.items()]
-    prologue.append(f"%mass = getelementptr double, ptr %p, i64 {parameters}")
-    lines = trace(factory, dimension, parameters, mass=implicit)
-    return compile_lines(Signature(head, "\n".join(prologue), "i32 0"), lines)
+    head = f"double %t, {', '.join(f'ptr %{vector}' for vector in vectors.values())}, ptr %p"
+    arrays = {name: f"{library.address('N_VGetArrayPointer')}(ptr %{vector})" for name, vector in vectors.items()}
+    return _callback(head, arrays, parameters, trace(factory, dimension, parameters, mass=implicit))
 
 
 @cache
@@ -165,14 +159,17 @@ def _jacobian(library: Sundials, factory: FieldFactory, dimension: int, paramete
     """The Jacobian of `_field`, as the library calls it."""
     implicit = library.prefix == "IDA"
     numbers, vectors = ("double %cj, ", "ptr %rest, ") if implicit else ("", "")
-    head = f"i32 @function(double %t, {numbers}ptr %state, ptr %rate, {vectors}ptr %matrix, ptr %p, ptr, ptr, ptr)"
-    prologue = [
-        _array(library, "y", "N_VGetArrayPointer", "state"),
-        _array(library, "out", "SUNDenseMatrix_Data", "matrix"),
-        f"%mass = getelementptr double, ptr %p, i64 {parameters}",
-    ]
-    lines = trace_jacobian(factory, dimension, parameters, mass=implicit)
-    return compile_lines(Signature(head, "\n".join(prologue), "i32 0"), lines)
+    head = f"double %t, {numbers}ptr %state, ptr %rate, {vectors}ptr %matrix, ptr %p, ptr, ptr, ptr"
+    state, matrix = library.address("N_VGetArrayPointer"), library.address("SUNDenseMatrix_Data")
+    arrays = {"y": f"{state}(ptr %state)", "out": f"{matrix}(ptr %matrix)"}
+    return _callback(head, arrays, parameters, trace_jacobian(factory, dimension, parameters, mass=implicit))
+
+
+def _callback(arguments: str, arrays: dict[str, str], parameters: int, lines: str) -> MachineCode:
+    """A function of traced lines whose arrays are found by calls; the masses stand behind the parameters."""
+    prologue = [f"%{name} = call ptr {found}" for name, found in arrays.items()]
+    prologue.append(f"%mass = getelementptr double, ptr %p, i64 {parameters}")
+    return compile_lines(Signature(f"i32 @function({arguments})", "\n".join(prologue), "i32 0"), lines)
 
 
 @cache
