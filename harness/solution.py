@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from html import escape
 from math import nan
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from polhode.harness.picking.second_look import UNKNOWN, RunError
 from polhode.models.form import Form
 from polhode.models.observables import Observables, angular_velocity
 from polhode.models.scene import Scene, start_from
-from polhode.solvers.contract import Status, Work, installed
+from polhode.solvers.contract import Status, installed
 from polhode.solvers.dense_output import LikeSolveIvp
 from polhode.solvers.pieces import Stage
 from polhode.solvers.solve import Solution, described
@@ -118,66 +119,23 @@ class SceneSolution(LikeSolveIvp):
         ]
         return lines if len(lines) <= most else [*lines[: most - 1], f"{len(lines) - most + 1} pieces more"]
 
-    @property
-    def form(self) -> str:
-        """Name of the form."""
-        return self.equations.name
-
-    @property
-    def solver(self) -> str:
-        """Name of the solver."""
-        return self.run.solver
-
-    @property
-    def tolerance(self) -> float:
-        """The solver's."""
-        return self.run.settings.tolerance
-
-    @property
-    def status(self) -> Status:
-        """How the run ended. Failure is a status, with the rows finished before it."""
-        return self.run.status
-
-    @property
-    def message(self) -> str:
-        """Why it failed, in the library's own words."""
-        return self.run.message
-
-    @property
-    def work(self) -> Work:
-        """What the run cost."""
-        return self.run.work
-
-    @property
-    def seconds(self) -> float:
-        """Wall time of the integrator alone, compilation left out."""
-        return self.run.seconds
-
-    @property
-    def states(self) -> np.ndarray:
-        """The form's own variables, shape (n, d); `equations.state` names them."""
-        return self.run.states
+    form = property(attrgetter("equations.name"), doc="Name of the form.")
+    solver = property(attrgetter("run.solver"), doc="Name of the solver.")
+    tolerance = property(attrgetter("run.settings.tolerance"), doc="The solver's.")
+    status = property(attrgetter("run.status"), doc="How the run ended; failure has the rows finished before it.")
+    message = property(attrgetter("run.message"), doc="Why it failed, in the library's own words.")
+    work = property(attrgetter("run.work"), doc="What the run cost.")
+    seconds = property(attrgetter("run.seconds"), doc="Wall time of the integrator alone, compilation left out.")
+    states = property(attrgetter("run.states"), doc="The form's own variables, (n, d); `equations.state` names them.")
+    angular_momentum = property(attrgetter("observables.angular_momentum"), doc="L in space axes, (n, 3), without St.")
+    energy = property(attrgetter("observables.energy"), doc="E, shape (n,), without St.")
+    rotation = property(attrgetter("observables.rotation"), doc="t_ij, (n, 3, 3), NaN where the form knows none.")
 
     @property
     def slow_times(self) -> np.ndarray:
         """t₂ = t/St, shape (n,): NaN at St = 0, 0 at St = inf."""
         stokes = self.scene.stokes
         return np.full_like(self.times, nan if stokes == 0 else 0.0) if stokes in (0, np.inf) else self.times / stokes
-
-    @property
-    def angular_momentum(self) -> np.ndarray:
-        """L in space axes, shape (n, 3), without St."""
-        return self.observables.angular_momentum
-
-    @property
-    def energy(self) -> np.ndarray:
-        """E, shape (n,), without St."""
-        return self.observables.energy
-
-    @property
-    def rotation(self) -> np.ndarray:
-        """t_ij, shape (n, 3, 3): row i is body axis i in space components; NaN where the form does not know it."""
-        return self.observables.rotation
 
     @property
     def angular_velocity(self) -> np.ndarray:
