@@ -42,7 +42,6 @@ def sweep(
     numbers. Several runs with --resume may share one store.
     """
     from polhode.harness.ensembles.sweep import read_sweep, run_sweep
-    from polhode.harness.pages.sweep import write_results
 
     with bad_input():
         what = read_sweep(sweep_file)
@@ -55,6 +54,9 @@ def sweep(
         tally = run_sweep(what, store, engine, quiet=quiet, spread=resume)
         if tally.failed:
             raise RunFailed(f"{tally.failed} of {what.size} tasks failed, --resume tries again: {tally.message}")
+        # Slow to import, and not needed until all is done.
+        from polhode.harness.pages.sweep import write_results
+
         page, ensembles = write_results(what, store, folder)
     click.echo(json.dumps(ensembles) if as_json else f"{page}")
 

@@ -15,9 +15,9 @@ from polhode.harness.cli import main
 
 @pytest.fixture(scope="session")
 def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """Environment with a home and a cache of its own, so that nothing of the user's is read or written."""
+    """Environment with a home of its own, so that nothing of the user's is read or written; the cache is the run's."""
     home = tmp_path_factory.mktemp("home")
-    return {**os.environ, "HOME": str(home), "XDG_CACHE_HOME": str(home / ".cache"), "POLHODE_CACHE": str(home / "p")}
+    return {**os.environ, "HOME": str(home), "XDG_CACHE_HOME": str(home / ".cache")}
 
 
 @pytest.fixture
@@ -39,7 +39,7 @@ def here(
 ) -> Run:
     """As `polhode`, but in this process, which has imported and compiled already what it needs."""
     monkeypatch.chdir(tmp_path)
-    for name in ("HOME", "XDG_CACHE_HOME", "POLHODE_CACHE"):
+    for name in ("HOME", "XDG_CACHE_HOME"):
         monkeypatch.setenv(name, environment[name])
 
     def run(*arguments: object) -> subprocess.CompletedProcess[str]:

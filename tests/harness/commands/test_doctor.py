@@ -15,8 +15,20 @@ from polhode.harness.picking.laws import parse_laws
 from polhode.solvers.catalogue import SOLVERS
 
 
-def test_json_tells_versions_solvers_and_caches(polhode: Run, environment: dict[str, str]):
-    done = polhode("doctor", "--json")
+@pytest.fixture(autouse=True)
+def no_watch(monkeypatch: pytest.MonkeyPatch):
+    """One look at the clock instead of a second of them."""
+    watch = setup.watch_sentinel
+    monkeypatch.setattr(setup, "watch_sentinel", lambda seconds: watch(0.0))
+
+
+@pytest.fixture
+def no_cold_start(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(setup, "cold_start", dict)
+
+
+def test_json_tells_versions_solvers_and_caches(here: Run, environment: dict[str, str]):
+    done = here("doctor", "--json")
     assert (done.returncode, done.stderr) == (0, "")
     found = json.loads(done.stdout)
     assert [row["name"] for row in found["adapters"]] == list(SOLVERS)
@@ -29,37 +41,40 @@ def test_json_tells_versions_solvers_and_caches(polhode: Run, environment: dict[
     assert all(seconds > 0 for seconds in found["cold_start"].values())
 
 
-def test_page_is_plain_where_it_is_no_terminal(polhode: Run):
-    done = polhode("doctor")
+@pytest.mark.usefixtures("no_cold_start")
+def test_page_is_plain_where_it_is_no_terminal(here: Run):
+    done = here("doctor")
     assert done.returncode == 0
     assert "\x1b" not in done.stdout
     assert all(name in done.stdout for name in SOLVERS)
 
 
+@pytest.mark.usefixtures("no_cold_start")
 def test_what_is_missing_is_named_with_its_remedy(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("polhode.solvers.contract.installed", lambda library: library != "CyRK")
-    found = examine(watch=0.0)
+    found = examine()
     missing = [row["name"] for row in found["adapters"] if not row["available"]]
     assert missing == [name for name in SOLVERS if name.startswith("cyrk-")]
     assert "cyrk-vern8: cyrk is not installed: pip install cyrk" in found["advice"]
 
 
+@pytest.mark.usefixtures("no_cold_start")
 def test_laws_are_named_for_what_they_are(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     """As `bench` and `calibrate` leave them: those that were merely rescaled count the runs, not the fit."""
     own = tmp_path / "laws.json"
     monkeypatch.setattr("polhode.harness.picking.laws.own_laws_path", lambda: own)
-    assert examine(watch=0.0)["laws"] == "those of the package"
+    assert examine()["laws"] == "those of the package"
     laws = parse_laws((files("polhode.harness.picking") / "laws.json").read_text(encoding="utf-8"))
     fitted = {name: value for name, value in laws.source.items() if name != "refitted"}
     replace(laws, source=fitted).save(own)
-    assert examine(watch=0.0)["laws"] == f"fitted on this machine: {own}"
+    assert examine()["laws"] == f"fitted on this machine: {own}"
     replace(laws, source={**fitted, "refitted": 412}).save(own)
-    assert examine(watch=0.0)["laws"] == f"times rescaled by 412 runs of this machine: {own}"
+    assert examine()["laws"] == f"times rescaled by 412 runs of this machine: {own}"
     (tmp_path / SUMS).unlink()
     own.write_text('{"schema": "of another version"}', encoding="utf-8")
-    assert examine(watch=0.0)["laws"] == f"those of the package; passed over, since of another version: {own}"
+    assert examine()["laws"] == f"those of the package; passed over, since of another version: {own}"
     own.write_text("{", encoding="utf-8")
-    assert examine(watch=0.0)["laws"].startswith("cannot be read")
+    assert examine()["laws"].startswith("cannot be read")
 
 
 def test_a_cache_is_counted(tmp_path: Path):
@@ -84,6 +99,7 @@ def test_steadiness(ratio: float, load: float | None, expected: bool):
     assert steady({"seconds": 1e-3, "ratio": ratio, "load": load}) is expected
 
 
+@pytest.mark.usefixtures("no_cold_start")
 def test_advice_on_an_unsteady_machine(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(setup, "watch_sentinel", lambda _: {"seconds": 1e-3, "ratio": 1.5, "load": None})
-    assert any("noisy" in line for line in examine(watch=0.0)["advice"])
+    assert any("noisy" in line for line in examine()["advice"])

@@ -230,8 +230,8 @@ def test_text_is_escaped():
     assert prose("a < b & `c_1` of I_max") == "a &lt; b &amp; <code>c_1</code> of I<sub>max</sub>"
 
 
-def test_command_shows_a_scene_of_ones_own(polhode: Run, scene_file: Path, tmp_path: Path):
-    done = polhode("report", "--scene", scene_file.name, "--out", "site", "--quiet")
+def test_command_shows_a_scene_of_ones_own(here: Run, scene_file: Path, tmp_path: Path):
+    done = here("report", "--scene", scene_file.name, "--out", "site", "--quiet")
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.strip() == str(Path("site") / "index.html")
     motions = data_of((tmp_path / "site" / "motion.html").read_text(encoding="utf-8"), "motion-data")
@@ -246,8 +246,8 @@ def test_command_shows_a_scene_of_ones_own(polhode: Run, scene_file: Path, tmp_p
         (("--reports", "reprots"), "--reports: got 'reprots', expected an existing folder"),
     ],
 )
-def test_command_refuses_what_is_not_there(polhode: Run, tmp_path: Path, words: tuple[str, str], complaint: str):
-    done = polhode("report", *words)
+def test_command_refuses_what_is_not_there(here: Run, tmp_path: Path, words: tuple[str, str], complaint: str):
+    done = here("report", *words)
     assert done.returncode == 2
     assert complaint in done.stderr
     assert list(tmp_path.iterdir()) == []

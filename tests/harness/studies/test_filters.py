@@ -80,9 +80,9 @@ def test_a_study_without_tags_says_so():
         parse_study(tomllib.loads(STUDY)).part(tags=["short"])
 
 
-def test_the_command_line_runs_a_part_into_a_folder_of_its_own(polhode: Run, tmp_path):
+def test_the_command_line_runs_a_part_into_a_folder_of_its_own(here: Run, tmp_path):
     (tmp_path / "two.toml").write_text(TWO_SCENES, encoding="utf-8")
-    done = polhode("bench", "two.toml", "--tag", "spheroid", "--solver", "taylor", "--quick", "--quiet")
+    done = here("bench", "two.toml", "--tag", "spheroid", "--solver", "taylor", "--quick", "--quiet")
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout == "reports/small-spheroid-taylor/README.md\n"
     folder = tmp_path / "reports" / "small-spheroid-taylor"
@@ -91,6 +91,6 @@ def test_the_command_line_runs_a_part_into_a_folder_of_its_own(polhode: Run, tmp
     assert {(record["scene_name"], record["solver"]) for record in records} == {("round", "taylor")}
     assert {tuple(record["tags"]) for record in records} == {("spheroid", "short")}
 
-    refused = polhode("bench", "two.toml", "--tag", "long")
+    refused = here("bench", "two.toml", "--tag", "long")
     assert refused.returncode == 2
     assert refused.stderr == "polhode: tag: got 'long', expected one of short, spheroid\n"

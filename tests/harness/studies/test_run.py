@@ -41,11 +41,9 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
 
 
 @pytest.fixture(scope="module")
-def records(study: Study, tmp_path_factory: pytest.TempPathFactory, environment) -> list[Record]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("POLHODE_CACHE", environment["POLHODE_CACHE"])
-        with Store(tmp_path_factory.mktemp("store") / "store.sqlite") as store:
-            return Runner(store, quiet=True).run(study)
+def records(study: Study, tmp_path_factory: pytest.TempPathFactory) -> list[Record]:
+    with Store(tmp_path_factory.mktemp("store") / "store.sqlite") as store:
+        return Runner(store, quiet=True).run(study)
 
 
 def test_every_record_tells_when_it_was_measured_and_the_tags_of_its_scene(records: list[Record]):
@@ -65,10 +63,7 @@ def test_every_case_has_one_record(study: Study, records: list[Record]):
 
 
 @pytest.mark.parametrize(("solver", "order"), [("FirstOrder", 1), ("SecondOrder", 2)])
-def test_planted_errors_are_measured_to_the_last_digit(
-    study: Study, records: list[Record], environment, monkeypatch, solver: str, order: int
-):
-    monkeypatch.setenv("POLHODE_CACHE", environment["POLHODE_CACHE"])
+def test_planted_errors_are_measured_to_the_last_digit(study: Study, records: list[Record], solver: str, order: int):
     _, scene = study.scenes[0]
     true = reference(scene, "quaternion", study.samples)
     for record in of(records, solver):
@@ -145,8 +140,7 @@ def test_no_liar_wins(records: list[Record]):
         assert {str(winner.row["solver"]), *(method.solver for method in winner.tied)} <= honest
 
 
-def test_a_slow_back_end_says_nothing_of_the_others(study: Study, tmp_path: Path, environment, monkeypatch):
-    monkeypatch.setenv("POLHODE_CACHE", environment["POLHODE_CACHE"])
+def test_a_slow_back_end_says_nothing_of_the_others(study: Study, tmp_path: Path):
     name, scene = study.scenes[0]
     long = replace(scene, time=2e3)
     ways = {"solvers": ("rk45",), "backends": ("python", "numba"), "tolerances": (1e-8, 1e-10), "max_seconds": 0.05}
@@ -201,10 +195,7 @@ def interrupted(folder: Path, environment: dict[str, str], number: int) -> tuple
     return process.returncode, text
 
 
-def test_killed_and_resumed_gives_the_same_records(
-    polhode: Run, environment, monkeypatch, study_file: Path, tmp_path: Path
-):
-    monkeypatch.setenv("POLHODE_CACHE", environment["POLHODE_CACHE"])
+def test_killed_and_resumed_gives_the_same_records(here: Run, environment, study_file: Path, tmp_path: Path):
     whole = read_study(study_file)
     with Store(tmp_path / "whole.sqlite") as store:
         Runner(store, quiet=True).run(whole)
@@ -218,7 +209,7 @@ def test_killed_and_resumed_gives_the_same_records(
     assert 0 < len(early) < len(complete)
     assert not (tmp_path / "broken" / "README.md").exists()
 
-    resumed = polhode("bench", "study.toml", "--out", "broken", "--resume", "--quiet")
+    resumed = here("bench", "study.toml", "--out", "broken", "--resume", "--quiet")
     assert (resumed.returncode, resumed.stderr, resumed.stdout) == (0, "", "broken/README.md\n")
     late = stored(tmp_path / "broken" / "store.sqlite")
     assert {key: late[key] for key in early} == early, "finished cases are not run again"
@@ -264,9 +255,8 @@ def test_a_terminated_export_leaves_the_rows_written_as_partial(tmp_path: Path):
     assert 1 < len(rows) < 1000
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_ctrl_c_says_how_to_go_on(environment, study_file: Path, tmp_path: Path, number: int):
-    code, text = interrupted(tmp_path, environment, number)
+def test_ctrl_c_says_how_to_go_on(environment, study_file: Path, tmp_path: Path):
+    code, text = interrupted(tmp_path, environment, signal.SIGINT)
     assert code == 1
     last = text.splitlines()[-1].split("\r")[-1]
     assert last.endswith("polhode: interrupted: finished cases are in broken/store.sqlite, --resume goes on")
@@ -274,27 +264,27 @@ def test_ctrl_c_says_how_to_go_on(environment, study_file: Path, tmp_path: Path,
     assert stored(tmp_path / "broken" / "store.sqlite")
 
 
-def test_starting_afresh_keeps_the_last_store(polhode: Run, study_file: Path, tmp_path: Path):
+def test_starting_afresh_keeps_the_last_store(here: Run, study_file: Path, tmp_path: Path):
     with Store(tmp_path / "broken" / "store.sqlite") as store:
         store.put("a", {}, {})
     early = stored(tmp_path / "broken" / "store.sqlite")
     small = study_file.read_text(encoding="utf-8").replace("[1e-4, 1e-6, 1e-8]", "[1e-4]")
     study_file.write_text(small, encoding="utf-8")
-    assert polhode("bench", study_file.name, "--out", "broken", "--quick").returncode == 0
+    assert here("bench", study_file.name, "--out", "broken", "--quick").returncode == 0
     assert stored(tmp_path / "broken" / "previous.sqlite") == early
     assert len(stored(tmp_path / "broken" / "store.sqlite")) == 2
 
     for ending in ("csv", "jsonl"):
-        done = polhode("export", "broken/store.sqlite", f"out.{ending}")
+        done = here("export", "broken/store.sqlite", f"out.{ending}")
         assert (done.returncode, done.stderr) == (0, "")
         lines = (tmp_path / f"out.{ending}").read_text(encoding="utf-8").splitlines()
         assert len(lines) == (3 if ending == "csv" else 2)
-    refused = polhode("export", "broken/store.sqlite", "out.xlsx")
+    refused = here("export", "broken/store.sqlite", "out.xlsx")
     assert refused.returncode == 2
     assert refused.stderr == "polhode: out.xlsx: expected a file name ending in .csv or .jsonl\n"
 
     (tmp_path / "broken" / "store.sqlite").write_bytes(b"damaged" * 1000)
-    refused = polhode("bench", study_file.name, "--out", "broken", "--resume")
+    refused = here("bench", study_file.name, "--out", "broken", "--resume")
     assert refused.returncode == 2
     assert refused.stderr.startswith("polhode: broken/store.sqlite: not a readable store")
     assert refused.stderr.count("\n") == 1
