@@ -91,7 +91,9 @@ class Piece:
     reason : str
         Why this problem here, in words.
     error : float
-        What is expected to be added to the run's error here by approximations of the problem itself.
+        What is expected to be added here to the run's largest error of L and E, over I_max.
+    angle : float
+        The same of the orientation, in rad.
     tolerance : float, optional
         What the solver is asked for here; by default what it is asked for in the whole run.
     then : callable, optional
@@ -103,6 +105,7 @@ class Piece:
     states: Callable[[np.ndarray], np.ndarray] | None = None
     reason: str = ""
     error: float = 0.0
+    angle: float = 0.0
     tolerance: float | None = None
     then: "Course | None" = None
 

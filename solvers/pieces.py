@@ -16,19 +16,22 @@ from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solv
 
 # Growth of an angle, in rad, after which it is wrapped: small against what a tolerance relative to it would lose.
 WRAP_AFTER = 100 * pi
+# What an averaged piece says of itself, as reason.
+AVERAGED = "second order"
 # Times closer than this share of the run count as the same one.
 CLOSE = 1e-12
 
 
 @dataclass(frozen=True)
 class Stage:
-    """A piece of a run that was run: when, why, the error expected of its equations, and the steps it took."""
+    """A piece of a run that was run: when, why, the errors expected of it, slow and of angles, and its steps."""
 
     begin: float
     end: float
     reason: str
     error: float
     steps: int | None
+    angle: float = 0.0
 
 
 class Run:
@@ -116,7 +119,7 @@ class Run:
         else:
             self.work = record.work
         begin, self.now = self.now, min(record.reached, piece.end) if record.filled < len(record.times) else piece.end
-        self.stages.append(Stage(begin, self.now, piece.reason, piece.error, record.work.steps))
+        self.stages.append(Stage(begin, self.now, piece.reason, piece.error, record.work.steps, piece.angle))
 
 
 def _crash(error: Exception, solver: str) -> Outcome:

@@ -22,7 +22,8 @@ from polhode.models.hybrid.form import Hybrid
 from polhode.models.observables import Observables
 from polhode.models.scene import BodyStart, Scene
 from polhode.models.second_order.form import slow_start
-from polhode.models.second_order.outline import outline, path_of
+from polhode.models.second_order.outline import outline
+from polhode.models.second_order.path import path_of
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.pieces import Stage
 from polhode.solvers.solve import solve
@@ -208,7 +209,7 @@ def _best_full(scene: Scene, times: np.ndarray, true: Observables) -> tuple[str,
 
 
 def _share(pieces: Sequence[Stage], whole: float) -> float:
-    return sum(each.end - each.begin for each in pieces if not each.error) / whole
+    return sum(each.end - each.begin for each in pieces if each.reason != "second order") / whole
 
 
 def _axes(scene: Scene) -> str:

@@ -26,6 +26,7 @@ from polhode.models.scene import Scene
 from polhode.models.spent import SPENT
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import UNLIMITED, Solver, SolverNotValidError
+from polhode.solvers.pieces import AVERAGED
 from polhode.solvers.solve import Solution, solve
 
 # A look takes no longer than this, in seconds, or than this share of the run.
@@ -46,6 +47,8 @@ LOW_ORDER = 1e-6
 # Upper ends over the middle: of a tighter look, of a looser one, and of a looser one by an implicit method, whose
 # errors follow its tolerance less closely.
 CERTAIN, SCALED, LOOSELY = 1.5, 6.0, 20.0
+# Solvers to which windows of a run of several pieces are suited, and how far what pieces state lies above the middle.
+STATED, STATED_OVER = ("cyrk-vern8", "cyrk-vern7", "taylor"), 8.0
 # Output times that a look compares, at most.
 MOST_TIMES = 501
 # Rounding along a run, in eps of what is measured, and how it grows with the rotations (`laws.ErrorLaw`).
@@ -136,11 +139,10 @@ def run_error(scene: Scene, form: Form, method: Solver, found: Solution, observa
 
     try:
         with np.errstate(all="ignore"):
-            own, note = _solver_error(scene, form, method, found, observables)
-            if (model := sum(stage.error for stage in found.stages)) and own["slow"]:
-                # What the equations of its pieces add, as these say; most of them say several times too much.
-                own["slow"] = own["slow"].plus(Interval(model / 5, 0.0, model))
-                note = f"{note}; averaging as the pieces say"
+            if method.name in STATED and any(each.reason == AVERAGED for each in found.stages):
+                own, note = _stated(scene, form, found, observables)
+            else:
+                own, note = _solver_error(scene, form, method, found, observables)
             if form.averaged:
                 model, how = own_estimate(form, scene), "as the form says itself"
                 if not model:
@@ -151,6 +153,16 @@ def run_error(scene: Scene, form: Form, method: Solver, found: Solution, observa
         return RunError(None, None, str(failure), seconds=seconds())
     largest = float(np.max(np.abs(observables.angular_momentum[:, 2]))) / max(scene.ellipsoid.inertia)
     return RunError(own["slow"], own["orientation"], note, seconds=seconds(), largest_lz=largest)
+
+
+def _stated(scene: Scene, form: Form, found: Solution, observables: Observables) -> "tuple[Estimates, str]":
+    """Errors of a run of several pieces as these state them: bounds, that most of them keep to by far."""
+    own = _estimates(scene, form, observables, (0.0, 0.0), Look(found.method, 1.0, 1.0, 1.0))
+    bounds = sum(each.error for each in found.stages), min(pi, sum(each.angle for each in found.stages))
+    for want, bound in zip(own, bounds, strict=True):
+        if rounding := own[want]:
+            own[want] = rounding.plus(Interval(bound / STATED_OVER, 0.0, bound))
+    return own, "what its pieces state"
 
 
 def _sum(own: Interval | None, model: Interval | None) -> Interval | None:
@@ -188,6 +200,8 @@ def _solver_error(
         limit -= run.seconds
         if limit <= 0:
             break
+    if found.stages:
+        return _stated(scene, form, found, observables)
     raise _NoLookError("no second run came to its end in the time allowed")
 
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import floor, log10
 
 import numpy as np
 
@@ -17,16 +16,19 @@ from polhode.models.second_order import field as triaxial
 from polhode.models.second_order import spheroid as spheroidal
 from polhode.models.second_order.form import SecondOrder, slow_start
 from polhode.models.second_order.outline import Stretch, outline
+from polhode.models.second_order.path import LEAST_SPEED
 from polhode.models.second_order.run import NotAveragedError, entered
 
 Array = np.ndarray
 
-# The error of L and E that a tolerance stands for.
-ERROR_PER_TOLERANCE = 100.0
-# How fast angles go wrong, over St and the error of L over I_max.
-RATE = 5.0
-# A run of so few turns costs less than to look ahead; the shear turns any body about so fast.
-SHORT, LEAST_SPEED = 1000, 0.5
+# The error of L and E that a tolerance stands for, and the share of it that windows may take.
+ERROR_PER_TOLERANCE, WINDOWS = 100.0, 0.2
+# What the full equations cost in accuracy: error of L and E over the tolerance, per radian that the body turns.
+PER_RADIAN = 1.5e-2
+# Tolerance of averaged pieces, which cost nothing, and those of windows: some solvers compile for each one anew.
+AVERAGED, FULL = 1e-12, (1e-8, 1e-10, 1e-12, 1e-14)
+# A run of so few turns costs less than to look ahead.
+SHORT = 1000
 # Turns by which a window is lengthened where no slow state belongs to its end.
 MORE = 50
 
@@ -35,60 +37,68 @@ MORE = 50
 class HybridCourse:
     """The course of a scene's run; its states are those of the form of the full equations.
 
-    `stretches` are those foreseen at the time `since` from the run's state then, errors allowed being smaller than the
-    one asked for by a factor: what is wrong before a resonance comes out of it larger.
+    `stretches` are those foreseen at the time `since` from the run's state then. `spent` is what the pieces before have
+    taken of the error asked for.
     """
 
     scene: Scene
     since: float = 0.0
     stretches: tuple[Stretch, ...] = ()
-    factor: float = 1.0
+    spent: float = 0.0
 
     def __call__(self, time: float, state: Array, tolerance: float) -> Piece:
         """Return the next piece."""
         scene, stokes = self.scene, self.scene.stokes
         here = replace(scene, start=self.start(state), time=scene.time - time)
+        error = ERROR_PER_TOLERANCE * tolerance
         if not self.stretches:
-            found, factor = foreseen(here, ERROR_PER_TOLERANCE * tolerance)
-            return replace(self, since=time, stretches=found, factor=factor)(time, state, tolerance)
+            found = foreseen(here, max(error - self.spent, error / 10))
+            return replace(self, since=time, stretches=found)(time, state, tolerance)
         stretch, *rest = self.stretches
         end, reason, later = self.since + stretch.end * stokes, stretch.reason, replace(self, stretches=tuple(rest))
         if stretch.second_order:
             try:
                 problem, states = second_order(here)
             except NotAveragedError as refusal:
-                size = float(np.linalg.norm(here.initial.angular_momentum)) / max(scene.ellipsoid.inertia)
-                end, reason, later = time + 2 * np.pi * MORE / max(size, 0.1), str(refusal), HybridCourse(scene)
+                end, reason, later = time + 2 * np.pi * MORE / speed(here), str(refusal), replace(self, stretches=())
             else:
-                own = min(tolerance / self.factor / 10, 1e-2 / stokes)
-                return Piece(problem, end, states, "second order", stretch.error, _rounded(own), later)
-        elif self.factor > 2 or stretch.decisive:
-            later = HybridCourse(scene)
+                angle = self.angle(end - time, stretch.error) + stretch.swing
+                later = replace(later, spent=self.spent + stretch.error)
+                return Piece(problem, end, states, "second order", stretch.error, angle, AVERAGED, later)
+        elif stretch.decisive:
+            later = replace(self, stretches=())
         full = find_form(full_form(scene)).problem(scene)
-        own = _rounded(tolerance / self.factor / 10)
-        return Piece(replace(full, start=tuple(state.tolist())), end, None, reason, 0.0, own, later)
+        if not stretch.turned:
+            stretch = replace(stretch, turned=speed(here) * (end - time) / stokes)
+        # Errors of windows add up.
+        windows = stretch.turned + sum(each.turned for each in rest if not each.second_order)
+        tolerances = tolerance, *(each for each in FULL if each < tolerance)
+        most = WINDOWS * error / (PER_RADIAN * windows * stokes)
+        own = next((each for each in tolerances if each <= most), tolerances[-1])
+        cost = PER_RADIAN * own * stretch.turned * stokes
+        angle, later = self.angle(end - time, cost), replace(later, spent=self.spent + cost)
+        return Piece(replace(full, start=tuple(state.tolist())), end, None, reason, cost, angle, own, later)
+
+    def angle(self, duration: float, error: float) -> float:
+        """Error in rad that angles gain in a duration from the error of L so far and a new one."""
+        _, middle, high = sorted(self.scene.ellipsoid.inertia)
+        return min(np.pi, (self.spent + error) * duration * high / middle)
 
     def start(self, state: Array) -> Start:
         """The start of a scene from a state of the full equations."""
         return start_from(self.scene.ellipsoid, find_form(full_form(self.scene)).observe(self.scene, state[None]))
 
 
-def foreseen(scene: Scene, error: float) -> tuple[tuple[Stretch, ...], float]:
-    """Stretches of a run, and the factor by which the kicks of its resonances make errors before them larger."""
-    speed = max(LEAST_SPEED, float(np.linalg.norm(scene.angular_velocity)))
-    if speed * scene.time < 2 * np.pi * SHORT:
-        return (Stretch(0.0, scene.slow_time, False, "the run is short"),), 1.0
-    found, factor = outline(scene, error), 1.0
-    for _ in range(2):
-        last, amplified = 0.0, 1.0
-        for kick in sorted(found.kicks, key=lambda each: each.time):
-            amplified *= 1 + RATE * kick.size * scene.stokes * (kick.time - last)
-            last = kick.time
-        if amplified < 2 * factor:
-            break
-        factor = min(amplified, 1e6)
-        found = outline(scene, error / factor)
-    return found.stretches, factor
+def speed(scene: Scene) -> float:
+    """How fast the body turns, in rad per unit of time, about, and not less than the shear makes it."""
+    return max(LEAST_SPEED, float(np.linalg.norm(scene.angular_velocity)))
+
+
+def foreseen(scene: Scene, error: float) -> tuple[Stretch, ...]:
+    """Stretches of a run for an error asked for."""
+    if speed(scene) * scene.time < 2 * np.pi * SHORT:
+        return (Stretch(0.0, scene.slow_time, False, "the run is short"),)
+    return outline(scene, error).stretches
 
 
 def second_order(scene: Scene) -> tuple[Problem, Callable[[Array], Array]]:
@@ -117,8 +127,3 @@ def states_of(scene: Scene, seen: Observables) -> Array:
         return np.column_stack([quaternion_from_matrix(seen.rotation), spin])
     spheroid = Spheroid.of(scene.ellipsoid)
     return np.column_stack([seen.angular_momentum / spheroid.equatorial_inertia, seen.rotation[:, spheroid.axis]])
-
-
-def _rounded(tolerance: float) -> float:
-    """Down to a power of ten: some solvers compile for each tolerance anew."""
-    return max(1e-14, 10.0 ** floor(log10(tolerance) + 1e-9))

@@ -53,6 +53,6 @@ class Hybrid(Form):
     def windows(self, scene: Scene, tolerance: float) -> tuple[float, int]:
         """Share of the run's time that the full equations are expected to follow, and the number of pieces."""
         self.check(scene)
-        stretches = foreseen(scene, ERROR_PER_TOLERANCE * tolerance)[0]
+        stretches = foreseen(scene, ERROR_PER_TOLERANCE * tolerance)
         full = sum(each.end - each.start for each in stretches if not each.second_order)
         return full / scene.slow_time, len(stretches)

@@ -10,7 +10,7 @@ from polhode.models.observables import Observables
 from polhode.models.scene import Scene
 from polhode.models.second_order import tables
 from polhode.models.second_order.polhodes import SidedBody
-from polhode.models.second_order.swing import Series, Swing, series_for, swing_at
+from polhode.models.second_order.swing import Series, Swing, frame, frame_of, series_for, swing_at
 from polhode.models.second_order.tables import Pose
 from polhode.models.shape import Ellipsoid
 
@@ -48,7 +48,7 @@ class Entry:
     def _exact(self, states: Array) -> Pose:
         alpha, beta = (phase + states[:, 7 + i] / self.torque_factor for i, phase in enumerate(self.phases))
         momentum = states[:, :3] * max(self.ellipsoid.inertia)
-        q = tables.frame(momentum, states[:, 4:7])
+        q = frame(momentum, states[:, 4:7])
         a2 = np.maximum(states[:, 3] ** 2, tables.FLOOR)
         return _swung(swing_at(self.series, momentum, q, a2, alpha, beta, self.torque_factor), q)
 
@@ -63,7 +63,7 @@ def entered(ellipsoid: Ellipsoid, torque_factor: float, rotation: Array, momentu
     exact, series = Pose(momentum[None], (rotation.T @ side.axes.T)[None]), series_for(ellipsoid, longest)
     slow, a2, alpha, beta = _slow_start(series, torque_factor, exact)
     unit = max(ellipsoid.inertia)
-    state = (*(slow.momentum[0] / unit).tolist(), sqrt(a2), *_first(slow.momentum)[0, :, 0].tolist(), 0.0, 0.0)
+    state = (*(slow.momentum[0] / unit).tolist(), sqrt(a2), *frame_of(slow.momentum)[0, :, 0].tolist(), 0.0, 0.0)
     p = tables.parameters(ellipsoid, torque_factor, tables.table(ellipsoid, longest))
     return Entry(ellipsoid, torque_factor, side, p, state, (alpha, beta), series)
 
@@ -74,17 +74,11 @@ def started(scene: Scene) -> Entry:
     return entered(scene.ellipsoid, scene.torque_factor, scene.initial_rotation, scene.initial.angular_momentum[0])
 
 
-def _first(momentum: Array) -> Array:
-    """Frames Q of L alone, shape (m, 3, 3)."""
-    away = np.eye(3)[np.argmin(np.abs(momentum), axis=1)]
-    return tables.frame(momentum, away)
-
-
 def _slow_start(series: Series, torque_factor: float, exact: Pose) -> tuple[Pose, float, float, float]:
-    """Slow pose whose image is the exact one, with its a², α and β in the frame of `_first`."""
+    """Slow pose whose image is the exact one, with its a², α and β in the frame of `frame_of`."""
     slow = exact
     for _ in range(START_PASSES):
-        q = _first(slow.momentum)
+        q = frame_of(slow.momentum)
         a2, alpha, beta = tables.coordinates(series, slow, q)
         if not np.all(np.isfinite([a2, alpha, beta])):
             break

@@ -114,11 +114,7 @@ class Swing:
 
     @property
     def _coefficients(self) -> Array:
-        """The tensors' c, shape (m, 6)."""
-        x, y = (each[:, 0] + 1j * each[:, 1] for each in (self.flow, self.gradient))
-        level = x * y.conj()
-        up, down = x * self.gradient[:, 2] / 2, self.flow[:, 2] * y / 2
-        return np.stack([x * y / 4, up, down, level.real, -level.imag, self.size], axis=1)
+        return coefficients(self.flow, self.gradient, self.size)
 
 
 @dataclass(frozen=True)
@@ -144,6 +140,48 @@ class Series:
 
 def _levels(a2: Array) -> Array:
     return chebvander(2 * np.sqrt(a2 / MOST) - 1, NODES - 1)
+
+
+def coefficients(flow: Array, gradient: Array, size: Array) -> Array:
+    """The tensors' c, shape (m, 6), from the flow's directions in the frame of L, shape (m, 3) each, and |L|."""
+    x, y = (each[:, 0] + 1j * each[:, 1] for each in (flow, gradient))
+    level = x * y.conj()
+    up, down = x * gradient[:, 2] / 2, flow[:, 2] * y / 2
+    return np.stack([x * y / 4, up, down, level.real, -level.imag, size], axis=1)
+
+
+def frame(momentum: Array, first: Array) -> Array:
+    """Q, shape (m, 3, 3): columns e₁, n × e₁, n."""
+    n = momentum / np.linalg.norm(momentum, axis=1)[:, None]
+    first = first - np.sum(n * first, axis=1)[:, None] * n
+    first = first / np.linalg.norm(first, axis=1)[:, None]
+    return np.stack([first, np.cross(n, first), n], axis=-1)
+
+
+def frame_of(momentum: Array) -> Array:
+    """Frames Q of L alone, shape (m, 3, 3)."""
+    return frame(momentum, np.eye(3)[np.argmin(np.abs(momentum), axis=1)])
+
+
+def modes_at(series: "Series", momentum: Array, a2: Array, k1: Array, k2: Array) -> tuple[Array, Array, Array]:
+    """Modes P exp i(k₁α + k₂β) + c.c. of the rates in slow time, one for each L, shape (m, 3), and a²; k₂ > 0.
+
+    |P| of L', then P* of l' and of y', shape (m,) each.
+    """
+    size = np.linalg.norm(momentum, axis=1)
+    q, many = frame_of(momentum), np.arange(len(a2))
+    c = coefficients(q[:, 0], q[:, 1], size)
+    found = (_levels(a2) @ series.rates).view(complex).reshape(len(a2), TERMS, RATES, len(TURNS))
+
+    def part(rate: int, sign: int, factors: Array) -> Array:
+        column = np.clip(sign * k2 - HARMONICS[0], 0, len(HARMONICS) - 1)
+        row = np.argmax(ORDERS[:, column] == sign * k1, axis=0)
+        counts = (ORDERS[row, column] == sign * k1)[:, None] & (K2[rate] == sign * k2[:, None])
+        return np.sum(np.where(counts, factors * found[many, row, rate], 0), axis=1)
+
+    flat, other = (part(4, sign, c) + part(5, sign, np.where(TURNS > 0, c.conj(), 0)) for sign in (1, -1))
+    along, rise = part(3, -1, c), part(0, -1, c) / (np.sqrt(a2) * size)
+    return np.sqrt((np.abs(flat) ** 2 + np.abs(other) ** 2) / 2 + np.abs(along) ** 2), along, rise
 
 
 def swing_at(

@@ -1,10 +1,11 @@
 """Second-order averaged triaxial ellipsoid on one side of L² = 2EI₂: tables of its field, and poses from its states."""
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from math import pi
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebder
 
 from polhode.models.files import kept
 from polhode.models.second_order.averages import MODES, NAMES, SECOND, averages
@@ -45,6 +46,11 @@ class Table:
     resonances: Array  # a row per resonance: k₁, k₂, a², dD/da² over l, |P_k| of L' at l = 0 and its gain per l
     swing: Array  # size of the generator over l at the Chebyshev points, shape (NODES, 2): its parts in 1/l² and in 1/l
     residual: float  # relative misfit of the closed structure, largest over the nodes
+
+    @cached_property
+    def rises(self) -> Array:
+        """Chebyshev coefficients of dν₁/da² and dν₂/da²."""
+        return 2 / MOST * chebder(self.series[-2:], axis=1)
 
 
 def depth(x: Array) -> Array:
@@ -200,14 +206,6 @@ class Pose:
 
     momentum: Array
     rotation: Array
-
-
-def frame(momentum: Array, first: Array) -> Array:
-    """Q, shape (m, 3, 3): columns e₁, n × e₁, n."""
-    n = momentum / np.linalg.norm(momentum, axis=1)[:, None]
-    first = first - np.sum(n * first, axis=1)[:, None] * n
-    first = first / np.linalg.norm(first, axis=1)[:, None]
-    return np.stack([first, np.cross(n, first), n], axis=-1)
 
 
 def coordinates(series: Series, pose: Pose, q: Array) -> tuple[Array, Array, Array]:
