@@ -127,6 +127,7 @@ class Averaged(Form):
             raise self.refuse(f"two semi-axes of {list(scene.ellipsoid.semi_axes)} are equal", "averaged-spheroid")
         self.require_slow_motion(scene)
         in_body = scene.initial.rotation[0] @ scene.initial.angular_momentum[0]
+        in_body = in_body / np.abs(in_body).max()
         shares = in_body**2 / np.sum(in_body**2)
         # Of a start by L and E alone the axis is not known: no comparison with NaN holds.
         if 1 - shares[scene.ellipsoid.order[1]] < SEPARATRIX_WIDTH:

@@ -1,5 +1,6 @@
 """The first-order solution of a scene, and what averaging is like along it: its size, and the resonances it passes."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from math import exp, inf, pi, sqrt
@@ -8,6 +9,7 @@ import numpy as np
 
 from polhode.models.catalogue import averaged_form
 from polhode.models.catalogue import form as find_form
+from polhode.models.form import FormNotValidError
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.operations import FLOAT, numpy_operations
 from polhode.models.scene import Scene
@@ -76,7 +78,8 @@ class Path:
         """The path of a scene with 0 < St < inf."""
         form = find_form(averaged_form(scene))
         times, slow = np.zeros(1), scene.initial.slow
-        if np.any(scene.initial.angular_momentum):
+        # Where L is 0 or along the middle axis, nothing is averaged.
+        with suppress(FormNotValidError):
             problem = form.problem(scene)
             rhs, p = problem.field(FLOAT), problem.parameters
             times, states = slow_path(
