@@ -1,8 +1,6 @@
 """The page of the main job: table, figures, verdict, all from the records."""
 
-import json
-from collections.abc import Iterable, Sequence
-from math import isfinite
+from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -12,14 +10,13 @@ from polhode.harness.analysis.winners import TARGETS, TIE, cheapest
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record, export
-from polhode.harness.common.text import duration, markdown, scientific, short
+from polhode.harness.common.text import duration, markdown, short
 from polhode.harness.pages.figures.profiles import profile_lines
 from polhode.harness.pages.figures.work_precision import save, work_precision_panels
+from polhode.harness.pages.tables import table
 from polhode.harness.pages.verdict import averaged_costs, verdict
 from polhode.harness.references.uncertainty import least_known, uncertainty_of
 from polhode.harness.studies.study import Study
-from polhode.models.files.scene_file import parse_scene, scene_table
-from polhode.models.scene import Scene
 
 # By the name of their file: error, and label of its axis.
 FIGURES = {
@@ -28,113 +25,87 @@ FIGURES = {
 }
 # Ties named in a cell.
 SHOWN = 2
-# Keys of a scene file's start, as the page calls them.
-START = {
-    "euler_angles": "(θ, φ, ψ) = {}",
-    "euler_rates": "at the rates {}",
-    "quaternion": "quaternion {}",
-    "angular_velocity": "angular velocity {} in the body",
-    "angular_momentum": "angular momentum {}",
-    "energy": "energy {}",
+# Columns of the table of scenes, and of that of uncertainties.
+SCENES = {
+    "scene": "scene_name",
+    "semi-axes": "scene.shape.semi_axes",
+    "St": "stokes",
+    "t": "scene.time",
+    "samples": "samples",
+    "forms": "form",
+}
+UNCERTAINTIES = {
+    "scene": "{scene_name}",
+    "St": "{stokes:number}",
+    "slow": "{slow_uncertainty:error}",
+    "orientation, rad": "{orientation_uncertainty:error}",
 }
 
 
 def write_page(study: Study, records: Sequence[Record], folder: Path, command: str) -> Path:
     """Write the page, its figures and its data into a folder and return the page's path."""
-    table = frame(records)
+    runs = frame(records)
     folder.mkdir(parents=True, exist_ok=True)
     export(list(records), folder / "records.jsonl")
-    write_runs(table, folder)
+    write_runs(runs, folder)
     scenes = []
-    for i, (scene, runs) in enumerate(by_scene(table)):
+    for i, (scene, own) in enumerate(by_scene(runs)):
         scenes += [f"## The cheapest{f': {scene}' if scene else ''}", ""]
         before = f"{scene}: " if scene else ""
         for name, (error, label) in FIGURES.items():
-            if len(runs[error].dropna()):
+            if len(own[error].dropna()):
                 # The figures of the first scene have plain names.
                 file = f"{name}-{scene}" if i else name
-                save(work_precision_panels(runs, error, before + label), folder, file)
-                scenes += [f"By {label.replace('$I_{max}$', 'I_max')}:", "", _winners(runs, error)]
+                save(work_precision_panels(own, error, before + label), folder, file)
+                scenes += [f"By {label.replace('$I_{max}$', 'I_max')}:", "", _winners(own, error)]
                 scenes += [f"![{before}Wall time against {name} error, one panel per St]({file}.png)", ""]
-    write_file(folder / "README.md", "\n".join(_lines(study, table, records, scenes, folder, command)))
+    write_file(folder / "README.md", "\n".join(_lines(study, runs, records, scenes, folder, command)))
     return folder / "README.md"
 
 
 def _lines(
-    study: Study, table: pd.DataFrame, records: Sequence[Record], scenes: Sequence[str], folder: Path, command: str
+    study: Study, runs: pd.DataFrame, records: Sequence[Record], scenes: Sequence[str], folder: Path, command: str
 ) -> list[str]:
     return [
         *header(study.title, command, records),
         "## Verdict",
         "",
-        *(f"- {sentence}" for sentence in [*verdict(table), *averaged_costs(table)]),
+        *(f"- {sentence}" for sentence in [*verdict(runs), *averaged_costs(runs)]),
         "",
         "The tables below show the cheapest run that meets an error: form, solver, tolerance and time, then = and the "
         f"methods within {100 * (TIE - 1):.0f} % of it. Every run: [runs.csv](runs.csv), in full "
         "[records.jsonl](records.jsonl).",
         "",
         *scenes,
-        *profile_lines(table, folder),
-        *_scenes(records),
+        *profile_lines(runs, folder),
+        *_scenes(runs),
         f"Times are the minimum of up to five warm runs in interleaved order, over {study.samples} samples; errors are "
         "maxima along the run. *unknown*: at or below what the reference resolves; *none*: no run measured gets there.",
         "",
-        _uncertainties(table),
+        _uncertainties(runs),
     ]
 
 
-def _scenes(records: Sequence[Record]) -> list[str]:
-    """Semi-axes, start, St, duration, samples and forms of each scene."""
-    groups: dict[tuple[str, str], list[tuple[Record, Scene]]] = {}
-    for record in records:
-        scene = parse_scene(record["scene"])
-        content = scene_table(scene)
-        body = json.dumps([content["shape"], content["start"]], sort_keys=True)
-        groups.setdefault((record["scene_name"], body), []).append((record, scene))
-    header = ["scene", "semi-axes", "start", "St", "duration", "samples", "forms"]
+def _scenes(runs: pd.DataFrame) -> list[str]:
+    """Semi-axes, St, duration, samples and forms of each scene."""
+    rows = [
+        {name: _listed(own[column]) for name, column in SCENES.items()}
+        for _, own in runs.groupby("scene_name", sort=False)
+    ]
     return [
         "## The scenes",
         "",
-        markdown(header, [*map(_scene_row, groups.values())]),
-        "Semi-axes along the body's axes x', y', z', in any common unit; angles in rad; rates in units of the shear "
-        "rate, times t in inverse shear rates; t₂ = t/St.",
+        table(rows, {name: f"{{{name}}}" for name in SCENES}, left=len(SCENES)),
+        "Semi-axes along the body's axes x', y', z', in any common unit; t in inverse shear rates, one for "
+        "each St; starts stand in the study's file, or in what `polhode scenes NAME` prints.",
         "",
     ]
 
 
-def _scene_row(runs: Sequence[tuple[Record, Scene]]) -> list[str]:
-    records, scenes = zip(*runs, strict=True)
-    content = scene_table(scenes[0])
-    start = ", ".join(
-        words.format(_numbers(content["start"][key])) for key, words in START.items() if key in content["start"]
-    )
-    forms = dict.fromkeys(record["form"] for record in records)
-    return [
-        records[0]["scene_name"],
-        _numbers(content["shape"]["semi_axes"]),
-        start,
-        _listed(scene.stokes for scene in scenes),
-        _durations(scenes),
-        _listed(record["samples"] for record in records),
-        ", ".join(forms),
-    ]
-
-
-def _durations(scenes: Sequence[Scene]) -> str:
-    """Slow time, if all scenes have one in common, and time."""
-    slow = {short(scene.slow_time) for scene in scenes}
-    time = f"t = {_listed(scene.time for scene in scenes)}"
-    common = len(slow) == 1 and all(isfinite(scene.slow_time) and scene.slow_time > 0 for scene in scenes)
-    return f"t₂ = {slow.pop()}, {time}" if common else time
-
-
-def _numbers(values: float | Sequence[float]) -> str:
-    return short(values) if isinstance(values, float | int) else f"({', '.join(map(short, values))})"
-
-
-def _listed(values: Iterable[float]) -> str:
-    """Different values in growing order."""
-    return ", ".join(map(short, sorted(set(values))))
+def _listed(values: pd.Series) -> str:
+    """Different values in their order, of lists each as a : b : c."""
+    texts = (" : ".join(map(short, each)) if isinstance(each, list) else each for each in values)
+    return ", ".join(dict.fromkeys(each if isinstance(each, str) else short(each) for each in texts))
 
 
 def _winners(table: pd.DataFrame, error: str) -> str:
@@ -157,13 +128,7 @@ def _winner(runs: pd.DataFrame, target: float, error: str) -> str:
     return f"{best['form']}, {best['solver']}, {short(best['tolerance'])}: {duration(best['seconds'])}{tied}"
 
 
-def _uncertainties(table: pd.DataFrame) -> str:
-    rows = []
-    for scene, runs in by_scene(where(table, table["slow_uncertainty"].notna())):
-        for stokes, own in by_stokes(runs):
-            first = own.iloc[0]
-            numbers = scientific(first["slow_uncertainty"]), scientific(first["orientation_uncertainty"])
-            rows.append([*([scene] if scene else []), short(stokes), *numbers])
+def _uncertainties(runs: pd.DataFrame) -> str:
+    known = where(runs, runs["slow_uncertainty"].notna()).groupby(["scene_name", "stokes"], sort=False).first()
     text = "Uncertainty of the references (long double Taylor runs; not less than what half an ulp in the start makes):"
-    columns = [*(["scene"] if rows and len(rows[0]) == 4 else []), "St", "slow", "orientation, rad"]
-    return f"{text}\n\n{markdown(columns, rows)}"
+    return f"{text}\n\n{table(known.reset_index().to_dict('records'), UNCERTAINTIES)}"

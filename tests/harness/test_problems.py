@@ -7,7 +7,6 @@ import pytest
 from commandline import Run
 
 from polhode.harness.common.store import Store
-from polhode.harness.pages.problems import _shares
 from polhode.harness.problems import measured, run_problems
 
 
@@ -46,14 +45,10 @@ def test_the_page(here: Run, folder: Path):
     page = (folder / "README.md").read_text()
     assert re.search(r"\| kepler +\| cyrk-dop853: [\d.]+ .s, by", page)
     assert "**robertson-dae**: F. Mazzia" in page
+    assert "- Of 2 problems that somebody solves, " in page
     assert {"profiles.png", "work-precision.png", "runs.csv"} <= {path.name for path in folder.iterdir()}
     refused = here("bench", "--problems", "--scene", "keppler", "--out", folder / "other")
     assert refused.returncode == 2
     assert "got 'keppler', expected one of hires" in refused.stderr
     assert "did you mean 'kepler'" in refused.stderr
     assert here("bench", "--problems", "--form", "quaternion").returncode == 2
-
-
-def test_profiles_count_what_is_not_reached():
-    times = {"one": {"a": 1.0, "b": 3.0}, "two": {"b": 5.0}, "nobody": {}}
-    assert _shares(times) == {"b": [3.0, 1.0], "a": [1.0, float("inf")]}

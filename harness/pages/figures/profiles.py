@@ -51,7 +51,8 @@ def profile_lines(table: pd.DataFrame, folder: Path) -> list[str]:
         return []
     save(profiles(found), folder, "profiles")
     text = (
-        "Left: the share of the problems that a method solves within a factor of the fastest. Right: within a time. "
+        "Left: the share of the problems (scene, St, error) that a method solves within a factor of the fastest. "
+        "Right: within a time. "
         f"Errors are slow errors, from {short(TARGETS[0])} to {short(TARGETS[-1])}. Grey: neither fast nor sure."
     )
     picture = "![Share of the problems solved, over the factor to the fastest and over time](profiles.png)"
@@ -65,7 +66,7 @@ def sentence(found: pd.DataFrame) -> str:
     first, surest = str(near.idxmax()), str(reached.idxmax())
     slow = float(np.nanquantile(ratios[surest].to_numpy(float), 0.9))
     return (
-        f"Of {len(found)} problems (scene, St, error) that somebody solves, {first} is within {NEAR:g} times "
+        f"Of {len(found)} problems that somebody solves, {first} is within {NEAR:g} times "
         f"the fastest on {100 * near[first]:.0f} %. {surest} reaches the error most often, on "
         f"{100 * reached[surest]:.0f} %: in nine of ten of those within {in_two_digits(slow)} times the fastest."
     )

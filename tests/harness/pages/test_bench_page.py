@@ -127,14 +127,8 @@ def test_the_page_tells_what_was_run(study: Study, tmp_path: Path):
     ]
     page = write_page(study, records, tmp_path, "polhode bench").read_text(encoding="utf-8")
     assert table_below(page, "## The scenes")[1:] == [
-        [
-            *("paper", "(1, 0.8, 0.5)", "(θ, φ, ψ) = (1, 0.5, 0), at the rates (1, 1, -1)", "50, 200"),
-            *("t₂ = 0.5, t = 25, 100", "11", "quaternion, averaged"),
-        ],
-        [
-            *("round", "(1, 0.8, 0.5)", "quaternion (1, 0, 0, 0), angular velocity (0, 0, 0.25) in the body", "200"),
-            *("t = 7, 100", "11, 21", "euler-angles, quaternion"),
-        ],
+        ["paper", "1 : 0.8 : 0.5", "50, 200", "25, 100", "11", "quaternion, averaged"],
+        ["round", "1 : 0.8 : 0.5", "200", "100, 7", "11, 21", "euler-angles, quaternion"],
     ]
 
 
