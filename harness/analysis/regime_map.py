@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isnan
 
-import numpy as np
 import pandas as pd
 
 from polhode.harness.analysis.frames import by_stokes, where
@@ -18,7 +17,6 @@ TARGETS = tuple(float(f"1e-{exponent}") for exponent in range(2, 13))
 
 # Averaged equations are not tried over more slow time than this: all is over long before.
 LONGEST_SLOW_TIME = 100.0
-SAME_WORK = ("averaged", "averaged-spheroid")
 
 
 @dataclass(frozen=True)
@@ -91,33 +89,6 @@ def standings(records: pd.DataFrame, error: str, found: Sequence[Cell]) -> list[
         counts = winners.count(method), ties.count(method), on_front.count(method), len(set(own["stokes"]))
         rows.append(Standing(method, *counts, failures))
     return sorted(rows, key=lambda row: (-row.won, -row.front, -row.tied, str(row.method)))
-
-
-def scatter(table: pd.DataFrame) -> tuple[float, float] | None:
-    """Scatter of times of the same work at several St: as measured, and divided by the sentinel's.
-
-    Forms averaged to first order hold no St in slow time: over the same slow time they do the same work at every St.
-    Returns standard deviations of the logarithm about the mean of each group; None where nothing was repeated.
-    """
-    if "scene.time" not in table:
-        return None
-    runs = where(table, table["form"].isin(SAME_WORK) & table["seconds"].notna())
-    logs = pd.DataFrame(
-        {
-            "plain": np.log(runs["seconds"].to_numpy(float)),
-            "pace": np.log(runs["sentinel_seconds"].to_numpy(float)),
-            "slow_time": (runs["scene.time"].to_numpy(float) / runs["stokes"].to_numpy(float)).round(12),
-            **{name: runs[name].to_numpy() for name in ("scene_name", "form", "solver", "tolerance")},
-        }
-    )
-    logs["paced"] = logs["plain"] - logs["pace"]
-    groups = logs.groupby(["scene_name", "form", "solver", "tolerance", "slow_time"])[["plain", "paced"]]
-    freedom = len(logs) - groups.ngroups
-    if freedom < 1:
-        return None
-    apart = (logs[["plain", "paced"]] - groups.transform("mean")).to_numpy(float)
-    plain, paced = np.sqrt((apart**2).sum(axis=0) / freedom)
-    return float(plain), float(paced)
 
 
 def usual_form(found: Sequence[Cell]) -> str:

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 
-import numpy as np
 import pandas as pd
 
 from polhode.harness.analysis.frames import by_stokes, where
@@ -57,15 +56,3 @@ def costs_over_stokes(records: pd.DataFrame, form: str) -> tuple[float, float, l
         return None
     first, last = table.columns[0], table.columns[-1]
     return float(first), float(last), (table[last] / table[first]).quantile([0.05, 0.5, 0.95]).tolist()
-
-
-def against(runs: pd.DataFrame, form: str, other: str) -> tuple[float, float, float] | None:
-    """Model errors of two averaged forms at one St, and the median ratio of their times; None without a pair."""
-    done = where(runs, runs["seconds"].notna())
-    ours, theirs = (where(done, done["form"] == name) for name in (form, other))
-    both = pd.merge(ours, theirs, on=["solver", "tolerance"])
-    if both.empty:
-        return None
-    error, their_error = (float(own["model_slow_error"].to_numpy(float).max()) for own in (ours, theirs))
-    ratios = both["seconds_x"].to_numpy(float) / both["seconds_y"].to_numpy(float)
-    return error, their_error, float(np.median(ratios))

@@ -1,7 +1,8 @@
 """The page of the main job: table, figures, verdict, all from the records."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -102,7 +103,7 @@ def _scenes(runs: pd.DataFrame) -> list[str]:
     ]
 
 
-def _listed(values: pd.Series) -> str:
+def _listed(values: Iterable[Any]) -> str:
     """Different values in their order, of lists each as a : b : c."""
     texts = (" : ".join(map(short, each)) if isinstance(each, list) else each for each in values)
     return ", ".join(dict.fromkeys(each if isinstance(each, str) else short(each) for each in texts))

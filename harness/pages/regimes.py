@@ -11,12 +11,12 @@ import pandas as pd
 
 from polhode.harness.analysis.frames import frame, where, write_runs
 from polhode.harness.analysis.pareto import Method
-from polhode.harness.analysis.regime_map import Cell, cells, scatter, standings
+from polhode.harness.analysis.regime_map import Cell, cells, standings
 from polhode.harness.analysis.winners import TIE
 from polhode.harness.common.files import read_file, write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record
-from polhode.harness.common.text import duration, in_two_digits, short
+from polhode.harness.common.text import in_two_digits, short
 from polhode.harness.pages.figures.map_picture import ERRORS, picture
 from polhode.harness.pages.figures.profiles import profile_lines
 from polhode.harness.pages.figures.work_precision import save
@@ -86,7 +86,7 @@ def _lines(
         axes = ", ".join(f"{length:g}" for length in scenes[0].ellipsoid.semi_axes)
         text += [f"## The {name} ({axes})", "", f"![Winners over St and error]({name}.png)", "", *horizon(scenes)]
         text += [_methods(where(runs, runs["scene_name"] == name), name, maps)]
-    return [*text, *profile_lines(runs, folder), "## How to read it", "", _how(study), "", steadiness(runs), ""]
+    return [*text, *profile_lines(runs, folder), "## How to read it", "", _how(study), ""]
 
 
 def sentence(found: Sequence[Cell], what: str) -> str:
@@ -125,21 +125,6 @@ def horizon(scenes: Sequence[Scene]) -> list[str]:
         f"{short(usual)}.",
         "",
     ]
-
-
-def steadiness(table: pd.DataFrame) -> str:
-    """How steady the machine was: the sentinel, and the scatter of runs that do the same work."""
-    drift = table["sentinel_seconds"].dropna().to_numpy(float)
-    text = f"The sentinel, a fixed piece of arithmetic, took {duration(drift.min())} to {duration(drift.max())}."
-    found = scatter(table)
-    if found is None:
-        return text
-    plain, paced = (f"{100 * value:.1f} %" for value in found)
-    return (
-        f"{text} Times are as measured, the least of up to five runs, not divided by the sentinel's: an averaged form "
-        f"does the same work at every St of the same slow time, where its times scatter by {plain} (standard "
-        f"deviation), and would by {paced} after that division."
-    )
 
 
 def _how(study: Study) -> str:

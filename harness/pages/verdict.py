@@ -7,14 +7,12 @@ import pandas as pd
 from polhode.harness.analysis.frames import by_scene, by_stokes
 from polhode.harness.analysis.winners import (
     TARGETS,
-    against,
     averaged_forms,
     averaged_wins_from,
     costs_over_stokes,
 )
-from polhode.harness.common.text import scientific, short
+from polhode.harness.common.text import short
 
-SECOND_ORDER = "averaged-second-order"
 # St further apart than this leave open where between them averaging begins to pay.
 GAP = 10.0 * (1 + 1e-9)
 
@@ -46,8 +44,8 @@ def verdict(records: pd.DataFrame, targets: Sequence[float] = TARGETS) -> list[s
 
 
 def averaged_costs(records: pd.DataFrame) -> list[str]:
-    """How little an averaged form's cost depends on St, and how much the second order gains, scene by scene."""
-    return _each_scene(records, lambda runs: [*_costs_over_stokes(runs), *_second_against_first(runs)])
+    """How little an averaged form's cost depends on St, scene by scene."""
+    return _each_scene(records, _costs_over_stokes)
 
 
 def _each_scene(records: pd.DataFrame, lines: Callable[[pd.DataFrame], list[str]]) -> list[str]:
@@ -79,15 +77,3 @@ def _costs_over_stokes(records: pd.DataFrame) -> list[str]:
                 f"(median over solvers and tolerances; nine in ten lie between {low:.2f} and {high:.2f})."
             )
     return lines
-
-
-def _second_against_first(records: pd.DataFrame) -> list[str]:
-    """Model errors and costs of the second order of averaging against the first, one sentence per St."""
-    first = next((name for name in averaged_forms(records) if name != SECOND_ORDER), None)
-    pairs = ((stokes, against(runs, SECOND_ORDER, first)) for stokes, runs in by_stokes(records) if first)
-    return [
-        f"At St = {short(stokes)} the second order of averaging is off by {scientific(pair[0])}, the first by "
-        f"{scientific(pair[1])}; it costs {pair[2]:.2f} times as much (median over solvers and tolerances)."
-        for stokes, pair in pairs
-        if pair is not None
-    ]

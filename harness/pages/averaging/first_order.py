@@ -9,7 +9,6 @@ from typing import Any
 
 import pandas as pd
 
-from polhode.harness.averaging.cases import paper_cases
 from polhode.harness.averaging.data import VARIABLES, AveragingErrors, PaperStudy, write_study
 from polhode.harness.averaging.findings import statements
 from polhode.harness.averaging.measure import SAMPLES, SOLVER, TOLERANCE
@@ -20,7 +19,6 @@ from polhode.harness.common.text import aligned, in_two_digits, scientific, shor
 from polhode.harness.pages.figures.averaging import Line, against_stokes
 from polhode.harness.pages.figures.work_precision import save
 from polhode.harness.pages.tables import cells, table
-from polhode.models.shape import Ellipsoid
 
 # Errors of which the page says from which St on they are met.
 SHOWN = (1e-2, 1e-4)
@@ -36,7 +34,6 @@ COLUMNS = {
     "second order up to t₂": "{until}",
 }
 PANELS = {"spheroid": "spheroids", "ellipsoid": "triaxial ellipsoids"}
-CASES = {"case": "{name}", "semi-axes": "{axes}", "θ, φ, ψ": "{angles}", "ω": "{omega}", "L": "{momentum}"}
 
 
 def as_text(study: PaperStudy) -> str:
@@ -137,29 +134,9 @@ def _lines(study: PaperStudy, command: str) -> list[str]:
         "Every error, by variable: [errors.csv](errors.csv). Every law: [laws.csv](laws.csv). Where there is none "
         f"({len(study.absent)} of {len(study.absent) + len(rows)}), with the reason: [absent.csv](absent.csv).",
         "",
-        "## The cases",
+        "The cases, the paper's and one start of each phase plane: [cases.py](../../harness/averaging/cases.py).",
         "",
-        "Starts: Euler angles in rad, angular velocity in body axes over the shear rate, and the L in space axes that "
-        "they give, over the largest moment of inertia.",
-        "",
-        table(_starts(rows), CASES, left=len(CASES)),
     ]
-
-
-def _starts(rows: Sequence[AveragingErrors]) -> list[dict[str, str]]:
-    names, found = {row.subject for row in rows}, []
-    for case in paper_cases():
-        if case.name in names:
-            momentum = case.scene(1.0).initial.angular_momentum[0] / max(Ellipsoid(case.semi_axes).inertia)
-            groups = case.semi_axes, case.start.angles, case.start.angular_velocity, momentum
-            texts = (", ".join(_coordinate(x) for x in group) for group in groups)
-            found.append(dict(zip(("name", "axes", "angles", "omega", "momentum"), (case.name, *texts), strict=True)))
-    return found
-
-
-def _coordinate(value: float) -> str:
-    """Three digits; 0 for what is rounding."""
-    return f"{0.0 if abs(value) < 1e-9 else value:.3g}"
 
 
 def _order(law: Law) -> str:

@@ -2,11 +2,12 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
-from itertools import product
-from math import isfinite, isnan, nan
+from math import isfinite, isnan
 from pathlib import Path
 from statistics import median, quantiles
 from typing import Any
+
+import pandas as pd
 
 from polhode.harness.averaging import hybrid
 from polhode.harness.averaging.hybrid import HybridError, Speed, Study
@@ -21,8 +22,8 @@ ERRORS = {
     "St": "{stokes:number}",
     "error asked for": "{error:number}",
     "runs": "{runs}",
-    "within": "{within}",
-    "bounded": "{bounded}",
+    "within": "{within:.1%}",
+    "bounded": "{bounded:.1%}",
     "largest error": "{largest:error}",
     "over": "{over:two}",
     "in full": "{full:two}",
@@ -31,9 +32,9 @@ SPEEDS = {
     "St": "{stokes:number}",
     "bodies": "{bodies}",
     "runs": "{runs}",
-    "time": "{time:time}",
-    f"with {hybrid.FEW} samples": "{few:time}",
-    "in full": "{full:two}",
+    "time": "{seconds:time}",
+    f"with {hybrid.FEW} samples": "{few_seconds:time}",
+    "in full": "{full_share:two}",
     "times as fast": "{gain:two}",
 }
 SPEED = (
@@ -79,8 +80,8 @@ def page(study: Study, command: str) -> str:
             "",
             f"Random starts, half of them triaxial, by `{hybrid.SOLVER}`; slow errors are the largest over "
             f"{hybrid.SAMPLES} samples, over I_max. *Within*: runs within the error asked for, or within the truth's "
-            "uncertainty. *Bounded*: runs whose error is below the estimate; *over*: median of estimate over error. "
-            "*In full*: median share of the time that the full equations follow.",
+            "uncertainty. *Bounded*: of the runs that state an error, those below it; *over*: median of estimate over "
+            "error. *In full*: median share of the time that the full equations follow.",
             "",
             table(_errors(study.errors), ERRORS, left=0),
             *([*SPEED, table(_speeds(study.speed), SPEEDS, left=0)] if study.speed else []),
@@ -95,9 +96,7 @@ def findings(study: Study) -> list[str]:
         f"Of {len({row.start for row in rows})} random starts at {len(hybrid.ERRORS)} errors, "
         f"{sum(row.status == 'reached_end' for row in rows)} of {len(rows)} runs reached their end.",
         f"The slow error was within the one asked for in {_percent(rows, _within)} of the runs.",
-        f"It was below the run's own estimate in {_percent(rows, lambda row: row.slow <= row.estimated)}, which "
-        f"exceeded it {in_two_digits(median([row.estimated / row.slow for row in rows if row.slow > 0]))} times in "
-        "the median.",
+        *_stated([row for row in rows if not isnan(row.estimated)], len(rows)),
     ]
     sure = [row for row in rows if not isnan(row.mirror)]
     if sure:
@@ -115,6 +114,18 @@ def findings(study: Study) -> list[str]:
     return found
 
 
+def _stated(rows: Sequence[HybridError], of: int) -> list[str]:
+    """What the errors are worth that runs state of themselves."""
+    ratios = [row.estimated / row.slow for row in rows if row.slow > 0]
+    if not ratios:
+        return []
+    return [
+        f"{len(rows)} of {of} runs state an error of their own: it bounds the one measured in "
+        f"{_percent(rows, lambda row: row.slow <= row.estimated)}, and is {in_two_digits(median(ratios))} times as "
+        "large in the median."
+    ]
+
+
 def _within(row: HybridError) -> bool:
     return row.slow <= max(row.error, row.uncertainty)
 
@@ -123,29 +134,28 @@ def _percent(rows: Sequence[HybridError], holds: Callable[[HybridError], bool]) 
     return f"{100 * sum(map(holds, rows)) / max(1, len(rows)):.3g} %"
 
 
-def _errors(rows: Sequence[HybridError]) -> list[dict[str, Any]]:
-    found = []
-    for stokes, error in product(hybrid.STOKES, hybrid.ERRORS):
-        some = [row for row in rows if (row.stokes, row.error) == (stokes, error) and not isnan(row.slow)]
-        if some:
-            row = {"stokes": stokes, "error": error, "runs": len(some), "within": _percent(some, _within)}
-            row |= {"bounded": _percent(some, lambda row: row.slow <= row.estimated), "largest": max(_slow(some))}
-            row |= {"over": median([row.estimated / row.slow for row in some])}
-            found.append(row | {"full": median([row.full_share for row in some])})
-    return found
+def _errors(rows: Sequence[HybridError]) -> list[dict[Any, Any]]:
+    runs = pd.DataFrame(rows).dropna(subset=["slow"])
+    runs["within"] = runs["slow"] <= runs[["error", "uncertainty"]].max(axis=1)
+    runs["bounded"] = (runs["slow"] <= runs["estimated"]).where(runs["estimated"].notna())
+    runs["over"] = runs["estimated"] / runs["slow"]
+    return (
+        runs.groupby(["stokes", "error"])
+        .agg(
+            runs=("slow", "size"), within=("within", "mean"), bounded=("bounded", "mean"), largest=("slow", "max"),
+            over=("over", "median"), full=("full_share", "median"),
+        )
+        .sort_index(ascending=[True, False])
+        .reset_index()
+        .to_dict("records")
+    )  # fmt: skip
 
 
-def _slow(rows: Sequence[HybridError]) -> list[float]:
-    return [row.slow for row in rows]
-
-
-def _speeds(rows: Sequence[Speed]) -> list[dict[str, Any]]:
-    found = []
-    for stokes, bodies in product(hybrid.FAST, ("spheroids", "triaxial")):
-        some = [r for r in rows if r.stokes == stokes and (r.kind == "triaxial") == (bodies == "triaxial")]
-        gains = [row.full_seconds / row.seconds for row in some if isfinite(row.full_seconds)]
-        if some:
-            row = {"stokes": stokes, "bodies": bodies, "runs": len(some), "gain": median(gains) if gains else nan}
-            row |= {"time": median([r.seconds for r in some]), "few": median([r.few_seconds for r in some])}
-            found.append(row | {"full": median([r.full_share for r in some])})
-    return found
+def _speeds(rows: Sequence[Speed]) -> list[dict[Any, Any]]:
+    runs = pd.DataFrame(rows)
+    runs["bodies"] = runs["kind"].where(runs["kind"] == "triaxial", "spheroids")
+    runs["gain"] = runs["full_seconds"] / runs["seconds"]
+    runs["runs"] = 1
+    found = runs.groupby(["stokes", "bodies"])
+    medians = found[["seconds", "few_seconds", "full_share", "gain"]].median()
+    return medians.assign(runs=found["runs"].sum()).reset_index().to_dict("records")

@@ -32,6 +32,8 @@ DASHES = ("-", "--", ":", "-.")
 PANEL, NAMES, LEGEND = (3.35, 2.9), 1.05, 0.75
 # What the legend needs of one panel alone.
 LEAST_WIDTH = 6.4
+# Numbers left of a panel that shares no axis.
+TICKS = 0.4
 # Names beside a panel, in points: their size, and the least distance between two.
 LETTERS, APART = 8.5, 10.5
 BEHIND, BEHIND_NAME = "#BDBDBD", "behind the front"
@@ -165,7 +167,8 @@ def panels(groups: Sequence[tuple[str, pd.DataFrame]], error: str, label: str, *
 
     columns = 2 if len(groups) > 1 else 1
     lines = -(-len(groups) // columns)
-    size = max((PANEL[0] + NAMES) * columns, LEAST_WIDTH), PANEL[1] * lines + LEGEND
+    between = NAMES + (0.0 if alike else TICKS)
+    size = max((PANEL[0] + between) * columns, LEAST_WIDTH), PANEL[1] * lines + LEGEND
     figure, grid = plt.subplots(lines, columns, figsize=size, sharex=alike, sharey=alike, squeeze=False)
     for axes, (title, runs) in zip(grid.flat, groups, strict=False):
         work_precision(axes, runs, error)
@@ -181,7 +184,7 @@ def panels(groups: Sequence[tuple[str, pd.DataFrame]], error: str, label: str, *
         axes.set_ylabel("wall time of a warm run, s")
     width, height = size
     margins = {"left": 0.65 / width, "right": 1 - NAMES / width, "bottom": (LEGEND + 0.5) / height}
-    figure.subplots_adjust(**margins, top=1 - 0.45 / height, wspace=NAMES / (PANEL[0] - 0.65), hspace=0.28)
+    figure.subplots_adjust(**margins, top=1 - 0.45 / height, wspace=between / (PANEL[0] - 0.65), hspace=0.28)
     for axes in grid.flat[: len(groups)]:
         name_lines(axes)
     entries = {

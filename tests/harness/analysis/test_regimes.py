@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from polhode.harness.analysis.pareto import Method, cost, front
-from polhode.harness.analysis.regime_map import LONGEST_SLOW_TIME, cells, scatter, standings
+from polhode.harness.analysis.regime_map import LONGEST_SLOW_TIME, cells, standings
 from polhode.harness.commands.bench import ahead, regimes
 from polhode.harness.common.store import Store
 from polhode.harness.pages.figures.map_picture import draw, picture
@@ -201,19 +201,6 @@ def test_a_shorter_slow_time_is_told_on_the_page_and_in_the_figure():
     bold = [text.get_text() for text in drawing.axes[1].texts if text.get_weight() == "bold"]
     assert bold == ["5e5", "5e5", "0.05", "0.005"]
     plt.close(drawing)
-
-
-def test_the_scatter_of_equal_work_is_that_put_in():
-    generator = np.random.default_rng(1)
-    pace, noise = np.exp(generator.normal(0, 0.2, 4000)), np.exp(generator.normal(0, 0.03, 4000))
-    own = runs("averaged-spheroid", "taylor", 1.0, 2.0, 0.1)[0] | {"scene.time": 0.5}
-    rows = [
-        own | {"stokes": 1.0 + i, "scene.time": 0.5 * (1 + i), "seconds": 2.0 * fast * jump, "sentinel_seconds": fast}
-        for i, (fast, jump) in enumerate(zip(pace.tolist(), noise.tolist(), strict=True))
-    ]
-    found = scatter(pd.DataFrame(rows))
-    assert found == pytest.approx((np.hypot(0.2, 0.03), 0.03), rel=0.05)
-    assert scatter(pd.DataFrame(rows[:1])) is None
 
 
 def test_a_millisecond_is_written_as_one():

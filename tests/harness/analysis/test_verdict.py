@@ -6,7 +6,7 @@ import pytest
 from polhode.harness.analysis.frames import frame
 from polhode.harness.analysis.winners import TIE, averaged_wins_from, cheapest
 from polhode.harness.common.text import short
-from polhode.harness.pages.verdict import averaged_costs, verdict, when_averaged_wins
+from polhode.harness.pages.verdict import verdict, when_averaged_wins
 
 
 def run(solver: str, seconds: float | None, error: float | None, **more: object) -> dict:
@@ -138,17 +138,3 @@ def test_scenes_are_told_of_one_by_one():
         "one: For a slow error of 0.01 an averaged form is the cheapest at St = 1000, the largest measured.",
         "two: For a slow error of 0.01 an averaged form is the cheapest from St = 100 on, the smallest measured.",
     ]
-
-
-def test_the_second_order_is_compared_with_the_first():
-    records = []
-    for solver, seconds in (("taylor", 2.0), ("dop853", 5.0), ("lsoda", 8.0)):
-        records.append(run(solver, seconds, 1e-2, form="averaged-spheroid", model_slow_error=9.9e-3))
-        factor = 3.0 if solver == "lsoda" else 1.5
-        second = run(solver, factor * seconds, 1e-4, form="averaged-second-order", model_slow_error=8.8e-5)
-        records += [second, run(solver, 100.0, 1e-6, model_slow_error=0.0)]
-    assert averaged_costs(frame(records)) == [
-        "At St = 100 the second order of averaging is off by 8.8e-5, the first by 9.9e-3; it costs 1.50 times as much "
-        "(median over solvers and tolerances)."
-    ]
-    assert averaged_costs(frame([one for one in records if one["form"] != "averaged-second-order"])) == []
