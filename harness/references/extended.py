@@ -1,5 +1,6 @@
 """Runs in extended precision: Taylor's method in long double or quadruple, from the problem's own doubles."""
 
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -16,8 +17,13 @@ class ReferenceFailedError(RuntimeError):
     """There is no reference."""
 
 
-def extended_run(problem: Problem, times: np.ndarray, precision: Precision, tolerance: float) -> np.ndarray:
-    """States in long double, shape (n, d), of a Taylor run in a precision that holds at least as much."""
+def extended_run(
+    problem: Problem, times: np.ndarray, precision: Precision, tolerance: float, deadline: float = inf
+) -> np.ndarray:
+    """States in long double, shape (n, d), of a Taylor run in a precision that holds at least as much.
+
+    Given up at a deadline, as `time.perf_counter` reads.
+    """
     integrator = extended_integrator(problem, precision, tolerance)
     number = integrator.state.dtype
     integrator.time = number.type(0)
@@ -26,7 +32,7 @@ def extended_run(problem: Problem, times: np.ndarray, precision: Precision, tole
     rows = np.empty((len(times), problem.dimension), dtype=number)
     rows[0] = integrator.state
     most = MOST_STEPS if problem.time_unit == 1 else MOST_SLOW_STEPS
-    status, message = propagate(integrator, Record(times, rows, max_steps=most))
+    status, message = propagate(integrator, Record(times, rows, deadline, most))
     if not status.success:
         raise ReferenceFailedError(f"the reference of form {problem.name!r} ended with {status}: {message}")
     return _long_double(rows)

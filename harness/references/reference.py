@@ -2,7 +2,8 @@
 
 from dataclasses import astuple, dataclass, replace
 from importlib.metadata import version
-from math import isfinite, isnan
+from math import inf, isfinite, isnan
+from time import perf_counter
 
 import numpy as np
 
@@ -75,14 +76,15 @@ class Reference:
         return None if self.meaningful == len(self.times) else float(self.times[self.meaningful - 1])
 
 
-def reference(scene: Scene, form: str | Form, samples: int) -> Reference:
+def reference(scene: Scene, form: str | Form, samples: int, seconds: float = inf) -> Reference:
     """Reference solution of a scene by a form's own equations, from the cache or computed and certified.
 
     Taylor runs in extended precision, from the very parameters in double precision that the contestants receive.
 
     A full form gives the reference of all full forms; an averaged one its own exact solution. The times are equispaced
-    from 0 to the end, both included. Raises ReferenceFailedError if a run does not reach its end, is contradicted by
-    its certificate, or is beyond the horizon.
+    from 0 to the end, both included. Raises ReferenceFailedError if a run does not reach its end or takes more than
+    `seconds`, is contradicted by its certificate, or is beyond the horizon; what failed is kept too, and not tried
+    again within as many seconds.
     """
     shape = find_form(form) if isinstance(form, str) else form
     if not shape.averaged:
@@ -92,9 +94,14 @@ def reference(scene: Scene, form: str | Form, samples: int) -> Reference:
     problem = shape.problem(scene)
     key = _key(problem, samples)
     arrays = cache.load(key)
-    if arrays is None:
-        arrays = _compute(scene, shape, problem, samples)
+    if arrays is None or float(arrays.get("seconds", inf)) < seconds:
+        try:
+            arrays = _compute(scene, shape, problem, samples, perf_counter() + seconds)
+        except ReferenceFailedError as failure:
+            arrays = {"failure": np.array(str(failure)), "seconds": np.array(seconds)}
         cache.keep(key, arrays)
+    if "failure" in arrays:
+        raise ReferenceFailedError(str(arrays["failure"]))
     return _unpacked(shape, arrays)
 
 
@@ -103,17 +110,18 @@ def reference_form(scene: Scene) -> str:
     return "jeffery" if scene.stokes == 0 else "quaternion"
 
 
-def _compute(scene: Scene, form: Form, problem: Problem, samples: int) -> dict[str, np.ndarray]:
+def _compute(scene: Scene, form: Form, problem: Problem, samples: int, deadline: float) -> dict[str, np.ndarray]:
     times = np.linspace(0.0, problem.end, samples)
     extra = list(expected_times(scene, form, problem.end))
     every = np.union1d(times, extra)
     wanted = np.searchsorted(every, times)
     (precision, tight_tolerance), loose_run, seeds = _runs(scene, form)
-    states = extended_run(problem, every, precision, tight_tolerance)
+    states = extended_run(problem, every, precision, tight_tolerance, deadline)
     tight = observe(form, scene, states[wanted])
-    loose = observe(form, scene, extended_run(problem, every, *loose_run)[wanted])
+    loose = observe(form, scene, extended_run(problem, every, *loose_run, deadline)[wanted])
     moved = [
-        observe(form, scene, extended_run(_rounded_otherwise(problem, seed), times, *ROUNDING_RUN)) for seed in seeds
+        observe(form, scene, extended_run(_rounded_otherwise(problem, seed), times, *ROUNDING_RUN, deadline))
+        for seed in seeds
     ]
     at = dict(zip(extra, states[np.searchsorted(every, extra)], strict=True))
     try:

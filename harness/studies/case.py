@@ -2,6 +2,7 @@
 
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
+from math import inf
 from resource import RUSAGE_SELF, getrusage
 from time import perf_counter
 
@@ -47,6 +48,7 @@ class Case:
     backend: Backend | None = None  # the solver's first one by default, and the first Jacobian
     jacobian: Jacobian | None = None
     tags: tuple[str, ...] = field(default=(), compare=False)  # the scene's in its study; no part of the question
+    reference_seconds: float = field(default=inf, compare=False)  # that it may take
 
     @property
     def content(self) -> Record:
@@ -140,13 +142,13 @@ def judge(case: Case, tried: Attempt) -> Record:
     """
     form, ellipsoid, record = find_form(case.form), case.scene.ellipsoid, tried.record
     try:
-        full = reference(case.scene, reference_form(case.scene), case.samples)
+        full = reference(case.scene, reference_form(case.scene), case.samples, case.reference_seconds)
     except ReferenceFailedError as error:
         return {**record, "reference_failed": str(error)}
     exact = full
     if form.averaged:
         try:
-            exact = reference(case.scene, form, case.samples)
+            exact = reference(case.scene, form, case.samples, case.reference_seconds)
         except ReferenceFailedError as error:
             exact, record = None, {**record, "reference_failed": str(error)}
     found = form.observe(case.scene, tried.states)

@@ -53,6 +53,7 @@ class Study:
     page: Page = "costs"
     # Averaged equations are not tried over more slow time than this.
     longest_slow_time: float = inf
+    reference_seconds: float = inf
 
     def batches(self) -> Iterator[list[Case]]:
         """Cases in batches that are timed in interleaved order: one scene, form and tolerance, all solvers."""
@@ -71,8 +72,9 @@ class Study:
                 accepted = [name for name in wanted if _accepts(name, problem)]
                 for tolerance in sorted(self.tolerances, reverse=True):
                     limits = tolerance, self.samples, choice.max_seconds or self.max_seconds
+                    others = choice.tags, self.reference_seconds
                     yield [
-                        Case(scene_name, scene, form_name, solver_name, *limits, backend, jacobian, choice.tags)
+                        Case(scene_name, scene, form_name, solver_name, *limits, backend, jacobian, *others)
                         for solver_name in accepted
                         for backend, jacobian in self._ways(solver_name)
                     ]

@@ -88,12 +88,13 @@ def test_references_are_certified_by_another_form_and_method(scene: Scene, form:
 def test_a_certificate_notices_a_wrong_state(component: int, monkeypatch):
     honest = module.extended_run
 
-    def lying(problem, times, precision, tolerance):
-        rows = honest(problem, times, precision, tolerance)
+    def lying(problem, times, precision, tolerance, deadline=inf):
+        rows = honest(problem, times, precision, tolerance, deadline)
         rows[len(rows) // 2 :, component] += 1e-9
         return rows
 
     monkeypatch.setattr(module, "extended_run", lying)
+    monkeypatch.setattr(cache, "keep", lambda key, arrays: None)
     with pytest.raises(ReferenceFailedError, match="differs from form 'euler-angles' by cyrk-vern8"):
         reference(replace(PAPER, time=49.0), "quaternion", 11)
 
@@ -129,6 +130,23 @@ def test_a_second_call_reads_the_cache_and_a_damaged_file_is_computed_anew(monke
     third = reference(PAPER, "quaternion", 21)
     assert third.observables.rotation.tobytes() == first.observables.rotation.tobytes()
     assert "damaged" in capsys.readouterr().err
+
+
+def test_a_reference_that_takes_too_long_is_not_tried_again_within_as_many_seconds(monkeypatch):
+    scene, tried = replace(PAPER, time=47.0), []
+    honest = module._compute
+
+    def slow(scene, form, problem, samples, deadline):
+        tried.append(deadline)
+        return honest(scene, form, replace(problem, end=2e4), samples, deadline)
+
+    monkeypatch.setattr(module, "_compute", slow)
+    for seconds in (1e-2, 1e-2, 1e-3):
+        with pytest.raises(ReferenceFailedError, match="time_limit"):
+            reference(scene, "quaternion", 11, seconds)
+    assert len(tried) == 1
+    monkeypatch.undo()
+    assert len(reference(scene, "quaternion", 11, 100.0).times) == 11
 
 
 def test_every_full_form_has_the_same_reference_and_averaged_ones_their_own():

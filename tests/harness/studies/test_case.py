@@ -67,10 +67,10 @@ def test_the_whole_error_is_told_without_the_averaged_forms_own_reference(monkey
     tried = attempt(case)
     known = judge(case, tried)
 
-    def refuse(scene, form, samples):
+    def refuse(scene, form, samples, seconds):
         if str(getattr(form, "name", form)) == "averaged-spheroid":
             raise ReferenceFailedError("no agreement")
-        return reference(scene, form, samples)
+        return reference(scene, form, samples, seconds)
 
     monkeypatch.setattr(module, "reference", refuse)
     found = judge(case, tried)
