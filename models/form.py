@@ -49,6 +49,8 @@ class Form(ABC):
     state: ClassVar[tuple[str, ...]]
     orientation: ClassVar[Orientation]
     averaged: ClassVar[bool] = False
+    # Costs more than the quaternion form, for the same errors or, near a pole of its angles, larger ones.
+    angles: ClassVar[bool] = False
 
     @abstractmethod
     def check(self, scene: Scene) -> None:

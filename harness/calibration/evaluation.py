@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from polhode.harness.calibration.fit import pilot_of
+from polhode.harness.calibration.samples import pilot_of
 from polhode.harness.calibration.scenes import Question, Stratum
 from polhode.harness.common.store import Record
 from polhode.harness.picking.laws import Laws
@@ -21,6 +21,7 @@ from polhode.solvers.contract import Status
 # Targets: shares of the scenes, of the scenes, and of the runs; and the factor that counts as close.
 MEETS, CHEAP, PREDICTED = 0.975, 0.92, 0.92
 FACTOR = 1.5
+WAY = ("form", "solver", "tolerance")
 # Columns of the runs; what is not known is NaN.
 RUN_COLUMNS = ("scene", "form", "solver", "tolerance", "seconds", "seconds_at_usual_pace", "seconds_predicted")
 RUN_COLUMNS += ("slow_error", "slow_error_predicted", "slow_error_high")
@@ -41,8 +42,7 @@ class Answer:
         if self.recommendation is None:
             return None
         row = self.recommendation.ranking[0]
-        wanted = row.form, row.solver, row.tolerance
-        return next((r for r in records if (r["form"], r["solver"], r["tolerance"]) == wanted), None)
+        return next((r for r in records if all(r[name] == getattr(row, name) for name in WAY)), None)
 
 
 @dataclass(frozen=True)
@@ -50,13 +50,14 @@ class Evaluation:
     """A row for each held-out scene (`judged`), and one for each run that the laws predicted (`predicted_runs`).
 
     With a row for each way of each scene (`selection.runs_of`) and the questions by name, if `pick` is to be compared
-    with other rules.
+    with other rules; and why other scenes were left out.
     """
 
     scenes: pd.DataFrame
     runs: pd.DataFrame
     ways: pd.DataFrame | None = None
     questions: Mapping[str, Question] = field(default_factory=dict)
+    left_out: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def shares(self) -> dict[str, float]:
@@ -123,33 +124,26 @@ def judged(answer: Answer, finals: Sequence[Record]) -> Record:
     error = error_of(first, question.want) if first else inf
     met = error <= question.error if found else not best
     factor = first.get("seconds", inf) / best["seconds"] if best else 1.0
+    scene = question.scene
     return {
         "scene": question.name,
         "stratum": answer.stratum,
         "pick_seconds": answer.seconds,
-        "stokes": question.scene.stokes,
-        "time": question.scene.time,
-        "semi_axes": " ".join(f"{axis:.6g}" for axis in question.scene.ellipsoid.semi_axes),
-        "kind": question.scene.ellipsoid.kind,
-        "rotations": found.rotations if found else None,
-        "damping_times": found.damping_times if found else None,
+        "stokes": scene.stokes,
+        "time": scene.time,
+        "semi_axes": " ".join(f"{axis:.6g}" for axis in scene.ellipsoid.semi_axes),
+        **{name: getattr(found, name, None) for name in ("rotations", "damping_times")},
         "samples": question.samples,
         "want": question.want,
         "error_asked": question.error,
-        "form": row and row.form,
-        "solver": row and row.solver,
-        "tolerance": row and row.tolerance,
-        "error_predicted": row and row.error.predicted,
+        **{name: getattr(row, name, None) for name in WAY},
         "error_high": row and row.error.high,
-        "error": error if error < inf else None,
         "seconds_predicted": row and row.seconds.predicted,
+        "error": error if error < inf else None,
         "seconds": first.get("seconds"),
         "met": met,
         "factor": factor,
-        "best_form": best.get("form"),
-        "best_solver": best.get("solver"),
-        "best_tolerance": best.get("tolerance"),
-        "best_seconds": best.get("seconds"),
+        **{f"best_{name}": best.get(name) for name in (*WAY, "seconds")},
         "refusal": answer.refusal,
         "miss": miss(answer, first, best, met, factor) if first or not found else "the run failed",
     }
@@ -169,7 +163,7 @@ def predicted_runs(records: Sequence[Record], laws: Laws) -> pd.DataFrame:
             load = load_of(form, record["solver"], known, record["samples"], tolerance)
         except PilotFailedError:
             continue
-        sensitivity = form_sensitivity(form, known)["slow"]
+        sensitivity = form_sensitivity(form, known, record["solver"])["slow"]
         slow = law.error_law("slow", sensitivity) if sensitivity.error < inf else None
         error = slow.predict(sensitivity, tolerance) if slow else None
         head = record["scene_name"], record["form"], record["solver"], tolerance

@@ -2,9 +2,8 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from functools import cache
-from math import exp, inf, log
+from dataclasses import replace
+from math import exp, log
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,9 @@ import pandas as pd
 from scipy.optimize import least_squares
 from scipy.special import ndtri, stdtrit
 
+from polhode.harness.calibration.samples import Sample, sample_of
 from polhode.harness.calibration.training import lacking
+from polhode.harness.common.machine import machine
 from polhode.harness.common.store import Record
 from polhode.harness.common.timing import Pace
 from polhode.harness.picking.laws import (
@@ -21,119 +22,61 @@ from polhode.harness.picking.laws import (
     CostLaw,
     ErrorLaw,
     Laws,
-    Load,
     MethodLaws,
-    Sensitivity,
     Stray,
     regime,
 )
-from polhode.harness.picking.load import held_back, load_of
-from polhode.harness.picking.pilot import Pilot, PilotFailedError, form_sensitivity, pilot
+from polhode.harness.picking.pilot import over_whole_run
 from polhode.harness.studies.cost import first_seconds
 from polhode.models.catalogue import form as find_form
 from polhode.models.files.scene_file import parse_scene
+from polhode.models.form import FormNotValidError
 from polhode.models.scene import Scene
+from polhode.models.scenes import SCENES
 from polhode.solvers.catalogue import solver as find_solver
-from polhode.solvers.contract import Status
 
 Array = np.ndarray
 Prior = dict[str, tuple[float, float]]
 
-# Fewer scenes than this make no law.
-LEAST_SCENES = 3
+# Fewer scenes than this make no law, and fewer long ones none of their own.
+LEAST_SCENES, LEAST_LONG = 3, 8
 # Fewer runs than this say nothing of a machine's own factor for a method.
 LEAST_RUNS = 3
 # Residuals beyond these, in ln(time) and ln(error), are taken for disturbances and pull less.
 SOFT_COST, SOFT_ERROR = 0.15, 1.0
-# An error of this share of what is measured, or more, bears no law.
-SANE = 0.1
-# An error of this share of the tolerance is as good as none: how much smaller it is would only pull the law off.
-LUCKY = 1e-3
 # Resampled fits, and the quantiles that they give.
 REPLICATES, SEED = 40, 1
 LOW, MIDDLE, HIGH = 0.025, 0.5, 0.975
 
 
-@dataclass(frozen=True)
-class Sample:
-    """One measured run, in the laws' terms; sensitivity and error of each want that is known."""
-
-    scene: str
-    tolerance: float
-    load: Load
-    seconds: float
-    errors: dict[str, tuple[Sensitivity, float]]
-
-
-def pilot_of(record: Record) -> Pilot | None:
-    """Pilot of a record's scene, run once; None where it fails."""
-    return _pilot(parse_scene(record["scene"]))
-
-
-@cache
-def _pilot(scene: Scene) -> Pilot | None:
-    try:
-        return pilot(scene)
-    except PilotFailedError:
-        return None
-
-
-def sample_of(record: Record, pace: Pace) -> Sample | None:
-    """A record in the laws' terms, at one pace; None for a run that failed, or whose pilot did."""
-    if record["status"] != Status.REACHED_END or "seconds" not in record:
-        return None
-    form, solver, pilot = find_form(record["form"]), record["solver"], pilot_of(record)
-    if pilot is None:
-        return None
-    known: dict[str, tuple[Sensitivity, float]] = {}
-    try:
-        load = load_of(form, solver, pilot, record["samples"], record["tolerance"])
-    except PilotFailedError:
-        return None
-    with suppress(PilotFailedError):
-        if not held_back(form, solver, pilot):
-            pairs = form_sensitivity(form, pilot).items()
-            known = {want: (at, error) for want, at in pairs if (error := _error(record, want, at)) is not None}
-    return Sample(record["scene_name"], record["tolerance"], load, pace.seconds(record), known)
-
-
-def _error(record: Record, want: str, at: Sensitivity) -> float | None:
-    """A run's error, as far as it bears a law."""
-    error = record.get(f"solver_{want}_error")
-    if error is None or not error < SANE * at.largest or at.error == inf:
-        return None
-    uncertainty = record.get(f"solver_{want}_uncertainty", record.get(f"{want}_uncertainty"))
-    # Below the reference's uncertainty, below rounding, and far below the tolerance all errors are alike.
-    return max(error, uncertainty or 0.0, EPS * at.largest / 10, LUCKY * record["tolerance"])
-
-
 def fit_laws(records: Iterable[Record], source: dict[str, Any], base: Laws | None = None) -> Laws:
     """Fit the laws of every method of which there are enough records, and time its first run on this machine.
 
-    Of methods that `base` knows, only laws of errors that it lacks are taken from the records.
+    Of methods that `base` knows, only laws of errors that it lacks, and of long runs, are taken from the records.
     """
     records = list(records)
-    pace = Pace.usual(records)
+    pace = base.pace if base else Pace.usual(records)
     samples: dict[tuple[str, str], list[Sample]] = {}
     examples: dict[str, Scene] = {}
     for record in records:
         if sample := sample_of(record, pace):
             samples.setdefault((record["form"], record["solver"]), []).append(sample)
             examples.setdefault(record["form"], parse_scene(record["scene"]))
-    samples = {method: runs for method, runs in samples.items() if len({run.scene for run in runs}) >= LEAST_SCENES}
+    samples = {method: runs for method, runs in samples.items() if _scenes(runs) >= LEAST_SCENES}
     known = {name for name in base.methods if not lacking(base, *name)} if base else set()
     firsts = first_seconds(examples, [name for name in samples if name not in known])
     methods = dict(base.methods) if base else {}
     for (form, solver), runs in samples.items():
         if (form, solver) in known:
-            law, found = methods[form, solver], fit_errors(runs, find_solver(solver).closed_form)
-            methods[form, solver] = replace(law, errors=found | law.errors)
+            law, found = methods[form, solver], fit_errors(runs, special(form, solver))
+            kept = {name: each for name, each in law.errors.items() if name not in found or not name.startswith("long")}
+            methods[form, solver] = replace(law, errors=found | kept)
             continue
         methods[form, solver] = MethodLaws(
             form=form,
             solver=solver,
             cost=fit_cost(runs),
-            errors=fit_errors(runs, find_solver(solver).closed_form),
+            errors=fit_errors(runs, special(form, solver)),
             compile_seconds=firsts[form, solver],
             tightest=min(run.tolerance for run in runs),
         )
@@ -170,6 +113,25 @@ def refit(laws: Laws, records: Iterable[Record]) -> Laws:
     return Laws(methods, {**laws.source, **here, "refitted": sum(map(len, ratios.values()))})
 
 
+def with_first_runs(laws: Laws) -> Laws:
+    """The same laws with this machine's first runs, each form's on the first built-in scene that it takes.
+
+    Where such a run fails, what was known before stays.
+    """
+    examples: dict[str, Scene] = {}
+    for form in dict.fromkeys(form for form, _ in laws.methods):
+        for each in SCENES.values():
+            with suppress(FormNotValidError):
+                find_form(form).check(each.scene)
+                examples.setdefault(form, each.scene)
+    seconds = first_seconds(examples, [method for method in laws.methods if method[0] in examples])
+    methods = {
+        method: replace(law, compile_seconds=seconds.get(method) or law.compile_seconds)
+        for method, law in laws.methods.items()
+    }
+    return Laws(methods, laws.source | {"first_runs": machine()})
+
+
 # Parameters with what is expected of them before anything is measured, mean and standard deviation: it decides only
 # what the measurements leave open. Those of the first kind are fitted in logarithms.
 COST_PRIOR = {
@@ -192,8 +154,9 @@ ERROR_PRIOR = {
 }
 # Rounding changes L, whose changes turn into an angle that grows with every rotation.
 FLOOR_GROWTH = {"slow": (0.7, 0.3), "orientation": (1.7, 0.3)}
-# A closed form has rounding alone.
+# A closed form has rounding alone; errors of a method that holds its tolerance over the whole run do not grow with it.
 NO_TRUNCATION = {"offset": (-300.0, 1e-6), "order": (1.0, 1e-6)}
+WHOLE_RUN = {"growth": (0.0, 0.02), "gain": (1.0, 0.02)}
 
 
 def robust_fit(
@@ -266,7 +229,14 @@ def fit_cost(runs: Sequence[Sample]) -> CostLaw:
     return CostLaw(**bootstrap(scenes, predicted, measured, COST_PRIOR, SOFT_COST, readable))
 
 
-def fit_errors(runs: Sequence[Sample], closed_form: bool = False) -> dict[str, ErrorLaw]:
+def special(form: str, solver: str) -> Prior:
+    """What is expected of the errors of some methods before anything is measured."""
+    if find_solver(solver).closed_form:
+        return NO_TRUNCATION
+    return WHOLE_RUN if over_whole_run(find_form(form), solver) else {}
+
+
+def fit_errors(runs: Sequence[Sample], special: Prior) -> dict[str, ErrorLaw]:
     """Fit the error laws of a method, of all wants and regimes of which there are enough runs."""
     laws = {}
     for want in WANTS:
@@ -275,13 +245,19 @@ def fit_errors(runs: Sequence[Sample], closed_form: bool = False) -> dict[str, E
             if want in run.errors:
                 at = run.errors[want][0]
                 groups.setdefault(regime(want, at.stiff, at.long), []).append(run)
+        if _scenes(groups.get(f"long {want}", [])) < LEAST_LONG:
+            groups.setdefault(want, []).extend(groups.pop(f"long {want}", []))
         for name, known in groups.items():
-            if len({run.scene for run in known}) >= LEAST_SCENES:
-                laws[name] = fit_error(known, want, closed_form)
+            if _scenes(known) >= LEAST_SCENES:
+                laws[name] = fit_error(known, want, special)
     return laws
 
 
-def fit_error(runs: Sequence[Sample], want: str, closed_form: bool = False) -> ErrorLaw:
+def _scenes(runs: Sequence[Sample]) -> int:
+    return len({run.scene for run in runs})
+
+
+def fit_error(runs: Sequence[Sample], want: str, special: Prior) -> ErrorLaw:
     """Fit the law of the slow or the orientation error to runs that all have one."""
     at = [run.errors[want][0] for run in runs]
     looseness = np.log([run.tolerance / s.tolerance for run, s in zip(runs, at, strict=True)])
@@ -294,6 +270,6 @@ def fit_error(runs: Sequence[Sample], want: str, closed_form: bool = False) -> E
         truncation = x[0] + x[1] * looseness + x[2] * pilots + x[3] * turns + x[4] * stiff
         return np.logaddexp(truncation, x[5] + least + x[6] * turns)
 
-    prior = ERROR_PRIOR | {"floor_growth": FLOOR_GROWTH[want]} | (NO_TRUNCATION if closed_form else {})
+    prior = ERROR_PRIOR | {"floor_growth": FLOOR_GROWTH[want]} | special
     readable: dict[str, Callable[[float], float]] = {"offset": lambda x: float(x / log(10)), "floor": exp}
     return ErrorLaw(**bootstrap([run.scene for run in runs], predicted, measured, prior, SOFT_ERROR, readable))

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import islice
 from math import inf
 from time import perf_counter
 
@@ -19,15 +18,26 @@ from polhode.harness.calibration.scenes import (
     questions,
 )
 from polhode.harness.calibration.selection import CUTOFF, decade, runs_of
-from polhode.harness.calibration.training import MOST_LONG, CaseGroups, fast_solvers, forms_for, solvers_for, study
+from polhode.harness.calibration.training import (
+    MOST_LONG,
+    REFERENCE_SECONDS,
+    CaseGroups,
+    fast_solvers,
+    forms_for,
+    solvers_for,
+    study,
+)
 from polhode.harness.common.store import Record, Store
 from polhode.harness.picking.laws import Laws
-from polhode.harness.picking.pilot import pilot
+from polhode.harness.picking.pilot import PilotFailedError, pilot
 from polhode.harness.picking.ranking import NotAttainableError, pick
+from polhode.harness.references.extended import ReferenceFailedError
+from polhode.harness.references.reference import reference, reference_form
 from polhode.harness.studies.case import Case
 from polhode.harness.studies.runner import Runner
 from polhode.harness.studies.study import Study
 from polhode.models.spent import SPENT
+from polhode.solvers.contract import Status
 
 # Every fast method is measured at tolerances by tens, from ten times the error asked for, to find the best choice.
 DECADES = (1, 0, -1, -2, -3)
@@ -48,12 +58,11 @@ def evaluate(
     seeds: int = HELD_OUT_SEEDS,
 ) -> Evaluation:
     """Ask `pick` about `count` held-out scenes of each seed, of both strata, measure them into a store, and compare."""
-    answers = [
-        ask(question, laws, stratum)
-        for each in range(seed, seed + seeds)
-        for stratum in STRATA
-        for question in affordable(each, -(-count // 2), stratum)
-    ]
+    answers, left_out = [], dict[str, str]()
+    for each in range(seed, seed + seeds):
+        for stratum in STRATA:
+            drawn = affordable(each, -(-count // 2), stratum, left_out)
+            answers += [ask(question, laws, stratum) for question in drawn]
     runner = Runner(store, quiet)
     records = runner.run(CaseGroups.of("held-out", (each for answer in answers for each in studies(answer))))
     last = runner.run(CaseGroups("finals", tuple(finalists(answer, records) for answer in answers)))
@@ -67,13 +76,36 @@ def evaluate(
         predicted_runs(records, laws),
         pd.DataFrame(chosen),
         {answer.question.name: answer.question for answer in answers},
+        left_out,
     )
 
 
-def affordable(seed: int, count: int, stratum: Stratum) -> list[Question]:
-    """The first questions of a stratum whose references are certified in seconds."""
-    found = (each for each in questions(seed, 4 * count, stratum) if pilot(each.scene).rotations <= MOST_LONG)
-    return list(islice(found, count))
+def affordable(seed: int, count: int, stratum: Stratum, left_out: dict[str, str]) -> list[Question]:
+    """The first questions of a stratum that have a reference within its budget; why others are left out."""
+    found: list[Question] = []
+    for each in questions(seed, 4 * count, stratum):
+        if len(found) == count:
+            break
+        if reason := no_reference(each):
+            left_out[each.name] = reason
+        else:
+            found.append(each)
+    return found
+
+
+def no_reference(question: Question) -> str:
+    """Why a question has no reference within its budget; empty if it has one."""
+    scene = question.scene
+    try:
+        if pilot(scene).rotations > MOST_LONG:
+            return f"more than {MOST_LONG:g} rotations"
+        reference(scene, reference_form(scene), question.samples, REFERENCE_SECONDS)
+    except PilotFailedError as failure:
+        return str(failure)
+    except ReferenceFailedError as failure:
+        late = str(Status.TIME_LIMIT) in str(failure)
+        return f"its reference takes more than {REFERENCE_SECONDS:g} s" if late else "its reference is not certified"
+    return ""
 
 
 def ask(question: Question, laws: Laws, stratum: Stratum = "short") -> Answer:
@@ -95,7 +127,7 @@ def studies(answer: Answer) -> list[Study]:
     parts, most = [], inf
     if answer.recommendation is not None:
         first = answer.recommendation.ranking[0]
-        parts.append(study(question, [first.form], [first.solver], (first.tolerance,), rotations))
+        parts.append(study(question, first.form, [first.solver], (first.tolerance,), rotations))
         # What takes much longer than the first choice, counting included, is not the best.
         most = max(SHORTEST_LIMIT, CUTOFF * first.seconds.high)
     forms = forms_for(question.scene, rotations)
@@ -103,8 +135,9 @@ def studies(answer: Answer) -> list[Study]:
         # The row of the training ladder in which the tolerance stands.
         row = (-power - 3) // 3
         solvers = [name for name in solvers_for(question.scene, row) if name in fast_solvers()]
-        part = study(question, forms, solvers, (float(f"1e{power}"),), rotations)
-        parts.append(replace(part, max_seconds=min(most, part.max_seconds)))
+        for form in forms:
+            part = study(question, form, solvers, (float(f"1e{power}"),), rotations)
+            parts.append(replace(part, max_seconds=min(most, part.max_seconds)))
     return parts
 
 

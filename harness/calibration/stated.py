@@ -8,22 +8,22 @@ import pandas as pd
 from tqdm import tqdm
 
 from polhode.harness.api import SceneSolution, plan
+from polhode.harness.calibration.heldout import no_reference
 from polhode.harness.calibration.scenes import STRATA, Question, questions
-from polhode.harness.calibration.training import fast_solvers, forms_for, solvers_for
+from polhode.harness.calibration.training import REFERENCE_SECONDS, fast_solvers, forms_for, solvers_for
 from polhode.harness.common.plain_json import digest
 from polhode.harness.common.store import Record, Store
 from polhode.harness.picking.pilot import pilot
 from polhode.harness.picking.second_look import LEAST, SHARE
 from polhode.harness.references.errors import errors
-from polhode.harness.references.extended import ReferenceFailedError
 from polhode.harness.references.reference import reference, reference_form
 from polhode.models.catalogue import form as find_form
 from polhode.solvers.catalogue import SOLVERS
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import SolverNotValidError
 
-# Rotations up to which references are certified in seconds, and solvers with Python in the loop are run.
-MOST_ROTATIONS, ASIDE_ROTATIONS = 2e4, 300.0
+# Rotations up to which solvers with Python in the loop are run.
+ASIDE_ROTATIONS = 300.0
 TOLERANCES = (-13.0, -3.0)
 # Part of a scene's generator that draws the way to run it.
 WAY = 2
@@ -51,19 +51,16 @@ def stated(store: Store, seed: int, count: int, quiet: bool = False) -> pd.DataF
 def _row(question: Question, random: np.random.Generator) -> Record:
     """One run; what cannot be run or has no reference has a reason alone."""
     scene = question.scene
+    if reason := no_reference(question):
+        return {"left_out": reason}
     rotations = pilot(scene).rotations
-    if rotations > MOST_ROTATIONS:
-        return {"left_out": "its reference takes too long"}
     ways = _ways(question, rotations)
     name, solver = ways[random.integers(len(ways))]
     tolerance = float(f"{10 ** random.uniform(*TOLERANCES):.0e}")
     solution, seconds = _timed(question, name, solver, tolerance)
     if not solution.success:
         return {"left_out": str(solution.status)}
-    try:
-        full = reference(scene, reference_form(scene), question.samples)
-    except ReferenceFailedError as failure:
-        return {"left_out": str(failure)}
+    full = reference(scene, reference_form(scene), question.samples, REFERENCE_SECONDS)
     n = full.meaningful
     true = errors(scene.ellipsoid, solution.observables.first(n), full.observables.first(n))
     unknown = {"slow": full.slow_uncertainty, "orientation": full.orientation_uncertainty}

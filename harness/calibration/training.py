@@ -1,16 +1,16 @@
 """What is measured to fit the laws: random scenes, by every form that accepts them and every solver, as studies."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 
-from polhode.harness.calibration.scenes import TRAINING_SCENES, TRAINING_SEED, Question, questions
+from polhode.harness.calibration.scenes import STRATA, TRAINING_SCENES, TRAINING_SEED, Question, Stratum, questions
 from polhode.harness.common.store import Record, Store
 from polhode.harness.picking.laws import Laws
 from polhode.harness.picking.model_error import LEAST_ROTATIONS
-from polhode.harness.picking.pilot import ANGLES, InPieces, damping_times, pilot
+from polhode.harness.picking.pilot import InPieces, damping_times, pilot
 from polhode.harness.studies.case import Case
 from polhode.harness.studies.runner import Runner
 from polhode.harness.studies.study import Study
@@ -33,12 +33,13 @@ ANGLES_EVERY, ANGLES_ROWS = 3, (0, 2)
 # Solvers with Python in the loop: measured on every fourth scene, at two tolerances, to show where they stand; on every
 # second one in averaged forms, whose cost does not grow with the rotations.
 ASIDE_EVERY, ASIDE_ROTATIONS, ASIDE_AVERAGED_EVERY = 4, 300.0, 2
-# Of the long stratum are measured runs of so many rotations at most, by all methods up to the first number, and by some
-# beyond it; beside so many scenes of the short one there is one of the long one.
-EVERY_LONG, MOST_LONG, LONG_SHARE = 2e3, 2e4, 3
-QUICK = ("taylor", "cyrk-vern8", "cyrk-dop853", "splitting", "stroboscopic")
+# Of the long stratum are measured runs of so many rotations at most. Up to the first number all methods are measured,
+# beyond it those that keep up; beside so many scenes of the short one there is one of the long one.
+EVERY_LONG, MOST_LONG, LONG_SHARE = 2e3, 2e4, 2
 # Counting right-hand sides slows compiled solvers down some thirtyfold, within the same limit of time.
 SECONDS, SECONDS_PER_ROTATION = 1.0, 1e-3
+# That a reference may take: some seven for 1e4 rotations. Runs without one have times, and no errors.
+REFERENCE_SECONDS = 120.0
 
 
 def fast_solvers() -> list[str]:
@@ -77,64 +78,47 @@ def lacking(base: Laws, form: str, solver: str) -> bool:
     return law is None or law.stale
 
 
-def missing_studies(question: Question, index: int, base: Laws) -> Iterator[Study]:
-    """What is measured of a training scene by the methods that the laws lack."""
-    for whole in studies(question, index):
-        for form in whole.forms:
-            if solvers := tuple(solver for solver in whole.solvers if lacking(base, form, solver)):
-                yield replace(whole, forms=(form,), solvers=solvers)
-
-
-def long_studies(question: Question, index: int) -> Iterator[Study]:
-    """What is measured of a training scene of the long stratum."""
-    scene, random = question.scene, np.random.default_rng((TRAINING_SEED, index, 2))
+def studies(question: Question, index: int, stratum: Stratum = "short") -> Iterator[Study]:
+    """What is measured of one training scene, a form at a time."""
+    scene, random = question.scene, np.random.default_rng((TRAINING_SEED, index, 1 + STRATA.index(stratum)))
     rotations = pilot(scene).rotations
-    if rotations > MOST_LONG:
+    if stratum == "long" and rotations > MOST_LONG:
         return
-    forms = [name for name in forms_for(scene, rotations) if name not in ANGLES]
+    forms = forms_for(scene, rotations)
+    plain = [name for name in forms if not find_form(name).angles]
     for row, choices in enumerate(LADDER):
         tolerance, solvers = float(random.choice(choices)), solvers_for(scene, row)
-        for name in forms:
-            fit = solvers if rotations < EVERY_LONG or find_form(name).averaged else [s for s in solvers if s in QUICK]
-            yield study(question, [name], fit, (tolerance,), rotations)
-
-
-def studies(question: Question, index: int) -> Iterator[Study]:
-    """What is measured of one training scene."""
-    scene, random = question.scene, np.random.default_rng((TRAINING_SEED, index, 1))
-    rotations = pilot(scene).rotations
-    forms = forms_for(scene, rotations)
-    plain = [name for name in forms if name not in ANGLES]
-    for row, choices in enumerate(LADDER):
-        tolerance = float(random.choice(choices))
-        chosen = forms if index % ANGLES_EVERY == 0 and row in ANGLES_ROWS else plain
-        yield study(question, chosen, solvers_for(scene, row), (tolerance,), rotations)
+        quick = [name for name in solvers if not (find_solver(name).implicit or find_solver(name).low_order)]
+        angles = stratum == "short" and index % ANGLES_EVERY == 0 and row in ANGLES_ROWS
+        for name in forms if angles else plain:
+            every = rotations < EVERY_LONG or find_form(name).averaged
+            yield study(question, name, solvers if every else quick, (tolerance,), rotations)
+    if stratum == "long":
+        return
     slow = []
     if index % ASIDE_EVERY == 0 and rotations < ASIDE_ROTATIONS:
         slow = plain
     elif index % ASIDE_AVERAGED_EVERY == 0:
         slow = [name for name in plain if find_form(name).averaged]
-    if slow:
-        aside = [name for name in SOLVERS if name not in fast_solvers()]
-        if damping_times(scene) > MOST_EXPLICIT / 10:
-            aside = [name for name in aside if find_solver(name).implicit]
-        tolerances = tuple(float(random.choice(choices)) for choices in LADDER[:2])
-        yield study(question, slow, aside, tolerances, rotations)
+    stiff = damping_times(scene) > MOST_EXPLICIT / 10
+    aside = [name for name in SOLVERS if name not in fast_solvers() and not (stiff and not find_solver(name).implicit)]
+    tolerances = tuple(float(random.choice(choices)) for choices in LADDER[:2])
+    for name in slow:
+        yield study(question, name, aside, tolerances, rotations)
 
 
-def study(
-    question: Question, forms: list[str], solvers: list[str], tolerances: tuple[float, ...], rotations: float
-) -> Study:
-    """One scene by some forms, solvers and tolerances."""
+def study(question: Question, form: str, solvers: list[str], tolerances: tuple[float, ...], rotations: float) -> Study:
+    """One scene by a form, some solvers and tolerances."""
     return Study(
         name=question.name,
         title=question.name,
         scenes=((question.name, question.scene),),
-        forms=tuple(forms),
+        forms=(form,),
         solvers=tuple(solvers),
         tolerances=tolerances,
         samples=question.samples,
         max_seconds=SECONDS + SECONDS_PER_ROTATION * round(rotations, -3),
+        reference_seconds=REFERENCE_SECONDS,
     )
 
 
@@ -156,13 +140,21 @@ class CaseGroups:
 
 
 def training(count: int = TRAINING_SCENES, base: Laws | None = None) -> CaseGroups:
-    """All that is measured of the training scenes, or what laws lack of it, and of a third as many long ones."""
+    """All that is measured of the training scenes, or what laws lack of it, and of half as many long ones."""
     parts: list[Study] = []
-    for index, question in enumerate(questions(TRAINING_SEED, count)):
-        parts += missing_studies(question, index, base) if base else studies(question, index)
-    for index, question in enumerate(questions(TRAINING_SEED, count // LONG_SHARE, "long")):
-        parts += long_studies(question, index)
+    for stratum, scenes in zip(STRATA, (count, count // LONG_SHARE), strict=True):
+        for index, question in enumerate(questions(TRAINING_SEED, scenes, stratum)):
+            for each in studies(question, index, stratum):
+                known = base if stratum == "short" else None
+                solvers = (name for name in each.solvers if known is None or lacking(known, *each.forms, name))
+                parts.append(replace(each, solvers=tuple(solvers)))
     return CaseGroups.of("training", parts)
+
+
+def without(store: Store, base: Laws | None, names: Collection[str]) -> Laws | None:
+    """Laws that lack all methods of some forms and solvers, which have changed; the store forgets their cases."""
+    store.drop([row["key"] for row in store if row["form"] in names or row["solver"] in names])
+    return base and replace(base, methods={name: law for name, law in base.methods.items() if not {*name} & {*names}})
 
 
 def train(store: Store, count: int = TRAINING_SCENES, quiet: bool = False, base: Laws | None = None) -> list[Record]:

@@ -4,8 +4,10 @@ from pathlib import Path
 
 import click
 
-from polhode.harness.cli import RunFailed, bad_input
+from polhode.harness.cli import BadInput, RunFailed, bad_input
 from polhode.harness.commands._study_options import open_store, out_folder, quiet, resume, running_into
+from polhode.models.catalogue import FORMS
+from polhode.solvers.catalogue import SOLVERS
 
 
 @click.command(epilog="Example: polhode calibrate --resume")
@@ -15,18 +17,29 @@ from polhode.harness.commands._study_options import open_store, out_folder, quie
 )
 @click.option("--scenes", type=click.IntRange(min=3), default=160, help="Training scenes.")
 @click.option("--add", is_flag=True, help="Measure only what the file's laws lack, and keep them.")
+@click.option("--anew", multiple=True, metavar="NAME", help="A form or solver that has changed: measured again.")
 @click.option("--first-runs", is_flag=True, help="Measure first runs alone, and keep all else in the file.")
 @resume
 @quiet
-def calibrate(out: Path, to: Path | None, scenes: int, add: bool, first_runs: bool, resume: bool, quiet: bool) -> None:
-    """Measure the training scenes on this machine, over an hour, and fit the laws behind `polhode pick`."""
-    from polhode.harness.calibration.first_runs import with_first_runs
-    from polhode.harness.calibration.fit import fit_laws
-    from polhode.harness.calibration.training import train
+def calibrate(
+    out: Path,
+    to: Path | None,
+    scenes: int,
+    add: bool,
+    anew: tuple[str, ...],
+    first_runs: bool,
+    resume: bool,
+    quiet: bool,
+) -> None:
+    """Measure the training scenes on this machine, half an hour, and fit the laws behind `polhode pick`."""
+    from polhode.harness.calibration.fit import fit_laws, with_first_runs
+    from polhode.harness.calibration.training import REFERENCE_SECONDS, train, without
     from polhode.harness.common.files import read_file
     from polhode.harness.common.machine import machine, versions
     from polhode.harness.picking.laws import own_laws_path, parse_laws
 
+    if unknown := [name for name in anew if name not in FORMS and name not in SOLVERS]:
+        raise BadInput(f"--anew: got {unknown[0]!r}, expected the name of a form or solver")
     path = to or own_laws_path()
     if first_runs:
         with bad_input():
@@ -38,10 +51,13 @@ def calibrate(out: Path, to: Path | None, scenes: int, add: bool, first_runs: bo
         path.parent.mkdir(parents=True, exist_ok=True)
         base = parse_laws(path.read_text(encoding="utf-8")) if add else None
     with running_into(open_store(out, resume, "training")) as store:
+        base = without(store, base, anew)
         records = train(store, scenes, quiet, base)
     fitted = fit_laws(records, {"machine": machine(), "versions": versions()}, base)
     fitted.save(path)
     click.echo(f"{path}: laws of {len(fitted.methods)} methods from {len(records)} runs")
+    if unjudged := len({record["scene_name"] for record in records if "reference_failed" in record}):
+        click.echo(f"{unjudged} scenes have times alone, without a reference within {REFERENCE_SECONDS:g} s")
 
 
 @click.command(epilog="Example: polhode validate --out look")

@@ -104,6 +104,11 @@ class Store:
         with self._readable(), self._connection:
             self._connection.execute(_PUT, (*row, _digest(*row)))
 
+    def drop(self, keys: Iterable[str]) -> None:
+        """Forget cases."""
+        with self._readable(), self._connection:
+            self._connection.executemany("DELETE FROM cases WHERE key = ?", ((key,) for key in keys))
+
     def __iter__(self) -> Iterator[Record]:
         """All cases with their results, each as one flat dictionary, in the order of writing; one at a time in memory.
 

@@ -8,11 +8,15 @@ from dataclasses import dataclass
 from functools import cache
 from math import sqrt
 
+import numpy as np
+
 from polhode.harness.picking.laws import STIFF, Load
 from polhode.harness.picking.pilot import InPieces, Pilot, PilotFailedError, damping_times, follow
 from polhode.models.form import Form
+from polhode.models.observables import angular_velocity
 from polhode.models.scene import Scene
 from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.solve import solve
 
 # Most steps that stability costs, over the usual ones.
 MOST_STABILITY = 2.0
@@ -46,6 +50,9 @@ BOTH = Gauge("cyrk-lsoda", 1e-9, 36.0, 21.0, 7e-4, 8.5)
 # Accuracy asks explicit methods for ever more steps as the tolerance falls, stability does not: runs so much looser and
 # tighter than the gauge's tolerance separate the two, at the gauge's order.
 LOOSER, TIGHTER, ORDER = 1e4, 1e-2, 8
+# A solver that plans its steps over many periods shows its plan by so many of them, at times from this share of the
+# run on.
+PLANNED, BEGINNING, ROWS = 5000, 1e-6, 200
 
 
 def gauge_of(solver: str) -> Gauge:
@@ -57,14 +64,20 @@ def gauge_of(solver: str) -> Gauge:
 def load_of(form: Form, solver: str, pilot: Pilot, samples: int, tolerance: float) -> Load:
     """Load of a run of a form by a solver.
 
-    A form of several pieces counts the rotations that it follows in full, and its pieces as time that follows the flow.
+    A form of several pieces counts the rotations that it follows in full, and its pieces in the place of F for triaxial
+    ellipsoids, in that of S for spheroids, whose averages are far simpler.
     Rotations, the flow's own time and damping times count by the steps that they cost, as against the usual. Averaged
-    forms know nothing of rotations, and count by their steps. Raises PilotFailedError if the form's own pilot fails.
+    forms know nothing of rotations, and count by their steps, as do solvers that plan theirs over many periods. Raises
+    PilotFailedError if the form's own pilot fails.
     """
     scene, damped, gauge = pilot.scene, pilot.damping_times, gauge_of(solver)
+    if find_solver(solver).many_periods:
+        return Load(_planned(form, pilot, solver, tolerance), 0.0, 0.0, samples)
     if isinstance(form, InPieces):
         share, pieces = windows(form, scene, tolerance)
-        return Load(share * pilot.rotations, float(pieces), share * damped, samples)
+        entered = float(pieces) if share < 1 else 0.0
+        triaxial = scene.ellipsoid.kind == "triaxial"
+        return Load(share * pilot.rotations, entered if triaxial else 0.0, 0.0 if triaxial else entered, samples)
     if form.averaged:
         held = damped if gauge is EXPLICIT else 0.0
         return Load(sum(steps(form, scene, gauge)) / gauge.per_rotation, 0.0, held, samples)
@@ -91,6 +104,7 @@ def held_back(form: Form, solver: str, pilot: Pilot) -> bool:
         return True
     if (
         find_solver(solver).family == "heyoka"
+        or find_solver(solver).many_periods
         or form.averaged
         or isinstance(form, InPieces)
         or form.problem(pilot.followed).parameters is None
@@ -121,6 +135,30 @@ def steps(form: Form, scene: Scene, gauge: Gauge) -> tuple[float, float]:
     most = 0.0 if form.averaged else MOST_STABILITY * gauge.per_damping_time * damping_times(scene)
     stability = min(max(0.0, loose - asked * few), most)
     return sqrt((loose - stability) * (tight - stability) / (few * many)), stability
+
+
+def _planned(form: Form, pilot: Pilot, solver: str, tolerance: float) -> float:
+    """Steps by a solver that plans them over many periods, those of its checks included.
+
+    From a run's beginning: beyond it they grow like the angle turned.
+    """
+    taken, checks, reached = _beginning(form, pilot.scene, solver, tolerance)
+    speed = np.linalg.norm(angular_velocity(pilot.followed.ellipsoid, pilot.observables), axis=1)
+    angles = np.append(0.0, np.cumsum(speed[1:] + speed[:-1]))
+    known = (pilot.direct or pilot.twin) and angles[-1] > 0
+    share = np.interp(reached, np.linspace(0.0, 1.0, len(angles)), angles / angles[-1]) if known else reached
+    return float(taken / share + checks)
+
+
+@cache
+def _beginning(form: Form, scene: Scene, solver: str, tolerance: float) -> tuple[int, int, float]:
+    """Steps and checks of a solver in the beginning of a run, and what share of its time that is."""
+    problem = form.problem(scene)
+    times = np.append(0.0, np.geomspace(BEGINNING * problem.end, problem.end, ROWS))
+    run = solve(problem, solver, tolerance, times, max_steps=PLANNED)
+    if not run.work.steps or len(run.times) < 2:
+        raise PilotFailedError(f"pilot: {form.name!r} by {solver!r} ended with {run.status.value}")
+    return run.work.steps, run.work.rejected or 0, float(run.times[-1] / problem.end)
 
 
 def _count(form: Form, scene: Scene, solver: str, tolerance: float) -> float:

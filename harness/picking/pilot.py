@@ -21,13 +21,12 @@ from polhode.models.form import Form
 from polhode.models.observables import Observables
 from polhode.models.scene import BodyStart, Scene, SlowStart
 from polhode.models.shape import Ellipsoid
+from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.solve import Solution, solve
 
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 # A difference beyond this share of its largest possible value says nothing but that the tolerance was too loose.
 SATURATED = 0.03
-# Forms that cost more than the quaternion form, and whose errors are those of it, or worse.
-ANGLES = ("euler-angles", "spheroid-angles")
 # A pilot whose error is a smaller share of its tolerance was lucky, or took a handful of steps: others will not be.
 LUCKY = 0.1
 SAMPLES, FEW = 401, 51
@@ -36,8 +35,8 @@ MOST_ROTATIONS, MOST_STEPS = 5_000.0, 300_000
 # Rotations of a twin, and what makes a motion fast enough to have one: rotations per damping time, and |ω| at the
 # start over its mean.
 TWIN_ROTATIONS, FAST, USUAL = 1_000.0, 50.0, 0.2
-# Tolerance at which a run in pieces errs by about as much.
-IN_PIECES = 1e-6
+# Tolerance at which a run errs by about as much whose tolerance is the error of the whole run.
+WHOLE_RUN = 1e-6
 # Errors grow with rotations not followed: those of L, which add up at random, at most like the root, those of an angle,
 # whose rate is off, like their number and somewhat faster.
 GROWTH = {"slow": 0.5, "orientation": 1.25}
@@ -220,14 +219,20 @@ def form_ladder(form: Form, scene: Scene) -> list[tuple[float, Observables]]:
     return _ladder(form, scene)
 
 
-def form_sensitivity(form: Form, pilot: Pilot) -> dict[str, Sensitivity]:
+def over_whole_run(form: Form, solver: str) -> bool:
+    """Whether a method's tolerance is the error of the whole run."""
+    return isinstance(form, InPieces) or (bool(solver) and find_solver(solver).many_periods)
+
+
+def form_sensitivity(form: Form, pilot: Pilot, solver: str = "") -> dict[str, Sensitivity]:
     """Sensitivity of a form's solver error by what is wanted, from pilot runs of its own where that is cheap."""
     own, observables = pilot.gains, pilot.observables
     scene = pilot.scene if form.averaged else pilot.followed
-    if isinstance(form, InPieces):
-        # Its pieces are such that its error is a multiple of its tolerance.
-        own = {want: Gain(IN_PIECES, IN_PIECES) for want in own}
-    elif form.name not in (*ANGLES, pilot_form(scene).name) and form.problem(scene).parameters is not None:
+    if over_whole_run(form, solver):
+        # An error of L turns into one of the angle with every rotation.
+        turned = {"slow": 1.0, "orientation": 1.0 + pilot.rotations}
+        own = {want: Gain(WHOLE_RUN, WHOLE_RUN * turned[want]) for want in own}
+    elif not form.angles and form.name != pilot_form(scene).name and form.problem(scene).parameters is not None:
         found = form_ladder(form, scene)
         own, observables = _grown(gains(scene.ellipsoid, found), pilot.scene.time / scene.time), found[-1][1]
     turns = 0.0 if form.averaged else pilot.rotations

@@ -140,7 +140,6 @@ def _candidates(
         try:
             problem = _problem(form, scene, found, want)
             budget, model = _budget(form, found, error, want)
-            sensitivity = form_sensitivity(form, found).get(want)
         except (FormNotValidError, PilotFailedError, UnfitError) as refusal:
             refusals += [Refusal.of(form_name, solver, refusal) for solver in SOLVERS]
             continue
@@ -148,6 +147,7 @@ def _candidates(
             try:
                 find_solver(solver).check(problem)
                 law = _law(laws, form, solver, found)
+                sensitivity = form_sensitivity(form, found, solver).get(want)
                 tolerance, own = _tolerance(law, want, sensitivity, error, budget)
                 load = load_of(form, solver, found, samples, tolerance)
                 seconds = law.cost.predict(load, tolerance)

@@ -80,6 +80,7 @@ class EulerAngles(Form):
     valid_for = f"every ellipsoid as long as |sin θ| ≥ {POLE_LIMIT}; at St = 0 in its implicit form alone"
     state = ("theta", "phi", "psi", "dtheta", "dphi", "dpsi")
     orientation = "full"
+    angles = True
 
     def check(self, scene: Scene) -> None:
         """Refuse starts without orientation, and those too close to the pole."""

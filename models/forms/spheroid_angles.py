@@ -52,6 +52,7 @@ class SpheroidAngles(Form):
     )
     state = ("theta", "phi", "dtheta", "dphi", "w3")
     orientation = "axis"
+    angles = True
 
     def check(self, scene: Scene) -> None:
         """Refuse triaxial ellipsoids, starts without orientation, and those too close to the pole."""

@@ -7,7 +7,8 @@ from math import exp, inf, pi
 import numpy as np
 import pytest
 
-from polhode.harness.calibration.fit import Sample, fit_cost, fit_error, fit_errors, refit
+from polhode.harness.calibration.fit import fit_cost, fit_error, fit_errors, refit
+from polhode.harness.calibration.samples import Sample
 from polhode.harness.calibration.scenes import HELD_OUT_SEED, TRAINING_SEED, questions
 from polhode.harness.calibration.training import CaseGroups, fast_solvers, forms_for, solvers_for, training
 from polhode.harness.common.files import write_file
@@ -110,12 +111,12 @@ def test_strays_hold_what_they_say():
 
 
 def test_planted_error_law_is_found():
-    found = fit_error(planted_runs(), "slow")
+    found = fit_error(planted_runs(), "slow", {})
     assert found.order == pytest.approx(ERROR.order, abs=0.03)
     assert found.gain == pytest.approx(ERROR.gain, abs=0.06)
     assert found.floor * 1000**found.floor_growth == pytest.approx(3.0 * 1000**0.8, rel=0.5)
     assert found.stray.high == pytest.approx(0.5 * 1.96, rel=0.2)
-    assert set(fit_errors(planted_runs())) == {"slow", "long slow"}
+    assert set(fit_errors(planted_runs(), {})) == {"slow", "long slow"}
 
 
 @pytest.mark.parametrize("error", [1e-2, 1e-6, 1e-10])
@@ -361,7 +362,8 @@ def test_training_measures_what_makes_sense():
     assert "averaged" in forms_for(paper, 40.0)
     assert "averaged" not in forms_for(stiff, 3.0)
     cases = [case for batch in training(2).batches() for case in batch]
-    assert {case.scene_name for case in cases} == {f"random-{TRAINING_SEED}-0", f"random-{TRAINING_SEED}-1"}
+    names = [f"random-{TRAINING_SEED}-0", f"random-{TRAINING_SEED}-1", f"long-{TRAINING_SEED}-0"]
+    assert list(dict.fromkeys(case.scene_name for case in cases)) == names
     assert len({case.key for case in cases}) == len(cases)
     assert {case.solver for case in cases} <= set(SOLVERS)
     assert list(CaseGroups("nothing", ()).batches()) == []

@@ -1,0 +1,74 @@
+"""Measured runs in the laws' terms: what they are fitted to."""
+
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache
+from math import inf
+
+from polhode.harness.common.store import Record
+from polhode.harness.common.timing import Pace
+from polhode.harness.picking.laws import EPS, Load, Sensitivity
+from polhode.harness.picking.load import held_back, load_of
+from polhode.harness.picking.pilot import Pilot, PilotFailedError, form_sensitivity, pilot
+from polhode.models.catalogue import form as find_form
+from polhode.models.files.scene_file import parse_scene
+from polhode.models.scene import Scene
+from polhode.solvers.contract import Status
+
+# An error of this share of what is measured, or more, bears no law.
+SANE = 0.1
+# An error of this share of the tolerance is as good as none: how much smaller it is would only pull the law off.
+LUCKY = 1e-3
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One measured run, in the laws' terms; sensitivity and error of each want that is known."""
+
+    scene: str
+    tolerance: float
+    load: Load
+    seconds: float
+    errors: dict[str, tuple[Sensitivity, float]]
+
+
+def pilot_of(record: Record) -> Pilot | None:
+    """Pilot of a record's scene, run once; None where it fails."""
+    return _pilot(parse_scene(record["scene"]))
+
+
+@cache
+def _pilot(scene: Scene) -> Pilot | None:
+    try:
+        return pilot(scene)
+    except PilotFailedError:
+        return None
+
+
+def sample_of(record: Record, pace: Pace) -> Sample | None:
+    """A record in the laws' terms, at one pace; None for a run that failed, or whose pilot did."""
+    if record["status"] != Status.REACHED_END or "seconds" not in record:
+        return None
+    form, solver, pilot = find_form(record["form"]), record["solver"], pilot_of(record)
+    if pilot is None:
+        return None
+    known: dict[str, tuple[Sensitivity, float]] = {}
+    try:
+        load = load_of(form, solver, pilot, record["samples"], record["tolerance"])
+    except PilotFailedError:
+        return None
+    with suppress(PilotFailedError):
+        if not held_back(form, solver, pilot):
+            pairs = form_sensitivity(form, pilot, solver).items()
+            known = {want: (at, error) for want, at in pairs if (error := _error(record, want, at)) is not None}
+    return Sample(record["scene_name"], record["tolerance"], load, pace.seconds(record), known)
+
+
+def _error(record: Record, want: str, at: Sensitivity) -> float | None:
+    """A run's error, as far as it bears a law."""
+    error = record.get(f"solver_{want}_error")
+    if error is None or not error < SANE * at.largest or at.error == inf:
+        return None
+    uncertainty = record.get(f"solver_{want}_uncertainty", record.get(f"{want}_uncertainty"))
+    # Below the reference's uncertainty, below rounding, and far below the tolerance all errors are alike.
+    return max(error, uncertainty or 0.0, EPS * at.largest / 10, LUCKY * record["tolerance"])
