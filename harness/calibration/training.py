@@ -146,7 +146,7 @@ def training(count: int = TRAINING_SCENES, base: Laws | None = None) -> CaseGrou
         for index, question in enumerate(questions(TRAINING_SEED, scenes, stratum)):
             for each in studies(question, index, stratum):
                 known = base if stratum == "short" else None
-                solvers = (name for name in each.solvers if known is None or lacking(known, *each.forms, name))
+                solvers = (name for name in each.solvers if known is None or lacking(known, each.forms[0], name))
                 parts.append(replace(each, solvers=tuple(solvers)))
     return CaseGroups.of("training", parts)
 

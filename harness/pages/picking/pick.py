@@ -38,7 +38,7 @@ def write_pages(folder: Path, laws: Laws, evaluation: Evaluation, command: str) 
 def summary(evaluation: Evaluation) -> list[str]:
     """The evaluation in sentences, each with its target."""
     count, shares = len(evaluation.scenes), evaluation.shares
-    refused = int((evaluation.scenes["refusal"] != "").sum())
+    refused = sum(scene["refusal"] != "" for scene in evaluation.scenes.to_dict("records"))
     lines = [
         f"The first choice met the error on {shares['met']:.1%} of {count} held-out scenes (target: {MEETS:.1%}).",
         f"It cost at most {FACTOR:g} times the best measured choice on {shares['cheap']:.1%} (target: {CHEAP:.0%}); "
