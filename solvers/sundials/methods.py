@@ -6,8 +6,7 @@ steps, the first one being at most a tenth of it (CVODE). The order and the step
 (a step grows by half or not at all), so that the error falls with the tolerance on the average only: by a factor of
 ten up or down between neighbours, whatever the Jacobian or the corrector.
 
-In machine code a step of seven components takes 0.4 to 0.5 µs, the right-hand sides 0.01 of these: SUNDIALS' own
-operations on vectors bound it. Through scikit-sundae Python is in the loop, step by step.
+Through scikit-sundae Python is in the loop, step by step.
 """
 
 import os
