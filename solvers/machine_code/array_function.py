@@ -57,14 +57,9 @@ class _Definition(ctypes.Structure):
 
 
 def array_function(lines: str, arrays: Mapping[str, int]) -> Callable[..., None]:
-    """Compile a function of arrays, which raises a TypeError unless each is contiguous, of float64 and of its length.
+    """Compile traced lines into a function of arrays, by name and length, the last one ``out``.
 
-    Parameters
-    ----------
-    lines : str
-        As `polhode.solvers.machine_code.tracing.trace` makes them.
-    arrays : mapping of str to int
-        Names and lengths of the arguments, in their order; the last one is ``out``.
+    It raises a TypeError unless each is contiguous, of float64 and of its length.
     """
     message = ctypes.create_string_buffer(_EXPECTED)
     code = compile_lines(_signature(arrays, ctypes.addressof(message)), lines)

@@ -18,15 +18,8 @@ from polhode.solvers.machine_code.tracing import Number, operand
 class Program(dict[str, str]):
     """A function without result, its arguments arrays and numbers: the lines known in the block at hand, and the text.
 
-    Parameters
-    ----------
-    name : str
-    arrays, numbers : str
-        Names of the arguments, between blanks, arrays first.
-    linkage : str
-        "internal" if it is to be called by other programs alone.
-    attribute : str
-        "alwaysinline" or "noinline".
+    Names of arguments stand between blanks. The linkage is "internal" if it is to be called by other programs alone, the
+    attribute "alwaysinline" or "noinline".
     """
 
     def __init__(self, name: str, arrays: str, numbers: str = "", linkage: str = "", attribute: str = "") -> None:

@@ -35,21 +35,15 @@ class Kernels:
 
     A scheme holds the number of slow flows in a step, and the fast and the slow shares; a law the factor, the exponent
     and the widest angle of a step, the square of the least rate that counts, and the rates between which it holds.
-
-    Parameters
-    ----------
-    advance : callable
-        ``advance(scheme, law, p, state, clock, times, rows)``: steps until the rows are filled, or a limit in the clock
-        is met. State and clock go on from there.
-    check : callable
-        ``check(scheme, laws, p, state, setting, out)``: two runs by one law each, to POINTS times at the beginning and
-        at the end. `setting` holds the time, the length of either part, that of the whole, and the rate. Of what the
-        two runs differ by: the most of the slow quantities, the most of the fast components per turn, and the change
-        of the slow quantities' mean; the amplitudes of the fast components in either part; the steps of both runs; and
-        their codes' sum.
     """
 
+    # (scheme, law, p, state, clock, times, rows): steps until the rows are filled, or a limit in the clock is met, from
+    # which state and clock go on.
     advance: Callable[..., None]
+    # (scheme, laws, p, state, setting, out): two runs by one law each, to POINTS times at the beginning and at the end.
+    # `setting` holds the time, the length of either part, that of the whole, and the rate. Of what the two runs differ
+    # by: the most of the slow quantities, the most of the fast components per turn, and the change of the slow
+    # quantities' mean; the amplitudes of the fast components in either part; the steps of both; their codes' sum.
     check: Callable[..., None]
 
 

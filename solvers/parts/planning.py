@@ -52,13 +52,7 @@ class Plan:
 
 
 class Planner:
-    """Chooses plans for one problem and one tolerance, from its short runs.
-
-    Parameters
-    ----------
-    problem : Split
-        Of `polhode.solvers.parts.splitting`: its rates, and `check`.
-    """
+    """Chooses plans for one problem (`splitting.Split`) and one tolerance, from its short runs."""
 
     def __init__(self, problem: Any, tolerance: float) -> None:
         self.problem, self.error = problem, AIM * tolerance
@@ -119,7 +113,11 @@ class Planner:
         if length < turn * min(MOST_ALL, ALL * max(1.0, DAMPED * problem.strength * turn)):
             window = length
         span = MEAN_OVER * turn if window > 4 * MEAN_OVER * turn else window / 2
-        found = problem.check(plan.law(), plan.law(FINER), plan.scheme, state, (now, span, window, 2 * pi / turn))
+        laws, setting, found = (
+            problem.numbers(each)
+            for each in ([*plan.law(), *plan.law(FINER)], [now, span, window, 2 * pi / turn], [0.0] * 7)
+        )
+        problem.kernels.check(plan.scheme.addresses[problem.number], laws, problem.address, state, setting, found)
         slow, fast, change, begin, end, steps, failed = found.tolist()
         record.work.rejected = (record.work.rejected or 0) + int(steps)
         if failed:

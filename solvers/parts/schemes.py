@@ -16,28 +16,18 @@ class Scheme:
     A step h at the rate r of the fast angle, where the slow part relaxes at the rate γ, leaves the slow components with
     errors of about ``coefficient γ r**-power (h r)**order``, in whatever time: what accumulates does so no longer than
     the slow components remember, a time 1/γ.
-
-    Parameters
-    ----------
-    name : str
-    fast, slow : tuple of float
-        First half of the shares of a step, the middle one included.
-    stages : int
-        Slow flows in a step.
-    order, power, coefficient : float
-        Of the law.
-    widest : float
-        Largest angle h r.
     """
 
     name: str
+    # First half of the shares of a step, the middle one included; slow flows in a step.
     fast: tuple[float, ...]
     slow: tuple[float, ...]
     stages: int
+    # Of the law.
     order: int
     power: float
     coefficient: float
-    widest: float
+    widest: float  # angle h r
 
     @cached_property
     def shares(self) -> tuple[np.ndarray, np.ndarray]:

@@ -37,17 +37,7 @@ _FAILED: dict[int, Status] = {Code.NOT_FINITE: Status.NON_FINITE, Code.NO_STEP: 
 
 
 class Split:
-    """A problem bound to the machine code of its parts.
-
-    Parameters
-    ----------
-    problem : Problem
-        With parts.
-    tolerance : float
-        Error of the slow components that is allowed.
-    number : type
-        That of the machine code, float or `numpy.longdouble`.
-    """
+    """A problem with parts, bound to machine code over a type of numbers, float or `numpy.longdouble`."""
 
     def __init__(self, problem: Problem, tolerance: float, number: type = float) -> None:
         assert problem.parts is not None
@@ -68,15 +58,6 @@ class Split:
         """Rate of the fast angle, no less than the least one that counts."""
         speed = self.parts.rate(FLOAT)(state.tolist(), self.p)
         return sqrt(speed * speed + self.floor)
-
-    def check(
-        self, law: np.ndarray, finer: np.ndarray, scheme: Scheme, state: np.ndarray, setting: tuple[float, ...]
-    ) -> np.ndarray:
-        """What two runs differ by, as `polhode.solvers.parts.kernels.Kernels` says."""
-        out = np.empty(7, self.number)
-        laws, setting_ = (self.numbers(each) for each in ((*law, *finer), setting))
-        self.kernels.check(scheme.addresses[self.number], laws, self.address, state, setting_, out)
-        return out
 
     def numbers(self, values: Any) -> np.ndarray:
         """Numbers as machine code takes them; the same array if it is one already."""

@@ -16,25 +16,15 @@ MOST_TURNS, TABLE = 3, 16
 
 @dataclass(frozen=True)
 class StrobeKernels:
-    """Those of stroboscopic averaging; a point is a state with its time behind it.
+    """Those of stroboscopic averaging; a point is a state with its time behind it."""
 
-    Parameters
-    ----------
-    spread : callable
-        ``spread(scheme, p, number, times, rows)``: move each row by a time of its own, in so many steps; `number` holds
-        the number of rows, then that of steps of each.
-    mean : callable
-        ``mean(scheme, p, setting, weights, point, out)``: weighted sums, a row of weights each, of differences of the
-        map of 1, 2, ... turns of a point: the averaged field, per turn. `setting` holds the steps of a turn, the number
-        of turns, and the number of rows.
-    macro : callable
-        ``macro(scheme, p, setting, weights, point, table, stages, ends)``: stages of a Runge-Kutta step by the averaged
-        field; `setting` holds besides the first stage, the one behind the last, and the turns in the step. `ends` is
-        the point at which the last one was taken.
-    """
-
+    # (scheme, p, number, times, rows): move each row by a time of its own; `number` holds rows, then the steps of each.
     spread: Callable[..., None]
+    # (scheme, p, setting, weights, point, out): weighted sums, a row of weights each, of differences of the map of 1,
+    # 2, ... turns: the averaged field, per turn. `setting` holds the steps of a turn, the turns, the rows.
     mean: Callable[..., None]
+    # (scheme, p, setting, weights, point, table, stages, ends): stages of a Runge-Kutta step by the averaged field, the
+    # last one taken at `ends`; `setting` holds besides the first stage, the one behind the last, the turns in the step.
     macro: Callable[..., None]
 
 

@@ -39,13 +39,7 @@ class Sundials:
                     getattr(self._functions, name).restype = result
 
     def __call__(self, name: str, *arguments: float) -> int:
-        """Call a function; a name without an underscore is the library's own, ``SetStopTime``.
-
-        Raises
-        ------
-        RuntimeError
-            If it fails.
-        """
+        """Call a function, the library's own as ``SetStopTime``; RuntimeError if it fails."""
         converted = [ctypes.c_double(x) if isinstance(x, float) else ctypes.c_int64(x) for x in arguments]
         code = self.function(name)(*converted) or 0
         if code < 0:
