@@ -18,7 +18,7 @@ from polhode.solvers.machine_code.tracing import Number, operand
 class Program(dict[str, str]):
     """A function without result, its arguments arrays and numbers: the lines known in the block at hand, and the text.
 
-    Names of arguments stand between blanks. The linkage is "internal" if it is to be called by other programs alone, the
+    Names of arguments stand between blanks. The linkage is "internal" if other programs alone are to call it, the
     attribute "alwaysinline" or "noinline".
     """
 

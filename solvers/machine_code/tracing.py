@@ -145,8 +145,8 @@ OPERATIONS = Operations(_SIN, _COS, _SQRT, _where_positive, _expm1, _EXP, _LOG)
 def trace(factory: FieldFactory, dimension: int, parameters: int, mass: bool = False) -> str:
     """LLVM's lines that compute a field's rates, read at %y and %p and written at %out.
 
-    With `mass` it is the residual ``mass * slope - field(y, p)``, with two further arrays %slope and %mass. A FieldError
-    says where the field does what no field may do.
+    With `mass` it is the residual ``mass * slope - field(y, p)``, with two further arrays %slope and %mass. A
+    FieldError says where the field does what no field may do.
     """
     lines: dict[str, str] = {}
     rates = _evaluate(factory, read(lines, "y", dimension), read(lines, "p", parameters))
