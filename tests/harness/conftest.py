@@ -71,7 +71,7 @@ def site_pages(tmp_path_factory: pytest.TempPathFactory, site_reports: Path) -> 
     return site(tmp_path_factory.mktemp("site"), site_reports)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, list[subprocess.Popen], Path]]:
     """Address of a scheduler on the loopback, its two workers' processes, and the folder that they know it from."""
     pytest.importorskip("distributed")

@@ -12,7 +12,9 @@ import pytest
 from dasks import contact, dask_scheduler, dask_worker
 
 from oracle.labour import Job, die_always, die_once, refuse_odd, spin, square
+from polhode.harness.common.store import Store
 from polhode.harness.ensembles.engines import AHEAD, Engine, check_dask, dask, processes, serial
+from polhode.harness.ensembles.sweep import parse_sweep, run_sweep
 
 two = partial(processes, 2)
 
@@ -157,6 +159,17 @@ def test_a_killed_scheduler_ends_the_run(monkeypatch: pytest.MonkeyPatch, tmp_pa
         # No worker, no result: the run waits for as long as it may.
         with pytest.raises(OSError, match=r"127\.0\.0\.1"):
             list(dask(address, square, jobs()))
+
+
+def test_a_sweep_by_dask_gives_the_same_numbers(cluster, tmp_path: Path):
+    contents = {"name": "small", "title": "Small", "shapes": [[1.0, 1.0, 2.0]], "stokes": 200.0, "time": 60.0}
+    sweep = parse_sweep({**contents, "particles": 200, "block": 100, "samples": 11, "snapshots": 3, "bins": 8})
+    found = []
+    for name, run in (("here", serial), ("there", partial(dask, cluster[0]))):
+        with Store(tmp_path / f"{name}.sqlite") as store:
+            assert run_sweep(sweep, store, run, quiet=True).finished == 2
+            found.append({record["key"]: record["statistics"] for record in store})
+    assert found[0] == found[1]
 
 
 def test_dask_survives_the_kill_of_a_worker(cluster):

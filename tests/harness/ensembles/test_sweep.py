@@ -285,12 +285,6 @@ def test_results_tell_what_the_store_holds(here: Run, sweep_file: Path, tmp_path
     assert names == sorted(["README.md", "SHA256SUMS", "shape-1.png", "shape-2.png", *tables])
 
 
-def test_dask_gives_the_same_numbers(here: Run, cluster, sweep_file: Path, tmp_path: Path, undisturbed):
-    done = here("sweep", "sweep.toml", "--out", "out", "--quiet", "--dask", cluster[0])
-    assert (done.returncode, done.stdout, done.stderr) == (0, "out/README.md\n", "")
-    assert rows(tmp_path / "out" / "store.sqlite") == undisturbed
-
-
 @pytest.mark.parametrize(
     ("change", "line"),
     [
