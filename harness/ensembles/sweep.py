@@ -131,9 +131,11 @@ def run_sweep(sweep: Sweep, store: Store, engine: Engine, *, quiet: bool = False
 
 def _missing(sweep: Sweep, store: Store, spread: bool) -> Iterator[Task]:
     """Tasks that the store does not hold, looked up again from time to time."""
-    tasks = list(sweep.tasks())
+    tasks = sweep.tasks()
     if spread:
-        Random().shuffle(tasks)
+        waiting = list(tasks)
+        Random().shuffle(waiting)
+        tasks = (waiting.pop() for _ in range(len(waiting)))
     known, asked = store.keys(), time.monotonic()
     for task in tasks:
         if time.monotonic() - asked > REFRESH:

@@ -1,14 +1,15 @@
 """What a sweep leaves behind: a table and pictures for the reader, CSV files for the rest."""
 
+import csv
+from contextlib import ExitStack
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from polhode.harness.common.files import write_file
+from polhode.harness.common.files import PartialFile, write_file
 from polhode.harness.common.machine import header, machine, now, versions
-from polhode.harness.common.store import Store, export
+from polhode.harness.common.store import Store
 from polhode.harness.common.text import markdown
-from polhode.harness.ensembles.ensemble import Ensemble
-from polhode.harness.ensembles.statistics import Statistics
 from polhode.harness.ensembles.summary import (
     arrival_rows,
     distribution_rows,
@@ -38,31 +39,30 @@ def write_results(sweep: Sweep, store: Store, folder: Path) -> tuple[Path, list[
 
     A file without rows, such as moments of averaged equations, which have no orientation, is left out.
     """
-    ensembles, pictures = [], []
-    found: dict[tuple[float, ...], list[tuple[Ensemble, Statistics]]] = {}
-    rows: dict[str, list[dict[str, Any]]] = {name: [] for name in FILES}
-    for ensemble in sweep.ensembles:
-        statistics = gather(ensemble, store)
-        found.setdefault(ensemble.ellipsoid.semi_axes, []).append((ensemble, statistics))
-        ensembles.append(ensemble_row(ensemble, statistics))
-        for name, (make, _) in FILES.items():
-            rows[name] += make(ensemble, statistics)
-    rows = {name: records for name, records in rows.items() if records}
-    for name, records in rows.items():
-        export(records, folder / name)
-    for number, each in enumerate(found.values(), start=1):
-        save(picture(each), folder, f"shape-{number}")
-        pictures.append((f"shape-{number}", " : ".join(f"{length:g}" for length in each[0][0].ellipsoid.semi_axes)))
-    write_file(folder / PAGE, _page(sweep, ensembles, tuple(rows), pictures))
-    for name in FILES.keys() - rows.keys():
+    ensembles, pictures, written = [], [], dict[str, csv.DictWriter]()
+    with ExitStack() as files:
+        # Of all that the store holds, one task and the statistics of one shape are in memory.
+        for axes, same in groupby(sweep.ensembles, key=lambda ensemble: ensemble.ellipsoid.semi_axes):
+            found = [(ensemble, gather(ensemble, store)) for ensemble in same]
+            for ensemble, statistics in found:
+                ensembles.append(ensemble_row(ensemble, statistics))
+                for name, (make, _) in FILES.items():
+                    for row in make(ensemble, statistics):
+                        if name not in written:
+                            file = files.enter_context(PartialFile(folder / name, summed=True))
+                            written[name] = csv.DictWriter(file, list(row))
+                            written[name].writeheader()
+                        written[name].writerow(row)
+            pictures.append((f"shape-{len(pictures) + 1}", " : ".join(f"{length:g}" for length in axes)))
+            save(picture(found), folder, pictures[-1][0])
+    write_file(folder / PAGE, _page(sweep, ensembles, [name for name in FILES if name in written], pictures))
+    for name in FILES.keys() - written.keys():
         # Of a run by an earlier version.
         (folder / name).unlink(missing_ok=True)
     return folder / PAGE, ensembles
 
 
-def _page(
-    sweep: Sweep, ensembles: list[dict[str, Any]], names: tuple[str, ...], pictures: list[tuple[str, str]]
-) -> str:
+def _page(sweep: Sweep, ensembles: list[dict[str, Any]], names: list[str], pictures: list[tuple[str, str]]) -> str:
     columns = ("shape", "St", "equations", "particles", "failed", "arrived (95 %)", "median transient time (95 %)")
     lines = [
         (

@@ -8,6 +8,7 @@ import sqlite3
 import subprocess
 import time
 import tomllib
+import tracemalloc
 from contextlib import closing
 from pathlib import Path
 
@@ -15,11 +16,12 @@ import numpy as np
 import pytest
 from commandline import SCRIPT, Run, small_disk
 
-from polhode.harness.common.store import DamagedStoreError, Store
+from polhode.harness.common.store import DamagedStoreError, Store, export
 from polhode.harness.ensembles.engines import serial
+from polhode.harness.ensembles.ensemble import Task
 from polhode.harness.ensembles.statistics import SECOND
 from polhode.harness.ensembles.summary import second_moments
-from polhode.harness.ensembles.sweep import gather, parse_sweep, read_sweep, run_sweep
+from polhode.harness.ensembles.sweep import gather, parse_sweep, perform, read_sweep, run_sweep
 from polhode.harness.pages.figures.ensembles import picture
 from polhode.harness.pages.sweep import write_results
 
@@ -367,6 +369,31 @@ def page_of(text: str, folder: Path) -> str:
     with Store(folder / "store.sqlite") as store:
         run_sweep(sweep, store, serial, quiet=True)
         return write_results(sweep, store, folder)[0].read_text(encoding="utf-8")
+
+
+def test_memory_does_not_grow_with_the_tasks_of_a_store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    for name in ("save", "picture"):
+        monkeypatch.setattr(f"polhode.harness.pages.sweep.{name}", lambda *_: None)
+    one = {**tomllib.loads(AVERAGED), "block": 1, "samples": 11, "snapshots": 11, "bins": 8}
+    record = perform(Task(parse_sweep(one).ensembles[0], 0))
+    peaks = []
+    for count in (2, 2, 8):
+        shapes = [[1.0, 1.0, 2.0 + k / 10] for k in range(count)]
+        sweep, folder = parse_sweep({**one, "particles": 40, "shapes": shapes}), tmp_path / f"{count}"
+        with Store(folder / "store.sqlite") as store:
+            store._connection.execute("PRAGMA synchronous = OFF")
+            for task in sweep.tasks():
+                store.put(task.key, {}, record)
+            tracemalloc.start()
+            assert run_sweep(sweep, store, serial, quiet=True).found == 40 * count
+            rows = write_results(sweep, store, folder)[1]
+            export(store, folder / "store.csv")
+            peaks.append(tracemalloc.get_traced_memory()[1])
+            tracemalloc.stop()
+        assert [row["particles"] for row in rows] == [40] * count
+        assert len((folder / "arrivals.csv").read_text().splitlines()) == 1 + 11 * count
+    # The keys that a run looks up are held and a row of each ensemble, nothing of the tasks.
+    assert peaks[2] - peaks[1] < 100_000
 
 
 def test_averaged_equations_leave_no_empty_file_of_moments(tmp_path: Path):
