@@ -223,6 +223,15 @@ def test_false_success(rows, steps, spoil, status, message):
     assert solution.success == (status is Status.REACHED_END)
 
 
+@pytest.mark.parametrize(
+    ("steps", "status"), [(30, Status.FALSE_SUCCESS), (5000, Status.REACHED_END), (None, Status.FALSE_SUCCESS)]
+)
+def test_at_a_loose_tolerance_a_norm_may_drift_step_by_step(steps, status):
+    states = solve(RUN.problem, "taylor", 1e-12, RUN.times).states.copy()
+    states[35, :4] *= 1.25
+    assert solve(RUN.problem, Liar(41, steps, states), 1e-4, RUN.times).status is status
+
+
 @pytest.mark.parametrize(("problem", "limit"), [(BLOW_UP, 10**9), (RUN.problem, 2)])
 def test_two_failed_taylor_runs_do_not_agree(problem: Problem, limit: int):
     """heyoka reports err_nf_state and step_limit as values, so that two failed runs would differ by nothing."""

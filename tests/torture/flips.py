@@ -1,7 +1,9 @@
 """Bit flips in every kind of file that polhode reads again: what comes back is what was written, or a complaint."""
 
+import sqlite3
 import tempfile
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random
@@ -14,6 +16,8 @@ from polhode.harness.common.files import SUMS, read_file, write_file
 from polhode.harness.common.store import DamagedStoreError, Store, export, read_export
 from polhode.harness.common.tables import read_table, write_table
 from polhode.harness.picking.laws import load_laws, own_laws_path, parse_laws
+from polhode.models.files import kept
+from polhode.solvers.machine_code import kept_code
 
 REFUSALS = (ValueError, OSError, DamagedStoreError)
 
@@ -42,6 +46,25 @@ def _write_store(path: Path) -> None:
             store.put(record["key"], {}, record)
 
 
+def _machine_code(folder: Path) -> Path:
+    """A database as heyoka has it, with noise for code, and the checksums beside it."""
+    folder.mkdir()
+    with closing(sqlite3.connect(folder / "cache.db")) as code, code:
+        code.execute("CREATE TABLE cache (hash INTEGER PRIMARY KEY, opt_level, object BLOB, last_access)")
+        rows = [(number, 3, Random(number).randbytes(3000), number) for number in range(5)]
+        code.executemany("INSERT INTO cache VALUES (?, ?, ?, ?)", rows)
+    kept_code.note(folder)
+    return folder / "cache.db"
+
+
+def _entries(file: Path) -> list[Any] | None:
+    """What heyoka would run after the check; None if it compiles anew."""
+    if not kept_code.check(file.parent) or not file.exists():
+        return None
+    with closing(sqlite3.connect(file)) as code:
+        return code.execute("SELECT hash, opt_level, object FROM cache ORDER BY hash").fetchall()
+
+
 def kinds(folder: Path) -> dict[str, tuple[Path, Callable[[], Any]]]:
     """One file of each kind, and how it is read; None stands for what is computed anew."""
     write_table(folder / "errors.csv", Row, ROWS)
@@ -50,10 +73,17 @@ def kinds(folder: Path) -> dict[str, tuple[Path, Callable[[], Any]]]:
     arrays = {"x": np.arange(200) / 7}
     cache.keep("key", arrays)
     load_laws().save(own_laws_path())
+    kept.save("shape", np.arange(300) / 7)
+    (numbers,) = (kept.cache_folder() / "numbers").glob("*")
+    code = _machine_code(folder / "code")
 
     def reference() -> Any:
         found = cache.load("key")
         return None if found is None else found["x"].tolist()
+
+    def shape() -> Any:
+        found = kept.load("shape")
+        return None if found is None else found.tolist()
 
     write_file(folder / "timed.json", '{"seconds": 1.5}', summed=True)
     return {
@@ -63,6 +93,8 @@ def kinds(folder: Path) -> dict[str, tuple[Path, Callable[[], Any]]]:
         "other data": (folder / "timed.json", lambda: read_file(folder / "timed.json")),
         "store": (folder / "store.sqlite", lambda: _store(folder / "store.sqlite")),
         "reference": (cache.path_of("key"), reference),
+        "shape": (numbers, shape),
+        "machine code": (code, lambda: _entries(code)),
         "laws": (own_laws_path(), lambda: parse_laws(read_file(own_laws_path()).decode())),
     }
 
@@ -76,7 +108,8 @@ def flipped(seed: int, count: int) -> list[str]:
         for number in range(count):
             name = list(files)[number % len(files)]
             path, read = files[name]
-            content = path.read_bytes()
+            whole = {file: file.read_bytes() for file in path.parent.iterdir() if file.is_file()}
+            content = whole[path]
             damaged, bit = bytearray(content), random.randrange(8 * len(content))
             damaged[bit // 8] ^= 1 << bit % 8
             path.write_bytes(damaged)
@@ -86,7 +119,9 @@ def flipped(seed: int, count: int) -> list[str]:
                 found = None
             if found is not None and found != true[name]:
                 complaints.append(f"{name}: bit {bit} of {path.name} is used as good")
-            for beside in path.parent.glob(f"{path.name}-*"):
-                beside.unlink()
-            path.write_bytes(content)
+            for file in path.parent.iterdir():
+                if file.is_file() and file not in whole:
+                    file.unlink()
+            for file, content in whole.items():
+                file.write_bytes(content)
     return complaints

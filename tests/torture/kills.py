@@ -2,6 +2,7 @@
 
 import json
 import os
+import resource
 import shutil
 import signal
 import subprocess
@@ -9,7 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -17,6 +18,7 @@ from typing import Any
 from commandline import STUDY
 
 from polhode.harness.common.store import Store
+from polhode.harness.picking.laws import load_laws
 from torture.fuzz import SWEEP
 
 # What differs from run to run.
@@ -31,7 +33,8 @@ GONE = 5.0
 
 
 def _stored(folder: Path) -> Any:
-    with Store(folder / "store.sqlite") as store:
+    (path,) = folder.glob("*.sqlite")
+    with Store(path) as store:
         return {
             record["key"]: json.dumps({name: value for name, value in record.items() if name not in TIMES})
             for record in store
@@ -52,11 +55,13 @@ class Job:
 
     words: tuple[str, ...]
     outcome: Callable[[Path], Any]
+    share: float = 1.0  # Of the kills that others get: it takes longer.
 
 
 JOBS = {
     "bench": Job(("bench", "study.toml", "--quiet", "--resume"), _stored),
     "regimes": Job(("regimes", "study.toml", "--quiet", "--resume"), _stored),
+    "laws": Job(("calibrate", "--to", "laws.json", "--add", "--scenes", "3", "--quiet", "--resume"), _stored, 0.4),
     "sweep": Job(("sweep", "sweep.toml", "--quiet", "--resume", "--workers", "2"), _stored),
     "paper": Job(("paper", "euler-top", "symmetric-top", "--quick", "--quiet"), _tables),
     "report": Job(("report", "--reports", "reports", "--quiet"), _pages),
@@ -64,13 +69,19 @@ JOBS = {
 
 
 @contextmanager
-def running(job: Job, folder: Path, out: str = "o") -> Iterator[subprocess.Popen[bytes]]:
+def running(job: Job, folder: Path, room: int = resource.RLIM_INFINITY) -> Iterator[subprocess.Popen[bytes]]:
     """The command in a process of its own; its standard error goes into a file."""
     environment = {**os.environ, "POLHODE_CACHE": str(folder / "cache")}
-    words = [sys.executable, "-P", "-m", "polhode", *job.words, "--out", out]
+    words = [sys.executable, "-P", "-m", "polhode", *job.words, "--out", "o"]
+
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (room, room))
+
     with (
         (folder / "stderr").open("wb") as said,
-        subprocess.Popen(words, cwd=folder, env=environment, stdout=subprocess.DEVNULL, stderr=said) as process,
+        subprocess.Popen(
+            words, cwd=folder, env=environment, stdout=subprocess.DEVNULL, stderr=said, preexec_fn=limit
+        ) as process,
     ):
         yield process
 
@@ -90,18 +101,16 @@ def orphans(folder: Path) -> list[int]:
 def killed(seed: int, count: int, folder: Path, jobs: tuple[str, ...] = tuple(JOBS)) -> list[str]:
     """Complaints about so many kills, the commands in turn."""
     random, complaints = Random(seed), []
-    (folder / "study.toml").write_text(BRIEF, encoding="utf-8")
-    (folder / "sweep.toml").write_text(MANY, encoding="utf-8")
-    (folder / "reports" / "small").mkdir(parents=True)
-    (folder / "reports" / "small" / "README.md").write_text("# Small\n\nText.\n", encoding="utf-8")
-    for number, name in enumerate(jobs):
-        job, share = JOBS[name], count // len(jobs) + (number < count % len(jobs))
+    each = count / sum(JOBS[name].share for name in jobs)
+    for name in jobs:
+        job, share = JOBS[name], round(each * JOBS[name].share)
+        _afresh(folder)
         began = time.monotonic()
         complaints += _finished(job, folder, f"{name}: undisturbed")
         usual = time.monotonic() - began
         true = job.outcome(folder / "o")
         while share > 0:
-            shutil.rmtree(folder / "o")
+            _afresh(folder)
             for _ in range(min(share, random.randint(1, 4))):
                 share -= 1
                 with running(job, folder) as process:
@@ -114,15 +123,53 @@ def killed(seed: int, count: int, folder: Path, jobs: tuple[str, ...] = tuple(JO
             complaints += _finished(job, folder, f"{name}: taken up")
             if job.outcome(folder / "o") != true:
                 complaints.append(f"{name}: other results than those of an undisturbed run")
-        shutil.rmtree(folder / "o")
     return complaints
+
+
+def filled(seed: int, count: int, folder: Path, jobs: tuple[str, ...] = tuple(JOBS)) -> list[str]:
+    """Complaints about so many runs of each command with no room for larger files, as on a full disk, each taken up."""
+    random, complaints = Random(seed), []
+    for name in jobs:
+        job = JOBS[name]
+        _afresh(folder)
+        complaints += _finished(job, folder, f"{name}: undisturbed")
+        true = job.outcome(folder / "o")
+        for _ in range(count):
+            _afresh(folder)
+            room = int(10 ** random.uniform(2.0, 5.5))
+            with running(job, folder, room) as process:
+                code = process.wait()
+            said = _said(folder)
+            # Caches that cannot be written are named beside it.
+            lines = [line for line in said.splitlines() if not line.endswith("anew")]
+            if code not in (0, 1) or len(lines) > 1 or "Traceback" in said:
+                complaints.append(f"{name} with room for {room} bytes: exit code {code}: {said[-300:]}")
+            complaints += _finished(job, folder, f"{name}: taken up")
+            if job.outcome(folder / "o") != true:
+                complaints.append(f"{name}: after room for {room} bytes other results")
+    return complaints
+
+
+def _afresh(folder: Path) -> None:
+    """The files that the commands read, and nothing of what they write but caches."""
+    shutil.rmtree(folder / "o", ignore_errors=True)
+    (folder / "study.toml").write_text(BRIEF, encoding="utf-8")
+    (folder / "sweep.toml").write_text(MANY, encoding="utf-8")
+    (folder / "reports" / "small").mkdir(parents=True, exist_ok=True)
+    (folder / "reports" / "small" / "README.md").write_text("# Small\n\nText.\n", encoding="utf-8")
+    known = load_laws()
+    lacking = {method: law for method, law in known.methods.items() if method != ("quaternion", "cyrk-dop853")}
+    replace(known, methods=lacking).save(folder / "laws.json")
+
+
+def _said(folder: Path) -> str:
+    return (folder / "stderr").read_text(encoding="utf-8", errors="replace")
 
 
 def _finished(job: Job, folder: Path, what: str) -> list[str]:
     with running(job, folder) as process:
         code = process.wait()
-    said = (folder / "stderr").read_text(encoding="utf-8", errors="replace")
-    return [] if code == 0 else [f"{what}: exit code {code}: {said.strip()[-300:]}"]
+    return [] if code == 0 else [f"{what}: exit code {code}: {_said(folder).strip()[-300:]}"]
 
 
 def raced(folder: Path, cold: int = 10) -> list[str]:
