@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 @click.command(epilog="Example: polhode bench --quick --out look; polhode bench --problems --quick --out look")
 @study_options
 @click.option("--problems", is_flag=True, help="The classical test problems instead; --scene is one of them.")
+@click.option("--page-only", is_flag=True, help="Measure nothing: write the page anew from the folder's records.jsonl.")
 def bench(
     study_file: Path | None,
     out: Path | None,
@@ -36,6 +37,7 @@ def bench(
     quiet: bool,
     disturbed: bool,
     problems: bool,
+    page_only: bool,
     **filters: tuple[str, ...],
 ) -> None:
     """Run a work-precision study and write its page, figures and records.
@@ -54,6 +56,7 @@ def bench(
         _problems(out or Path("reports/problems"), study_file, quick, resume, quiet, **filters)
         return
     from polhode.harness.calibration.fit import refit
+    from polhode.harness.common.store import read_export
     from polhode.harness.pages import bench as bench_page
     from polhode.harness.pages import known_stokes
     from polhode.harness.pages import outcomes as outcomes_page
@@ -65,14 +68,20 @@ def bench(
         study = filtered(read_study(study_file), filters)
         study = study.quick() if quick else study
         folder = out or Path("reports") / study.name
+    pages = {"costs": bench_page, "outcomes": outcomes_page, "known-stokes": known_stokes}
+    write_page = pages[study.page].write_page
+    if page_only:
+        with bad_input():
+            records = list(read_export(folder / "records.jsonl"))
+        click.echo(f"{write_page(study, records, folder, command_line())}")
+        return
     store = open_store(folder, resume)
     if outside := [name for name in (*study.forms, *study.solvers) if ":" in name]:
         click.echo(f"note: the study runs code of {', '.join(outside)}", err=True)
     with running_into(store):
         records = Runner(store, quiet).run(study)
     trusted = steady(records, folder / "README.md", disturbed)
-    pages = {"costs": bench_page, "outcomes": outcomes_page, "known-stokes": known_stokes}
-    page = pages[study.page].write_page(study, records, folder, command_line())
+    page = write_page(study, records, folder, command_line())
     if study_file is None and not quick and not any(filters.values()) and trusted:
         refit(load_laws(), records).save(own_laws_path())
         click.echo(f"{own_laws_path()}: the times of `polhode pick`, fitted to this machine", err=True)

@@ -219,6 +219,12 @@ def test_killed_and_resumed_gives_the_same_records(here: Run, environment, study
     names = sorted(path.name for path in (tmp_path / "broken").iterdir() if not path.name.startswith("store"))
     assert {"README.md", "SHA256SUMS", "orientation.png", "records.jsonl", "slow.png"} <= set(names)
     assert not any("partial" in name for name in names)
+    page = tmp_path / "broken" / "README.md"
+    before = page.read_text(encoding="utf-8")
+    page.unlink()
+    again = here("bench", "study.toml", "--out", "broken", "--page-only")
+    assert (again.returncode, page.read_text(encoding="utf-8")) == (0, before)
+    assert here("bench", "study.toml", "--out", "none", "--page-only").returncode == 2
 
 
 # An export that takes ten seconds, whatever the machine.
