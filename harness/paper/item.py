@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from math import inf
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 if TYPE_CHECKING:
     import numpy as np
@@ -36,6 +36,7 @@ class Word(StrEnum):
     SHARPENED = "sharpened"
     CORRECTED = "corrected"
     MEASURED = "measured"
+    UNDECIDED = "undecided"
     NOT_CONFIRMED = "not confirmed"
 
 
@@ -44,6 +45,7 @@ MEANINGS = {
     Word.SHARPENED: "it agrees, and a number now stands where the paper has words",
     Word.CORRECTED: "it contradicts what is printed; the number says what holds instead",
     Word.MEASURED: "the paper leaves the question open; this is the answer of the computation",
+    Word.UNDECIDED: "the number allows the claim and its opposite",
     Word.NOT_CONFIRMED: "a measured number lies outside the range that the verdict needs",
 }
 
@@ -64,11 +66,6 @@ class Number:
         """Whether the value lies in the range; NaN does not."""
         return self.low <= self.value <= self.high
 
-    @classmethod
-    def near(cls, what: str, value: float, expected: float, tolerance: float, unit: str = "") -> "Number":
-        """A number expected within a tolerance of another."""
-        return cls(what, value, expected - tolerance, expected + tolerance, unit)
-
 
 class Verdict:
     """What the data say about a claim, and the caption of their figure.
@@ -86,11 +83,20 @@ class Verdict:
 
 
 class Experiment(Protocol):
-    """What computes, draws and judges; several items of one kind differ in its fields."""
+    """What computes, draws and finds the facts that the item's texts and numbers name."""
 
-    def compute(self, grid: Grid) -> Data: ...  # noqa: D102
-    def figure(self, data: Data) -> "Figure": ...  # noqa: D102
-    def verdict(self, data: Data) -> Verdict: ...  # noqa: D102
+    def compute(self, grid: Grid, /) -> Data: ...  # noqa: D102
+    def figure(self, data: Data, /) -> "Figure": ...  # noqa: D102
+    def facts(self, data: Data, /) -> Mapping[str, Any]: ...  # noqa: D102
+
+
+@dataclass(frozen=True)
+class Parts:
+    """An experiment of three functions."""
+
+    compute: Callable[[Grid], Data]
+    figure: "Callable[[Data], Figure]"
+    facts: Callable[[Data], Mapping[str, Any]]
 
 
 @dataclass(frozen=True)
@@ -103,11 +109,6 @@ class Item:
     compute: Callable[[Grid], Data]
     figure: "Callable[[Data], Figure]"
     verdict: Callable[[Data], Verdict]
-
-    @classmethod
-    def of(cls, experiment: Experiment, name: str, title: str, claim: str) -> "Item":
-        """The item that an experiment tests."""
-        return cls(name, title, claim, experiment.compute, experiment.figure, experiment.verdict)
 
 
 @dataclass(frozen=True)

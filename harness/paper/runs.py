@@ -54,9 +54,9 @@ def run_form(
     return Run(form, scene, solution.times, solution.states)
 
 
-def full_run(scene: Scene, times: np.ndarray, tolerance: float = TOLERANCE) -> Run:
+def full_run(scene: Scene, times: np.ndarray, tolerance: float = TOLERANCE, *, solver: str = SOLVER) -> Run:
     """Solution of the full equations at times in units of the inverse shear rate."""
-    return run_form(find_form(full_form(scene)), scene, times, tolerance)
+    return run_form(find_form(full_form(scene)), scene, times, tolerance, solver=solver)
 
 
 def averaged_run(scene: Scene, slow_times: np.ndarray, *, solver: str = SOLVER) -> Run:

@@ -1,13 +1,14 @@
 """Slow variables in time, full against averaged: the figures of one start at several Stokes numbers."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from polhode.harness.common.fits import power_law
 from polhode.harness.paper.drawing import BLUE, draw_law, label, logarithmic, panels, styled_runs
-from polhode.harness.paper.item import Data, Grid, Number, Table, Verdict, Word
+from polhode.harness.paper.item import Data, Grid, Table
 from polhode.harness.paper.planes import distance_from_node, fixed_point
 from polhode.harness.paper.runs import averaged_run, axes_of, full_run
 from polhode.harness.paper.tables import groups, path_table
@@ -28,7 +29,6 @@ class SlowMotion:
     ellipsoid: Ellipsoid
     start: EulerStart
     slow_time: float
-    earned: Word
     asymptotic: float  # smallest St of the fit
     constant: tuple[float, float]  # range for (largest slow error) × St at the largest St
     at_100: tuple[float, float]  # range for the largest slow error at St = 100
@@ -92,34 +92,35 @@ class SlowMotion:
         axes[5].legend(handles, names, loc="center")
         return figure
 
-    def verdict(self, data: Data) -> Verdict:
+    def facts(self, data: Data) -> dict[str, Any]:
         """Where it ends, and how the error falls with St."""
         found = data["errors"]
         large = found["stokes"] >= self.asymptotic
         exponent, interval, _ = power_law(found["stokes"][large], found["error"][large])
-        constant = float(found["error"][-1] * found["stokes"][-1])
-        at_100 = float(found["error"][found["stokes"] == 100.0][0])
-        settled = found["stokes"] >= 500
-        momentum, energy = fixed_point(self.ellipsoid, "stable node")
         shown = [pair for pair in zip(found["stokes"], found["error"], strict=True) if pair[0] in self.shown]
-        angles = ", ".join(f"{value:.4g}" for value in (*self.start.angles, *self.start.rates))
         crossing = data["averaged"]["crossing"][0]
-        return Verdict(
-            self.earned,
-            f"Averaged run and full runs from St = 500 on end at (L_z, E)/I_max = ({momentum:.3g}, {energy:.3g}). The "
-            f"largest slow error along the run is {constant:.2g}/St at large St, and "
-            f"{', '.join(f'{error:.2g} at St = {stokes:g}' for stokes, error in shown)}."
-            + (self._leaving(data[""]) if self.lingers else ""),
-            f"Slow variables of the ellipsoid with semi-axes {axes_of(self.ellipsoid)} from (θ, φ, ψ, θ̇, φ̇, ψ̇) = "
-            f"({angles}), full at St = {', '.join(f'{stokes:g}' for stokes in self.shown)} and averaged; right, the "
-            "largest difference along the run."
-            + (f" L² = 2EI₂ at t₂ = {crossing:.3g}." if np.isfinite(crossing) else ""),
-            Number(f"exponent of the slow error in St, St ≥ {self.asymptotic:g}", exponent, -1.3, -0.8, "", interval),
-            Number(f"slow error × St at St = {found['stokes'][-1]:g}", constant, *self.constant, unit="I_max"),
-            Number("slow error at St = 100", at_100, *self.at_100, unit="I_max"),
-            Number("distance of the averaged end from the node", float(data["averaged"]["end"][0]), high=2e-3),
-            Number("the same of the mean full end, St ≥ 500", float(found["end"][settled].max()), high=1e-2),
-        )
+        return {
+            "axes": axes_of(self.ellipsoid),
+            "angles": (*self.start.angles, *self.start.rates),
+            "shown": self.shown,
+            "node": fixed_point(self.ellipsoid, "stable node"),
+            "asymptotic": self.asymptotic,
+            "exponent": exponent,
+            "exponent_95": interval,
+            "largest": found["stokes"][-1],
+            "constant": found["error"][-1] * found["stokes"][-1],
+            "constant_low": self.constant[0],
+            "constant_high": self.constant[1],
+            "at_100": found["error"][found["stokes"] == 100.0][0],
+            "at_100_low": self.at_100[0],
+            "at_100_high": self.at_100[1],
+            "at_shown": ", ".join(f"{error:.2g} at St = {stokes:g}" for stokes, error in shown),
+            "leaving": self._leaving(data[""]) if self.lingers else "",
+            "more": "",
+            "crossed": f" L² = 2EI₂ at t₂ = {crossing:.3g}." if np.isfinite(crossing) else "",
+            "averaged_end": data["averaged"]["end"][0],
+            "full_end": found["end"][found["stokes"] >= 500].max(),
+        }
 
     def _leaving(self, table: Table) -> str:
         """When E is halfway from its plateau to the node's, averaged and full."""

@@ -1,5 +1,6 @@
 """Where the data of the items are kept: CSV files beside the figures, and a record that says whether they hold."""
 
+import ast
 import hashlib
 import json
 import sys
@@ -20,7 +21,7 @@ SCHEMA = 1
 DIGITS = 8
 LIBRARIES = ("numpy", "scipy", "heyoka", "cyrk")
 # Modules of this package that change how items look, not what they compute.
-APPEARANCE = ("polhode.harness.paper.drawing", "polhode.harness.paper.item")
+APPEARANCE = ("polhode.harness.paper.drawing", "polhode.harness.paper.item", "polhode.harness.paper.claims")
 
 
 def content_key(item: Item, grid: Grid) -> str:
@@ -30,7 +31,7 @@ def content_key(item: Item, grid: Grid) -> str:
         "item": item.name,
         "settings": repr(getattr(item.compute, "__self__", None)),
         "grid": grid,
-        "code": [_hash(path.read_bytes()) for path in code_of(item)] + [_rooms()],
+        "code": [_code(path) for path in code_of(item)] + [_rooms()],
         "libraries": {name: package_version(name) for name in LIBRARIES},
     }
     return digest(content)
@@ -51,7 +52,17 @@ def code_of(item: Item) -> list[Path]:
 @cache
 def _rooms() -> str:
     paths = (path for room in (models, solvers) for path in sorted(Path(room.__file__ or "").parent.rglob("*.py")))
-    return _hash("".join(_hash(path.read_bytes()) for path in paths).encode())
+    return _hash("".join(_code(path) for path in paths).encode())
+
+
+@cache
+def _code(path: Path) -> str:
+    """Hash of a module's code: neither comments nor docstrings nor the way it is broken into lines change it."""
+    tree = ast.parse(path.read_bytes())
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node) is not None:
+            node.body = node.body[1:]
+    return _hash(ast.dump(tree).encode())
 
 
 def _hash(content: bytes) -> str:

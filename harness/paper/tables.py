@@ -39,3 +39,9 @@ def groups(table: Table, key: str) -> Iterator[tuple[float, dict[str, np.ndarray
     for value in dict.fromkeys(table[key].tolist()):
         chosen = table[key] == value
         yield value, {name: column[chosen] for name, column in table.items()}
+
+
+def root_mean_squares(table: Table, key: str, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """The values of a key, and the root mean square of a column over the rows of each."""
+    parts = list(groups(table, key))
+    return np.array([value for value, _ in parts]), np.array([np.sqrt(np.mean(part[name] ** 2)) for _, part in parts])

@@ -1,13 +1,14 @@
 """The L_z–E planes of spheroids and of ellipsoids: slow trajectories in one, slow and full ones in several."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from polhode.harness.paper.claims import Facts
 from polhode.harness.paper.drawing import common_legend, draw_broken, panels, styled_runs
-from polhode.harness.paper.item import Data, Grid, Number, Table, Verdict, Word
+from polhode.harness.paper.item import Data, Grid, Table
 from polhode.harness.paper.planes import (
     ABOVE_PINCH,
     aligned_scene,
@@ -56,26 +57,26 @@ def plane_tables(
     return {"": path_table(paths, ("Lz", "E")), "ends": columns("path Lz0 share distance end bound", ends)}
 
 
-def end_numbers(ends: Table) -> tuple[Number, Number]:
+def end_facts(data: Data) -> Facts:
     """Starts that reach the node; the slow time of those that reach the pinch point."""
+    ends = data["ends"]
     left, on_edge = ends["Lz0"] < 0, ends["share"] == 1.0
-    reached = float(np.mean(ends["distance"][left & ~on_edge] < REACHED))
-    share = float(np.max(ends["end"][~left] / ends["bound"][~left]))
-    return (
-        Number(f"share of the {int(np.sum(left & ~on_edge))} starts with L_z < 0 that reach the node", reached, 1, 1),
-        Number("slow time to the pinch point from L_z > 0, over L_z/(4π min X), longest", share, 0, 1),
-    )
+    return {
+        "paths": len(np.unique(data[""]["path"])),
+        "left": int(np.sum(left & ~on_edge)),
+        "reached": np.mean(ends["distance"][left & ~on_edge] < REACHED),
+        "pinch": np.max(ends["end"][~left] / ends["bound"][~left]),
+    }
 
 
 @dataclass(frozen=True)
 class Planes:
     """Slow and full trajectories of several bodies, by the numbers that name them in the tables."""
 
-    kind: str
-    bodies: dict[float, Ellipsoid]
+    bodies: Mapping[float, Ellipsoid]
     points: int
-    # What differs by the shape at the smallest St: text, pairs of bodies of which the first differs more, least ratio.
-    orders: tuple[tuple[str, tuple[tuple[float, float], ...], float], ...]
+    # Pairs of bodies of which the first differs more at the smallest St.
+    orders: tuple[tuple[tuple[float, float], ...], ...]
 
     def compute(self, grid: Grid) -> Data:
         """Trajectories, and the largest differences between slow and full ones.
@@ -118,7 +119,7 @@ class Planes:
         common_legend(figure, axes[0])
         return figure
 
-    def verdict(self, data: Data) -> Verdict:
+    def facts(self, data: Data) -> Facts:
         """The difference falls with St, and grows with anisotropy."""
         worst = {
             (name, stokes): float(np.max(part["difference"]))
@@ -127,23 +128,19 @@ class Planes:
         }
         low, high = STOKES
         ratios = [worst[name, low] / worst[name, high] for name in self.bodies]
-        largest = max(worst[name, high] for name in self.bodies)
-        found = ", ".join(f"{worst[name, low]:.2g} ({_name(body).strip('()')})" for name, body in self.bodies.items())
-        starts = ", ".join(f"({momentum:g}, {theta:g})" for momentum, theta in STARTS)
-        return Verdict(
-            Word.SHARPENED,
-            f"Largest difference at St = {low:g}: {found} I_max; at St = {high:g} it is {min(ratios):.2g} to "
-            f"{max(ratios):.2g} times less.",
-            f"Slow (black) and full trajectories from (L_z0/I_max, θ₀) = {starts}, ψ₀ = π/2, with L along the "
-            f"vorticity. Differences of starts with L_z > 0 count as far as L_z = {ABOVE_PINCH:g} I_max; slow "
-            "trajectories end at the pinch point.",
-            Number(f"largest difference at St = {high:g}, worst {self.kind}", largest, 0, 0.02, "I_max"),
-            Number(f"difference at St = {low:g} over that at {high:g}, smallest", min(ratios), 5.0, 20.0),
-            *(
-                Number(text, min(worst[more, low] / worst[less, low] for more, less in pairs), low=least)
-                for text, pairs, least in self.orders
-            ),
-        )
+        orders = [min(worst[more, low] / worst[less, low] for more, less in pairs) for pairs in self.orders]
+        named = (f"{worst[name, low]:.2g} ({_name(body).strip('()')})" for name, body in self.bodies.items())
+        return {
+            "low": low,
+            "high": high,
+            "differences": ", ".join(named),
+            "starts": ", ".join(f"({momentum:g}, {theta:g})" for momentum, theta in STARTS),
+            "above": ABOVE_PINCH,
+            "largest": max(worst[name, high] for name in self.bodies),
+            "ratios": (min(ratios), max(ratios)),
+            "least_ratio": min(ratios),
+            **{f"orders_{number}": least for number, least in enumerate(orders)},
+        }
 
 
 def _name(body: Ellipsoid) -> str:

@@ -167,6 +167,27 @@ def test_misprint_precession_angle(exchange):
 
 
 @SIDES
+def test_misprint_assembled_rotation(exchange):
+    """The matrix of all three angles: 1 ↔ 3 makes the axes left-handed, so that ψ_LO and x' change sign with it."""
+    top = EulerTop(exchange)
+    times = np.linspace(0.0, 8.0, 33)
+    truth = top.motion(times)[0][:, top.order]
+    precession, _, _ = printed_precession(top, times, sign=1 if exchange else -1)
+    phi = np.arctan2(truth[0, 2, 0], -truth[0, 2, 1]) + precession
+    along = SHAPE.inertia[top.order] * top.omega(times)[:, top.order] / MOMENTUM
+    theta, psi = np.arccos(along[:, 2]), np.arctan2(along[:, 0], along[:, 1])
+
+    def assembled(sign):
+        angles = zip(theta, phi, sign * psi, strict=True)
+        return np.array([np.diag([sign, 1, 1]) @ rotation_from_euler(*each) for each in angles])
+
+    if exchange:
+        assert_misprint(assembled(1), assembled(-1), truth, tolerance=1e-8, gap=0.5)
+    else:
+        assert_right(assembled(1), truth, tolerance=1e-8)
+
+
+@SIDES
 def test_misprint_period_of_the_periodic_precession(exchange):
     top = EulerTop(exchange)
     half = 2 * top.quarter / top.rate

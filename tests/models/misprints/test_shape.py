@@ -253,6 +253,12 @@ def test_right_effective_stokes_number_flat(kappa):
     assert axial / kappa == pytest.approx(pi / 20, rel=5 * kappa)
 
 
+@pytest.mark.parametrize(("kappa", "stokes"), [(0.3, 61.2), (0.5, 43.8), (2.0, 100.24), (3.33, 254.0)])
+def test_right_caption_of_the_collapse(kappa, stokes):
+    shape = body((1.0, 1.0, kappa))
+    assert shape.inertia[2] * stokes / (8 * pi * shape.resistance[2]) == pytest.approx(2.071, rel=2e-3)
+
+
 @pytest.mark.parametrize("kappa", [0.5, 2.0])
 def test_right_planar_flow_threshold(kappa):
     threshold = min(kappa, 1 / kappa) ** 2

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from scipy.integrate import cumulative_simpson
 
 from polhode.harness.common.fits import power_law
-from polhode.harness.common.text import in_two_digits
+from polhode.harness.paper.claims import Facts, section
 from polhode.harness.paper.drawing import (
     AVERAGED,
     BLUE,
@@ -22,7 +22,7 @@ from polhode.harness.paper.drawing import (
     logarithmic,
     panels,
 )
-from polhode.harness.paper.item import Data, Grid, Item, Number, Section, Verdict, Word
+from polhode.harness.paper.item import Data, Grid, Parts
 from polhode.harness.paper.planes import aligned_scene
 from polhode.harness.paper.runs import averaged_run, full_run, run_form, spheroid
 from polhode.harness.paper.sections.appendix.tables import Entry, ellipsoid_entries, spheroid_entries
@@ -37,9 +37,6 @@ from polhode.models.shape import Ellipsoid
 from polhode.models.theory.spheroid_correction import CorrectedSpheroid
 
 ROUNDING = 1e-11
-CAPTION = (
-    "Entries of the table of averages, in its order: largest deviation from the brute-force average over random states."
-)
 # The general formula of the mixed third moments.
 MIXED = "⟨t_i3,LO t_j1 t_k2⟩"
 
@@ -132,60 +129,31 @@ def figure_averages(data: Data) -> Figure:
     return figure
 
 
-def verdict_averages(data: Data) -> Verdict:
+def facts_averages(data: Data) -> Facts:
     """How many printed entries hold, and that all corrected ones do."""
     table = data[""]
     wrong = table["printed"] > ROUNDING
     general = np.array([name.startswith("general") for name in table["entry"]])
     mixed = np.array([_mixed(name) for name in table["entry"]])
-    entries, failed = int(np.sum(~general)), int(np.sum(wrong & ~general))
-    largest = float(table["corrected"].max())
-    numbers = [
-        Number(f"largest deviation of the {len(wrong)} formulas, corrected", largest, high=ROUNDING),
-        Number.near(f"printed entries of {entries} that deviate", failed, int(mixed.sum()), 0),
-    ]
-    if not wrong.any():
-        sentence = f"All {entries} entries agree with the average to {in_two_digits(largest)}."
-        return Verdict(Word.CONFIRMED, sentence, CAPTION, *numbers)
     names = [name.removeprefix("general ") for name in table["entry"][wrong & general]]
-    others = " and ".join(name for name in names if name != MIXED)
-    return Verdict(
-        Word.CORRECTED,
-        f"{entries - failed} of {entries} entries hold as printed. The {failed} mixed third moments do not: they, and "
-        f"the general formula for {MIXED} above them, lack α₃₃/2. Of the {int(general.sum()) - 1} other general "
-        f"formulas those for {others} contradict the entries below them, which are right. Corrected, all agree to "
-        f"{in_two_digits(largest)}.",
-        CAPTION,
-        *numbers,
-        Number.near("the same among the mixed third moments", int(np.sum(wrong & mixed)), int(mixed.sum()), 0),
-        Number("general formulas that deviate", int(np.sum(wrong & general)), 3, 3),
-    )
+    entries, failed = int(np.sum(~general)), int(np.sum(wrong & ~general))
+    return {
+        "formulas": len(wrong),
+        "entries": entries,
+        "failed": failed,
+        "held": entries - failed,
+        "largest": table["corrected"].max(),
+        "failed_mixed": np.sum(wrong & mixed),
+        "failed_general": np.sum(wrong & general),
+        "others": int(general.sum()) - 1,
+        "wrong_others": " and ".join(name for name in names if name != MIXED),
+    }
 
 
 def _mixed(name: str) -> bool:
     """Whether an entry multiplies components along L with components in space: ⟨z_i x'_j y'_k⟩."""
     strokes = ["'" in word for word in name.strip("⟨⟩").split()]
     return name.startswith("⟨z") and any(strokes) and not all(strokes)
-
-
-ITEMS = (
-    Item(
-        "averages-spheroid",
-        "Table of averages, spheroid",
-        "Eight averages over the precession of the symmetric top.",
-        compute_spheroid,
-        figure_averages,
-        verdict_averages,
-    ),
-    Item(
-        "averages-ellipsoid",
-        "Table of averages, ellipsoid",
-        "Second and third moments of the rotation matrix over the Euler top: 81 entries, with general formulas.",
-        compute_ellipsoid,
-        figure_averages,
-        verdict_averages,
-    ),
-)
 
 
 # The first-order correction: κ, L_z over I_e at the start, θ₀, φ₀, and the slow time followed.
@@ -234,42 +202,29 @@ def figure_first_order(data: Data) -> Figure:
     return figure
 
 
-def verdict_first_order(data: Data) -> Verdict:
+def facts_first_order(data: Data) -> Facts:
     """Fitted orders."""
     found = data["errors"]
     large = found["stokes"] >= 900
-    fits = {
-        name: power_law(found["stokes"][large], found[name][large]) for name in ("corrected", "averaged", "printed")
+    facts = {}
+    for name in ("corrected", "averaged", "printed"):
+        facts[name], facts[f"{name}_95"], _ = power_law(found["stokes"][large], found[name][large])
+    return facts | {
+        "constant": found["corrected"][-1] * found["stokes"][-1] ** 2,
+        "kappa": KAPPA,
+        "momentum": MOMENTUM,
+        "theta": THETA,
+        "phi": PHI,
+        "shown": SHOWN,
+        "slow_time": SLOW_TIME,
     }
-    leading, printed = fits["averaged"][0], fits["printed"][0]
-    constant = float(found["corrected"][-1] * found["stokes"][-1] ** 2)
-    return Verdict(
-        Word.CORRECTED,
-        f"With the local, signed frequency and a shifted start the corrected error is {constant:.3g}/St² (the averaged "
-        f"one falls like St^({leading:.2f})); as printed, with the mean frequency and the start unshifted, it "
-        f"falls like St^({printed:.2f}).",
-        f"κ = {KAPPA:g}, L along the vorticity, L_z0 = {MOMENTUM:g} I_e, θ₀ = {THETA:g}, φ₀ = {PHI:g}. Left: L_z at "
-        f"St = {SHOWN:g}; right: largest errors up to t₂ = {SLOW_TIME:g}.",
-        Number("order in St of the corrected error", fits["corrected"][0], -2.1, -1.9, "", fits["corrected"][1]),
-        Number("order of the averaged error", leading, -1.1, -0.9, "", fits["averaged"][1]),
-        Number("order with the correction as printed", printed, -1.1, -0.9, "", fits["printed"][1]),
-        Number("corrected error × St², largest St", constant, 10.0, 2e3, "I_e"),
-    )
 
 
-SECTION = Section(
+SECTION = section(
     "appendix",
-    "Appendices: averages and first-order correction",
-    (
-        *ITEMS,
-        Item(
-            "first-order",
-            "First-order correction of a spheroid",
-            "With the O(1/St) oscillation of `lzsfod2` added, L_z agrees better with the full solution, down to "
-            "smaller St.",
-            compute_first_order,
-            figure_first_order,
-            verdict_first_order,
-        ),
-    ),
+    {
+        "averages-spheroid": Parts(compute_spheroid, figure_averages, facts_averages),
+        "averages-ellipsoid": Parts(compute_ellipsoid, figure_averages, facts_averages),
+        "first-order": Parts(compute_first_order, figure_first_order, facts_first_order),
+    },
 )

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 
 from polhode.harness.common.fits import wilson
 from polhode.harness.pages.figures.style import power
+from polhode.harness.paper.claims import WORDING, Facts, section
 from polhode.harness.paper.drawing import (
     AVERAGED,
     BLUE,
@@ -20,10 +21,11 @@ from polhode.harness.paper.drawing import (
     logarithmic,
     panels,
 )
-from polhode.harness.paper.item import Data, Grid, Item, Number, Section, Table, Verdict, Word
+from polhode.harness.paper.item import Data, Grid, Parts, Table
 from polhode.harness.paper.planes import distance_from_node, energy_at
 from polhode.harness.paper.runs import averaged_run, full_run, graded, slow_run
 from polhode.harness.paper.sections.beyond.averaging_order import ELLIPSOID, ORDER, same_slow_start
+from polhode.harness.paper.sections.beyond.crossing_jumps import JUMPS
 from polhode.harness.paper.tables import columns, groups
 from polhode.models.rotation import quaternion_from_euler
 from polhode.models.scene import BodyStart, EulerStart, Scene
@@ -107,44 +109,33 @@ def _shares(table: Table) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarra
     return stokes, late, other, count
 
 
-def verdict_endings(data: Data) -> Verdict:
+def facts_endings(data: Data) -> Facts:
     """Shares with their intervals."""
     table = data[""]
     stokes, _, other, count = _shares(table)
-    late = {near: _shares(part)[1] for near, part in groups(table, "near")}
-    runs = 2 * int(count[-1]) // len(late)
-    flips = wilson(round(other[-1] * count[-1]), int(count[-1]))
-    far, close = NEAR[0], NEAR[-1]
-    shares = "; ".join(
-        f"{', '.join(f'{100 * share:.0f}' for share in own)} % from {near:g} of the saddle"
-        for near, own in late.items()
-    )
-    count = len(np.unique(data[""]["start"]))
-    return Verdict(
-        Word.MEASURED,
-        "All full runs end at the node, but those that start next to the saddle may reach it at a time more than a "
-        f"fifth off the averaged one. At St = {', '.join(f'{number:g}' for number in stokes)} so do {shares}. In which "
-        "of its two mirror images they end, z' up or down, depends on the fast phase, which averaging does not know: "
-        f"it differs for {100 * other[-1]:.0f} % of the pairs of starts with the same L and E at St = {stokes[-1]:g}.",
-        f"{count} random starts at each of the distances {', '.join(f'{near:g}' for near in NEAR)} (tilts in rad, and "
-        "angular velocities) from the rotation of (1, 0.8, 0.5) about its longest axis, each at two fast phases. Left: "
-        f"slow time from which L and E stay within {ARRIVED:g} I_max of the node; right: shares.",
-        *(
-            Number(
-                f"share of arrivals off by a fifth, St = {stokes[-1]:g}, {near:g} from the saddle",
-                float(own[-1]),
-                0.0,
-                1.0,
-                interval=wilson(round(own[-1] * runs), runs),
-            )
-            for near, own in late.items()
+    late = [_shares(part)[1] for _, part in groups(table, "near")]
+    runs, pairs = 2 * int(count[-1]) // len(late), int(count[-1])
+    named = zip(NEAR, late, strict=True)
+    return {
+        "stokes": stokes,
+        "last": stokes[-1],
+        "near": NEAR,
+        "arrived": ARRIVED,
+        "count": len(np.unique(table["start"])),
+        "shares": "; ".join(
+            WORDING.format("{0:.0f} % from {1:g} of the saddle", 100 * own, near) for near, own in named
         ),
-        Number(f"the same at St = {stokes[0]:g}, {far:g} from it", float(late[far][0]), float(late[far][-1]), 1.0),
-        Number(f"the same at St = {stokes[0]:g}, {close:g} from it", float(late[close][0]), float(late[far][0]), 1.0),
-        Number(f"z' ends the other way from the same L and E, St = {stokes[-1]:g}", float(other[-1]), 0, 1, "", flips),
-        Number("share of full runs that reach the node", float(np.mean(table["full"] < 0.999 * ENDING_TIME)), 1, 1),
-        Number("share of full runs that end with z' up", float(np.mean(table["up"])), 0.2, 0.8),
-    )
+        "late": [own[-1] for own in late],
+        "late_95": [wilson(round(own[-1] * runs), runs) for own in late],
+        "far_first": late[0][0],
+        "far_last": late[0][-1],
+        "close_first": late[-1][0],
+        "flips": other[-1],
+        "flips_95": wilson(round(other[-1] * pairs), pairs),
+        "percent": 100 * other[-1],
+        "settled": np.mean(table["full"] < 0.999 * ENDING_TIME),
+        "up": np.mean(table["up"]),
+    }
 
 
 BASIN_STOKES, BASIN_TIME = 1e3, 0.6
@@ -197,56 +188,37 @@ def figure_basins(data: Data) -> Figure:
     return figure
 
 
-def verdict_basins(data: Data) -> Verdict:
+def facts_basins(data: Data) -> Facts:
     """Transient times, shares of the ends, and how mixed they are."""
     times = data["transients"]["t2"]
     ends = _map(data["ends"], "theta psi z")[2] > 0
-    mixed = float(np.mean(np.concatenate([(ends[1:] != ends[:-1]).ravel(), (ends[:, 1:] != ends[:, :-1]).ravel()])))
-    up = int(ends.sum())
-    settled = float(np.mean(np.abs(data["ends"]["z"]) > 0.9))
-    slowest = -max(
-        value for point in fixed_points(ELLIPSOID) if point.stability == "stable node" for value in point.eigenvalues
-    )
-    median = float(np.median(times))
-    side = len(np.unique(data["ends"]["theta"]))
-    return Verdict(
-        Word.MEASURED,
-        f"The transient takes t₂ = {median:.2g} in the median, {median * slowest:.2g} times the slowest relaxation "
-        f"time, and up to {times.max():.2g} next to the saddle's stable manifold. At St = {BASIN_STOKES:g} the two "
-        f"ends of z' share the starts {100 * up / ends.size:.0f} : {100 - 100 * up / ends.size:.0f}, and "
-        f"{100 * mixed:.0f} % of neighbours on the map end differently.",
-        f"(1, 0.8, 0.5). Left: slow time until the averaged run stays within {NEAR_NODE:g} I_max of the node, from "
-        f"|L| = I_max/2, L_x = L_y. Right: where z' points at t₂ = {BASIN_TIME:g}, {side}×{side} starts with the "
-        "paper's rates.",
-        Number("median transient, slow time", median, 0.05, 0.6),
-        Number("the same times the slowest rate at the node", median * slowest, 1.0, 10.0),
-        Number("longest transient of the map, slow time", float(times.max()), median, 2.0),
-        Number("share of starts that end with z' up", up / ends.size, 0.1, 0.95, "", wilson(up, ends.size)),
-        Number("share of neighbours on the map that end differently", mixed, 0.0, 0.6),
-        Number("share of full runs with z' within 0.45 rad of the vorticity axis at the end", settled, low=0.8),
-    )
+    mixed = np.mean(np.concatenate([(ends[1:] != ends[:-1]).ravel(), (ends[:, 1:] != ends[:, :-1]).ravel()]))
+    node = next(point for point in fixed_points(ELLIPSOID) if point.stability == "stable node")
+    up, median = int(ends.sum()), np.median(times)
+    return {
+        "near": NEAR_NODE,
+        "stokes": BASIN_STOKES,
+        "time": BASIN_TIME,
+        "side": len(np.unique(data["ends"]["theta"])),
+        "median": median,
+        "relative": -median * max(node.eigenvalues),
+        "longest": times.max(),
+        "up": up / ends.size,
+        "up_95": wilson(up, ends.size),
+        "percent_up": 100 * up / ends.size,
+        "percent_down": 100 - 100 * up / ends.size,
+        "mixed": mixed,
+        "percent_mixed": 100 * mixed,
+        "settled": np.mean(np.abs(data["ends"]["z"]) > 0.9),
+    }
 
 
-SECTION = Section(
+SECTION = section(
     "beyond",
-    "Beyond the paper",
-    (
-        ORDER,
-        Item(
-            "saddle-endings",
-            "Full and averaged runs from next to the saddle",
-            "Not in the paper: how often do full trajectories near the saddle end differently from averaged ones?",
-            compute_endings,
-            figure_endings,
-            verdict_endings,
-        ),
-        Item(
-            "basins",
-            "Basins and transient times",
-            "Not in the paper: how long is the way to the node, and which of its mirror images is reached?",
-            compute_basins,
-            figure_basins,
-            verdict_basins,
-        ),
-    ),
+    {
+        "averaging-order": ORDER,
+        "crossing-jumps": JUMPS,
+        "saddle-endings": Parts(compute_endings, figure_endings, facts_endings),
+        "basins": Parts(compute_basins, figure_basins, facts_basins),
+    },
 )

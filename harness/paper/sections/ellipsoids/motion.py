@@ -1,30 +1,31 @@
 """Section "Triaxial ellipsoids" in time: slow variables of the paper's two starts, and the singular fixed point."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.figure import Figure
 
-from polhode.harness.common.text import in_two_digits
+from polhode.harness.paper.claims import Facts
 from polhode.harness.paper.drawing import AVERAGED, BLACK, draw_groups, label, logarithmic, panels
-from polhode.harness.paper.item import Data, Grid, Item, Number, Verdict, Word
-from polhode.harness.paper.runs import slow_run, slow_scene
-from polhode.harness.paper.slow_motion import SlowMotion
-from polhode.harness.paper.tables import columns, stacked
+from polhode.harness.paper.item import Data, Grid, Parts
+from polhode.harness.paper.runs import full_run, slow_run, slow_scene, spheroid
+from polhode.harness.paper.slow_motion import NAMES, SlowMotion
+from polhode.harness.paper.tables import columns, groups, stacked
 from polhode.models.forms.averaged import Averaged
 from polhode.models.operations import FLOAT
-from polhode.models.scenes import PAPER_ELLIPSOID, PAPER_START, SADDLE_START
+from polhode.models.scene import Scene
+from polhode.models.scenes import PAPER_ELLIPSOID, PAPER_START, SADDLE_START, SPHEROID_START
 from polhode.models.shape import Ellipsoid
 from polhode.models.theory.separatrix import Separatrix, Side
 
 ELLIPSOID = Ellipsoid(PAPER_ELLIPSOID)
-FIRST = SlowMotion(ELLIPSOID, PAPER_START, 0.6, Word.SHARPENED, 1e3, (8.0, 30.0), (0.0, 0.2))
-SHOWN = (100.0, 150.0, 500.0, 5e3)
-SECOND = SlowMotion(ELLIPSOID, SADDLE_START, 1.2, Word.CORRECTED, 5e3, (8.0, 30.0), (0.2, 0.35), SHOWN, lingers=True)
-
 SIDES: tuple[Side, Side] = ("long", "short")
 # Complementary parameter y = μ'δ where local and averaged solution are compared.
 NEAR = 1e-3
 # Largest y of the passage.
 FAR = 0.1
+# St at which the irregularity of the oscillation is measured.
+IRREGULAR = 500.0
 
 
 def complement_of(slow: np.ndarray, side: Side) -> np.ndarray:
@@ -139,54 +140,68 @@ def figure_singular(data: Data) -> Figure:
     return figure
 
 
-def verdict_singular(data: Data) -> Verdict:
+def facts_singular(data: Data) -> Facts:
     """Finite passage, inverse logarithm of the rate, agreement of local and averaged solution."""
     rates, passage = data["rates"], data["trajectory"]
-    near = rates["y"] <= NEAR
-    agreement = float(np.max(np.abs(rates["local_y"][near] / rates["averaged_y"][near] - 1)))
-    times = [abs(Separatrix(ELLIPSOID, side).time(0.1)) for side in SIDES]
-    along = float(np.max(np.abs(passage["local_y"] - passage["averaged_y"])))
-    drift = float(np.max(np.abs(passage["local_shift"] - passage["averaged_shift"])))
-    slowest = np.abs(rates["averaged_y"][rates["y"] == rates["y"].min()])
-    smallest = in_two_digits(rates["y"].min())
-    return Verdict(
-        Word.CORRECTED,
-        f"The point is reached in t₂ = {times[0]:.2g} from y = 0.1 and left in {times[1]:.2g}; the rates fall like "
-        f"1/log(16/y), so slowly that dy/dt₂ is still {slowest.min():.2g} at y = {smallest}. `muassol` as "
-        "printed keeps y log(16/y) alone; with y log(16/y) + y the local solution is good to powers of y.",
-        "The ellipsoid (1, 0.8, 0.5) near the rotation about its middle axis: above, the critical trajectory before "
-        "and after the singular point; below, the rates along it. Dotted: local solution; lines: averaged equations.",
-        Number(f"local over averaged rate of y, worst, y ≤ {NEAR:g}", agreement, high=1e-2),
-        Number("slow time from y = 0.1 to the singular point", times[0], 1e-4, 1e-1),
-        Number("slow time from the singular point to y = 0.1", times[1], 1e-4, 1e-1),
-        Number("local against averaged y along the passage", along, high=1e-2),
-        Number("local against averaged L_z' along the passage", drift, high=1e-3, unit="I_max"),
-        Number(f"rate of y at y = {smallest}, smaller side", float(slowest.min()), low=1.0),
-    )
+    near, smallest = rates["y"] <= NEAR, rates["y"].min()
+    reached, left = (abs(Separatrix(ELLIPSOID, side).time(0.1)) for side in SIDES)
+    return {
+        "near": NEAR,
+        "reached": reached,
+        "left": left,
+        "agreement": np.max(np.abs(rates["local_y"][near] / rates["averaged_y"][near] - 1)),
+        "along": np.max(np.abs(passage["local_y"] - passage["averaged_y"])),
+        "drift": np.max(np.abs(passage["local_shift"] - passage["averaged_shift"])),
+        "slowest": np.abs(rates["averaged_y"][rates["y"] == smallest]).min(),
+        "smallest": smallest,
+    }
 
 
-ITEMS = (
-    Item.of(
-        FIRST,
-        "ellipsoid-slow-1",
-        "Slow variables of an ellipsoid, first start",
-        "Full and slow solution agree well for the St chosen, and better with growing St; the oscillations are more "
-        "irregular than a spheroid's; all end at L_z = -I₃/2, E = I₃/8; passing L² = 2EI₂ has little effect.",
-    ),
-    Item.of(
-        SECOND,
-        "ellipsoid-slow-2",
-        "Slow variables of an ellipsoid, start near the saddle",
-        "The comparison is good for the St chosen, 100 to 5000, and better with growing St, with intermediate plateaus "
-        "while the run lingers at the rotation about the longest axis.",
-    ),
-    Item(
-        "singular-point",
-        "Approach to the singular fixed point",
-        "Rotation about the middle axis is reached and left in a finite time; the rates of μ' and L_z' go to zero "
-        "there like an inverse logarithm, and the local solution describes them.",
-        compute_singular,
-        figure_singular,
-        verdict_singular,
-    ),
-)
+class FirstStart(SlowMotion):
+    """The paper's first start, with what it says of the oscillation and of passing L² = 2EI₂."""
+
+    def compute(self, grid: Grid) -> Data:
+        """Also how irregularly L_z swings, beside the paper's first spheroid, at one St."""
+        rows = []
+        for body, start, slow_time in ((self.ellipsoid, self.start, 0.1), (spheroid(2.0), SPHEROID_START, 0.1)):
+            times = np.linspace(0.0, IRREGULAR * slow_time, 20001)
+            momentum = full_run(Scene(body, IRREGULAR, start, times[-1]), times).slow[:, 2]
+            rows.append((_scatter(momentum),))
+        return {**super().compute(grid), "scatter": columns("swings", rows)}
+
+    def facts(self, data: Data) -> dict[str, Any]:
+        """Also the scatter of the swings, and the error after the crossing over that before."""
+        scatter, spheroidal = data["scatter"]["swings"]
+        paths, stokes = dict(groups(data[""], "path")), max(self.shown)
+        error = np.max([np.abs(paths[stokes][name] - paths[np.inf][name]) for name in NAMES], axis=0)
+        before = paths[stokes]["t2"] < data["averaged"]["crossing"][0]
+        passing = error[~before].max() / error[before].max()
+        factors = np.exp(scatter), np.exp(spheroidal)
+        more = (
+            f" A swing of L_z at St = {IRREGULAR:g} differs from the next in its direction by a factor of "
+            f"{factors[0]:.2f} in the median, one of the spheroid by {factors[1]:.2f}. After L² = 2EI₂ the largest "
+            f"error at St = {stokes:g} is {passing:.2g} times the one before."
+        )
+        own = {
+            "scatter": scatter,
+            "spheroid_scatter": spheroidal,
+            "passing": passing,
+            "largest_shown": stokes,
+            "after": error[~before].max(),
+        }
+        return super().facts(data) | own | {"more": more}
+
+
+def _scatter(values: np.ndarray) -> float:
+    """Median of the logarithm, up to its sign, of the ratio of a swing to the next in the same direction."""
+    turning = np.flatnonzero(np.diff(np.sign(np.diff(values)))) + 1
+    swings = np.abs(np.diff(values[turning]))
+    return float(np.median(np.abs(np.log(swings[2:] / swings[:-2]))))
+
+
+SHOWN = (100.0, 150.0, 500.0, 5e3)
+MOTION = {
+    "ellipsoid-slow-1": FirstStart(ELLIPSOID, PAPER_START, 0.6, 1e3, (8.0, 30.0), (0.0, 0.2)),
+    "ellipsoid-slow-2": SlowMotion(ELLIPSOID, SADDLE_START, 1.2, 5e3, (8.0, 30.0), (0.2, 0.35), SHOWN, lingers=True),
+    "singular-point": Parts(compute_singular, figure_singular, facts_singular),
+}

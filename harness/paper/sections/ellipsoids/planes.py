@@ -5,8 +5,9 @@ from math import sqrt
 import numpy as np
 from matplotlib.figure import Figure
 
+from polhode.harness.paper.claims import Facts, section
 from polhode.harness.paper.drawing import BLACK, BLUE, BOUND, NODE, ORANGE, VERMILLION, common_legend, panels
-from polhode.harness.paper.item import Data, Grid, Item, Number, Section, Table, Verdict, Word
+from polhode.harness.paper.item import Data, Grid, Parts, Table
 from polhode.harness.paper.planes import (
     distance_from_node,
     draw_frame,
@@ -19,8 +20,8 @@ from polhode.harness.paper.planes import (
     plane_steps,
 )
 from polhode.harness.paper.runs import graded, slow_run
-from polhode.harness.paper.sections.ellipsoids.motion import ELLIPSOID, ITEMS, critical_after, critical_before
-from polhode.harness.paper.sections.planes import NAMES, Planes, end_numbers, plane_tables
+from polhode.harness.paper.sections.ellipsoids.motion import ELLIPSOID, MOTION, critical_after, critical_before
+from polhode.harness.paper.sections.planes import NAMES, Planes, end_facts, plane_tables
 from polhode.harness.paper.tables import SLOW, groups, path_table, stacked
 from polhode.models.shape import Ellipsoid
 from polhode.models.theory.fixed_points import fixed_points
@@ -33,12 +34,6 @@ CLOSE = 2e-3
 ON_EDGE = 0.25
 # Half sizes of the magnified view of the singular point, over I_max.
 WINDOW = 0.02, 0.008
-PLANES = Planes(
-    "body",
-    dict(enumerate(Ellipsoid((1.0, b, c)) for b in (0.55, 0.75, 0.95) for c in (0.5, 0.3))),
-    151,
-    (("difference of c/a = 0.3 over that of 0.5, smallest", ((1, 0), (3, 2), (5, 4)), 1.0),),
-)
 
 
 def compute_plane(grid: Grid) -> Data:
@@ -105,37 +100,27 @@ def _critical(table: Table) -> list[tuple[tuple[float, float], Table]]:
     return [((kind, side), own) for kind, part in groups(table, "kind") for side, own in groups(part, "side")]
 
 
-def verdict_plane(data: Data) -> Verdict:
+def facts_plane(data: Data) -> Facts:
     """Where trajectories end, and how well the local critical trajectory fits."""
-    critical, (reached, pinch) = dict(_critical(data["critical"])), end_numbers(data["ends"])
+    critical = dict(_critical(data["critical"]))
     saddle = fixed_point(ELLIPSOID, "saddle")
     edge = dict(groups(data[""], "path"))[float(np.argmax(data["ends"]["share"] == 1.0))]
-    from_saddle = float(np.hypot(edge["Lz"][-1] - saddle[0], edge["E"][-1] - saddle[1]))
     misfits, far = [], []
     for side in (0.0, 1.0):
         local, averaged = critical[0.0, side], critical[1.0, side]
         near = np.abs(local["Lz"] + MIDDLE / 2) < CLOSE
         gap = np.hypot(*(local[name][near, None] - averaged[name][None] for name in ("Lz", "E")))
-        misfits.append(float(np.max(np.min(gap, axis=1))))
-        end = np.hypot(*(local[name][-1] - averaged[name] for name in ("Lz", "E")))
-        far.append(float(np.min(end)))
-    count = len(np.unique(data[""]["path"]))
-    return Verdict(
-        Word.CORRECTED,
-        "All starts with L_z < 0 off the upper parabola reach the node, passing the singular point without a trace, "
-        "one on it reaches the saddle; those with L_z > 0 meet the pinch point in a finite slow time, not an infinite "
-        f"one. The local critical trajectory agrees with the averaged equations to {max(misfits):.1g} I_max while L_z "
-        f"is within {CLOSE:g} I_max of the point, and is off by {max(far):.1g} I_max at y = 0.5.",
-        f"L_z–E plane of the ellipsoid (1, 0.8, 0.5) with {count} slow trajectories of L_x = L_y = 0.",
-        reached,
-        Number(
-            "distance from the saddle where a start on the upper parabola ends", from_saddle, high=5e-3, unit="I_max"
-        ),
-        pinch,
-        Number("local against averaged critical trajectory, before the point", misfits[0], high=2e-3, unit="I_max"),
-        Number("the same after the point", misfits[1], high=2e-3, unit="I_max"),
-        Number("the same at the end of the local one, y = 0.5, worse side", max(far), low=1e-3, unit="I_max"),
-    )
+        misfits.append(np.max(np.min(gap, axis=1)))
+        far.append(np.min(np.hypot(*(local[name][-1] - averaged[name] for name in ("Lz", "E")))))
+    return {
+        **end_facts(data),
+        "from_saddle": np.hypot(edge["Lz"][-1] - saddle[0], edge["E"][-1] - saddle[1]),
+        "close": CLOSE,
+        "misfit": max(misfits),
+        "before": misfits[0],
+        "after": misfits[1],
+        "far": max(far),
+    }
 
 
 def compute_space(grid: Grid) -> Data:
@@ -170,53 +155,23 @@ def figure_space(data: Data) -> Figure:
     return figure
 
 
-def verdict_space(data: Data) -> Verdict:
+def facts_space(data: Data) -> Facts:
     """The subspaces are invariant; the trajectories end at the node."""
     paths = dict(groups(data[""], "path"))
-    kept = [float(np.max(np.abs(part[SLOW[int(zero)]]))) for zero, part in paths.items()]
     last = np.array([[part[name][-1] for name in SLOW] for part in paths.values()])
-    ends = distance_from_node(ELLIPSOID, last)
-    return Verdict(
-        Word.CORRECTED,
-        "A component L_x or L_y that is zero stays zero. The (L_x, L_z, E) space belongs to L_y = 0 and the other one "
-        "to L_x = 0: the paper's text names them the other way round.",
-        "Slow trajectories of (1, 0.8, 0.5) (blue) in the invariant subspaces L_y = 0 and L_x = 0, with projections "
-        "(black) on the bounding surfaces, the paraboloid L² = 2EI₃ among them, and the fixed points.",
-        Number("largest |L_x| or |L_y| that starts at zero", max(kept), high=1e-14, unit="I_max"),
-        Number("distance from the node at the end", float(ends.max()), high=1e-3, unit="I_max"),
-    )
+    return {
+        "kept": max(np.max(np.abs(part[SLOW[int(zero)]])) for zero, part in paths.items()),
+        "end": distance_from_node(ELLIPSOID, last).max(),
+    }
 
 
-SECTION = Section(
+SIX: dict[float, Ellipsoid] = dict(enumerate(Ellipsoid((1.0, b, c)) for b in (0.55, 0.75, 0.95) for c in (0.5, 0.3)))
+SECTION = section(
     "ellipsoids",
-    "Triaxial ellipsoids at large St",
-    (
-        ITEMS[2],
-        *ITEMS[:2],
-        Item(
-            "ellipsoid-plane",
-            "The L_z–E plane of an ellipsoid",
-            "With L_x = L_y = 0 all slow trajectories with L_z < 0 but the critical one and the upper parabola go to "
-            "the node; those with L_z > 0 reach the pinch point in infinite time; the local solution gives the "
-            "critical trajectory.",
-            compute_plane,
-            figure_plane,
-            verdict_plane,
-        ),
-        Item.of(
-            PLANES,
-            "ellipsoid-planes",
-            "Full and slow trajectories of six ellipsoids",
-            "The agreement is good for St ≳ 1000; deviations grow with eccentricity and shrink with growing St.",
-        ),
-        Item(
-            "ellipsoid-space",
-            "Projections on three dimensions",
-            "If L_x or L_y is zero at the start it is zero for all times; starts with L_x = 0 move in (L_x, L_z, E), "
-            "those with L_y = 0 in (L_y, L_z, E).",
-            compute_space,
-            figure_space,
-            verdict_space,
-        ),
-    ),
+    {
+        **MOTION,
+        "ellipsoid-plane": Parts(compute_plane, figure_plane, facts_plane),
+        "ellipsoid-planes": Planes(SIX, 151, (((1, 0), (3, 2), (5, 4)),)),
+        "ellipsoid-space": Parts(compute_space, figure_space, facts_space),
+    },
 )

@@ -5,10 +5,12 @@ from math import inf, pi
 import numpy as np
 from matplotlib.figure import Figure
 
+from polhode.harness.paper.claims import Facts, section
 from polhode.harness.paper.drawing import BLUE, VERMILLION, draw_on_sphere, panels, unit_sphere
-from polhode.harness.paper.item import Data, Grid, Item, Number, Section, Verdict, Word
+from polhode.harness.paper.item import Data, Grid, Parts
 from polhode.harness.paper.runs import run_form
-from polhode.harness.paper.sections.limits.jeffery_top import ITEMS
+from polhode.harness.paper.sections.limits.jeffery_top import SECTIONS
+from polhode.harness.paper.sections.limits.weak_inertia import WEAK
 from polhode.harness.paper.tables import columns
 from polhode.models.catalogue import form as find_form
 from polhode.models.free_top.torque_free import TorqueFree
@@ -17,10 +19,6 @@ from polhode.models.shape import Ellipsoid
 
 START = EulerStart((1.05, 0.0, 0.0), (2.5, 15.0, 4.0))
 TIME = 12.0
-CAPTION = (
-    f"Path of z' on the unit sphere for {TIME:g} inverse shear rates from (θ, φ, ψ, θ̇, φ̇, ψ̇) = "
-    "(1.05, 0, 0, 2.5, 15, 4) at St = ∞, in closed form; the dot is the start."
-)
 GENERAL, SYMMETRIC = Ellipsoid((1.0, 2.0, 2.3)), Ellipsoid((1.0, 1.0, 2.3))
 
 
@@ -57,43 +55,28 @@ def figure_top(data: Data) -> Figure:
     return figure
 
 
-def verdict_general(data: Data) -> Verdict:
-    """Nutation between two bounds, periods without a common one."""
-    numbers, table = data["numbers"], data[""]
-    ratio = float(numbers["precession_period"][0] / numbers["period"][0])
+def facts_top(data: Data) -> Facts:
+    """Nutation between two bounds, and its period beside that of the precession; of a symmetric top, the circle."""
+    numbers, nutation = {name: column[0] for name, column in data["numbers"].items()}, data[""]["nutation"]
+    ratio = numbers["precession_period"] / numbers["period"]
     denominators = np.arange(1, 13)
-    distance = float(np.min(np.abs(ratio - np.rint(ratio * denominators) / denominators)))
-    band = np.degrees([table["nutation"].min(), table["nutation"].max()])
-    return Verdict(
-        Word.CONFIRMED,
-        f"The axis nutates between {band[0]:.1f}° and {band[1]:.1f}° from L with T = {numbers['period'][0]:.5g} and "
-        f"precesses with T' = {numbers['precession_period'][0]:.5g}; T'/T = {ratio:.5f} is no simple fraction, so that "
-        "the band fills.",
-        CAPTION,
-        Number("width of the band of nutation", float(band[1] - band[0]), low=1.0, unit="degrees"),
-        Number("precession period T' over polhode period T", ratio, 0.01, 100.0),
-        Number("distance of T'/T from the nearest fraction with a denominator up to 12", distance, low=1e-5),
-        Number("closed form against integration, largest |Δt_ij|", float(numbers["difference"][0]), high=1e-10),
-        Number("drift of L and E, relative", float(numbers["drift"][0]), high=1e-12),
-    )
-
-
-def verdict_symmetric(data: Data) -> Verdict:
-    """No nutation, T' = 2πI_e/L."""
-    numbers, nutation = data["numbers"], data[""]["nutation"]
-    angle = float(np.degrees(nutation.mean()))
     azimuth = _azimuth(data)
-    turns = float((azimuth[-1] - azimuth[0]) / (2 * pi))
-    period = float(data[""]["t"][-1] / abs(turns))
-    expected = 2 * pi * SYMMETRIC.inertia[0] / float(numbers["momentum"][0])
-    return Verdict(
-        Word.CONFIRMED,
-        f"The axis describes a circle {angle:.1f}° from L, once in {period:.5g} = 2πI_e/L.",
-        CAPTION,
-        Number("variation of the nutation angle", float(np.ptp(nutation)), high=1e-6, unit="rad"),
-        Number("relative difference of the measured period from 2πI_e/L", abs(period / expected - 1), high=1e-6),
-        Number("closed form against integration, largest |Δt_ij|", float(numbers["difference"][0]), high=1e-10),
-    )
+    measured = data[""]["t"][-1] * 2 * pi / abs(azimuth[-1] - azimuth[0])
+    least, mean, most = np.degrees([nutation.min(), nutation.mean(), nutation.max()])
+    return {
+        **numbers,
+        "time": TIME,
+        "least": least,
+        "mean": mean,
+        "most": most,
+        "band": most - least,
+        "wobble": np.ptp(nutation),
+        "precession": numbers["precession_period"],
+        "ratio": ratio,
+        "distance": np.min(np.abs(ratio - np.rint(ratio * denominators) / denominators)),
+        "measured": measured,
+        "off": abs(measured * numbers["momentum"] / (2 * pi * SYMMETRIC.inertia[0]) - 1),
+    }
 
 
 def _azimuth(data: Data) -> np.ndarray:
@@ -107,26 +90,12 @@ def _azimuth(data: Data) -> np.ndarray:
     return np.unwrap(np.arctan2(across @ np.cross(normal, first), across @ first))
 
 
-SECTION = Section(
+SECTION = section(
     "limits",
-    "Limiting cases: the Jeffery and the Euler top",
-    (
-        *ITEMS,
-        Item(
-            "euler-top",
-            "Trajectory of a general Euler top",
-            "Nutation and precession of (1, 2, 2.3) have incommensurate periods: the orientation vector fills a band.",
-            lambda grid: compute_top(GENERAL, grid),
-            figure_top,
-            verdict_general,
-        ),
-        Item(
-            "symmetric-top",
-            "Trajectory of a symmetric Euler top",
-            "The axis of κ = 2.3 describes a circle about L with the period 2πI_e/L.",
-            lambda grid: compute_top(SYMMETRIC, grid),
-            figure_top,
-            verdict_symmetric,
-        ),
-    ),
+    {
+        **WEAK,
+        **SECTIONS,
+        "euler-top": Parts(lambda grid: compute_top(GENERAL, grid), figure_top, facts_top),
+        "symmetric-top": Parts(lambda grid: compute_top(SYMMETRIC, grid), figure_top, facts_top),
+    },
 )

@@ -10,8 +10,9 @@ from matplotlib.figure import Figure
 
 from polhode.harness.common.fits import wilson
 from polhode.harness.common.text import in_two_digits
+from polhode.harness.paper.claims import Facts
 from polhode.harness.paper.drawing import BLACK, BLUE, VERMILLION, label, panels
-from polhode.harness.paper.item import Data, Grid, Item, Number, Table, Verdict, Word
+from polhode.harness.paper.item import Data, Grid, Table
 from polhode.harness.paper.runs import axes_of
 from polhode.harness.paper.sections.limits.poincare import (
     chaos_border,
@@ -41,11 +42,8 @@ class Sections:
 
     ellipsoid: Ellipsoid
     sections: int  # half turns to follow, about
-    chaotic: tuple[float, float]  # range for the share of chaotic orbits
-    earned: Word
     close: tuple[float, float]  # half width in θ and ψ, in rad, of the magnified view of the saddle
-    # Range for the width, in rad, of the layer of chaos along the separatrix; without it none is looked for.
-    width: tuple[float, float] | None = None
+    layered: bool = False  # look for the layer of chaos along the separatrix
 
     def starts(self, grid: Grid, layers: Sequence[tuple[float, float]]) -> list[tuple[float, float, float]]:
         """Kind, θ and ψ at φ = 0."""
@@ -68,7 +66,7 @@ class Sections:
         body = self.ellipsoid
         turns = grid.of(self.sections, self.sections // 6)
         duration = turns * half_turn(body)
-        counts = grid.of((200, 800), (100,)) if self.width else ()
+        counts = grid.of((200, 800), (100,)) if self.layered else ()
         layers = [measure_layer(body, count) for count in counts]
         parts, close, rows = [], [], []
         for number, (kind, theta, psi) in enumerate(self.starts(grid, layers)):
@@ -106,61 +104,59 @@ class Sections:
         axes[1].locator_params(axis="x", nbins=6)
         return figure
 
-    def verdict(self, data: Data) -> Verdict:
+    def facts(self, data: Data) -> Facts:
         """Share of chaotic orbits, the exponents of either kind, the width of the layer of chaos."""
-        orbits = data["orbits"]
+        orbits, turns = data["orbits"], float(data["settings"]["turns"][0])
         sampled, beside = orbits["kind"] == ISOTROPIC, orbits["kind"] == BESIDE
         chaotic = orbits["chaotic"] > 0
         count, total = int(np.sum(chaotic & sampled)), int(np.sum(sampled))
         interval = wilson(count, total)
         area = 1 / np.sin(orbits["theta"][sampled])
-        by_area = float(np.sum(area[chaotic[sampled]]) / np.sum(area))
-        exponents = orbits["exponent"]
-        regular = float(np.median(exponents[~chaotic])) if np.any(~chaotic) else 0.0
-        wild = float(np.median(exponents[chaotic])) if np.any(chaotic) else 0.0
-        turns = float(data["settings"]["turns"][0])
-        limit = chaos_border(turns) / turns
-        layer, numbers = self._layer(data)
-        return Verdict(
-            self.earned,
-            f"{count} of {total} orbits from isotropic starts are chaotic"
-            + _beside_a_half(interval)
-            + (f", with a median exponent of {wild:.2g} per half turn" if count else "")
-            + f" (regular ones: {regular:.1g}); {int(np.sum(chaotic & beside))} of {int(np.sum(beside))} that "
-            "start within 0.02 rad of the saddle are." + layer,
-            f"Section φ = nπ of the inertialess ellipsoid with semi-axes {axes_of(self.ellipsoid)} along x', y', z', "
-            f"{int(np.sum(data['orbits']['kind'] != ABOUT))} orbits over {data['settings']['duration'][0]:.3g} inverse "
-            "shear rates; ψ modulo π; crosses: saddles, one of them magnified on the right"
-            + (", with more orbits about its separatrix." if self.width else "."),
-            Number("share of chaotic orbits, isotropic starts", count / total, *self.chaotic, "", interval),
-            Number("the same, starts uniform in (θ, ψ)", by_area),
-            Number("median exponent of the chaotic orbits, per half turn", wild, low=limit if np.any(chaotic) else 0.0),
-            Number("the same of the regular ones", regular, high=limit),
-            Number("chaotic share of starts next to the saddle", float(np.mean(chaotic[beside]))),
-            *numbers,
+        wild, regular = (
+            float(np.median(orbits["exponent"][chosen])) if np.any(chosen) else 0.0 for chosen in (chaotic, ~chaotic)
         )
+        limit = chaos_border(turns) / turns
+        return {
+            "axes": axes_of(self.ellipsoid),
+            "orbits": int(np.sum(orbits["kind"] != ABOUT)),
+            "duration": data["settings"]["duration"][0],
+            "turns": turns,
+            "about": ", with more orbits about its separatrix" if self.layered else "",
+            "count": count,
+            "total": total,
+            "share": count / total,
+            "share_95": interval,
+            "upper": interval[1],
+            # Few orbits decide nothing.
+            "most": 0.5 if total > 50 else 1.0,
+            "compared": _beside_a_half(interval),
+            "by_area": np.sum(area[chaotic[sampled]]) / np.sum(area),
+            "wild": wild,
+            "wild_words": f", with a median exponent of {wild:.2g} per half turn" if count else "",
+            "wild_limit": limit if np.any(chaotic) else 0.0,
+            "regular": regular,
+            "limit": limit,
+            "beside": int(np.sum(chaotic & beside)),
+            "besides": int(np.sum(beside)),
+            "near_saddle": np.mean(chaotic[beside]),
+            **(self._layer(data) if self.layered else {"layer": ""}),
+        }
 
-    def _layer(self, data: Data) -> tuple[str, tuple[Number, ...]]:
-        """Sentence and numbers on the layer of chaos, where one is looked for."""
-        if self.width is None:
-            return "", ()
+    def _layer(self, data: Data) -> Facts:
+        """Facts on the layer of chaos, where one is looked for."""
         growth = float(data["saddle"]["growth"][0])
         place, width, turns = (float(data["layer"][name][-1]) for name in ("librating", "width", "turns"))
-        numbers = (
-            Number(f"width of the layer at ψ = 0 over {turns:g} half turns", width, *self.width, "rad"),
-            Number("exponent of the saddle itself, per half turn", growth, low=0.0),
-        )
         found = (
             " Between orbits that librate and orbits that circulate lies a layer of chaos at least "
             f"{width:.1g} rad wide, {place:.3f} rad from the plane θ = π/2 at ψ = 0 ({turns:g} half turns)."
         )
         none = (
-            f" No layer of chaos is there: at ψ = 0 libration changes to circulation at {place:.3f} rad from θ = π/2 "
-            f"within {in_two_digits(abs(width))} rad, which is rounding, over {turns:g} half turns. The saddle repels "
-            f"by no more than {growth:.2g} per half turn, and a separatrix splits by what is exponentially small in "
-            "the inverse of that."
+            f" A layer of chaos, if there is one, is thinner than {ROUNDING:g} rad: at ψ = 0 libration changes to "
+            f"circulation at {place:.3f} rad from θ = π/2 within {in_two_digits(abs(width))} rad, which is rounding, "
+            f"over {turns:g} half turns. The saddle repels by no more than {growth:.2g} per half turn, and a "
+            "separatrix splits by what is exponentially small in the inverse of that."
         )
-        return found if width > ROUNDING else none, numbers
+        return {"growth": growth, "width": width, "layer_turns": turns, "layer": found if width > ROUNDING else none}
 
 
 def _beside_a_half(interval: tuple[float, float]) -> str:
@@ -186,31 +182,10 @@ def _draw_points(axes: Axes, points: Table, orbits: Table, size: float) -> None:
     label(axes, "$\\psi$, rad", "$\\theta$, rad")
 
 
-ITEMS = (
-    Item.of(
-        Sections(Ellipsoid((1 / 20, 1 / 10, 1.0)), 240, (0.35, 0.65), Word.SHARPENED, (0.8, 0.8)),
-        "poincare-slender",
-        "Poincaré section, slender prolate ellipsoid",
-        "For b/a = 1/10, c/a = 1/20 chaotic trajectories are dominant.",
-    ),
-    Item.of(
-        Sections(Ellipsoid((1 / 3, 1.2 / 3, 1.0)), 400, (0.0, 0.1), Word.SHARPENED, (0.06, 0.06), (1e-5, 1e-3)),
-        "poincare-fat-prolate",
-        "Poincaré section, fat prolate ellipsoid",
-        "For b/a = 1.2/3, c/a = 1/3 chaos is confined to thin layers along the separatrices of the saddles.",
-    ),
-    Item.of(
-        Sections(Ellipsoid((1.0, 1 / 2, 1 / 20)), 240, (0.1, 0.5), Word.CORRECTED, (0.8, 0.8)),
-        "poincare-flat",
-        "Poincaré section, thin oblate ellipsoid",
-        "For b/a = 1/2, c/a = 1/20 chaotic trajectories are dominant.",
-    ),
-    Item.of(
-        Sections(
-            Ellipsoid((1.0, 2 / 2.1, 1 / 2.1)), 400, (0.0, 0.05), Word.CORRECTED, (0.06, 0.03), (-ROUNDING, ROUNDING)
-        ),
-        "poincare-fat-oblate",
-        "Poincaré section, fat oblate ellipsoid",
-        "For b/a = 2/2.1, c/a = 1/2.1 chaos is confined to thin layers along the separatrices of the saddles.",
-    ),
-)
+# z' is the longest axis of the first two bodies and the shortest of the others.
+SECTIONS = {
+    "poincare-slender": Sections(Ellipsoid((1 / 20, 1 / 10, 1.0)), 240, (0.8, 0.8)),
+    "poincare-fat-prolate": Sections(Ellipsoid((1 / 3, 1.2 / 3, 1.0)), 400, (0.06, 0.06), layered=True),
+    "poincare-flat": Sections(Ellipsoid((1.0, 1 / 2, 1 / 20)), 240, (0.8, 0.8)),
+    "poincare-fat-oblate": Sections(Ellipsoid((1.0, 2 / 2.1, 1 / 2.1)), 400, (0.06, 0.03), layered=True),
+}

@@ -10,6 +10,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from scipy.signal import find_peaks
 
 from polhode.harness.pages.figures.style import power
+from polhode.harness.paper.claims import Facts
 from polhode.harness.paper.drawing import (
     BLACK,
     BLUE,
@@ -24,7 +25,7 @@ from polhode.harness.paper.drawing import (
     logarithmic,
     unit_sphere,
 )
-from polhode.harness.paper.item import Data, Grid, Number, Table, Verdict, Word
+from polhode.harness.paper.item import Data, Grid, Table
 from polhode.harness.paper.runs import Run, axes_of, full_run
 from polhode.harness.paper.tables import columns, groups, stacked
 from polhode.models.scene import EulerStart, Scene
@@ -120,30 +121,23 @@ class Sphere:
         last = int(below[-1]) + 1 if len(below) else 0
         return float(data[""]["t"][min(last, len(data[""]["t"]) - 1)])
 
-    def verdict(self, data: Data) -> Verdict:
+    def facts(self, data: Data) -> Facts:
         """Turns before the onset, and the change of the path's shape."""
         table = data[""]
         onset = self._onset(data)
-        turned = float(_arc_length(_points(table))[np.searchsorted(table["t"], onset)])
         turns, orbit = _turns(table), _turns(data["jeffery"])
-        first, last = float(turns[0] / orbit[0]), float(turns[-1] / (4 * pi))
-        tilt = float(np.max(np.abs(table["z"][table["t"] >= 0.95 * self.time])))
-        theta, phi, _ = self.start.angles
-        return Verdict(
-            Word.SHARPENED,
-            f"Gyroscopic terms stay above viscous ones from t = {onset:.3g} = {onset / self.stokes**0.5:.2g} √St on; "
-            f"by then the axis has run through {turned:.2g} rad, in turns that begin with {first:.2f} times the "
-            f"duration of the Jeffery orbit's. Later turns take {last:.2f} times 4π, that of the final rotation, and "
-            f"|z| falls to {tilt:.1g}: the spiral goes to the plane of the flow.",
-            f"Axis z' of {axes_of(self.ellipsoid)} from rest at (θ, φ) = ({theta:.4g}, {phi:.4g}), St = "
-            f"{self.stokes:g}, t up to {self.time:g}; green: the Jeffery orbit of the same orientation; dot: start.",
-            Number("time after which gyroscopic terms stay above viscous ones", onset, low=0.0, unit="1/γ̇"),
-            Number("the same over √St", onset / self.stokes**0.5, 0.2, 20.0),
-            Number("path length up to then", turned, low=pi, unit="rad"),
-            Number.near("time of the first turn over that of the Jeffery orbit", first, 1.0, 0.2),
-            Number("time of the last turn over that of the free top at -1/2, 4π", last, 0.9, 1.2),
-            Number("|z| of the axis at the end, largest", tilt, high=0.1),
-        )
+        return {
+            "axes": axes_of(self.ellipsoid),
+            "angles": self.start.angles[:2],
+            "stokes": self.stokes,
+            "time": self.time,
+            "onset": onset,
+            "scaled": onset / self.stokes**0.5,
+            "turned": _arc_length(_points(table))[np.searchsorted(table["t"], onset)],
+            "first": turns[0] / orbit[0],
+            "last": turns[-1] / (4 * pi),
+            "tilt": np.max(np.abs(table["z"][table["t"] >= 0.95 * self.time])),
+        }
 
 
 @dataclass(frozen=True)
@@ -177,22 +171,20 @@ class Short:
         axes.set_ylim(bottom=0.0)
         return figure
 
-    def verdict(self, data: Data) -> Verdict:
+    def facts(self, data: Data) -> Facts:
         """The length tends to a number of order one; how soon the path leaves the Jeffery orbit."""
         length = data["length"]["length"]
         path, orbit = _points(dict(groups(data[""], "stokes"))[1e8]), _points(data["jeffery"])
         distance = np.min(np.linalg.norm(path[:, None] - orbit[None], axis=2), axis=1)
-        apart, left = float(distance.max()), float(_arc_length(path)[np.argmax(distance > APART)])
-        turn = float(_arc_length(orbit)[-1])
-        return Verdict(
-            Word.SHARPENED,
-            f"The length tends to {length[-1]:.3f} rad, {length[-1] / turn:.2f} times that of the Jeffery orbit. The "
-            f"axis is {APART:g} rad off the orbit after {left:.2g} rad, {100 * left / turn:.0f} % of a turn, and "
-            f"{apart:.2g} rad at most.",
-            f"Axis z' of {axes_of(self.ellipsoid)} from rest until t = √St, for St from 1e2 to 1e8, and the length of "
-            "its path.",
-            Number("path length at St = 1e8", float(length[-1]), 0.1, 10.0, "rad"),
-            Number("its relative change from St = 1e7", float(length[-1] / length[-2] - 1), -5e-3, 5e-3),
-            Number("largest distance from the Jeffery orbit at St = 1e8", apart, low=APART, unit="rad"),
-            Number(f"path until it is {APART:g} rad off, over the length of the orbit", left / turn, 0.0, 0.5),
-        )
+        left, turn = _arc_length(path)[np.argmax(distance > APART)], _arc_length(orbit)[-1]
+        return {
+            "axes": axes_of(self.ellipsoid),
+            "gap": APART,
+            "length": length[-1],
+            "change": length[-1] / length[-2] - 1,
+            "turns": length[-1] / turn,
+            "apart": distance.max(),
+            "left": left,
+            "share": left / turn,
+            "percent": 100 * left / turn,
+        }

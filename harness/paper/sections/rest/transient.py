@@ -9,8 +9,9 @@ from scipy.signal import find_peaks
 
 from polhode.harness.common.fits import power_law
 from polhode.harness.pages.figures.style import power
+from polhode.harness.paper.claims import Facts, section
 from polhode.harness.paper.drawing import BLUE, CYCLE, NODE, draw_groups, draw_law, label, logarithmic, panels
-from polhode.harness.paper.item import Data, Grid, Item, Number, Section, Table, Verdict, Word
+from polhode.harness.paper.item import Data, Grid, Table
 from polhode.harness.paper.runs import Run, axes_of, full_run, spheroid
 from polhode.harness.paper.sections.rest.spheres import Short, Sphere
 from polhode.harness.paper.slow_motion import NAMES
@@ -84,36 +85,22 @@ class Transient:
             axes.axvline(time, color="0.4", linestyle=line, linewidth=0.9, label=own)
         label(axes, "$t\\dot\\gamma/\\mathrm{St}^{1/2}$", text)
 
-    def verdict(self, data: Data) -> Verdict:
-        """Exponent of the onset, and its range over the Stokes numbers shown."""
+    def facts(self, data: Data) -> Facts:
+        """Exponents of the onset, and its range over the Stokes numbers shown."""
         found = {name: column[data["onset"]["stokes"] >= LARGE] for name, column in data["onset"].items()}
         shown = {name: column[data["onset"]["stokes"] <= self.stokes[-1]] for name, column in data["onset"].items()}
-        between = f"from St = {self.stokes[0]:g} to {self.stokes[-1]:g}"
-        root = found["stokes"] ** 0.5
-        turned, wiggle = (power_law(found["stokes"], found[name] * root)[0] for name in ("turned", "wiggle"))
-        speed, *_ = power_law(found["stokes"], found["speed"])
-        angles = ", ".join(f"{value:g}" for value in self.start.angles)
-        return Verdict(
-            Word.SHARPENED,
-            f"At large St the particle has turned by one radian at t = {found['turned'][-1]:.2f} √St, and L_z wiggles "
-            f"first, its torque weakest, at {found['wiggle'][-1]:.2f} √St. {between[0].upper() + between[1:]} these "
-            f"times are nearly the same, {_range(shown['turned'])} √St and {_range(shown['wiggle'])} √St, later at "
-            f"small St. At t = √St the angular velocity is still of order St^({speed:.2f}), not of order one as an "
-            "earlier sentence of the paper has it.",
-            f"Slow variables of {axes_of(self.ellipsoid)} from rest at (θ, φ, ψ) = ({angles}) against t/√St; below, "
-            "early and scaled by √St and St, from St = 5000 on; dotted, where the particle has turned by one radian at "
-            "the largest St; dashed, where the torque along the vorticity is weakest for the first time; right, both "
-            "against St.",
-            Number.near(f"exponent in St of the time of the first radian, St ≥ {LARGE:g}", turned, 0.5, 0.02),
-            Number.near("exponent of the time of the first wiggle", wiggle, 0.5, 0.05),
-            Number.near("exponent of the angular velocity at t = √St", speed, -0.5, 0.05),
-            Number("time of the first radian over √St, largest St", float(found["turned"][-1]), 0.1, 1.0, "1/γ̇"),
-            Number("time of the first wiggle over √St, largest St", float(found["wiggle"][-1]), 0.1, 2.0, "1/γ̇"),
-            *(
-                Number(f"latest over earliest {text}, over √St, {between}", max(shown[name]) / min(shown[name]), 1, 2)
-                for name, text in (("turned", "first radian"), ("wiggle", "first wiggle"))
-            ),
-        )
+        root, facts = found["stokes"] ** 0.5, {}
+        for name in ("turned", "wiggle"):
+            ends = shown[name].min(), shown[name].max()
+            facts |= {name: found[name][-1], f"{name}_range": ends, f"{name}_ratio": ends[1] / ends[0]}
+            facts[f"{name}_exponent"] = power_law(found["stokes"], found[name] * root)[0]
+        return facts | {
+            "axes": axes_of(self.ellipsoid),
+            "angles": self.start.angles,
+            "stokes": (self.stokes[0], self.stokes[-1]),
+            "large": LARGE,
+            "speed_exponent": power_law(found["stokes"], found["speed"])[0],
+        }
 
 
 def _onset_of(run: Run, scaled: np.ndarray) -> tuple[float, float, float]:
@@ -140,40 +127,14 @@ def _angular_speed(run: Run) -> np.ndarray:
     return np.hypot(axial / inertia[2], across / inertia[0])
 
 
-def _range(values: np.ndarray) -> str:
-    return f"{values.min():.2g} … {values.max():.2g}"
-
-
-NEEDLE = Sphere(spheroid(10.0), EulerStart((0.10472, 5.4978, 0.0)), 600.0)
-BLADE = Sphere(Ellipsoid((0.1, 0.15, 1.0)), EulerStart((0.10472, 2.35619, 0.0)), 600.0)
-SPHEROID_TRANSIENT = Transient(spheroid(2.0), EulerStart((0.314, 0.52, 0.0)))
-ELLIPSOID_TRANSIENT = Transient(Ellipsoid((3.0, 2.0, 1.0)), EulerStart((0.314, 0.52, 1.05)))
-SPHEROID_SHORT = Short(spheroid(2.0), EulerStart((0.78539, 2.35619, 0.0)))
-ELLIPSOID_SHORT = Short(Ellipsoid((0.5, 0.55, 1.0)), EulerStart((0.78539, 2.35619, 0.0)))
-
-
-SPIRAL = (
-    "From rest at St = 1000 the axis first spirals along turns like Jeffery orbits towards the plane of the flow, then "
-    "changes abruptly to an Euler spiral."
-)
-SCALING = (
-    "Inertial effects set in after a time of O(St^½), the same for all St when scaled so, when the angular velocity is "
-    "O(St^-½)."
-)
-LENGTH = (
-    "Until t = St^½ the axis runs through a path whose length tends to a number of order one, and leaves the Jeffery "
-    "orbit before a single turn."
-)
-
-SECTION = Section(
+SECTION = section(
     "rest",
-    "Starts from rest",
-    (
-        Item.of(NEEDLE, "rest-needle", "From rest on the unit sphere, spheroid", SPIRAL),
-        Item.of(BLADE, "rest-blade", "From rest on the unit sphere, ellipsoid", SPIRAL),
-        Item.of(SPHEROID_TRANSIENT, "rest-transient-spheroid", "The St^½ transient of a spheroid", SCALING),
-        Item.of(ELLIPSOID_TRANSIENT, "rest-transient-ellipsoid", "The St^½ transient of an ellipsoid", SCALING),
-        Item.of(SPHEROID_SHORT, "rest-short-spheroid", "From rest until St^½, spheroid", LENGTH),
-        Item.of(ELLIPSOID_SHORT, "rest-short-ellipsoid", "From rest until St^½, ellipsoid", LENGTH),
-    ),
+    {
+        "rest-needle": Sphere(spheroid(10.0), EulerStart((0.10472, 5.4978, 0.0)), 600.0),
+        "rest-blade": Sphere(Ellipsoid((0.1, 0.15, 1.0)), EulerStart((0.10472, 2.35619, 0.0)), 600.0),
+        "rest-transient-spheroid": Transient(spheroid(2.0), EulerStart((0.314, 0.52, 0.0))),
+        "rest-transient-ellipsoid": Transient(Ellipsoid((3.0, 2.0, 1.0)), EulerStart((0.314, 0.52, 1.05))),
+        "rest-short-spheroid": Short(spheroid(2.0), EulerStart((0.78539, 2.35619, 0.0))),
+        "rest-short-ellipsoid": Short(Ellipsoid((0.5, 0.55, 1.0)), EulerStart((0.78539, 2.35619, 0.0))),
+    },
 )

@@ -7,13 +7,15 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.signal import find_peaks
 
+from polhode.harness.paper.claims import Facts, section
 from polhode.harness.paper.drawing import draw_groups, label, panels
-from polhode.harness.paper.item import Data, Grid, Item, Number, Section, Table, Verdict, Word
+from polhode.harness.paper.item import Data, Grid, Parts, Table
 from polhode.harness.paper.planes import draw_frame, draw_paths, fixed_point, name_lines, name_points, plane_steps
 from polhode.harness.paper.runs import full_run, spheroid
-from polhode.harness.paper.sections.planes import Planes, end_numbers, plane_tables
-from polhode.harness.paper.sections.spheroids.pinch import ITEM as PINCH
-from polhode.harness.paper.sections.spheroids.projections import ITEMS as PROJECTIONS
+from polhode.harness.paper.sections.planes import Planes, end_facts, plane_tables
+from polhode.harness.paper.sections.spheroids.decay import DECAY
+from polhode.harness.paper.sections.spheroids.pinch import PINCH
+from polhode.harness.paper.sections.spheroids.projections import PROJECTIONS
 from polhode.harness.paper.slow_motion import NAMES, SlowMotion
 from polhode.harness.paper.tables import columns, groups, path_table
 from polhode.models.forms.spheroid import Spheroid
@@ -23,8 +25,6 @@ from polhode.models.shape import Ellipsoid
 from polhode.models.theory.fixed_points import eigenvalues
 
 PROLATE = spheroid(2.0)
-FIRST = SlowMotion(PROLATE, SPHEROID_START, 0.5, Word.SHARPENED, 500.0, (20.0, 60.0), (0.0, 0.25))
-SECOND = SlowMotion(PROLATE, NEAR_POLE_START, 1.0, Word.CORRECTED, 5e3, (20.0, 90.0), (0.25, 0.35), lingers=True)
 
 # Effective Stokes number, and L_z and E over I_max, of the figure on the collapse.
 STOKES_STAR, MOMENTUM, ENERGY = 2.071, -1.0, 0.6
@@ -73,34 +73,28 @@ def figure_collapse(data: Data) -> Figure:
     return figure
 
 
-def verdict_collapse(data: Data) -> Verdict:
+def facts_collapse(data: Data) -> Facts:
     """Spread of the relaxation rates on the clocks t/St and t/St*, and of the late curves."""
     found = data["rates"]
-    star, plain = (float(found[name].max() / found[name].min()) for name in ("star", "t2"))
     late = np.array([part["Lz"][part["t2"] >= LATE] for _, part in groups(data[""], "path")])
     prolate = found["kappa"] > 1
-    apart = float(np.max(np.abs(np.diff(late[prolate], axis=0))))
-    waves = np.max(np.abs(late[prolate] + 0.5), axis=1)
-    rates = [_frequency(part) for kappa, part in groups(data[""], "path") if kappa > 1]
-    return Verdict(
-        Word.CORRECTED,
-        f"The relaxation rates of L_z at the node differ by a factor of {plain:.2g} per St and {star:.2g} per St*: St* "
-        "takes out part of the shape. It is the damping about the symmetry axis, while prolate spheroids end tumbling "
-        f"about another: they go on oscillating twice a turn, by {' and '.join(f'{wave:.2g}' for wave in waves)} "
-        "I_max, and oblate ones do not oscillate at all. The late curves are not one: the two prolate ones, of equal "
-        f"frequency, differ in phase and so by {apart:.2g}.",
-        f"Full runs of spheroids at St* = {STOKES_STAR:g} from L = (0, 0, {MOMENTUM:g}) I_max, E = {ENERGY:g} I_max; "
-        "I_max is I_e for prolate and I_a for oblate ones.",
-        Number("largest over smallest relaxation rate of L_z at the node, per St*", star, 1.3, 2.0),
-        Number("the same per St", plain, 3.0, 4.0),
-        Number(f"oscillation of L_z after t/St* = {LATE:g}, prolate", float(waves.min()), low=0.05, unit="I_max"),
-        *(
-            Number.near(f"frequency of that oscillation, κ = {kappa:g}", rate, 1.0, 0.1, "γ̇")
-            for kappa, rate in zip(found["kappa"][prolate], rates, strict=True)
-        ),
-        Number("difference of the two prolate curves there", apart, low=0.05, unit="I_max"),
-        Number("oscillation there, oblate", float(np.max(np.abs(late[~prolate] + 0.5))), high=0.01, unit="I_max"),
-    )
+    waves = np.max(np.abs(late + 0.5), axis=1)
+    return {
+        "stokes_star": STOKES_STAR,
+        "momentum": MOMENTUM,
+        "energy": ENERGY,
+        "late": LATE,
+        "kappas": found["kappa"],
+        "stokes": found["stokes"],
+        "plain": found["t2"].max() / found["t2"].min(),
+        "star": found["star"].max() / found["star"].min(),
+        "waves": waves[prolate],
+        "least_wave": waves[prolate].min(),
+        "oblate_wave": waves[~prolate].max(),
+        "apart": np.max(np.abs(np.diff(late[prolate], axis=0))),
+        "prolate": found["kappa"][prolate],
+        "frequency": [_frequency(part) for kappa, part in groups(data[""], "path") if kappa > 1],
+    }
 
 
 def _frequency(run: Table) -> float:
@@ -112,15 +106,6 @@ def _frequency(run: Table) -> float:
 
 
 ON_EDGE = 0.16
-PLANES = Planes(
-    "κ",
-    {kappa: spheroid(kappa) for kappa in (2.0, 3.33, 0.5, 0.3)},
-    201,
-    (
-        ("difference of κ = 3.33 over that of 2, St = 1000", ((3.33, 2.0),), 1.2),
-        ("difference of κ = 0.3 over that of 0.5, St = 1000", ((0.3, 0.5),), 1.0),
-    ),
-)
 
 
 def compute_plane(grid: Grid) -> Data:
@@ -143,70 +128,26 @@ def figure_plane(data: Data) -> Figure:
     return figure
 
 
-def verdict_plane(data: Data) -> Verdict:
+def facts_plane(data: Data) -> Facts:
     """Where the trajectories end."""
-    reached, pinch = end_numbers(data["ends"])
     on_edge = data["ends"]["share"] == 1.0
     last = [part["Lz"][-1] for number, part in groups(data[""], "path") if on_edge[int(number)]]
-    from_saddle = float(np.max(np.abs(np.array(last) - fixed_point(PROLATE, "saddle")[0])))
-    count = len(np.unique(data[""]["path"]))
-    return Verdict(
-        Word.CORRECTED,
-        "Every start with L_z < 0 off the upper parabola reaches the node, those on it reach the saddle. Starts with "
-        f"L_z > 0 meet the pinch point in a finite slow time, at most {pinch.value:.2g} of the bound L_z/(4π min X). "
-        "The saddle lies at (I_a/I_e)(-1/2, 1/8); the caption prints the node's place for it.",
-        f"L_z–E plane of a prolate spheroid, κ = 2, with {count} slow trajectories of L_x = L_y = 0; I_max = I_e.",
-        reached,
-        Number("distance from the saddle where starts on the upper parabola end", from_saddle, high=2e-3, unit="I_max"),
-        pinch,
-    )
+    from_saddle = np.max(np.abs(np.array(last) - fixed_point(PROLATE, "saddle")[0]))
+    return {**end_facts(data), "from_saddle": from_saddle}
 
 
-SECTION = Section(
+SECTION = section(
     "spheroids",
-    "Spheroids at large St",
-    (
-        Item.of(
-            FIRST,
-            "spheroid-slow-1",
-            "Slow variables of a spheroid, first start",
-            "The slow solution predicts the full one accurately for St ≳ 100, and on average even at St = 50; the "
-            "oscillation about it shrinks with growing St; all end at L_z = -I_e/2, E = I_e/8.",
+    {
+        "spheroid-slow-1": SlowMotion(PROLATE, SPHEROID_START, 0.5, 500.0, (20.0, 60.0), (0.0, 0.25)),
+        "spheroid-slow-2": SlowMotion(PROLATE, NEAR_POLE_START, 1.0, 5e3, (20.0, 90.0), (0.25, 0.35), lingers=True),
+        "spheroid-plane": Parts(compute_plane, figure_plane, facts_plane),
+        "spheroid-pinch": PINCH,
+        "spheroid-planes": Planes(
+            {kappa: spheroid(kappa) for kappa in (2.0, 3.33, 0.5, 0.3)}, 201, (((3.33, 2.0),), ((0.3, 0.5),))
         ),
-        Item.of(
-            SECOND,
-            "spheroid-slow-2",
-            "Slow variables of a spheroid, start near the saddle's stable manifold",
-            "The same accuracy for St ≳ 100, with an intermediate plateau while the run lingers near the spinning "
-            "mode.",
-        ),
-        Item(
-            "spheroid-plane",
-            "The L_z–E plane of a spheroid",
-            "With L_x = L_y = 0 and L_z < 0 almost all slow trajectories converge to the tumbling node of κ = 2; the "
-            "upper parabola is the stable manifold of the saddle, which the caption puts at (-1/2, 1/8); from L_z > 0 "
-            "they grind to a halt at the pinch point.",
-            compute_plane,
-            figure_plane,
-            verdict_plane,
-        ),
-        PINCH,
-        Item.of(
-            PLANES,
-            "spheroid-planes",
-            "Full and slow trajectories of four spheroids",
-            "For a given St the deviation from the slow trajectories decreases as κ approaches one, and with growing "
-            "St; κ = 3.33 at St = 1000 shows the largest oscillations.",
-        ),
-        Item(
-            "spheroid-collapse",
-            "Collapse on the effective Stokes number",
-            "At the same St* = I_a St/(8πX_c), L_z and E of different spheroids approach their end alike; the "
-            "long-time evolution is a function of t/St* alone.",
-            compute_collapse,
-            figure_collapse,
-            verdict_collapse,
-        ),
-        *PROJECTIONS,
-    ),
+        "spheroid-collapse": Parts(compute_collapse, figure_collapse, facts_collapse),
+        **PROJECTIONS,
+        **DECAY,
+    },
 )

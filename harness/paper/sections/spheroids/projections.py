@@ -6,8 +6,9 @@ from math import sqrt
 import numpy as np
 from matplotlib.figure import Figure
 
+from polhode.harness.paper.claims import Facts
 from polhode.harness.paper.drawing import BLACK, BOUND, CYCLE, common_legend, draw_broken, label, panels
-from polhode.harness.paper.item import Data, Grid, Item, Number, Verdict, Word
+from polhode.harness.paper.item import Data, Grid, Parts
 from polhode.harness.paper.planes import (
     distance_from_node,
     draw_point,
@@ -70,18 +71,11 @@ def _thinned(values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     return {name: column[index] for name, column in values.items()}
 
 
-def verdict_l_planes(data: Data) -> Verdict:
+def facts_l_planes(data: Data) -> Facts:
     """All of them reach the node."""
     distance = data["ends"]["distance"]
-    return Verdict(
-        Word.CONFIRMED,
-        "Whatever the ratio of L_xy to L_z, its sign, and which of L_x and L_y is zero, every slow trajectory ends at "
-        "the node: those with L_z > 0 pass the neighbourhood of L = 0 and come back.",
-        "L–E planes of κ = 2 from |L| = I_e with L_x = 0 (left) and L_y = 0 (right); colours tell L_xy/L_z, dashed "
-        "lines start with L_z > 0.",
-        Number(f"share of the {len(distance)} starts that reach the node", float(np.mean(distance < REACHED)), 1, 1),
-        Number("largest distance at the end", float(np.max(distance)), high=REACHED, unit="I_max"),
-    )
+    reached = np.mean(distance < REACHED)
+    return {"count": len(distance), "reached": reached, "farthest": np.max(distance), "near_enough": REACHED}
 
 
 ENERGIES = (2 / 9, 0.305, 0.472)
@@ -137,38 +131,20 @@ def figure_projections(data: Data) -> Figure:
     return figure
 
 
-def verdict_projections(data: Data) -> Verdict:
+def facts_projections(data: Data) -> Facts:
     """They all end at the node; those of L_x0 = L_y0 run between the two others."""
     distance, share = data["ends"]["distance"], data["between"]["share"]
-    within = float(np.mean(share))
-    cosines = ", ".join(f"{value:g}" for value in np.unique(data["ends"]["cosine"]))
-    return Verdict(
-        Word.SHARPENED,
-        "Every start ends at the node, whatever L_x0/L_y0 and the cone angle. In time, the trajectory of L_x0 = L_y0 "
-        f"keeps its L_xy between those of L_x0 = 0 and L_y0 = 0 for {100 * within:.0f} % of the run.",
-        f"Slow trajectories of κ = 2 from |L| = 2I_e/3, L_z/|L| = {cosines}, at three energies (I_aη₀/L₀ grows).",
-        Number(f"share of the {len(distance)} starts that reach the node", float(np.mean(distance < REACHED)), 1, 1),
-        Number("share of the time in which L_xy of L_x0 = L_y0 lies between the limiting cases", within, 0.5, 1.0),
-        Number("the same, least start", float(np.min(share)), 0.5, 1.0),
-    )
+    return {
+        "count": len(distance),
+        "reached": np.mean(distance < REACHED),
+        "cosines": np.unique(data["ends"]["cosine"]),
+        "within": np.mean(share),
+        "percent": 100 * np.mean(share),
+        "least": np.min(share),
+    }
 
 
-ITEMS = (
-    Item(
-        "spheroid-projections",
-        "Projections for finite L_x and L_y",
-        "From |L| = 2I_e/3 all slow trajectories end at the node, whatever L_x0/L_y0 and the cone angle; each is "
-        "bounded by the limiting cases L_x = 0 and L_y = 0.",
-        compute_projections,
-        figure_projections,
-        verdict_projections,
-    ),
-    Item(
-        "spheroid-l-planes",
-        "The L–E planes",
-        "The topology in the L–E plane does not depend on L_xy/L_z, nor on which of L_x and L_y is zero.",
-        compute_l_planes,
-        figure_l_planes,
-        verdict_l_planes,
-    ),
-)
+PROJECTIONS = {
+    "spheroid-projections": Parts(compute_projections, figure_projections, facts_projections),
+    "spheroid-l-planes": Parts(compute_l_planes, figure_l_planes, facts_l_planes),
+}

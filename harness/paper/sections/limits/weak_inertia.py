@@ -1,0 +1,175 @@
+"""The introduction on small St: spheroids drift across Jeffery orbits, and some planar flows stop them."""
+
+from math import pi
+
+import numpy as np
+from matplotlib.figure import Figure
+from scipy.integrate import solve_ivp
+
+from polhode.harness.common.fits import power_law
+from polhode.harness.paper.claims import Facts
+from polhode.harness.paper.drawing import draw_groups, draw_law, label, logarithmic, panels
+from polhode.harness.paper.item import Data, Grid, Parts
+from polhode.harness.paper.runs import full_run, spheroid
+from polhode.harness.paper.tables import columns, groups
+from polhode.models.catalogue import form as find_form
+from polhode.models.forms.spheroid_axis import field
+from polhode.models.rotation import quaternion_from_euler
+from polhode.models.scene import BodyStart, Scene
+from polhode.models.theory.fixed_points import eigenvalues
+from polhode.solvers.compile import exact_jacobian
+
+KAPPAS = (0.3, 0.5, 2.0, 4.0)
+# Components of L and of the axis across the vorticity in the state of `spheroid-axis`.
+ACROSS = [0, 1, 3, 4]
+# St and κ at which the growth is also taken from a run in time, and the tilt it starts with.
+FOLLOWED, TILT = 0.02, 1e-3
+
+
+def spinning(kappa: float, stokes: float, tilt: float, time: float) -> Scene:
+    """A spheroid that spins about its axis along the vorticity, but for a tilt."""
+    return Scene(spheroid(kappa), stokes, BodyStart(quaternion_from_euler((tilt, 0.0, 0.0)), (0.0, 0.0, -0.5)), time)
+
+
+def growth(kappa: float, stokes: float) -> float:
+    """Rate at which the tilt of the axis grows, per inverse shear rate: the largest of the linearized equations'."""
+    problem = find_form("spheroid-axis").problem(spinning(kappa, stokes, 0.0, 1.0))
+    matrix = exact_jacobian(field, 6, 6)(np.array(problem.start), np.array(problem.parameters))
+    return float(np.linalg.eigvals(matrix[np.ix_(ACROSS, ACROSS)]).real.max())
+
+
+def followed(kappa: float, stokes: float) -> float:
+    """The same from a run: the tilt half a Jeffery period after half a period, when the start is forgotten."""
+    half = pi * (kappa + 1 / kappa)
+    times = half * np.array([0.0, 2.0, 4.0])
+    axis = full_run(spinning(kappa, stokes, TILT, times[-1]), times).observables.rotation[:, 2, :2]
+    return float(np.log(np.linalg.norm(axis[2]) / np.linalg.norm(axis[1])) / (2 * half))
+
+
+def compute_drift(grid: Grid) -> Data:
+    """Growth at all St; at one small St from a run too."""
+    numbers = np.geomspace(1e-4, 1e6, grid.of(61, 21)).tolist()
+    rows = [(kappa, stokes, growth(kappa, stokes)) for kappa in KAPPAS for stokes in numbers]
+    runs = [(kappa, growth(kappa, FOLLOWED), followed(kappa, FOLLOWED)) for kappa in KAPPAS]
+    return {"": columns("kappa stokes growth", rows), "runs": columns("kappa growth followed", runs)}
+
+
+def figure_drift(data: Data) -> Figure:
+    """Growth and decay against St, with the laws of either end."""
+    figure, (axes,) = panels(1, 1, 5.2, 3.6)
+    table, fates = {**data[""], "size": np.abs(data[""]["growth"])}, ("decays", "grows")
+    draw_groups(axes, table, "kappa", "stokes size", lambda kappa: f"$\\kappa$ = {kappa:g}, {fates[kappa > 1]}")
+    last = dict(groups(table, "kappa"))[KAPPAS[-1]]
+    small, large = last["stokes"] < 1e-1, last["stokes"] > 1e3
+    draw_law(axes, last["stokes"][small], 2 * last["size"][small][-1], 1)
+    draw_law(axes, last["stokes"][large], 2 * last["size"][large][-1], -1, "--")
+    label(axes, "Stokes number St", r"rate of the tilt from the vorticity, $|\lambda|/\dot\gamma$")
+    logarithmic(axes).legend()
+    return figure
+
+
+def facts_drift(data: Data) -> Facts:
+    """Exponents at both ends, the constants, and their signs."""
+    ends, small, large = [], [], []
+    for kappa, part in groups(data[""], "kappa"):
+        low, high = part["stokes"] < 1e-2, part["stokes"] > 1e5
+        ends.append([power_law(part["stokes"][own], np.abs(part["growth"][own]))[0] for own in (low, high)])
+        small.append(part["growth"][0] / part["stokes"][0])
+        rates = eigenvalues(spheroid(kappa), 2)
+        large.append(part["growth"][-1] * part["stokes"][-1] / max(*rates[:2], rates[3] / 2) - 1)
+    runs = data["runs"]
+    signs = [np.sign(part["growth"][0]) == np.sign(kappa - 1) for kappa, part in groups(data[""], "kappa")]
+    return {
+        "kappas": KAPPAS,
+        "small": small,
+        "peaks": [own["stokes"][np.argmax(np.abs(own["growth"]))] for _, own in groups(data[""], "kappa")],
+        "first": np.max(np.abs(np.array(ends)[:, 0] - 1)),
+        "last": np.max(np.abs(np.array(ends)[:, 1] + 1)),
+        "signs": np.mean(signs),
+        "printed": np.max(np.abs(large)),
+        "followed": np.max(np.abs(runs["followed"] / runs["growth"] - 1)),
+        "stokes": FOLLOWED,
+    }
+
+
+PLANAR = (0.5, 2.0, 4.0)
+PLANAR_STOKES = (0.0, 1.0, 10.0, 100.0)
+
+
+def turns(kappa: float, alpha: float, stokes: float) -> bool:
+    """Whether an axis in the plane of the flow u = y x̂ + αx ŷ goes on turning; one with inertia starts at full speed.
+
+    Without inertia its rate is (α - 1)/2 + Λ(1 + α)/2 cos 2χ; with it, it relaxes to this rate.
+    """
+    body = spheroid(kappa)
+    slope = (kappa**2 - 1) / (kappa**2 + 1) * (1 + alpha) / 2
+
+    def jeffery(angle: float) -> float:
+        return (alpha - 1) / 2 + slope * np.cos(2 * angle)
+
+    if stokes == 0:
+        return abs(slope) < (1 - alpha) / 2
+    damping = body.damping[0] / stokes
+
+    def stops(_: float, state: np.ndarray) -> float:
+        return state[1]
+
+    stops.terminal = True  # pyright: ignore[reportFunctionMemberAccess]
+    run = solve_ivp(
+        lambda _, state: (state[1], damping * (jeffery(state[0]) - state[1])),
+        (0.0, 60 / damping + 300),
+        (0.0, (alpha - 1) / 2 - abs(slope)),
+        "DOP853",
+        rtol=1e-8,
+        events=stops,
+    )
+    return run.status == 0
+
+
+def compute_planar(grid: Grid) -> Data:
+    """The α above which turning ends, by bisection."""
+    rows = []
+    for kappa in PLANAR:
+        for stokes in PLANAR_STOKES:
+            low, high = 0.0, 1.0
+            for _ in range(50 if stokes == 0 else grid.of(14, 9)):
+                middle = (low + high) / 2
+                low, high = (middle, high) if turns(kappa, middle, stokes) else (low, middle)
+            rows.append((kappa, stokes, (low + high) / 2, min(kappa, 1 / kappa) ** 2))
+    return {"": columns("kappa stokes threshold printed", rows)}
+
+
+def figure_planar(data: Data) -> Figure:
+    """Thresholds against St."""
+    figure, (axes,) = panels(1, 1, 5.2, 3.4)
+    table = {**data[""], "place": data[""]["stokes"] + 0.1}
+    draw_groups(axes, table, "kappa", "place threshold", lambda kappa: f"$\\kappa$ = {kappa:g}", marker="o")
+    for _, part in groups(table, "kappa"):
+        axes.axhline(part["printed"][0], color="0.4", linestyle=":", linewidth=0.8)
+    logarithmic(label(axes, "0.1 + Stokes number St", "largest $\\alpha$ of turning"), "x").legend()
+    axes.set_ylim(0.0, 1.0)
+    return figure
+
+
+def facts_planar(data: Data) -> Facts:
+    """Thresholds without inertia against the printed ones, and how inertia raises them."""
+    table = data[""]
+    rest = table["stokes"] == 0
+    raised = [part["threshold"].tolist() for _, part in groups(table, "kappa")]
+    return {
+        "kappas": PLANAR,
+        "stokes": PLANAR_STOKES,
+        "raised": "; ".join(
+            f"{', '.join(f'{value:.3g}' for value in own)} for κ = {kappa:g}"
+            for kappa, own in zip(PLANAR, raised, strict=True)
+        ),
+        "off": np.max(np.abs(table["threshold"] - table["printed"])[rest]),
+        "least": min(np.min(np.diff(own)) for own in raised),
+        "top": max(max(own) for own in raised),
+    }
+
+
+WEAK = {
+    "spin-drift": Parts(compute_drift, figure_drift, facts_drift),
+    "planar-flows": Parts(compute_planar, figure_planar, facts_planar),
+}

@@ -1,0 +1,153 @@
+"""How full runs approach the fixed points and leave large L, against the printed rates; the clock of an ellipsoid."""
+
+from collections.abc import Iterator
+from math import pi
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from polhode.harness.paper.claims import Facts
+from polhode.harness.paper.drawing import BLUE, CYCLE, VERMILLION, draw_groups, label, logarithmic, panels
+from polhode.harness.paper.item import Data, Grid, Parts
+from polhode.harness.paper.runs import Run, axes_of, full_run, spheroid
+from polhode.harness.paper.tables import columns, groups, stacked
+from polhode.models.rotation import quaternion_from_euler
+from polhode.models.scene import BodyStart, EulerStart, Scene
+from polhode.models.scenes import aligned_start
+from polhode.models.shape import Ellipsoid
+from polhode.models.theory.fixed_points import eigenvalues
+
+# Bodies whose z' is the axis of the stable rotation: tumbling, spinning, and about the shortest axis.
+BODIES = tuple(
+    Ellipsoid(axes) for axes in ((2.0, 1.0, 1.0), (1.0, 1.0, 0.5), (1.0, 0.8, 0.5), (1.0, 0.55, 0.3), (1.0, 0.95, 0.5))
+)
+STOKES, AWAY = 1e5, 0.03
+MODES = ("Lx", "Ly", "Lz", "wobble")
+# From so large L, in units of I_max, and for so many of its decay times.
+LARGE, LARGE_STOKES = 1e3, 1e4
+
+
+def displaced(body: Ellipsoid, mode: int) -> BodyStart | EulerStart:
+    """Rotation about z' along the vorticity, off in one of the four modes: L tilted to x or y, faster, or wobbling."""
+    if mode == 3:
+        return aligned_start(body, -body.inertia[2] / 2, AWAY)
+    tilt, azimuth = ((AWAY, pi / 2), (AWAY, 0.0), (0.0, 0.0))[mode]
+    return BodyStart(quaternion_from_euler((tilt, azimuth, 0.3)), (0.0, 0.0, -0.5 - (AWAY if mode == 2 else 0.0)))
+
+
+def amplitude(run: Run, mode: int) -> np.ndarray:
+    """How far a run is from the fixed point in a mode, shape (n,): of 2EI₃ - L² for the wobble."""
+    momentum, energy = run.observables.angular_momentum, run.observables.slow[:, 3]
+    inertia = run.scene.ellipsoid.inertia[2]
+    if mode == 3:
+        return 2 * energy * inertia - np.sum(momentum**2, axis=1)
+    return np.abs(momentum[:, mode] + (inertia / 2 if mode == 2 else 0.0))
+
+
+def fitted_rate(slow_times: np.ndarray, values: np.ndarray) -> float:
+    """Rate of an exponential by least squares of the logarithm."""
+    return float(np.polyfit(slow_times, np.log(np.maximum(values, 1e-300)), 1)[0])
+
+
+def compute_decay(grid: Grid) -> Data:
+    """Rates of all modes of all bodies from full runs; decay of large L of a spheroid."""
+    rows = []
+    for number, body in enumerate(BODIES):
+        for mode, printed in enumerate(eigenvalues(body, 2)):
+            slow_times = np.linspace(0.0, 1.5 / abs(printed), grid.of(4001, 1001))
+            run = full_run(Scene(body, STOKES, displaced(body, mode), STOKES * slow_times[-1]), STOKES * slow_times)
+            clock = body.inertia[2] / (8 * pi * body.resistance[2])
+            # Of a tumbling spheroid the fourth variable is η, whose square the wobble is.
+            share = 0.5 if mode == 3 and body.symmetry_axis == 0 else 1.0
+            rows.append((number, mode, printed, share * fitted_rate(slow_times, amplitude(run, mode)), clock))
+    return {"": columns("body mode printed measured clock", rows), "large": stacked(list(_from_large(grid)))}
+
+
+def _from_large(grid: Grid) -> Iterator[tuple[dict[str, float], dict[str, np.ndarray]]]:
+    """Squares of L along and across the axis, and the angle by which L has turned, from large L."""
+    for kappa in (0.5, 2.0):
+        body = spheroid(kappa)
+        slow_times = np.linspace(0.0, 2.0 / min(body.damping), grid.of(401, 101))
+        omega = LARGE * np.array([0.48, 0.0, 0.64]) / np.array(body.inertia) * max(body.inertia)
+        scene = Scene(body, LARGE_STOKES, BodyStart((0.5, 0.5, 0.1, 0.7), tuple(omega)), LARGE_STOKES * slow_times[-1])
+        seen = full_run(scene, LARGE_STOKES * slow_times).observables
+        momentum, axis = seen.angular_momentum, seen.rotation[:, 2]
+        size = np.linalg.norm(momentum, axis=1)
+        axial = np.einsum("ni,ni->n", momentum, axis) ** 2
+        turned = np.arccos(np.clip(momentum @ momentum[0] / size / size[0], -1, 1))
+        values = {"t2": slow_times, "axial": axial, "transverse": size**2 - axial, "turned": turned}
+        yield {"kappa": kappa}, values
+
+
+def figure_decay(data: Data) -> Figure:
+    """Measured against printed rates; L² about and across the axis from large L."""
+    figure, (left, right) = panels(1, 2, 3.8, 3.1)
+    table = {**data[""], "rate": -data[""]["measured"], "law": -data[""]["printed"]}
+    names = ("$L_x$", "$L_y$", "$L_z$", "wobble")
+    draw_groups(left, table, "mode", "law rate", lambda mode: names[int(mode)], linestyle="none", marker="o")
+    ends = [0.8 * table["law"].min(), 1.2 * table["law"].max()]
+    left.plot(ends, ends, color="0.5", linewidth=0.8, zorder=0)
+    logarithmic(label(left, "printed rate, per slow time", "rate of full runs")).legend()
+    for line, (kappa, part) in zip(("-", "--"), groups(data["large"], "kappa"), strict=True):
+        for color, name in ((BLUE, "axial"), (VERMILLION, "transverse")):
+            style = {"color": color, "linestyle": line, "label": rf"$L^2$, {name}, $\kappa$ = {kappa:g}"}
+            right.plot(part["t2"], part[name] / part[name][0], **style)
+    logarithmic(label(right, "slow time $t_2$", "over its start"), "y").legend()
+    return figure
+
+
+def facts_decay(data: Data) -> Facts:
+    """Largest deviations from the printed rates."""
+    table = data[""]
+    off = np.abs(table["measured"] / table["printed"] - 1)
+    large, turned = [], []
+    for kappa, part in groups(data["large"], "kappa"):
+        body = spheroid(kappa)
+        for name, axis in (("axial", 2), ("transverse", 0)):
+            printed = -16 * pi * body.resistance[axis] / body.inertia[axis]
+            large.append(abs(fitted_rate(part["t2"], part[name]) / printed - 1))
+        turned.append(np.degrees(part["turned"].max()))
+    return {
+        "bodies": ", ".join(axes_of(body) for body in BODIES),
+        "stokes": STOKES,
+        "away": AWAY,
+        "modes": MODES,
+        "count": len(off),
+        "worst": off.max(),
+        "off": [off[table["mode"] == mode].max() for mode in range(4)],
+        "start": LARGE,
+        "large_worst": max(large),
+        "turned": max(turned),
+    }
+
+
+def figure_clock(data: Data) -> Figure:
+    """Relaxation rates of L_z on three clocks."""
+    figure, (axes,) = panels(1, 1, 5.6, 3.2)
+    for color, (name, rates) in zip(CYCLE, _on_clocks(data).items(), strict=False):
+        axes.plot(np.arange(len(rates)), rates / rates.mean(), "o-", color=color, label=name)
+    axes.set_xticks(np.arange(len(BODIES)), [axes_of(body) for body in BODIES])
+    label(axes, "semi-axes", "relaxation rate of $L_z$ over its mean").legend()
+    return figure
+
+
+def _on_clocks(data: Data) -> dict[str, np.ndarray]:
+    """Rates of L_z per St, per St* of the axis turned about, and per that of the longest axis."""
+    table = data[""]
+    chosen = table["mode"] == 2
+    rate, clock = -table["measured"][chosen], table["clock"][chosen]
+    longest = [max(zip(b.semi_axes, b.inertia, b.resistance, strict=True)) for b in BODIES]
+    other = np.array([inertia / (8 * pi * resistance) for _, inertia, resistance in longest])
+    return {"per St": rate, "per St* of the longest axis": rate * other, "per St* of the axis along $z$": rate * clock}
+
+
+def facts_clock(data: Data) -> Facts:
+    """Spread of the rates on each clock."""
+    plain, longest, own = (float(rates.max() / rates.min()) for rates in _on_clocks(data).values())
+    return {"bodies": ", ".join(axes_of(body) for body in BODIES), "plain": plain, "longest": longest, "own": own}
+
+
+DECAY = {
+    "decay-rates": Parts(compute_decay, figure_decay, facts_decay),
+    "ellipsoid-clock": Parts(compute_decay, figure_clock, facts_clock),
+}
