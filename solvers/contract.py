@@ -211,13 +211,13 @@ class Solver(ABC):
 
     @property
     def available(self) -> bool:
-        """Whether the library is installed."""
-        return installed(self.library)
+        """Whether it can run here."""
+        return self.why_not is None
 
     @property
     def why_not(self) -> str | None:
         """What is missing and how to install it; None if nothing is."""
-        return None if self.available else f"{self.package} is not installed: pip install {self.package}"
+        return None if installed(self.library) else f"{self.package} is not installed: pip install {self.package}"
 
     @property
     def note(self) -> str | None:

@@ -86,7 +86,7 @@ class Split:
                 # Ever wider, so that a rate that goes to and fro asks for few plans.
                 law, width = plan.law(between=(rate / width, rate * width)), width * WIDER
             limit = min(CHUNK // plan.scheme.stages, record.max_steps - int(own[At.STEPS]))
-            code = self.advance(plan.scheme, law, state, own, times, rows, limit)
+            code = self.advance(plan.scheme, law, state, own, times, rows, limit=limit)
             record.put(rows[record.filled : int(own[At.FILLED])])
             work.steps, record.now = int(own[At.STEPS]), float(now_of(own))
             if code == Code.STEPS_DONE and work.steps >= record.max_steps:
@@ -97,19 +97,11 @@ class Split:
                 return _FAILED[code], f"after {work.steps} steps"
         return Status.REACHED_END, ""
 
-    def advance(
-        self,
-        scheme: Scheme,
-        law: np.ndarray,
-        state: np.ndarray,
-        own: np.ndarray,
-        times: np.ndarray,
-        rows: np.ndarray,
-        limit: int = UNLIMITED,
-    ) -> int:
-        """Advance state and clock until the rows are filled, or a limit is met; says which."""
+    def advance(self, scheme: Scheme, law: np.ndarray, *arrays: np.ndarray, limit: int = UNLIMITED) -> int:
+        """Advance state and clock until rows at times are filled, or a limit is met; says which."""
+        _, own, times, _ = arrays
         own[At.LIMIT], own[At.ROWS] = limit, len(times)
-        self.kernels.advance(scheme.addresses[self.number], self.numbers(law), self.address, state, own, times, rows)
+        self.kernels.advance(scheme.addresses[self.number], self.numbers(law), self.address, *arrays)
         return int(own[At.CODE])
 
     def free(self, record: Record) -> Outcome:
@@ -194,15 +186,7 @@ class SplittingExtended(Splitting):
     number = np.longdouble
 
     @property
-    def available(self) -> bool:
-        """Whether its library is installed and NumPy's long double is that of x86 processors."""
-        return super().available and self._wide
-
-    @property
     def why_not(self) -> str | None:
-        """What is missing; None if nothing is."""
-        return super().why_not if self._wide else "x86's long double of 80 bits is missing, on this machine or in NumPy"
-
-    @property
-    def _wide(self) -> bool:
-        return np.finfo(np.longdouble).nmant == 63
+        """What is missing, NumPy's long double of x86 processors besides the library; None if nothing is."""
+        wide = np.finfo(np.longdouble).nmant == 63
+        return super().why_not if wide else "x86's long double of 80 bits is missing, on this machine or in NumPy"
