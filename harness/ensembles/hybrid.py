@@ -19,7 +19,7 @@ from polhode.models.scene import Scene, SlowStart
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.contract import Status
 from polhode.solvers.ensembles.adaptive_steps import run_adaptive
-from polhode.solvers.ensembles.one_by_one import run_one_by_one
+from polhode.solvers.solve import solve
 
 # What particles are run by one at a time.
 SOLVER = "cyrk-vern8"
@@ -161,6 +161,14 @@ def _posed(ellipsoid: Ellipsoid, starts: Array, slow: Array, random: np.random.G
 
 
 def run_alone(scene: Scene, starts: Array, times: Array, tolerance: float) -> tuple[Array, Array]:
-    """Form `hybrid`, one particle after another."""
+    """States, NaN where one failed, and statuses of form `hybrid`, one particle after another."""
     problem = find_form("hybrid").problem(scene)
-    return run_one_by_one(problem, starts, times, SOLVER, tolerance / ERROR_PER_TOLERANCE)
+    found = [
+        solve(replace(problem, start=tuple(start)), SOLVER, tolerance / ERROR_PER_TOLERANCE, times)
+        for start in starts.tolist()
+    ]
+    states = np.full((len(times), *starts.shape), np.nan)
+    for i, each in enumerate(found):
+        if each.status.success:
+            states[:, i] = each.states
+    return states, np.array([str(each.status) for each in found], dtype=object)

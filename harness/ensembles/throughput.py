@@ -24,11 +24,10 @@ from polhode.models.catalogue import form as find_form
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 from polhode.models.shape import Ellipsoid
-from polhode.solvers.ensembles.adaptive_steps import run_adaptive
 from polhode.solvers.ensembles.equal_steps import PIECES, Plan, plan, run
 from polhode.solvers.ensembles.taylor_batch import run_batches
 
-STOKES, SLOW_TIME, TOLERANCE, AVERAGED_TOLERANCE = 1e3, 0.2, 1e-6, 1e-6
+STOKES, SLOW_TIME, TOLERANCE = 1e3, 0.2, 1e-6
 # Largest errors of the whole state; the St of long runs, and the error in L and E that these are to keep.
 TARGETS, LONG, LONG_ERROR = (1e-4, 1e-6, 1e-8), 1e6, 1e-4
 SHAPES = {"1 : 0.8 : 0.5": Ellipsoid((1.0, 0.8, 0.5)), "1 : 1 : 2": Ellipsoid((1.0, 1.0, 2.0))}
@@ -47,16 +46,14 @@ def measure() -> dict[str, Any]:
             "stokes": STOKES,
             "slow_time": SLOW_TIME,
             "tolerance": TOLERANCE,
-            "averaged_tolerance": AVERAGED_TOLERANCE,
             "rounds": ROUNDS,
             "task_seconds": TASK_SECONDS,
             "long_stokes": LONG,
             "long_error": LONG_ERROR,
         },
         "full": [full_throughput(*item, target) for item in SHAPES.items() for target in TARGETS],
-        "averaged": [averaged_throughput(name, shape) for name, shape in SHAPES.items()],
         "long": long_runs(),
-        "tasks": [task_throughput(name, equations) for name in SHAPES for equations in ("full", "averaged")],
+        "tasks": [ensemble_throughput(name, equations) for name in SHAPES for equations in ("full", "averaged")],
         "memory": memory(),
         "overhead": overhead(),
         "two_processes": two_processes(),
@@ -69,13 +66,12 @@ def measure() -> dict[str, Any]:
 
 def full_throughput(name: str, shape: Ellipsoid, target: float, particles: int = 2048) -> dict[str, Any]:
     """Particles per second by Taylor's lanes and by equal steps, whose largest errors at the end are both below one."""
-    scene, problem, starts = _problem(shape, "full", particles)
-    slow_starts = find_form(problem.name).observe(scene, starts).slow
+    _, problem, starts = _problem(shape, "full", particles)
     times = np.array([0.0, problem.end])
     exact = run_batches(problem, starts, times, 1e-15)[0][-1]
 
     def taylor(tolerance: float) -> np.ndarray:
-        return run_batches(problem, starts, times, tolerance, slow_starts)[0][-1]
+        return run_batches(problem, starts, times, tolerance)[0][-1]
 
     def equal_steps(tolerance: float, chosen: Plan) -> np.ndarray:
         return run(problem, starts, times, tolerance, chosen)[0][-1]
@@ -148,39 +144,33 @@ def long_runs(particles: int = 20_000, known: int = 64) -> list[dict[str, Any]]:
     return rows
 
 
-def averaged_throughput(name: str, shape: Ellipsoid, particles: int = 20_000) -> dict[str, Any]:
-    """Particles per second of the averaged equations by how much is kept of them.
+def ensemble_throughput(name: str, equations: Any, particles: int = 20_000) -> dict[str, Any]:
+    """Particles per second by how much is kept of them, the error of their ends, and the bytes of a task's record.
 
-    With the end alone, with 101 samples, and in whole tasks, statistics included; the error's median and 99th
-    percentile.
+    With the end alone, with 101 samples, and in whole tasks, statistics at 101 samples and 11 snapshots included.
     """
-    _, problem, starts = _problem(shape, "averaged", particles)
-    two, samples = np.array([0.0, problem.end]), np.linspace(0.0, problem.end, 101)
-    ensemble = _ensemble(shape, "averaged", particles)
-    (end, result), (sampled, _), (task, _) = _alternate(
-        lambda: run_adaptive(problem, starts, two, AVERAGED_TOLERANCE)[0][-1],
-        lambda: [run_adaptive(problem, part, samples, AVERAGED_TOLERANCE) for part in np.array_split(starts, 5)],
+    _, problem, starts = _problem(SHAPES[name], equations, particles)
+    two, samples, random = np.array([0.0, problem.end]), np.linspace(0.0, problem.end, 101), np.random.default_rng(1)
+    ensemble = _ensemble(SHAPES[name], equations, particles)
+    (end, (states, _)), (sampled, _), (task, record) = _alternate(
+        lambda: ensemble.states(problem, starts, two, random),
+        lambda: [ensemble.states(problem, part, samples, random) for part in np.array_split(starts, 5)],
         lambda: run_task(Task(ensemble, 0)),
+        rounds=5,
     )
     some = slice(0, 2000)
-    exact = run_adaptive(problem, starts[some], two, 1e-11)[0][-1]
-    error = np.max(np.abs(result[some] - exact), axis=1)
+    exact, _ = replace(ensemble, tolerance=ensemble.tolerance / 1e5).states(problem, starts[some], two, random)
+    error = np.max(np.abs(states[-1, some] - exact[-1]), axis=1)
     return {
         "shape": name,
-        "per_second": particles / end,
+        "equations": equations,
+        "end_per_second": particles / end,
         "sampled_per_second": particles / sampled,
-        "task_per_second": particles / task,
+        "per_second": particles / task,
         "median_error": float(np.median(error)),
         "error_of_99_percent": float(np.quantile(error, 0.99)),
+        "record_bytes": len(json.dumps(record)),
     }
-
-
-def task_throughput(name: str, equations: Any) -> dict[str, Any]:
-    """Particles per second of whole tasks, statistics at 101 samples and 11 snapshots included; bytes of a record."""
-    ensemble = _ensemble(SHAPES[name], equations, 20_000)
-    ((seconds, record),) = _alternate(lambda: run_task(Task(ensemble, 0)))
-    speed = ensemble.particles / seconds
-    return {"shape": name, "equations": equations, "per_second": speed, "record_bytes": len(json.dumps(record))}
 
 
 def memory(particles: int = 100_000) -> dict[str, Any]:
@@ -235,8 +225,7 @@ def _warm_seconds(workers: int, ensemble: Ensemble) -> float:
 
 
 def _ensemble(shape: Ellipsoid, equations: Any, particles: int) -> Ensemble:
-    tolerance = TOLERANCE if equations == "full" else AVERAGED_TOLERANCE
-    options: Any = {"particles": particles, "block": particles, "equations": equations, "tolerance": tolerance}
+    options: Any = {"particles": particles, "block": particles, "equations": equations, "tolerance": TOLERANCE}
     return Ensemble(shape, STOKES, SLOW_TIME * STOKES, STARTS, **options)
 
 

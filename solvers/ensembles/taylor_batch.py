@@ -13,8 +13,6 @@ from polhode.solvers.contract import Status
 
 # Two SIMD registers per operation keep the processor's pipelines full; more spill.
 REGISTERS = 2
-# The steps of so many particles predict those of the others, if there are more than so many in all.
-SCOUTS, LEAST_FOR_SCOUTS = 128, 1024
 # A particle that needs more steps is recorded as failed: a stiff one, at small St, is no case for this method.
 MOST_STEPS = 10_000_000
 
@@ -22,13 +20,12 @@ _threads = threading.local()
 
 
 def run_batches(
-    problem: Problem, starts: np.ndarray, times: np.ndarray, tolerance: float, slow: np.ndarray | None = None
+    problem: Problem, starts: np.ndarray, times: np.ndarray, tolerance: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Solve a problem from many starts by Taylor's method, a batch of particles at a time.
 
-    Particles of like speed share a batch, so that no lane waits long for the others; if there are many and their slow
-    variables are known, those share one that will take as many steps, as predicted from the first ones. St and the
-    shape are parameters: one compilation serves all of them.
+    Particles of like speed share a batch, so that no lane waits long for the others. St and the shape are parameters:
+    one compilation serves all of them.
 
     Parameters
     ----------
@@ -39,8 +36,6 @@ def run_batches(
         Increasing, from 0 to the end, in the problem's own time.
     tolerance : float
         heyoka's `tol`, see `polhode.solvers.taylor.Taylor`.
-    slow : ndarray, shape (n, 4), optional
-        Slow variables of the starts.
 
     Returns
     -------
@@ -54,40 +49,20 @@ def run_batches(
     integrator.pars[:] = parameters[:, None]
     grid = np.repeat(times[:, None], lanes, axis=1)
     states = np.empty((len(starts), len(times), starts.shape[1])).swapaxes(0, 1)
-    statuses, steps = np.empty(len(starts), dtype=object), np.zeros(len(starts))
-
-    def run(order: np.ndarray) -> None:
-        for first in range(0, len(order), lanes):
-            together = order[first : first + lanes]
-            rows = _propagate(integrator, starts[np.resize(together, lanes)], grid)
-            steps[together] = [result[3] for result in integrator.propagate_res[: len(together)]]
-            if np.array_equal(integrator.time, grid[-1]) and np.isfinite(rows[-1]).all():
-                states[:, together], statuses[together] = rows[:, : len(together)], str(Status.REACHED_END)
-                continue
-            # One particle's failure stops its whole batch: each of them gets a run of its own.
-            for who in together:
-                states[:, who] = _propagate(integrator, np.tile(starts[who], (lanes, 1)), grid)[:, 0]
-                statuses[who] = _status(integrator.propagate_res[0][0])
-
+    statuses = np.empty(len(starts), dtype=object)
     order = np.argsort(_speed(problem, starts, parameters), kind="stable")
-    if slow is None or not np.isfinite(slow).all() or len(order) < LEAST_FOR_SCOUTS:
-        run(order)
-    else:
-        scouts = order[:: len(order) // SCOUTS][:SCOUTS]
-        run(scouts)
-        others = np.setdiff1d(order, scouts)
-        run(others[np.argsort(_expected(slow, scouts, steps[scouts])[others], kind="stable")])
+    for first in range(0, len(order), lanes):
+        together = order[first : first + lanes]
+        rows = _propagate(integrator, starts[np.resize(together, lanes)], grid)
+        if np.array_equal(integrator.time, grid[-1]) and np.isfinite(rows[-1]).all():
+            states[:, together], statuses[together] = rows[:, : len(together)], str(Status.REACHED_END)
+            continue
+        # One particle's failure stops its whole batch: each of them gets a run of its own.
+        for who in together:
+            states[:, who] = _propagate(integrator, np.tile(starts[who], (lanes, 1)), grid)[:, 0]
+            statuses[who] = _status(integrator.propagate_res[0][0])
     states[:, statuses != str(Status.REACHED_END)] = np.nan
     return states, statuses
-
-
-def _expected(slow: np.ndarray, scouts: np.ndarray, steps: np.ndarray) -> np.ndarray:
-    """Steps of all particles, shape (n,), from those of some: a quadratic function of the slow variables."""
-    spread = slow.std(axis=0)
-    x = (slow - slow.mean(axis=0)) / np.where(spread > 0, spread, 1.0)
-    squares = [x[:, i] * x[:, k] for i in range(x.shape[1]) for k in range(i + 1)]
-    terms = np.column_stack([np.ones(len(x)), x, *squares])
-    return terms @ np.linalg.lstsq(terms[scouts], steps)[0]
 
 
 def _propagate(integrator: Any, starts: np.ndarray, grid: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ from polhode.models.scene import BodyStart, Scene
 from polhode.models.shape import Ellipsoid
 from polhode.models.theory.attractors import attractors, circle
 from polhode.solvers.ensembles.adaptive_steps import run_adaptive
-from polhode.solvers.ensembles.taylor_batch import LEAST_FOR_SCOUTS, run_batches
+from polhode.solvers.ensembles.taylor_batch import run_batches
 from polhode.solvers.solve import solve
 
 TRIAXIAL = Ellipsoid((0.8, 1.0, 0.5))
@@ -117,18 +117,6 @@ def test_a_particle_that_blows_up_in_its_lane_leaves_the_others_alone():
     others = np.arange(9) != 4
     assert set(statuses[others]) == {"reached_end"}
     assert states[:, others] == pytest.approx(good[:, others], abs=1e-13)
-
-
-def test_which_particles_share_a_batch_changes_none_of_them():
-    """Above so many particles the first ones tell who goes with whom."""
-    drawn = draw("quaternion", LEAST_FOR_SCOUTS + 5)
-    scene = scene_of("quaternion", drawn, 0, 0.005)
-    problem = find_form("quaternion").problem(scene)
-    starts, times = drawn.states("quaternion", TRIAXIAL), np.linspace(0, problem.end, 3)
-    plain, _ = run_batches(problem, starts, times, 1e-6)
-    grouped, statuses = run_batches(problem, starts, times, 1e-6, find_form("quaternion").observe(scene, starts).slow)
-    assert set(statuses) == {"reached_end"}
-    assert np.array_equal(grouped, plain)
 
 
 @pytest.mark.parametrize(
