@@ -1,10 +1,12 @@
 """Cold commands, each in processes of their own: wall and processor time, the medians of five."""
 
+import os
 import subprocess
 import sys
 from itertools import pairwise
 from resource import RUSAGE_CHILDREN, getrusage
 from statistics import median
+from tempfile import TemporaryDirectory
 from time import perf_counter
 
 COMMANDS = (
@@ -28,8 +30,12 @@ print(time.perf_counter() - began)
 """
 
 
-def python(*words: str) -> str:
-    return subprocess.run([sys.executable, *words], check=True, capture_output=True, text=True).stdout
+def python(*words: str, fresh: bool = False) -> str:
+    """What a process prints, with a cache of its own that is empty if it is to be fresh."""
+    with TemporaryDirectory() as folder:
+        environment = {**os.environ, "POLHODE_CACHE": folder} if fresh else os.environ
+        command = [sys.executable, *words]
+        return subprocess.run(command, check=True, capture_output=True, text=True, env=environment).stdout
 
 
 def clocks() -> tuple[float, float]:
@@ -38,12 +44,12 @@ def clocks() -> tuple[float, float]:
     return perf_counter(), used.ru_utime + used.ru_stime
 
 
-def seconds(*words: str) -> str:
+def seconds(*words: str, fresh: bool = False) -> str:
     """Cells of a table: both times of a process, after one that fills the caches."""
-    python(*words)
+    python(*words, fresh=fresh)
     marks = [clocks()]
     for _ in range(RUNS):
-        python(*words)
+        python(*words, fresh=fresh)
         marks.append(clocks())
     wall, processor = (median(b - a for a, b in pairwise(column)) for column in zip(*marks, strict=True))
     return f"{wall:.2f} | {processor:.2f}"
@@ -53,6 +59,7 @@ if __name__ == "__main__":
     print("| what | wall, s | processor, s |\n|---|---|---|")
     for command in COMMANDS:
         print(f"| `{command}` | {seconds('-m', *command.split())} |", flush=True)
+    print(f"| `{COMMANDS[5]}`, a new shape | {seconds('-m', *COMMANDS[5].split(), fresh=True)} |", flush=True)
     for code in PYTHON:
         print(f'| `python -c "{code}"` | {seconds("-c", code)} |', flush=True)
     print(f"| `polhode.solve('paper')` once more | {median(float(python('-c', AGAIN)) for _ in range(RUNS)):.4f} | |")
