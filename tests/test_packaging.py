@@ -129,9 +129,6 @@ def test_the_wheel_works_from_another_folder(installed: Path, tmp_path: Path):
         "bench", "small.toml", "--quick", "--quiet", "--solver", "taylor", "--out", "reports/bench"
     )
     assert "polhode solve paper" in polhode("pick", "paper")
-    assert "11 of 201 rows" in polhode(
-        "solve", "paper", "--form", "quaternion", "--solver", "taylor", "--tolerance", "1e-8"
-    )
     assert "reports/site/index.html" in polhode("report", "--quiet")
 
 
