@@ -28,6 +28,13 @@ Text of 1.7e+02 < I_max, [more](more.md), [data](data.csv) and [docs](../../docs
 | name | *value* |
 | ---- | ------: |
 | `a`  |  1.0e-9 |
+| `b`  |  2.0e-9 |
+| `c`  |  3.0e-9 |
+| `d`  |  4.0e-9 |
+| `e`  |  5.0e-9 |
+| `f`  |  6.0e-9 |
+| `g`  |  7.0e-9 |
+| `h`  |  7.0e-9 |
 """
 # The tag of the hard cases' scenes.
 TAG = "hard"

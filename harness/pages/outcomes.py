@@ -52,13 +52,13 @@ def _surest(endings: Sequence[Mapping[str, Any]]) -> list[str]:
         return []
     least = min(len(missed[name]) for name in most)
     best = [name for name in most if len(missed[name]) == least]
-    number = f"{taken[best[0]]} runs that anybody got through"
+    number, names = taken[best[0]], ", ".join(best)
     if not least:
-        return [f"Never failed in the {number}: {', '.join(best)}."]
+        return [f"Of the {number} hard runs that anybody got through, {names} never failed."]
     scenes = ", ".join(sorted({row["scene"] for name in best for row in missed[name]}))
     return [
-        f"No solver that takes nearly every case never failed. Nearest come {', '.join(best)}: each failed in {least} "
-        f"of the {number} (scenes: {scenes})."
+        f"Nobody got through everything: of the {number} hard runs that anybody got through, {names} got through "
+        f"{number - least}{' each' if len(best) > 1 else ''} (missed in the scenes {scenes})."
     ]
 
 

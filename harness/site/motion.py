@@ -117,13 +117,13 @@ def _sentence(solution: SceneSolution, axis: int) -> str:
         name = ("longest", "middle", "shortest")[list(np.argsort(scene.ellipsoid.semi_axes)[::-1]).index(nearest)]
         name += " axis"
     first, last = np.degrees(np.arccos(np.minimum(1.0, np.abs(rows[:, nearest]))))
-    end = "spinning about it" if last < ALONG else "tumbling end over end" if last > 90 - ALONG else "still changing"
+    end = "spins about it" if last < ALONG else "tumbles end over end" if last > 90 - ALONG else "has not settled"
     turns = max(1, round(rotations(scene)))
     lz, energy = _plane(solution)[[0, -1]].T
     return (
         f"In {scene.time:g} shear times it turns about {turns} times. Its {name} goes from {first:.0f}° to {last:.0f}° "
-        f"off the vorticity, and it ends {end}; L_z goes from {lz[0]:.2g} to {lz[1]:.2g}, E from {energy[0]:.2g} to "
-        f"{energy[1]:.2g}."
+        f"off the vorticity: at the end it {end}. Its L along the vorticity goes from {lz[0]:.2g} to {lz[1]:.2g}, its "
+        f"energy from {energy[0]:.2g} to {energy[1]:.2g}."
     )
 
 

@@ -20,14 +20,18 @@ function download(name, rows) {
   setTimeout(() => URL.revokeObjectURL(url), 1000);
 }
 
-// Tables of many rows have filters, kept in the address, and come as CSV.
-document.querySelectorAll("table.sort").forEach((table, place) => {
+// Tables of many rows have filters, kept in the address, and come as CSV; tables of the same columns share them.
+const alike = new Map();
+for (const table of document.querySelectorAll("table.sort"))
+  alike.set(table.tHead.textContent, [...(alike.get(table.tHead.textContent) ?? []), table]);
+[...alike.values()].forEach((tables, place) => {
   const MANY = 8, FEW = 6, SHORT = 20;
-  const rows = [...table.tBodies[0].rows], heads = [...table.tHead.rows[0].cells].map((head) => head.textContent);
+  const rows = tables.flatMap((table) => [...table.tBodies[0].rows]);
+  const heads = [...tables[0].tHead.rows[0].cells].map((head) => head.textContent);
   if (rows.length < MANY) return;
   const tools = document.createElement("div");
   tools.className = "tools";
-  table.closest(".scroll").before(tools);
+  tables[0].closest(".scroll").before(tools);
   const made = (name, properties) => tools.appendChild(Object.assign(document.createElement(name), properties));
   const asked = (name) => new URLSearchParams(location.hash.slice(1)).get(name + place);
   const words = made("input", { type: "search", placeholder: "filter rows", value: asked("rows") ?? "", name: "rows" });
@@ -54,6 +58,7 @@ document.querySelectorAll("table.sort").forEach((table, place) => {
     for (const row of rows)
       row.hidden = !(wanted.every((word) => row.textContent.toLowerCase().includes(word))
         && choices.every(([i, select]) => !select.value || row.cells[i].textContent === select.value));
+    for (const table of tables) table.closest(".scroll").hidden = [...table.tBodies[0].rows].every((row) => row.hidden);
     count.textContent = shown().length < rows.length ? `${shown().length} of ${rows.length} rows` : "";
   };
   const keep = () => {

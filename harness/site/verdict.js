@@ -36,7 +36,7 @@
     const share = /^\s*([\d.eE+-]+)\s*(%?)\s*$/.exec(text);
     return share ? Number(share[1]) * (share[2] ? 0.01 : 1) : NaN;
   };
-  const short = (value) => (value >= 1e-3 && value < 1e6 ? String(Number(value.toPrecision(2)))
+  const short = (value) => (value >= 1e-3 && value < 1e5 ? String(Number(value.toPrecision(2)))
     : value.toExponential(1).replace(".0e", "e").replace("e+", "e"));
 
   function ask() {

@@ -77,6 +77,15 @@ addEventListener("load", () => {
     svg.dispatchEvent(new PointerEvent("pointerleave", touch));
     seen.touched = svg.parentElement.querySelector(".tip:not([hidden])")?.textContent;
   }
+  const words = document.querySelector(".tools input");
+  if (words) {
+    const filter = (text) => { words.value = text; words.dispatchEvent(new Event("input")); };
+    filter("7.0e-9");
+    const shown = words.closest(".tools").nextElementSibling.querySelectorAll("tbody tr:not([hidden])");
+    seen.filtered = [...shown].map((row) => row.textContent.trim()[0]);
+    seen.kept = location.hash;
+    filter("");
+  }
   if (document.getElementById("ask")) {
     // Questions typed, and one asked by a cell of the map.
     const [stokes, error] = document.querySelectorAll("#ask input");
@@ -183,6 +192,12 @@ def test_a_question_is_answered_and_kept_in_the_address(seen: dict[tuple[str, in
     assert re.fullmatch(r"Run [\w-]+ by [\w-]+ at tolerance \S+: about \S+ \S+\.", page["asked"])
     assert "St=100" in page["address"]
     assert page["shown"] == 1
+
+
+def test_a_table_of_many_rows_is_filtered_and_the_address_keeps_it(seen: dict[tuple[str, int], dict]):
+    page = seen["own", 1100]
+    assert sorted(page["filtered"]) == ["g", "h"]
+    assert page["kept"] == "#rows0=7.0e-9"
 
 
 def test_the_page_of_costs_names_the_cheapest(seen: dict[tuple[str, int], dict]):

@@ -162,6 +162,11 @@ def test_motions_are_of_unit_vectors_and_start_on_their_paths(name: str):
         )
     else:
         assert found["symmetry"] == found["pole"]
+    angles = [float(angle) for angle in re.findall(r"([\d.]+)°", found["says"])]
+    if found["rows"] is None:
+        shown = np.degrees(np.arccos(np.abs(axis[[0, -1], 2])))
+        np.testing.assert_allclose(angles, shown, atol=0.6)
+    assert f"In {scene.time:g} shear times" in found["says"]
     moving = np.linalg.norm(momentum, axis=1) > 0
     np.testing.assert_allclose(np.linalg.norm(momentum[moving], axis=1), 1, atol=2e-4)
     moments = np.linspace(0, len(axis) - 1, len(found["paths"])).astype(int)
