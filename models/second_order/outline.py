@@ -70,12 +70,12 @@ class Outline:
 def outline(scene: Scene, budget: float = inf) -> Outline:
     """Outline of a run with orientation and 0 < St < inf; windows as the error asked for demands."""
     path, share = path_of(scene), SHARE * budget
-    strong, weight = _strong(path, budget)
+    strong, weight = strong_kicks(path, budget)
     if strong:
         # A window may be narrower than the path's steps.
         shares = np.concatenate([[-1.01], np.linspace(-1, 1, 9) * (1 - 1e-9), [1.01]])
         path = path.at(np.concatenate([each.time + each.window(ONE * budget) * shares for each in strong]))
-        strong, weight = _strong(path, budget)
+        strong, weight = strong_kicks(path, budget)
     times, reasons, sudden = path.times, _reasons(path, budget), np.zeros(len(path.times))
     swing, second = (np.where(reasons == "", each, 0) for each in (path.swing, path.second))
     local = MARGIN * swing**2 * path.size
@@ -106,7 +106,7 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
     return Outline(times, path.slow, stretches, path.kicks, float(orientation))
 
 
-def _strong(path: Path, budget: float) -> tuple[list[Kick], Array]:
+def strong_kicks(path: Path, budget: float) -> tuple[list[Kick], Array]:
     """Kicks that get a window, and how often an error made at the path's times counts in the end.
 
     An error (z, φ) of (|L|, E) and of (α, β) turns the phase of a kick by k·φ, and so the kick. At random phases the

@@ -82,9 +82,7 @@ class Path:
         with suppress(FormNotValidError):
             problem = form.problem(scene)
             rhs, p = problem.field(FLOAT), problem.parameters
-            times, states = slow_path(
-                lambda y: np.array(rhs(tuple(y.tolist()), p)), np.array(problem.start), problem.end
-            )
+            times, states = slow_path(lambda y: rhs(y, p), problem.start, problem.end)
             with np.errstate(all="ignore"):
                 slopes = np.stack(problem.field(numpy_operations())(states.T, p), axis=1)
             times, states = refined(times, states, np.nan_to_num(slopes))

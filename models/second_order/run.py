@@ -18,7 +18,7 @@ Array = np.ndarray
 
 START_PASSES, START_CLOSE = 60, 1e-14
 # Times whose tori are held in memory together.
-CHUNK = 64
+CHUNK = 104
 
 
 class NotAveragedError(ValueError):
@@ -76,7 +76,7 @@ def started(scene: Scene) -> Entry:
 
 def _slow_start(series: Series, torque_factor: float, exact: Pose) -> tuple[Pose, float, float, float]:
     """Slow pose whose image is the exact one, with its a², α and β in the frame of `frame_of`."""
-    slow = exact
+    slow, left, close = exact, 1.0, False
     for _ in range(START_PASSES):
         q = frame_of(slow.momentum)
         a2, alpha, beta = tables.coordinates(series, slow, q)
@@ -84,12 +84,15 @@ def _slow_start(series: Series, torque_factor: float, exact: Pose) -> tuple[Pose
             break
         if a2[0] > tables.MOST:
             raise NotAveragedError("L² = 2EI₂ is too near")
+        if close:
+            return slow, float(a2[0]), float(alpha[0]), float(beta[0])
         image = _swung(swing_at(series, slow.momentum, q, a2, alpha, beta, torque_factor), q)
         excess = image.momentum - exact.momentum
         turn = image.rotation @ np.swapaxes(exact.rotation, 1, 2)
         vector = 0.5 * (turn - np.swapaxes(turn, 1, 2))[:, [2, 0, 1], [1, 2, 0]]
-        if max(np.abs(excess).max() / np.linalg.norm(exact.momentum), np.abs(vector).max()) < START_CLOSE:
-            return slow, float(a2[0]), float(alpha[0]), float(beta[0])
+        before, left = left, max(np.abs(excess).max() / np.linalg.norm(exact.momentum), np.abs(vector).max())
+        # Each pass gains the same factor.
+        close = left * min(1, left / before) < START_CLOSE
         slow = Pose(slow.momentum - excess, tables.rotation_by(-vector) @ slow.rotation)
     raise NotAveragedError(f"St = {1 / torque_factor:g} is too small for this start")
 

@@ -126,7 +126,9 @@ def generator(spheroid: Spheroid, momentum: np.ndarray, axis: np.ndarray) -> tup
     size = np.linalg.norm(momentum, axis=1)
     n = momentum / size[:, None]
     h = np.sum(n * axis, axis=1)
-    poses = np.stack([turned(momentum, axis, s) for s in NODES])
+    level = h[:, None] * n
+    across, beside = axis - level, np.cross(n, axis)
+    poses = np.stack([level + c * across + s * beside for c, s in zip(np.cos(NODES), np.sin(NODES), strict=True)])
     rates = torque(torque_coefficients(spheroid), momentum, poses) / size[:, None]
     change = np.einsum("j,jni->ni", INTEGRAL, rates)
     tilt = (rates - np.sum(rates * n, axis=2)[..., None] * n) / size[:, None]
@@ -174,13 +176,13 @@ def orders(spheroid: Spheroid, torque_factor: float, slow: np.ndarray) -> tuple[
     h2 = np.clip(excess / (1 / spheroid.inertia_ratio - 1), 0, 1)[:, None]
     beside = np.cross(n, np.eye(3)[np.argmin(np.abs(n), axis=1)])
     axis = np.sqrt(h2) * n + np.sqrt(1 - h2) * unit(beside)
-    relative = []
-    for turn in np.pi / 3 * np.arange(6):
-        change, tilt = generator(spheroid, momentum, turned(momentum, axis, turn))
-        relative.append(np.linalg.norm(change, axis=1) / size + np.linalg.norm(tilt, axis=1))
+    every = np.tile(momentum, (6, 1))
+    axes = turned(every, np.tile(axis, (6, 1)), np.repeat(np.pi / 3 * np.arange(6), len(size)))
+    change, tilt = generator(spheroid, every, axes)
+    relative = np.linalg.norm(change, axis=1) / np.tile(size, 6) + np.linalg.norm(tilt, axis=1)
     state = (*momentum.T, *axis.T, 0 * size)
     both, first = (
         np.array(field(numpy_operations())(state, parameters(spheroid, factor))[:3]) for factor in (torque_factor, 0.0)
     )
     largest = max(1.0, spheroid.inertia_ratio)
-    return torque_factor * np.max(relative, axis=0), np.linalg.norm(both - first, axis=0) / largest
+    return torque_factor * relative.reshape(6, -1).max(axis=0), np.linalg.norm(both - first, axis=0) / largest

@@ -21,7 +21,7 @@ from polhode.models.shape import Ellipsoid
 Array = np.ndarray
 
 # Changes whenever the numbers of a series do.
-VERSION = 1
+VERSION = 2
 # Largest depth a² = -ln(1 - x), Chebyshev nodes in a up to there, polhode phases at them, Fourier terms kept.
 MOST, NODES, PHASES, TERMS = 6.0, 40, 96, 25
 _E, _Z = np.array([1, -1j, 0]), np.array([0, 0, 1])
@@ -37,8 +37,8 @@ K2 = np.stack([-TURNS] * 4 + [1 - TURNS, 1 + TURNS])
 HARMONICS = np.arange(-2, 4)
 ORDERS = 2 * np.arange(TERMS)[:, None] - (TERMS - 1) + HARMONICS % 2
 ORDERS = np.take_along_axis(ORDERS, np.argsort(np.abs(ORDERS), axis=0, kind="stable"), axis=0)
-# Terms below this share of the largest are left out; states are taken in chunks that a processor's cache holds.
-FAINT, CHUNK = 1e-10, 64
+# Terms are left out below this share of the largest times St: over St they are rounding. Bounds of that share.
+FAINT, LEAST_FAINT, MOST_FAINT = 1e-14, 1e-11, 1e-6
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class Swing:
     def generator(self) -> tuple[Array, Array]:
         """Changes of L and turns of R, shape (m, 3) each."""
         m, size, a, i = len(self.a2), self.size, np.sqrt(self.a2), self.series.side.inverse_inertia
-        terms, width = self.series.needed(a.max()), RATES * len(TURNS)
+        terms, width = self.series.needed(a.max(), FAINT / self.torque_factor), RATES * len(TURNS)
         levels = _levels(self.a2)
         found = levels @ self.series.rates[:, : 2 * terms * width]
         found = found.view(complex).reshape(m, terms, RATES, len(TURNS))
@@ -88,7 +88,8 @@ class Swing:
         divisor = orders * nu1[wide] + HARMONICS * nu2[wide]
         change = orders * rise1[wide] + HARMONICS * rise2[wide]
         twice, once = regular(divisor, (self.torque_factor * rise)[wide] * change)
-        waves = np.exp(1j * np.arange(ORDERS.min(), ORDERS.max() + 1) * self.alpha[:, None])[:, orders - ORDERS.min()]
+        turns = powers(self.alpha, int(orders.max()))
+        waves = np.concatenate([turns[:, :0:-1].conj(), turns], axis=1)[:, orders + turns.shape[1] - 1]
         waves *= np.exp(1j * HARMONICS * self.beta[:, None])[:, None]
         # The mean has no part in the generator.
         waves[:, 0, HARMONICS == 0] = 0
@@ -125,17 +126,31 @@ class Series:
     rates: Array  # of TERMS × RATES × tensors
     shape: Array  # of χ, turn and change of n per y: Fourier coefficients of real functions, from k₁ = 0 on
     frequencies: Array  # ν₁, ν₂ and their derivatives with respect to y
-    terms: Array  # terms needed up to the a of each node
 
-    def needed(self, a: float) -> int:
-        """Terms that matter up to a."""
-        return int(self.terms[max(0, int(np.sum(_nodes()[1] >= a)) - 1)])
+    @cached_property
+    def _sizes(self) -> Array:
+        """Of the rates, over the largest: that of each term at each node's a."""
+        found = (_levels(_nodes()[1] ** 2) @ self.rates).view(complex).reshape(NODES, TERMS, -1)
+        sizes = np.abs(found).max(axis=2)
+        return sizes / sizes.max(axis=1)[:, None]
+
+    def needed(self, a: float, faint: float) -> int:
+        """Terms that matter up to a, fainter ones left out."""
+        beyond = max(0, int(np.sum(_nodes()[1] >= a)) - 1)
+        return int(np.flatnonzero(self._sizes[beyond] > min(MOST_FAINT, max(LEAST_FAINT, faint)))[-1]) + 1
 
     def shape_at(self, a2: Array, alpha: Array) -> Array:
         """χ, the turn of S about n per y and the change of n per y, shape (m, 5)."""
         found = (_levels(a2) @ self.shape).view(complex).reshape(len(a2), 5, -1)
-        waves = np.exp(1j * np.arange(found.shape[2]) * alpha[:, None])
+        waves = powers(alpha, found.shape[2] - 1)
         return np.matmul(found, waves[:, :, None])[..., 0].real
+
+
+def powers(alpha: Array, most: int) -> Array:
+    """exp(ikα) for k = 0 … `most`, shape (m, most + 1)."""
+    found = np.tile(np.exp(1j * alpha)[:, None], (1, most + 1))
+    found[:, 0] = 1
+    return np.multiply.accumulate(found, axis=1)
 
 
 def _levels(a2: Array) -> Array:
@@ -205,15 +220,11 @@ def series_for(ellipsoid: Ellipsoid, longest: bool) -> Series:
     numbers = kept.load(key)
     if numbers is None:
         found = series_of(side)
-        rows = found.rates, found.shape, found.frequencies, found.terms[:, None]
-        kept.save(key, np.concatenate([*rows, np.full((NODES, 1), found.shape.shape[1])], axis=1))
+        kept.save(key, np.concatenate([found.rates, found.shape, found.frequencies], axis=1))
         return found
     rows = numbers.reshape(NODES, -1)
-    shape = int(rows[0, -1])
-    rates, waves, frequencies = (
-        np.ascontiguousarray(each) for each in np.split(rows[:, :-2], [-4 - shape, -4], axis=1)
-    )
-    return Series(side, rates, waves, frequencies, rows[:, -2].astype(int))
+    parts = np.split(rows, [2 * TERMS * RATES * len(TURNS), -4], axis=1)
+    return Series(side, *(np.ascontiguousarray(each) for each in parts))
 
 
 def series_of(side: SidedBody) -> Series:
@@ -237,8 +248,6 @@ def series_of(side: SidedBody) -> Series:
     spectrum = np.fft.fft(rates, axis=-1, norm="forward")
     orders = ORDERS.T[K2 - HARMONICS[0]][:, :, None] % PHASES
     picked = np.transpose(np.take_along_axis(spectrum, orders, axis=-1), (2, 3, 0, 1))
-    sizes = np.abs(picked).max(axis=(2, 3))
-    terms = TERMS - np.argmax(sizes[:, ::-1] > FAINT * sizes.max(axis=1)[:, None], axis=1)
     shape = np.fft.fft(np.stack([p.lead, beside, *np.moveaxis(yz, -1, 0)]), axis=-1, norm="forward")
     shape = shape[..., : PHASES // 2] * np.where(np.arange(PHASES // 2) > 0, 2, 1)
     frequencies = np.stack([p.rate, p.precession, p.beside.rate, p.beside.precession])
@@ -249,7 +258,7 @@ def series_of(side: SidedBody) -> Series:
         return (weights @ values.reshape(NODES, -1)).view(float)
 
     shape = np.moveaxis(shape, 0, 1)
-    return Series(side, chebyshev(picked), chebyshev(shape), weights @ frequencies.T, terms)
+    return Series(side, chebyshev(picked), chebyshev(shape), weights @ frequencies.T)
 
 
 def turned(side: SidedBody, tensor: Array) -> Array:

@@ -16,6 +16,8 @@ from polhode.models.form import FormNotValidError
 from polhode.models.hybrid.course import ERROR_PER_TOLERANCE, second_order
 from polhode.models.hybrid.form import Hybrid
 from polhode.models.scene import BodyStart, EulerStart, Scene
+from polhode.models.second_order.outline import strong_kicks
+from polhode.models.second_order.path import path_of
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.contract import Status
 from polhode.solvers.solve import Solution, solve
@@ -104,6 +106,20 @@ def test_windows_narrow_as_the_stokes_number_grows():
     assert shares[2] < shares[0] / 4
 
 
+def test_errors_count_as_often_as_they_come_out_of_resonances():
+    """Starts 1e-8 away from one another, through the kicks of several strong resonances."""
+    axes, pose, spin = (0.5, 0.7, 0.3), (-0.6, 0.2, 0.3, 0.7), (1.2, 0.9, -0.5)
+    scene = Scene(Ellipsoid(axes), 1e6, BodyStart(pose, spin), 6e4)
+    base, grown = form("quaternion").observe(scene, full_run(scene).states).slow, []
+    for nudge in 1e-8 * np.eye(3):
+        other = replace(scene, start=BodyStart(pose, tuple((np.array(spin) + nudge).tolist())))
+        apart = np.abs(form("quaternion").observe(other, full_run(other).states).slow - base).max(axis=1)
+        grown.append(apart.max() / apart[0])
+    weight = strong_kicks(path_of(scene), 1e-6)[1][0]
+    typical = np.sqrt(np.mean(np.square(grown)))
+    assert 50 < typical < weight < 20 * typical
+
+
 def test_windows_are_foreseen():
     gentle = Scene(Ellipsoid((1.0, 1.0, 0.5)), 1e6, PAPER, 1e5)
     assert Hybrid().windows(gentle, 1e-8) == (0, 1)
@@ -132,8 +148,8 @@ def test_a_run_that_is_stopped_keeps_its_rows(scene: Scene):
     for steps in {1, *(int(end) - 1 for end in ends)}:
         cut = run(scene, 1e-5, max_steps=steps)
         assert cut.status is Status.STEP_LIMIT
-        # Products of matrices round by how many rows are computed together.
-        assert np.abs(cut.states - whole.states[: len(cut.times)]).max() < 1e-13
+        # Rows that are computed together decide which faint terms are left out.
+        assert np.abs(cut.states - whole.states[: len(cut.times)]).max() < 1e-12
         begun = cut.stages[-1].begin if cut.stages else 0.0
         assert len(cut.times) >= np.searchsorted(whole.times, begun)
 

@@ -6,7 +6,7 @@ import pytest
 from polhode.models.second_order import tables
 from polhode.models.second_order.averages import phases
 from polhode.models.second_order.polhodes import Polhodes
-from polhode.models.second_order.swing import Swing, series_for
+from polhode.models.second_order.swing import Swing, frame_of, modes_at, series_for
 from polhode.models.second_order.torus import Torus
 from polhode.models.shape import Ellipsoid
 
@@ -24,10 +24,25 @@ def test_pose_and_generator_are_those_of_the_torus(axes: tuple[float, float, flo
         frames = np.linalg.qr(draw.normal(size=(MANY, 3, 3)))[0]
         frames *= np.linalg.det(frames)[:, None, None]
         flow, gradient, y = frames[:, 0], frames[:, 1], tables.level(a2)
-        swing = Swing(series, a2, alpha, beta, size, flow, gradient, 1e-6)
+        swing = Swing(series, a2, alpha, beta, size, flow, gradient, 1e-3)
         polhode = Polhodes(series.side, y, alpha, phases(series.side, float(y.max())))
-        torus = Torus(polhode, size, beta, flow, gradient, 1e-6)
+        torus = Torus(polhode, size, beta, flow, gradient, 1e-3)
         assert np.abs(swing.body[0] - torus.rotation[:, 0, 0]).max() < 1e-12
         for found, whole in zip(swing.generator, torus.ambient, strict=True):
             exact = whole[:, 0, 0]
             assert np.abs(found - exact).max() < tolerance * np.abs(exact).max()
+
+
+@pytest.mark.parametrize("longest", [True, False])
+def test_modes_are_those_of_the_torus(longest: bool):
+    series, draw = series_for(Ellipsoid((1.0, 0.8, 0.5)), longest), np.random.default_rng(5)
+    k1, k2 = np.array([[-3, 1], [-1, 1], [-4, 2], [-2, 2], [-5, 3], [-1, 3]]).T
+    a2, momentum = draw.uniform(0.05, 2.0, len(k1)), draw.normal(size=(len(k1), 3))
+    size, q, zero = np.linalg.norm(momentum, axis=1), frame_of(momentum), np.zeros(len(k1))
+    y = tables.level(a2)
+    polhode = Polhodes(series.side, y, zero, phases(series.side, float(y.max())))
+    spectrum = Torus(polhode, size, zero, q[:, 0], q[:, 1]).spectrum[np.arange(len(k1)), k1, k2]
+    strength, along, rise = modes_at(series, momentum, a2, k1, k2)
+    assert np.abs(strength / np.linalg.norm(spectrum[:, :3], axis=1) - 1).max() < 1e-6
+    for found, exact in ((along, spectrum[:, 2]), (rise, spectrum[:, 3])):
+        assert np.abs(found - exact.conj()).max() < 1e-7 * np.abs(exact).max()
