@@ -22,9 +22,7 @@ from polhode.harness.calibration.training import (
     MOST_LONG,
     REFERENCE_SECONDS,
     CaseGroups,
-    fast_solvers,
-    forms_for,
-    solvers_for,
+    methods_for,
     study,
 )
 from polhode.harness.common.store import Record, Store
@@ -130,12 +128,10 @@ def studies(answer: Answer) -> list[Study]:
         parts.append(study(question, first.form, [first.solver], (first.tolerance,), rotations))
         # What takes much longer than the first choice, counting included, is not the best.
         most = max(SHORTEST_LIMIT, CUTOFF * first.seconds.high)
-    forms = forms_for(question.scene, rotations)
     for power in sorted({min(LOOSEST, max(TIGHTEST, decade(question) + shift)) for shift in DECADES}, reverse=True):
         # The row of the training ladder in which the tolerance stands.
         row = (-power - 3) // 3
-        solvers = [name for name in solvers_for(question.scene, row) if name in fast_solvers()]
-        for form in forms:
+        for form, solvers in methods_for(question.scene, rotations, row, answer.stratum == "short"):
             part = study(question, form, solvers, (float(f"1e{power}"),), rotations)
             parts.append(replace(part, max_seconds=min(most, part.max_seconds)))
     return parts

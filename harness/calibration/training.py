@@ -72,6 +72,16 @@ def forms_for(scene: Scene, rotations: float) -> list[str]:
     return accepted
 
 
+def methods_for(scene: Scene, rotations: float, row: int, angles: bool) -> Iterator[tuple[str, list[str]]]:
+    """Forms worth measuring, those of angles only if asked, each with its solvers at tolerances of a row."""
+    solvers = solvers_for(scene, row)
+    quick = [name for name in solvers if not (find_solver(name).implicit or find_solver(name).low_order)]
+    for name in forms_for(scene, rotations):
+        form = find_form(name)
+        if angles or not form.angles:
+            yield name, solvers if rotations < EVERY_LONG or form.averaged else quick
+
+
 def lacking(base: Laws, form: str, solver: str) -> bool:
     """Whether laws know nothing of a method, or what was true once."""
     law = base.methods.get((form, solver))
@@ -84,18 +94,14 @@ def studies(question: Question, index: int, stratum: Stratum = "short") -> Itera
     rotations = pilot(scene).rotations
     if stratum == "long" and rotations > MOST_LONG:
         return
-    forms = forms_for(scene, rotations)
-    plain = [name for name in forms if not find_form(name).angles]
     for row, choices in enumerate(LADDER):
-        tolerance, solvers = float(random.choice(choices)), solvers_for(scene, row)
-        quick = [name for name in solvers if not (find_solver(name).implicit or find_solver(name).low_order)]
+        tolerance = float(random.choice(choices))
         angles = stratum == "short" and index % ANGLES_EVERY == 0 and row in ANGLES_ROWS
-        for name in forms if angles else plain:
-            every = rotations < EVERY_LONG or find_form(name).averaged
-            yield study(question, name, solvers if every else quick, (tolerance,), rotations)
+        for name, solvers in methods_for(scene, rotations, row, angles):
+            yield study(question, name, solvers, (tolerance,), rotations)
     if stratum == "long":
         return
-    slow = []
+    plain, slow = [name for name in forms_for(scene, rotations) if not find_form(name).angles], []
     if index % ASIDE_EVERY == 0 and rotations < ASIDE_ROTATIONS:
         slow = plain
     elif index % ASIDE_AVERAGED_EVERY == 0:

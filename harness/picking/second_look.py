@@ -210,7 +210,7 @@ def _looks(scene: Scene, method: Solver, found: Solution, turns: float, limit: f
     tolerance, taylor = found.settings.tolerance, method.name == "taylor"
     implicit = "cyrk-radau" if tolerance >= LOW_ORDER else "cyrk-lsoda"
     other = find_solver(implicit if damping_times(scene) > STIFF else "cyrk-vern8")
-    explicit = method.library == "CyRK" and not method.implicit
+    explicit = _compiled(method) and not method.implicit
     # Of solvers over many periods their own tighter runs are far cheaper than those of any other.
     if explicit or method.many_periods or method.name == other.name:
         tighter = max(TIGHTEST, tolerance * TIGHTER)
@@ -230,7 +230,8 @@ def _looks(scene: Scene, method: Solver, found: Solution, turns: float, limit: f
 
 
 def _compiled(method: Solver) -> bool:
-    return method.library == "CyRK"
+    """Whether a step takes about `STEP`: one by Taylor's method and one of a plan over many periods do not."""
+    return method.backends == ("compiled",) and not (method.many_periods or method.name == "taylor")
 
 
 def _takes(form: Form, scene: Scene, problem: Problem, other: Solver) -> tuple[Form, Problem]:
