@@ -56,7 +56,7 @@ def run_problems(
     """Measure what the store lacks; return the rows of all, each with problem, machine, versions and date."""
     for name in names:
         if name not in PROBLEMS:
-            raise ValueError(f"scene: got {name!r}, expected one of {', '.join(PROBLEMS)}{hint(name, PROBLEMS)}")
+            raise ValueError(f"scene: got {name!r}{hint(name, PROBLEMS)}, expected one of {', '.join(PROBLEMS)}")
     settings = {"tolerances": QUICK if quick else TOLERANCES, "max_seconds": 0.3 if quick else 3.0}
     pairs = [(name, solver) for name in names or PROBLEMS for solver in solvers or SOLVERS if _takes(name, solver)]
     cases = [{"problem": name, "solver": solver, **settings, "versions": versions()} for name, solver in pairs]

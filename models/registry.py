@@ -35,11 +35,11 @@ class Question(UserWarning):
 
 
 class NotFoundError(ValueError):
-    """No class of a kind goes by a name; `expected` says what would have done."""
+    """No class of a kind goes by a name; `expected` says what would have done, `near` what may be meant."""
 
-    def __init__(self, kind: str, name: str, expected: str) -> None:
-        super().__init__(f"{kind}: got {name!r}, expected {expected}")
-        self.expected = expected
+    def __init__(self, kind: str, name: str, expected: str, near: str = "") -> None:
+        super().__init__(f"{kind}: got {name!r}{near}, expected {expected}")
+        self.expected, self.near = expected, near
 
 
 class Catalogue(dict[str, str], Generic[T]):
@@ -71,7 +71,7 @@ class Catalogue(dict[str, str], Generic[T]):
 
     def _class(self, name: str) -> type[T]:
         if ":" not in self.get(name, name).strip(":"):
-            raise NotFoundError(self.kind, name, f"one of {', '.join(self)}{hint(name, self)}")
+            raise NotFoundError(self.kind, name, f"one of {', '.join(self)}", hint(name, self))
         try:
             found = imported(self.get(name, name))
         except (ImportError, AttributeError) as error:

@@ -34,22 +34,21 @@ def calibrate(
     """Measure the training scenes on this machine, half an hour, and fit the laws behind `polhode pick`."""
     from polhode.harness.calibration.fit import fit_laws, with_first_runs
     from polhode.harness.calibration.training import REFERENCE_SECONDS, train, without
-    from polhode.harness.common.files import read_file
     from polhode.harness.common.machine import machine, versions
-    from polhode.harness.picking.laws import own_laws_path, parse_laws
+    from polhode.harness.picking.laws import own_laws_path, read_laws
 
     if unknown := [name for name in anew if name not in FORMS and name not in SOLVERS]:
         raise BadInput(f"--anew: got {unknown[0]!r}, expected the name of a form or solver")
     path = to or own_laws_path()
     if first_runs:
         with bad_input():
-            known = parse_laws(read_file(path).decode())
+            known = read_laws(path)
         with_first_runs(known).save(path)
         click.echo(f"{path}: first runs of {len(known.methods)} methods")
         return
     with bad_input():
         path.parent.mkdir(parents=True, exist_ok=True)
-        base = parse_laws(path.read_text(encoding="utf-8")) if add else None
+        base = read_laws(path) if add else None
     with running_into(open_store(out, resume, "training")) as store:
         base = without(store, base, anew)
         records = train(store, scenes, quiet, base)

@@ -257,15 +257,25 @@ def load_laws() -> Laws:
     own = own_laws_path()
     if own.is_file():
         try:
-            found = parse_laws(read_file(own).decode())
+            found = read_laws(own)
             # Times of the package's laws scaled to this machine are of no use once there are other laws.
             if "refitted" not in found.source or found.fitted_to == shipped.fitted_to:
                 return found
         except OtherSchemaError:
             pass
         except ValueError as error:
-            raise ValueError(f"{own}: {error}, expected laws; remove it to use those of the package") from None
+            raise ValueError(f"{error}; remove it to use those of the package") from None
     return shipped
+
+
+def read_laws(path: Path) -> Laws:
+    """Laws of a file, if it is what was written; raises as `parse_laws` does."""
+    try:
+        return parse_laws(read_file(path).decode())
+    except OtherSchemaError:
+        raise
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}, expected laws") from None
 
 
 def _json(content: Any) -> str:

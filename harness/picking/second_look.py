@@ -267,7 +267,9 @@ def _estimates(
         lost = look.larger > 1 and distance > SATURATED * size
         middle = distance if lost else distance / max(1.0, look.larger)
         certainty = 2.0 if lost else look.certainty
-        found[want] = Interval(middle, middle / certainty, certainty * middle + rounding)
+        # No two orientations are further apart than π.
+        most = pi if want == "orientation" else inf
+        found[want] = Interval(middle, middle / certainty, min(most, certainty * middle + rounding))
     return found
 
 

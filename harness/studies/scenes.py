@@ -16,4 +16,4 @@ def find_scene(word: str) -> Scene:
         return read_scene(path)
     if word in SCENES:
         return named_scene(word)
-    raise ValueError(f"scene: got {word!r}, expected a file or one of {', '.join(SCENES)}{hint(word, SCENES)}")
+    raise ValueError(f"scene: got {word!r}{hint(word, SCENES)}, expected a file or one of {', '.join(SCENES)}")

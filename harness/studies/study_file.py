@@ -77,7 +77,7 @@ class StudyTable(BaseModel):
                     try:
                         catalogue.find(name)
                     except NotFoundError as error:
-                        raise ValueError(f"got {name!r} in {kind}, expected {error.expected}") from None
+                        raise ValueError(f"got {name!r}{error.near} in {kind}, expected {error.expected}") from None
                 elif name not in catalogue:
                     known = ", ".join(catalogue)
                     raise ValueError(f"got {name!r} in {kind}, expected some of {known}, or module:class")

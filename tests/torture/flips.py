@@ -15,7 +15,7 @@ from polhode.harness.common import cache
 from polhode.harness.common.files import SUMS, read_file, write_file
 from polhode.harness.common.store import DamagedStoreError, Store, export, read_export
 from polhode.harness.common.tables import read_table, write_table
-from polhode.harness.picking.laws import load_laws, own_laws_path, parse_laws
+from polhode.harness.picking.laws import load_laws, own_laws_path, read_laws
 from polhode.models.files import kept
 from polhode.solvers.machine_code import kept_code
 
@@ -95,7 +95,7 @@ def kinds(folder: Path) -> dict[str, tuple[Path, Callable[[], Any]]]:
         "reference": (cache.path_of("key"), reference),
         "shape": (numbers, shape),
         "machine code": (code, lambda: _entries(code)),
-        "laws": (own_laws_path(), lambda: parse_laws(read_file(own_laws_path()).decode())),
+        "laws": (own_laws_path(), lambda: read_laws(own_laws_path())),
     }
 
 

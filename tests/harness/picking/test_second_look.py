@@ -100,3 +100,9 @@ def test_what_a_table_comes_from_goes_with_it(here: Run, tmp_path):
 def test_a_look_costs_little():
     found = [solve("paper", form="quaternion", solver="lsoda", tolerance=1e-8) for _ in range(2)][-1]
     assert 0 < found.error.seconds <= max(LEAST, SHARE * found.seconds)
+
+
+def test_an_orientation_that_is_lost_is_off_by_a_half_turn_at_most():
+    found = solve(replace(named_scene("jeffery"), time=1e12), solver="exact", samples=3)
+    assert found.error.orientation is not None
+    assert found.error.orientation.high == np.pi
