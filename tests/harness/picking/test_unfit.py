@@ -60,7 +60,9 @@ def test_without_laws_rounding_is_not_blamed():
 
 
 def test_without_libraries_they_are_named(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(Solver, "available", property(lambda solver: False))
+    monkeypatch.setattr(
+        Solver, "why_not", property(lambda solver: f"{solver.package} is not installed: pip install it")
+    )
     text = refusal(named_scene("paper"), 1.7e-6)
     assert "is not installed: pip install" in text
     assert "rounding" not in text
