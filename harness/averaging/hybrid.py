@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import nan
 from pathlib import Path
-from time import perf_counter
+from time import perf_counter, process_time
 
 import numpy as np
 from tqdm import tqdm
@@ -21,6 +21,7 @@ from polhode.models.hybrid.course import ERROR_PER_TOLERANCE
 from polhode.models.hybrid.form import Hybrid
 from polhode.models.observables import Observables
 from polhode.models.scene import BodyStart, Scene
+from polhode.models.second_order import swing, tables
 from polhode.models.second_order.form import slow_start
 from polhode.models.second_order.outline import outline
 from polhode.models.second_order.path import path_of
@@ -79,6 +80,8 @@ class Speed:
     solver: str
     tolerance: float
     full_seconds: float
+    new_shape: float = 0.0  # seconds that the tables of a triaxial shape take, not seen before,
+    known_shape: float = 0.0  # and read from disk
 
 
 @dataclass(frozen=True)
@@ -191,7 +194,29 @@ def _timed(start: int, scene: Scene) -> Speed:
         slow = errors(scene.ellipsoid, form.observe(scene, run.states), true).slow if run.success else nan
         best = _best_full(scene, times, true)
     share = _share(run.stages, scene.time)
-    return Speed(start, scene.ellipsoid.kind, scene.stokes, slow, share, taken, few, *best)
+    return Speed(start, scene.ellipsoid.kind, scene.stokes, slow, share, taken, few, *best, *_prepared(scene.ellipsoid))
+
+
+def _prepared(ellipsoid: Ellipsoid) -> tuple[float, float]:
+    """Seconds of processor time that both sides' tables of a shape take, made anew and read from disk; else 0."""
+    if ellipsoid.kind != "triaxial":
+        return 0.0, 0.0
+
+    def read() -> float:
+        for kept in (tables.table, swing.series_for):
+            kept.cache_clear()
+        began = process_time()
+        for longest in (False, True):
+            tables.table(ellipsoid, longest)
+            swing.series_for(ellipsoid, longest)
+        return process_time() - began
+
+    read()
+    began = process_time()
+    for side in (tables.side_of(ellipsoid, longest) for longest in (False, True)):
+        tables.made(side)
+        swing.series_of(side)
+    return process_time() - began, read()
 
 
 def _best_full(scene: Scene, times: np.ndarray, true: Observables) -> tuple[str, float, float]:

@@ -69,7 +69,7 @@ def table(ellipsoid: Ellipsoid, longest: bool) -> Table:
     key = f"second order {VERSION} {ellipsoid.scaled_axes} {longest}"
     numbers = kept.load(key)
     if numbers is None:
-        found = _made(side_of(ellipsoid, longest))
+        found = made(side_of(ellipsoid, longest))
         arrays = found.series, found.poles, found.swing, found.resonances
         kept.save(key, np.concatenate([[found.residual], *(each.ravel() for each in arrays)]))
         return found
@@ -78,7 +78,8 @@ def table(ellipsoid: Ellipsoid, longest: bool) -> Table:
     return Table(series, poles, resonances, swing, float(residual[0]))
 
 
-def _made(side: SidedBody) -> Table:
+def made(side: SidedBody) -> Table:
+    """The table of a side, not kept."""
     points = POINTS
     found, residual, strengths, swing = averages(side, level(points))
     for name in ("g0", "g2", "b1", "b2"):

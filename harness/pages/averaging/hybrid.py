@@ -111,18 +111,30 @@ def findings(study: Study) -> list[str]:
                 f"{in_two_digits(median(gains))} times as fast as the best full solution in the median, "
                 f"{in_two_digits(quantiles(gains, n=10)[0])} times in nine of ten."
             )
-    return found
+    return [*found, *_prepared(study.speed)]
+
+
+def _prepared(rows: Sequence[Speed]) -> list[str]:
+    """How long the tables of a triaxial shape take."""
+    times = [[getattr(row, name) for row in rows if row.new_shape] for name in ("new_shape", "known_shape")]
+    if not all(times):
+        return []
+    new, known = (
+        f"{in_two_digits(1e3 * median(each))} ms in the median, {in_two_digits(1e3 * max(each))} at most"
+        for each in times
+    )
+    return [f"The tables of a triaxial shape took {new}, when not seen before; read from disk {known}."]
 
 
 def _stated(rows: Sequence[HybridError], of: int) -> list[str]:
     """What the errors are worth that runs state of themselves."""
-    ratios = [row.estimated / row.slow for row in rows if row.slow > 0]
+    bounded = _percent(rows, lambda row: row.slow <= max(row.estimated, row.uncertainty))
+    ratios = [row.estimated / max(row.slow, row.uncertainty) for row in rows if row.slow > 0]
     if not ratios:
         return []
     return [
         f"{len(rows)} of {of} runs state an error of their own: it bounds the one measured in "
-        f"{_percent(rows, lambda row: row.slow <= row.estimated)}, and is {in_two_digits(median(ratios))} times as "
-        "large in the median."
+        f"{bounded}, and is {in_two_digits(median(ratios))} times as large in the median."
     ]
 
 
@@ -137,7 +149,7 @@ def _percent(rows: Sequence[HybridError], holds: Callable[[HybridError], bool]) 
 def _errors(rows: Sequence[HybridError]) -> list[dict[Any, Any]]:
     runs = pd.DataFrame(rows).dropna(subset=["slow"])
     runs["within"] = runs["slow"] <= runs[["error", "uncertainty"]].max(axis=1)
-    runs["bounded"] = (runs["slow"] <= runs["estimated"]).where(runs["estimated"].notna())
+    runs["bounded"] = (runs["slow"] <= runs[["estimated", "uncertainty"]].max(axis=1)).where(runs["estimated"].notna())
     runs["over"] = runs["estimated"] / runs["slow"]
     return (
         runs.groupby(["stokes", "error"])
