@@ -58,8 +58,7 @@ def write_page(measured: Measured, folder: Path, command: str) -> Path:
         "What the interpreter costs": (
             "The same algorithm at tolerance 1e-6 with the right-hand side in plain Python, with a compiled one that "
             "Python calls, and in machine code alone: SciPy's methods beside their twins in CyRK, with Jacobians by "
-            "finite differences; SUNDIALS' with exact ones, through scikit-sundae, step by step, "
-            "and without. One right-hand side "
+            "finite differences; SUNDIALS' with exact ones, through scikit-sundae and without. One right-hand side "
             f"alone takes {rhs}.\n\n{_interpreter(backends)}"
         ),
         "Where Taylor's and Verner's method cross": (

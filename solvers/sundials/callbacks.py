@@ -1,6 +1,6 @@
-"""CVODE and IDA through scikit-sundae: Python calls the field, the Jacobian and every step, over the very same steps.
+"""CVODE and IDA through scikit-sundae: Python calls the field, the Jacobian and every row, over the very same steps.
 
-Whatever a callback raises ends a run between two steps, with its rows kept. A step too small to advance the time is no
+Whatever a callback raises ends a run, Ctrl-C among it, with its rows kept. A step too small to advance the time is no
 error to the library: it "will continue anyway". Here it is.
 """
 
@@ -15,8 +15,12 @@ from polhode.solvers.compile import array_callback, exact_jacobian
 from polhode.solvers.contract import UNLIMITED, Outcome, Record, Settings, Status
 from polhode.solvers.sundials.library import FAILURES, posed
 
-# Steps at one and the same time that make a stall.
-STALLED = 1000
+# Right-hand sides between two looks at the clock; two looks at one and the same time make a stall.
+LOOK = 1000
+
+
+class _StoppedError(Exception):
+    """A run that is to end: its status, and why."""
 
 
 class Callbacks:
@@ -24,11 +28,14 @@ class Callbacks:
 
     def __init__(self, library: type, problem: Problem, settings: Settings, **options: Any) -> None:
         self.implicit, self.calls = library.__name__ == "IDA", 0
+        self.record: Record | None = None
         self.mass, values = posed(problem, self.implicit)
         callback, parameters = array_callback(problem, settings.backend, values)
 
         def field(t: float, y: np.ndarray, out: np.ndarray) -> None:
             self.calls += 1
+            if self.record and self.calls % LOOK == 0:
+                self._look(self.record, t)
             callback(y, parameters, out)
 
         def residual(t: float, y: np.ndarray, rates: np.ndarray, out: np.ndarray) -> None:
@@ -60,37 +67,54 @@ class Callbacks:
         self.rates(record.start, rates)
         return record.start, np.divide(rates, self.mass, out=np.zeros(len(rates)), where=self.mass > 0)
 
-    def run(self, record: Record) -> Outcome:
-        """Fill the record's rows."""
+    def run(self, record: Record, every: bool) -> Outcome:
+        """Fill the record's rows, row by row or by every step, which costs more and counts them."""
+        self.record, self.calls, self.seen, record.now = record, 0, -np.inf, float(record.times[0])
         # The wrapper prints the library's errors, NumPy warns of what becomes infinite.
         with redirect_stdout(io.StringIO()), np.errstate(all="ignore"):
             try:
                 record.rows[0] = self.library.init_step(record.times[0], *self.start(record)).y
             except RuntimeError as error:
                 return Status.STEP_UNDERFLOW, f"no consistent initial values: {error}"
-            return self._through(record)
+            try:
+                return self._by_steps(record) if every else self._by_rows(record)
+            except _StoppedError as stopped:
+                return stopped.args
 
-    def _through(self, record: Record) -> Outcome:
-        times, work, stalled = record.times, record.work, 0
-        end, record.now, work.steps = float(times[-1]), float(times[0]), 0
+    def _look(self, record: Record, time: float) -> None:
+        """End a run from within its right-hand side, past the deadline or where the time stands still."""
+        record.now = time
+        if record.expired:
+            raise _StoppedError(Status.TIME_LIMIT, f"stopped at t = {time!r}")
+        if time == self.seen:
+            raise _StoppedError(Status.STEP_UNDERFLOW, f"stalled at t = {time!r}")
+        self.seen = time
+
+    def _by_rows(self, record: Record) -> Outcome:
+        for time in record.times[1:].tolist():
+            result = self.library.step(time, tstop=float(record.times[-1]))
+            record.work.jacobians = result.njev
+            if not result.success:
+                return FAILURES.get(result.status, (Status.NON_FINITE,))[0], result.message
+            record.put(result.y[None])
+        return Status.REACHED_END, ""
+
+    def _by_steps(self, record: Record) -> Outcome:
+        times, work, end = record.times, record.work, float(record.times[-1])
+        steps, reached = 0, float(times[0])
         while True:
             # The first step is guessed from the first time wanted.
-            result = self.library.step(end if work.steps else times[1], method="onestep", tstop=end)
+            result = self.library.step(end if steps else times[1], method="onestep", tstop=end)
             work.jacobians = result.njev
             if not result.success:
                 return FAILURES.get(result.status, (Status.NON_FINITE,))[0], result.message
             # After an interpolation the library first hands back the step it has.
-            stalled = 0 if result.t > record.now else stalled + 1
-            if not stalled:
-                work.steps, record.now = work.steps + 1, result.t
-            if stalled > STALLED:
-                return Status.STEP_UNDERFLOW, f"stalled at t = {record.now!r}"
-            last = int(np.searchsorted(times, record.now, side="right"))
+            steps, reached = steps + (result.t > reached), result.t
+            work.steps = steps
+            last = int(np.searchsorted(times, result.t, side="right"))
             for time in times[record.filled : last].tolist():
                 record.put(self.library.step(time, tstop=end).y[None])
-            if record.now >= end:
+            if result.t >= end:
                 return Status.REACHED_END, ""
-            if work.steps >= record.max_steps:
-                return Status.STEP_LIMIT, f"{work.steps} steps"
-            if record.expired:
-                return Status.TIME_LIMIT, f"after {work.steps} steps"
+            if steps >= record.max_steps:
+                return Status.STEP_LIMIT, f"{steps} steps"

@@ -6,7 +6,8 @@ steps, the first one being at most a tenth of it (CVODE). The order and the step
 (a step grows by half or not at all), so that the error falls with the tolerance on the average only: by a factor of
 ten up or down between neighbours, whatever the Jacobian or the corrector.
 
-Through scikit-sundae Python is in the loop, step by step.
+Through scikit-sundae Python is in the loop. It reports steps only where it is called step by step, which takes several
+times as long: so it runs when counts or a limit of steps are asked for, over the very same steps.
 """
 
 import os
@@ -64,8 +65,7 @@ class SundialsSolver(Solver):
         callbacks = self._callbacks(problem, settings)
 
         def integrate(record: Record) -> Outcome:
-            callbacks.calls = 0
-            outcome = callbacks.run(record)
+            outcome = callbacks.run(record, settings.count or record.max_steps < UNLIMITED)
             record.work.rhs_calls = callbacks.calls if settings.count else None
             return outcome
 

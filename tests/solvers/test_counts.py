@@ -112,4 +112,4 @@ def test_counts_that_a_library_does_not_report_are_none():
     cyrk = solve(RIGID_BODY, "cyrk-bdf", 1e-6).work
     assert (cyrk.rhs_calls, cyrk.rejected, cyrk.jacobians, cyrk.factorizations) == (None,) * 4
     cvode = solve(RIGID_BODY, "cvode-bdf", 1e-6, backend="numba").work
-    assert (cvode.rejected, cvode.factorizations) == (None, None)
+    assert (cvode.steps, cvode.rejected, cvode.factorizations) == (None,) * 3
