@@ -80,7 +80,7 @@ def _numbers(row: Mapping[str, Any], facts: Facts) -> Iterator[Number]:
     for place in places:
 
         def fact(name: Any, place: int | None = place) -> Any:
-            found = facts.get(name) if isinstance(name, str) else name
+            found = facts[name] if isinstance(name, str) else name
             return found if place is None or not isinstance(found, list | tuple | np.ndarray) else found[place]
 
         what = WORDING.vformat(row["what"], (), {**facts, "each": fact(row.get("each"))})
@@ -88,5 +88,12 @@ def _numbers(row: Mapping[str, Any], facts: Facts) -> Iterator[Number]:
         if "near" in row:
             middle = fact(row["near"])
             low, high = middle - row["within"], middle + row["within"]
-        value = float(fact(row["value"]))
-        yield Number(what, value, low, high, row.get("unit", ""), fact(f"{row['value']}_95"))
+        interval = f"{row['value']}_95"
+        yield Number(
+            what,
+            float(fact(row["value"])),
+            low,
+            high,
+            row.get("unit", ""),
+            fact(interval if interval in facts else None),
+        )

@@ -1,5 +1,6 @@
 """The pages of the reproduction: one per section, and an index from claim to verdict."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -75,16 +76,19 @@ def _digits(value: float, count: int = 4) -> str:
 
 
 def _index(sections: Sequence[Section], found: Mapping[str, Judged | None], grid: Grid) -> list[str]:
+    words = Counter(content[1].word for content in found.values() if content)
+    counts = ", ".join(f"{words[word]} {word}" for word in Word if words[word])
     lines = [
         "# The paper, reproduced",
+        "",
+        f"{len(found)} items: {counts}.",
         "",
         NOTICE,
         "",
         'Every figure and table of "The orientation dynamics of a massive ellipsoid in simple shear flow" '
         "(Vishwanathan, Gudda and Subramanian), computed anew, and some questions beyond it. "
-        "`polhode paper` makes all of it again, `polhode paper ITEM…` single ones.",
-        "",
-        *(f"- *{word}*: {MEANINGS[word]}." for word in Word),
+        "`polhode paper` makes all of it again, `polhode paper ITEM…` single ones. Each item's page says what was "
+        "found, with all numbers and the ranges in which its verdict holds.",
         "",
     ]
     if grid is not Grid.FULL:
@@ -92,17 +96,16 @@ def _index(sections: Sequence[Section], found: Mapping[str, Judged | None], grid
     stale = [name for name, content in found.items() if content is not None and not content[2]]
     if stale:
         lines += [f"Made by older code, to be computed again: {', '.join(stale)}.", ""]
-    for section in sections:
-        rows = [_index_row(section, item, found[item.name]) for item in section.items]
-        lines += [f"## [{section.title}]({section.name}.md)", ""]
-        lines += [markdown(["item", "claim", "verdict", "number", "what was found"], rows)]
-    return lines
+    rows = [_index_row(section, item, found[item.name]) for section in sections for item in section.items]
+    lines += [markdown(["item", "claim", "verdict", "number"], rows), ""]
+    lines += [f"- *{word}*: {MEANINGS[word]}." for word in Word]
+    return [*lines, "", "Sections: " + ", ".join(f"[{each.title}]({each.name}.md)" for each in sections) + "."]
 
 
 def _index_row(section: Section, item: Item, found: Judged | None) -> list[str]:
     anchor = "".join(letter for letter in item.title.lower() if letter.isalnum() or letter in " -_").replace(" ", "-")
     name = f"[{item.name}]({section.name}.md#{anchor})"
     if found is None:
-        return _cells(name, item.claim, "not computed", "", "")
+        return _cells(name, item.claim, "not computed", "")
     first = found[1].numbers[0]
-    return _cells(name, item.claim, found[1].word, f"{first.what}: {measured(first)}", found[1].sentence)
+    return _cells(name, item.claim, found[1].word, f"{first.what}: {measured(first)}")

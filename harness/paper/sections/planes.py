@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from polhode.harness.paper.claims import Facts
-from polhode.harness.paper.drawing import common_legend, draw_broken, panels, styled_runs
+from polhode.harness.paper.drawing import AVERAGED, BLUE, common_legend, draw_broken, label, panels
 from polhode.harness.paper.item import Data, Grid, Table
 from polhode.harness.paper.planes import (
     ABOVE_PINCH,
@@ -104,16 +104,30 @@ class Planes:
         return {"": stacked(parts), "differences": columns("body stokes path difference", rows)}
 
     def figure(self, data: Data) -> Figure:
-        """One plane per body, slow trajectories over full ones."""
-        figure, axes = panels(-(-len(self.bodies) // 2), 2, 3.9, 2.9)
-        for own, body, (_, part) in zip(axes, self.bodies.values(), groups(data[""], "body"), strict=True):
-            draw_frame(own, body, -0.8, 0.8, title=_name(body))
-            # The averaged run lies thin on the broad full ones, which it would hide.
-            for width, (style, runs) in zip((0.6, 1.7, 1.1), styled_runs(part, "stokes"), strict=False):
-                style["linewidth"] = width
-                draw_broken(own, runs, "Lz", "E", **style)
+        """A plane of the most eccentric body; below, the largest differences of all bodies, one bar per start."""
+        figure, axes = panels(2, len(STOKES), 4.4, 2.9)
+        differences = dict(groups(data["differences"], "stokes"))
+        worst = {name: np.max(part["difference"]) for name, part in groups(differences[STOKES[0]], "body")}
+        widest = max(worst, key=lambda name: worst[name])
+        part = dict(groups(data[""], "body"))[widest]
+        for own, stokes in zip(axes, STOKES, strict=False):
+            draw_frame(own, self.bodies[widest], -0.8, 0.8, title=f"{_name(self.bodies[widest])}, St = {stokes:g}")
+            for wanted, style in (
+                (stokes, {"color": BLUE, "label": "full"}),
+                (np.inf, {"color": AVERAGED, "label": "averaged"}),
+            ):
+                runs = {name: column[part["stokes"] == wanted] for name, column in part.items()}
+                draw_broken(own, runs, "Lz", "E", linewidth=0.9, **style)
             own.set_ylim(0.0, 1.05 * max(part["E"]))
-        first = next(iter(self.bodies.values()))
+        for own, stokes in zip(axes[len(STOKES) :], STOKES, strict=True):
+            for place, (_, found) in enumerate(groups(differences[stokes], "body")):
+                shift = place + np.linspace(-0.3, 0.3, len(found["difference"]))
+                own.bar(shift, found["difference"], 0.1, color=BLUE)
+            own.set_xticks(
+                range(len(self.bodies)), [_name(body) for body in self.bodies.values()], fontsize=6.5, rotation=15
+            )
+            label(own, "body, one bar per start", "largest difference$/I_{max}$", f"St = {stokes:g}")
+        first = self.bodies[widest]
         name_points(axes[0], {point.stability: NAMES[point.stability] for point in fixed_points(first)})
         name_lines(axes[0], first, "bounds of $L_z^2/2E$")
         common_legend(figure, axes[0])

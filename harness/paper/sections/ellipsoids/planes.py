@@ -33,7 +33,7 @@ MIDDLE = sorted(ELLIPSOID.inertia)[1] / UNIT
 CLOSE = 2e-3
 ON_EDGE = 0.25
 # Half sizes of the magnified view of the singular point, over I_max.
-WINDOW = 0.02, 0.008
+WINDOW = 0.004, 0.0016
 
 
 def compute_plane(grid: Grid) -> Data:

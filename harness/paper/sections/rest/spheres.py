@@ -18,7 +18,6 @@ from polhode.harness.paper.drawing import (
     NODE,
     ORANGE,
     PURPLE,
-    SKY,
     VERMILLION,
     draw_on_sphere,
     label,
@@ -103,11 +102,12 @@ class Sphere:
         """The path on the sphere, and the tilt of the axis in time."""
         figure, sphere, axes = _sphere_beside()
         table, onset = data[""], self._onset(data)
-        parts = ((table["t"] <= onset, BLUE, 1.4, "before the onset"), (table["t"] >= onset, SKY, 0.5, "after it"))
+        shown = table["t"] <= 3 * onset
+        parts = ((table["t"] <= onset, BLUE, 1.8, "before the onset"), (table["t"] >= onset, ORANGE, 0.9, "after it"))
         for chosen, color, width, text in parts:
-            part = {name: column[chosen] for name, column in table.items()}
+            part = {name: column[chosen & shown] for name, column in table.items()}
             draw_on_sphere(sphere, part, color=color, linewidth=width, zorder=1 + width)
-            axes.plot(part["t"], part["z"], color=color, linewidth=max(width, 0.9), label=text)
+            axes.plot(table["t"][chosen], table["z"][chosen], color=color, linewidth=1.1, label=text)
         _draw_start(sphere, data["jeffery"])
         axes.axvline(onset, color=NODE, linestyle=":", label="onset: gyroscopic terms exceed viscous ones")
         axes.plot([], [], color=GREEN, linestyle="--", label="Jeffery orbit (left)")

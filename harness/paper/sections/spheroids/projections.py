@@ -43,25 +43,26 @@ def compute_l_planes(grid: Grid) -> Data:
 
 
 def figure_l_planes(data: Data) -> Figure:
-    """Two L–E planes."""
-    figure, axes = panels(1, 2, 3.8, 3.3)
-    size = np.linspace(0.0, 1.0, 101)
-    ratio = min(PROLATE.inertia) / max(PROLATE.inertia)
-    for own, (zero, part) in zip(axes, groups(data[""], "zero"), strict=True):
-        own.plot(size, size**2 / 2, color=BOUND)
-        own.plot(size, size**2 / (2 * ratio), color=BOUND)
+    """L–E planes, E as its share between the bounds: L_x = 0 beside L_y = 0, starts with L_z < 0 over L_z > 0."""
+    figure, axes = panels(2, 2, 3.9, 2.6)
+    most = max(PROLATE.inertia) / min(PROLATE.inertia)
+    both = ((zero, part, sign) for sign in (-1.0, 1.0) for zero, part in groups(data[""], "zero"))
+    for own, (zero, part, sign) in zip(axes, both, strict=True):
+        shared = {**part, "share": (2 * part["E"] / part["L"] ** 2 - 1) / (most - 1)}
         for color, wanted in zip(CYCLE, RATIOS, strict=False):
-            for sign, line in ((-1.0, "-"), (1.0, "--")):
-                chosen = {name: column[part["ratio"] == sign * wanted] for name, column in part.items()}
-                text = f"$L_{{xy}}/L_z$ = {sign * wanted:g}"
-                draw_broken(own, chosen, "L", "E", color=color, linestyle=line, linewidth=0.8, label=text)
+            chosen = {name: column[shared["ratio"] == sign * wanted] for name, column in shared.items()}
+            draw_broken(own, chosen, "L", "share", color=color, linewidth=1.1, label=f"$L_{{xy}}/|L_z|$ = {wanted:g}")
+            starts = [[path["L"][0], path["share"][0]] for _, path in groups(chosen, "path")]
+            own.plot(*np.transpose(starts), "o", color=color, markersize=3)
         for point in fixed_points(PROLATE):
             along, energy = place_of(PROLATE, point)
-            draw_point(own, point.stability, (abs(along), energy))
-        own.set_ylim(0.0, 1.0)
-        label(own, "$|L|/I_{max}$", "$E/I_{max}$", f"$L_{'xy'[int(zero)]} = 0$")
+            draw_point(own, point.stability, (abs(along), (2 * energy / along**2 - 1) / (most - 1)))
+        own.set(xlim=(0.0, 1.02), ylim=(-0.05, 1.05))
+        label(
+            own, "$|L|/I_{max}$", "E, share between bounds", f"$L_{'xy'[int(zero)]} = 0$, from $L_z {'<>'[sign > 0]} 0$"
+        )
     name_points(axes[0], {"stable node": "stable node", "saddle": "saddle"})
-    common_legend(figure, axes[0])
+    common_legend(figure, axes[0], 3)
     return figure
 
 

@@ -1,0 +1,69 @@
+"""Words meet facts: fields, bounds, lists, items that are like others; the law of jumps and the end of turning."""
+
+import numpy as np
+import pytest
+
+from polhode.harness.paper.claims import WORDING, judged, section
+from polhode.harness.paper.item import Word
+from polhode.harness.paper.sections.beyond.crossing_jumps import SPREAD, law
+from polhode.harness.paper.sections.limits.weak_inertia import turns
+
+ENTRY = {
+    "verdict": "confirmed",
+    "found": "κ = {kappas:g}, error {error:short}.",
+    "caption": "A line.",
+    "numbers": [
+        {"value": "error", "what": "error", "high": "bound", "unit": "rad"},
+        {"each": "kappas", "value": "slope", "what": "slope, κ = {each:g}", "near": "expected", "within": 0.1},
+    ],
+}
+FACTS = {
+    "kappas": (2.0, 3.0),
+    "error": 1e-7,
+    "error_95": (0.0, 1.0),
+    "bound": 1e-6,
+    "slope": [1.0, 2.0],
+    "slope_95": [(0.9, 1.1), (1.9, 2.1)],
+    "expected": [1.05, 2.05],
+}
+
+
+def test_words_and_numbers_of_an_entry():
+    verdict = judged(ENTRY, FACTS)
+    assert verdict.word is Word.CONFIRMED
+    assert verdict.sentence == "κ = 2, 3, error 1e-7."
+    first, second, third = verdict.numbers
+    assert (first.high, first.unit, first.interval) == (1e-6, "rad", (0.0, 1.0))
+    assert (second.what, third.what) == ("slope, κ = 2", "slope, κ = 3")
+    assert (third.value, third.low, third.high) == pytest.approx((2.0, 1.95, 2.15))
+    assert third.interval == (1.9, 2.1)
+
+
+def test_a_fact_out_of_bounds_takes_the_verdict_away():
+    assert judged(ENTRY, {**FACTS, "slope": [1.0, 2.3]}).word is Word.NOT_CONFIRMED
+    assert judged(ENTRY, {**FACTS, "bound": 1e-8}).word is Word.NOT_CONFIRMED
+
+
+def test_missing_facts_and_experiments_are_errors():
+    with pytest.raises(KeyError):
+        judged(ENTRY, {"kappas": ()})
+    with pytest.raises(ValueError, match=r"periods.toml: got period-change, period, expected $"):
+        section("periods", {})
+
+
+def test_formats_of_the_pages():
+    assert WORDING.format("{0:two} {1:.1f}", 5931.0, np.array([1.0, 2.0])) == "5900 1.0, 2.0"
+
+
+def test_law_of_jumps_is_the_distribution_of_its_formula():
+    sample = -np.log(2 * np.abs(np.sin(np.pi * np.random.default_rng(0).uniform(size=100_000)))) / SPREAD
+    assert sample.std() == pytest.approx(1.0, abs=0.02)
+    for value in (-0.7, 0.0, 1.0, 3.0):
+        assert np.mean(sample < value) == pytest.approx(law(np.array(value)), abs=0.006)
+
+
+@pytest.mark.parametrize(("alpha", "expected"), [(0.24, True), (0.26, False)])
+def test_turning_ends_at_the_printed_threshold(alpha, expected):
+    """κ = 2 without inertia in closed form, and with little inertia in time."""
+    assert turns(2.0, alpha, 0.0) is expected
+    assert turns(2.0, alpha, 0.5) is expected
