@@ -66,7 +66,7 @@ def sweep(
 def throughput(out: Path) -> None:
     """Measure what ensembles cost on this machine: particles per second, engines, memory.
 
-    Some ten minutes on a quiet machine; writes a page and throughput.json into the folder --out.
+    Some four minutes on a quiet machine; writes a page and throughput.json into the folder --out.
     """
     from polhode.harness.ensembles.throughput import measure
     from polhode.harness.pages.ensembles import write_page

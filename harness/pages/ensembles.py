@@ -67,7 +67,7 @@ def page(found: Found) -> str:
             _table(found["full"], FULL),
             "![Particles per second against the largest error](throughput.png)\n",
             f"## Long runs: St = {settings['long_stokes']:g}, t₂ = 0.5, 1 : 0.8 : 0.5\n",
-            f"Errors in L and E over I_max against full equations, of 64 particles all the way; the error asked for is "
+            f"Errors in L and E over I_max against full equations, of 32 particles all the way; the error asked for is "
             f"{settings['long_error']:g}.\n",
             _table(found["long"], LONG),
             f"## Ensembles at tolerance {settings['tolerance']:g}, particles per second and core\n",
@@ -109,7 +109,7 @@ LONG = {
     "within that error": "{within:.0%}",
     "median": "{median_error}",
     "largest": "{error}",
-    "seconds of the first 64, choice included": "{plan_seconds:.1f}",
+    "seconds of the first 32, choice included": "{plan_seconds:.1f}",
 }
 TASKS = {
     "shape": "{shape}",
