@@ -39,6 +39,11 @@ class SceneSolution(LikeSolveIvp):
     is as accurate as the rows. It has the names of `solve_ivp`'s result too: `t`, `y` (the form's own state, shape
     (d, n)), `sol`, `nfev`, `njev`, `status`, `message`, `success`.
 
+    Of the run it has the names of form and solver, `form` and `solver`, its `tolerance`, `work`, wall time in `seconds`
+    without compilation, and the form's own `states`, shape (n, d). Of the motion, without St, `angular_momentum`, L in
+    space axes, shape (n, 3), `energy`, shape (n,), and `rotation`, t_ij, shape (n, 3, 3): row i is body axis i in space
+    components, NaN where the form does not know it.
+
     Parameters
     ----------
     scene : Scene
