@@ -24,6 +24,8 @@ from polhode.harness.pages.tables import table
 from polhode.harness.studies.study import Study
 from polhode.models.scene import Scene
 
+# From this duration on, in shear times, runs have a profile of their own.
+LONG = 5e4
 Maps = Mapping[tuple[str, str], Sequence[Cell]]
 """Cells by the scene's name and the error."""
 COLUMNS = {
@@ -86,7 +88,12 @@ def _lines(
         axes = ", ".join(f"{length:g}" for length in scenes[0].ellipsoid.semi_axes)
         text += [f"## The {name} ({axes})", "", f"![Winners over St and error]({name}.png)", "", *horizon(scenes)]
         text += [_methods(where(runs, runs["scene_name"] == name), name, maps)]
-    return [*text, *profile_lines(runs, folder), "## How to read it", "", _how(study), ""]
+    far = [scene.stokes for _, scene in study.scenes if scene.time >= LONG]
+    long = profile_lines(
+        where(runs, runs["stokes"].isin(far)), folder, "profiles-long", f"The same over t ≥ {short(LONG)} alone"
+    )
+    profiled = [*profile_lines(runs, folder), *long]
+    return [*text, *profiled, "## How to read it", "", _how(study), ""]
 
 
 def sentence(found: Sequence[Cell], what: str) -> str:

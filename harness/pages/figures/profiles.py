@@ -44,19 +44,21 @@ def times(table: pd.DataFrame, error: str = "slow_error") -> pd.DataFrame:
     return pd.DataFrame(rows).dropna(how="all")
 
 
-def profile_lines(table: pd.DataFrame, folder: Path) -> list[str]:
+def profile_lines(
+    table: pd.DataFrame, folder: Path, name: str = "profiles", title: str = "Robust or fast"
+) -> list[str]:
     """Save the figure into a folder; what a page says about it, nothing where nobody solves anything."""
     found = times(table)
     if found.empty:
         return []
-    save(profiles(found), folder, "profiles")
+    save(profiles(found), folder, name)
     text = (
         "Left: the share of the problems (scene, St, error) that a method solves within a factor of the fastest. "
         "Right: within a time. "
         f"Errors are slow errors, from {short(TARGETS[0])} to {short(TARGETS[-1])}. Grey: neither fast nor sure."
     )
-    picture = "![Share of the problems solved, over the factor to the fastest and over time](profiles.png)"
-    return ["## Robust or fast", "", sentence(found), "", picture, "", text, ""]
+    picture = f"![Share of the problems solved, over the factor to the fastest and over time]({name}.png)"
+    return [f"## {title}", "", sentence(found), "", picture, "", text, ""]
 
 
 def sentence(found: pd.DataFrame) -> str:

@@ -13,8 +13,8 @@ from polhode.solvers.catalogue import solver as find_solver
 
 GREY = "#C4C4C4"
 # Okabe and Ito's hues: orange and brown for implicit methods, green and blue for explicit ones, purple for averaged
-# forms, muted tones for SciPy. Within a hue the lightness differs, so that the regime map, which has no markers, holds
-# in grey and for colour-blind readers. Markers are Matplotlib's.
+# forms, muted tones for SciPy; wine, magenta and violet for solvers that know St. Within a hue the lightness differs,
+# so that the regime map, which has no markers, holds in grey and for colour-blind readers. Markers are Matplotlib's.
 LOOKS: dict[str, tuple[str, Any]] = {
     "taylor": ("#0FBA89", "o"),
     "dop853": ("#5B6FA8", "<"),
@@ -32,9 +32,9 @@ LOOKS: dict[str, tuple[str, Any]] = {
     "cyrk-lsoda": ("#AE4202", "P"),
     "cyrk-bdf": ("#DDCC67", "d"),
     "cyrk-radau": ("#EB9406", "h"),
-    "splitting": ("#A50026", (3, 0, 0)),
-    "splitting-extended": ("#D73027", (3, 0, 180)),
-    "stroboscopic": ("#E0566B", (8, 1, 0)),
+    "splitting": ("#550033", (3, 0, 0)),
+    "splitting-extended": ("#2222FF", (3, 0, 180)),
+    "stroboscopic": ("#EE11FF", (8, 1, 0)),
     "exact": ("#8C8C8C", "H"),
     "averaged": ("#B46086", "*"),
     "averaged-spheroid": ("#B46086", "*"),

@@ -247,7 +247,7 @@ def test_command_shows_a_scene_of_ones_own(here: Run, scene_file: Path, tmp_path
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        (("--scene", "papre"), "scene: got 'papre', expected a file or one of paper"),
+        (("--scene", "papre"), "scene: got 'papre' (did you mean 'paper'?), expected a file or one of paper"),
         (("--reports", "reprots"), "--reports: got 'reprots', expected an existing folder"),
     ],
 )
