@@ -15,6 +15,8 @@ RUN_COLUMNS = ["scene_name", "stokes", "form", "solver", "tolerance", "status", 
 RUN_COLUMNS += ["model_slow_error", "slow_uncertainty", "orientation_uncertainty", "seconds", "seconds_spread"]
 RUN_COLUMNS += ["work.rhs_calls", "work.steps", "sentinel_seconds", "date", "scene.time", "scene.shape.semi_axes"]
 STOKES = "scene.stokes"
+# What a run that fails has not: where every run of a study failed, these columns are there, and empty.
+OF_SUCCESSES = ("slow_error", "orientation_error", "slow_uncertainty", "orientation_uncertainty", "seconds")
 
 
 def frame(records: Iterable[Record], columns: Collection[str] = ()) -> pd.DataFrame:
@@ -28,6 +30,9 @@ def frame(records: Iterable[Record], columns: Collection[str] = ()) -> pd.DataFr
     kept = (_picked(record, columns) for record in records) if columns else records
     table = pd.json_normalize(list(kept)).rename(columns={STOKES: "stokes"})
     table = table.convert_dtypes(dtype_backend="numpy_nullable")
+    for name in OF_SUCCESSES:
+        if name not in table and (name in columns or not columns):
+            table[name] = pd.array([pd.NA] * len(table), dtype="Float64")
     for want in ("slow", "orientation"):
         if f"{want}_error" in table:
             table[f"{want}_known"] = known(table, f"{want}_error")

@@ -35,6 +35,7 @@ SCENES = {
     "samples": "samples",
     "forms": "form",
 }
+NOTHING = "No run gave a result: how each ended stands in runs.csv."
 UNCERTAINTIES = {
     "scene": "{scene_name}",
     "St": "{stokes:number}",
@@ -71,7 +72,7 @@ def _lines(
         *header(study.title, command, records),
         "## Verdict",
         "",
-        *(f"- {sentence}" for sentence in [*verdict(runs), *averaged_costs(runs)]),
+        *(f"- {sentence}" for sentence in [*verdict(runs), *averaged_costs(runs)] or [NOTHING]),
         "",
         "The tables below show the cheapest run that meets an error: form, solver, tolerance and time, then = and the "
         f"methods within {100 * (TIE - 1):.0f} % of it. Every run: [runs.csv](runs.csv), in full "

@@ -117,7 +117,7 @@ def test_failure_is_a_status_with_the_rows_so_far():
     ("change", "words"),
     [
         ({"samples": 1}, "samples: got 1, expected a number from 2 to"),
-        ({"form": "quaternoin"}, "form: got 'quaternoin', expected one of"),
+        ({"form": "quaternoin"}, "form: got 'quaternoin' .did you mean 'quaternion'.., expected one of"),
         ({"tolerance": -1.0}, "tolerance: got -1.0, expected a number from 1e-16"),
         ({"tolerance": 1e-300}, "tolerance: got 1e-300, expected a number from 1e-16"),
         ({"form": "spheroid-axis"}, "use 'quaternion'"),
@@ -126,7 +126,9 @@ def test_failure_is_a_status_with_the_rows_so_far():
 def test_refusals_name_value_and_expectation(change: dict, words: str):
     with pytest.raises(ValueError, match=words):
         solve("paper", **WAY | change)
-    with pytest.raises(ValueError, match="scene: got 'papre', expected a file or one of paper"):
+    with pytest.raises(
+        ValueError, match=r"scene: got 'papre' .did you mean 'paper'\?., expected a file or one of paper"
+    ):
         solve("papre")
 
 

@@ -1,6 +1,7 @@
 """The page of the main job, on records with known winners."""
 
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import matplotlib as mpl
@@ -8,7 +9,7 @@ import pandas as pd
 import pytest
 from commandline import STUDY
 
-from polhode.harness.pages import bench
+from polhode.harness.pages import bench, outcomes, regimes
 from polhode.harness.pages.bench import write_page
 from polhode.harness.studies.study import Study
 from polhode.harness.studies.study_file import read_study
@@ -52,6 +53,20 @@ RECORDS = [
     run("cyrk-dop853", 1e-4, 0.1, 2e-4),
     run("cyrk-dop853", 1e-8, 2.0, 5e-8),
 ]
+
+
+GIVEN_BY_SUCCESS = ("seconds", "seconds_spread", "slow_error", "orientation_error", "solver_slow_error")
+GIVEN_BY_SUCCESS += ("slow_uncertainty", "orientation_uncertainty", "model_slow_error", "model_orientation_error")
+
+
+@pytest.mark.parametrize("page", [bench, regimes, outcomes])
+def test_a_study_of_which_no_run_succeeds_has_its_page(page: ModuleType, study: Study, tmp_path: Path):
+    failed = [{name: value for name, value in row.items() if name not in GIVEN_BY_SUCCESS} for row in RECORDS]
+    text = page.write_page(study, [{**row, "status": "time_limit"} for row in failed], tmp_path, "polhode bench")
+    assert "paper" in text.read_text(encoding="utf-8")
+    if page is bench:
+        assert "- No run gave a result" in text.read_text(encoding="utf-8")
+        assert (tmp_path / "runs.csv").read_text(encoding="utf-8").count("time_limit") == len(RECORDS)
 
 
 @pytest.fixture
