@@ -34,7 +34,10 @@ LOST, KNOWN = 0.1, 10.0
 
 
 def stated(store: Store, seed: int, count: int, quiet: bool = False) -> pd.DataFrame:
-    """One random way to run each of `count` scenes, over both strata: the error stated, and the true one."""
+    """One random way to run each of `count` scenes, over both strata: the error stated, and the true one.
+
+    Why others were left out stands in the table's `attrs`.
+    """
     rows = []
     wanted = [(stratum, each) for stratum in STRATA for each in questions(seed, count // 2, stratum)]
     for index, (stratum, question) in enumerate(tqdm(wanted, disable=quiet or None, desc="errors stated", leave=False)):
@@ -45,7 +48,9 @@ def stated(store: Store, seed: int, count: int, quiet: bool = False) -> pd.DataF
             row = _row(question, np.random.default_rng((seed, index, WAY)))
             store.put(key, content, row)
         rows.append({"stratum": stratum, **row})
-    return pd.DataFrame([row for row in rows if "want" in row], columns=list(COLUMNS))
+    found = pd.DataFrame([row for row in rows if "want" in row], columns=list(COLUMNS))
+    found.attrs["left_out"] = [row["left_out"] for row in rows if "left_out" in row]
+    return found
 
 
 def _row(question: Question, random: np.random.Generator) -> Record:

@@ -79,15 +79,14 @@ def validate(out: Path, scenes: int, seed: int, seeds: int, errors: int, resume:
     """
     from polhode.harness.calibration.heldout import evaluate
     from polhode.harness.calibration.stated import stated
-    from polhode.harness.pages.picking import stated as page_of_errors
-    from polhode.harness.pages.picking.pick import summary, write_pages
+    from polhode.harness.pages.picking.pick import stated_summary, summary, write_pages, write_stated
     from polhode.harness.picking.laws import load_laws
 
     if errors:
         with running_into(open_store(out, resume, "stated")) as store:
             found = stated(store, seed, errors, quiet)
-        page = page_of_errors.write_page(out, found, f"polhode validate --errors {errors} --seed {seed}")
-        click.echo("\n".join([*page_of_errors.summary(found), str(page)]))
+        page = write_stated(out, found, f"polhode validate --errors {errors} --seed {seed}")
+        click.echo("\n".join([*stated_summary(found), str(page)]))
         return
     with bad_input():
         known = load_laws()

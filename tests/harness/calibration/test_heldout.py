@@ -104,7 +104,7 @@ def test_what_is_not_known_is_empty_and_what_was_left_out_is_counted(tmp_path):
     found = Evaluation(pd.DataFrame([judged(*answer) for answer in answers]), runs_of((1.0, 1e-7)))
     found = replace(found, left_out={"a": "more than 2e4 rotations", "b": "more than 2e4 rotations"})
     page = write_pages(tmp_path, load_laws(), found, "x").read_text(encoding="utf-8")
-    assert "2 with more than 2e4 rotations" in page
+    assert "2 × more than 2e4 rotations" in page
     assert len(page.splitlines()) <= 150
     cells = pd.read_csv(tmp_path / "scenes.csv")
     assert cells["error"].isna().tolist() == [True, True, True, False]

@@ -6,7 +6,7 @@ import pytest
 from polhode.harness.calibration import stated as module
 from polhode.harness.calibration.stated import judged, stated
 from polhode.harness.common.store import Store
-from polhode.harness.pages.picking.stated import summary, write_page
+from polhode.harness.pages.picking.pick import stated_summary, write_stated
 
 
 def test_shares_and_factors():
@@ -24,6 +24,7 @@ def test_a_run_is_measured_once_and_its_statement_holds(tmp_path, monkeypatch):
         monkeypatch.setattr(module, "_row", None)
         pd.testing.assert_frame_equal(stated(store, 6, 2, quiet=True), first)
     assert judged(first)["bounded"] == 1
-    page = write_page(tmp_path, first, "polhode validate --errors 2").read_text(encoding="utf-8")
-    assert all(sentence in page for sentence in summary(first))
+    page = write_stated(tmp_path, first, "polhode validate --errors 2").read_text(encoding="utf-8")
+    assert all(sentence in page for sentence in stated_summary(first))
+    assert len(first) + len(first.attrs["left_out"]) == 2
     assert len((tmp_path / "stated.csv").read_text(encoding="utf-8").splitlines()) == 1 + len(first)

@@ -14,7 +14,6 @@ from polhode.harness.references.errors import attainable
 from polhode.models.catalogue import form
 from polhode.models.scene import Scene, SlowStart
 from polhode.models.scenes import named_scene
-from polhode.solvers.contract import Solver
 
 NUMBER = r"\d(?:\.\d+)?(?:e-?\d+)?"
 
@@ -60,9 +59,7 @@ def test_without_laws_rounding_is_not_blamed():
 
 
 def test_without_libraries_they_are_named(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(
-        Solver, "why_not", property(lambda solver: f"{solver.package} is not installed: pip install it")
-    )
+    monkeypatch.setattr("polhode.solvers.contract.installed", lambda library: False)
     text = refusal(named_scene("paper"), 1.7e-6)
     assert "is not installed: pip install" in text
     assert "rounding" not in text
