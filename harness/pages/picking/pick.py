@@ -152,7 +152,7 @@ def _write_figures(folder: Path, evaluation: Evaluation) -> None:
         axes.loglog(shown["error"] / shown["error_asked"], shown["factor"], "o", color=COLOURS[stratum], label=stratum)
     axes.axvline(1.0, color="0.3", linewidth=0.8)
     axes.axhline(FACTOR, color="0.3", linewidth=0.8, linestyle=":")
-    axes.set(title="First choices: left of the line the error is met, below the dots the time is close to the best")
+    axes.set(title="First choices: error met left of the line, near the best below the dots")
     axes.set(xlabel="error over the one asked for", ylabel="time over the best measured")
     axes.legend(frameon=False, title="stratum")
     figure.tight_layout()
@@ -160,7 +160,7 @@ def _write_figures(folder: Path, evaluation: Evaluation) -> None:
 
     runs: Any = evaluation.runs
     figure, (left, right) = plt.subplots(1, 2, figsize=(8.0, 4.0))
-    panels = (left, "seconds", "seconds_at_usual_pace", "s", FACTOR), (right, "slow_error", "slow_error", "I_max", 10.0)
+    panels = (left, "seconds", "seconds_at_usual_pace", "s", FACTOR), (right, "slow_error", "slow_error", "over I_max", 10.0)
     for axes, what, measured, unit, band in panels:
         known = runs[(runs[measured] > 0) & (runs[f"{what}_predicted"] > 0)]
         predicted, ratio = known[f"{what}_predicted"], known[measured] / known[f"{what}_predicted"]
@@ -169,7 +169,7 @@ def _write_figures(folder: Path, evaluation: Evaluation) -> None:
             axes.axhline(line, color="0.2", linewidth=0.9, linestyle=style)
         within = np.mean(np.abs(np.log(ratio)) <= np.log(band)) if len(ratio) else 1.0
         name = "times" if what == "seconds" else "slow errors"
-        axes.set(title=f"{within:.0%} of the {name} within {band:g} × (dotted)")
+        axes.set(title=f"{within:.0%} of {name} within {band:g} ×")
         axes.set(xlabel=f"predicted, {unit}", ylabel="measured over predicted")
     figure.tight_layout()
     save(figure, folder, "predicted")
