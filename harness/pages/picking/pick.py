@@ -160,7 +160,7 @@ def _write_figures(folder: Path, evaluation: Evaluation) -> None:
 
     runs: Any = evaluation.runs
     figure, (left, right) = plt.subplots(1, 2, figsize=(8.0, 4.0))
-    panels = (left, "seconds", "seconds_at_usual_pace", "s", FACTOR), (right, "slow_error", "slow_error", "over I_max", 10.0)
+    panels = (left, "seconds", "seconds_at_usual_pace", "s", FACTOR), (right, "slow_error", "slow_error", "I_max", 10.0)
     for axes, what, measured, unit, band in panels:
         known = runs[(runs[measured] > 0) & (runs[f"{what}_predicted"] > 0)]
         predicted, ratio = known[f"{what}_predicted"], known[measured] / known[f"{what}_predicted"]
