@@ -215,8 +215,8 @@ class Path:
         return np.append(0.0, np.cumsum(0.5 * (rates[1:] + rates[:-1]) * np.diff(self.times)))
 
     def lag(self, swing: Array) -> Array:
-        """Errors of the angles, in rad, as their rates are not known to second order but to rho² of themselves."""
-        return self.summed(self.speed * swing**2) / self.torque_factor
+        """Errors of the angles, in rad: their rates miss the mean square of the swing, half its largest one's."""
+        return self.summed(self.speed * swing**2 / 2) / self.torque_factor
 
     def phase(self, error: Array) -> Array:
         """Errors of the angles, in rad, from errors of L that last, shape (m, n): what these make of their rates."""
