@@ -2,14 +2,12 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cache
 from math import floor, inf, log10
 from typing import Any
 
 from polhode.models.catalogue import FORMS
 from polhode.models.catalogue import form as find_form
 from polhode.solvers.catalogue import SOLVERS
-from polhode.solvers.catalogue import solver as find_solver
 
 GREY = "#C4C4C4"
 # Okabe and Ito's hues: orange and brown for implicit methods, green and blue for explicit ones, purple for averaged
@@ -91,12 +89,6 @@ def rank(name: str) -> tuple[int, str]:
 def is_averaged(form: str) -> bool:
     """Whether a form, which may have no name, is averaged."""
     return bool(form) and find_form(form).averaged
-
-
-@cache
-def family_colour(family: str) -> str:
-    """Colour that stands for all solvers of a library: that of its first."""
-    return next((colour(name) for name in SOLVERS if find_solver(name).family == family), OTHER)
 
 
 def power(value: float) -> str:

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from polhode.harness.analysis.pareto import Method
-from polhode.harness.pages.figures.style import LOOKS, OTHER, colour, family_colour, looks, rank
+from polhode.harness.pages.figures.style import LOOKS, OTHER, colour, looks, rank
 from polhode.harness.studies.study_file import read_study
 from polhode.solvers.catalogue import SOLVERS
-from polhode.solvers.catalogue import solver as find_solver
 
 # Linear sRGB as a protanope and a deuteranope see it (Machado, Oliveira and Fernandes 2009, severity 1).
 EYES = {
@@ -61,11 +60,6 @@ def test_others_get_markers_in_turn_and_stand_last():
     assert found["own:A"].colour == found["own:B"].colour == OTHER
     assert found["own:A"].marker != found["own:B"].marker
     assert rank("taylor") < rank("quaternion") < rank("own:A")
-
-
-def test_libraries_are_told_apart():
-    families = {find_solver(name).family for name in SOLVERS}
-    assert len({family_colour(family) for family in [*families, "own"]}) == len(families) + 1
 
 
 @pytest.mark.parametrize("name", ["taylor", "cyrk-lsoda", "radau", "averaged"])
