@@ -37,6 +37,8 @@ REPORTS = {
 # What the opening page takes from the page of the bench, by its own heading.
 SECTIONS = {"Robust or fast": "Robust or fast", "When averaging pays": "Verdict"}
 SCENE_CELL = re.compile(r"<td>([\w-]+)</td>")
+# Of a picture: more only weigh.
+COLOURS = 48
 OVERWRITTEN = " Do not edit: the next run overwrites this page."
 # What these pictures show is on the page of costs.
 ON_COSTS = re.compile(r"(slow|orientation)(-[\w-]+)?\.png")
