@@ -102,10 +102,10 @@ def _as_costs(picture: str) -> str:
 
 
 def _copy(source: Path, target: Path) -> None:
-    """Copy a picture without loss in a format that keeps the site small."""
+    """Copy a picture in few colours and a format that keeps the site small."""
     copied = BytesIO()
     with Image.open(source) as image:
-        image.convert("RGB").save(copied, "webp", lossless=True, quality=50, method=2)
+        image.convert("RGB").quantize(COLOURS).convert("RGB").save(copied, "webp", lossless=True, quality=50, method=2)
     write_file(target, copied.getvalue())
 
 
