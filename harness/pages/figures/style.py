@@ -11,7 +11,7 @@ from polhode.solvers.catalogue import SOLVERS
 
 GREY = "#C4C4C4"
 # Okabe and Ito's hues: orange and brown for implicit methods, green and blue for explicit ones, purple for averaged
-# forms, muted tones for SciPy; wine, magenta and violet for solvers that know St. Within a hue the lightness differs,
+# forms, muted tones for SciPy; wine and violets for solvers that know St. Within a hue the lightness differs,
 # so that the regime map, which has no markers, holds in grey and for colour-blind readers. Markers are Matplotlib's.
 LOOKS: dict[str, tuple[str, Any]] = {
     "taylor": ("#0FBA89", "o"),
@@ -31,8 +31,8 @@ LOOKS: dict[str, tuple[str, Any]] = {
     "cyrk-bdf": ("#DDCC67", "d"),
     "cyrk-radau": ("#EB9406", "h"),
     "splitting": ("#550033", (3, 0, 0)),
-    "splitting-extended": ("#2222FF", (3, 0, 180)),
-    "stroboscopic": ("#EE11FF", (8, 1, 0)),
+    "splitting-extended": ("#220077", (3, 0, 180)),
+    "stroboscopic": ("#8833FF", (8, 1, 0)),
     "exact": ("#8C8C8C", "H"),
     "averaged": ("#B46086", "*"),
     "averaged-spheroid": ("#B46086", "*"),
