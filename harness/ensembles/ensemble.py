@@ -28,7 +28,7 @@ from polhode.solvers.ensembles.taylor_batch import run_batches
 
 # Changes whenever a record's meaning does, so that no old record is taken for a new one.
 SCHEMA = 4
-# Error of averaging in L and E over I_max times St: the largest of the paper's starts (`reports/paper`).
+# Error of averaging in L and E over I_max times St: the largest of the paper's starts (`reports/accuracy`).
 AVERAGING = 133.0
 # Particles on which method and step are chosen.
 SAMPLE = 128
