@@ -156,7 +156,7 @@ ERROR_PRIOR = {
 FLOOR_GROWTH = {"slow": (0.7, 0.3), "orientation": (1.7, 0.3)}
 # A closed form has rounding alone; errors of a method that holds its tolerance over the whole run do not grow with it.
 NO_TRUNCATION = {"offset": (-300.0, 1e-6), "order": (1.0, 1e-6)}
-WHOLE_RUN = {"growth": (0.0, 0.02), "gain": (1.0, 0.02)}
+WHOLE_RUN_PRIOR = {"growth": (0.0, 0.02), "gain": (1.0, 0.02)}
 
 
 def robust_fit(
@@ -233,7 +233,7 @@ def special(form: str, solver: str) -> Prior:
     """What is expected of the errors of some methods before anything is measured."""
     if find_solver(solver).closed_form:
         return NO_TRUNCATION
-    return WHOLE_RUN if over_whole_run(find_form(form), solver) else {}
+    return WHOLE_RUN_PRIOR if over_whole_run(find_form(form), solver) else {}
 
 
 def fit_errors(runs: Sequence[Sample], special: Prior) -> dict[str, ErrorLaw]:

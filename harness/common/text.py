@@ -8,16 +8,19 @@ Powers of ten are plain: 1e-4, neither 1e-04 nor 0.0001 nor 10⁻⁴; a number b
 - `in_full`: the same in all its digits.
 - `in_two_digits`: a number that was fitted or interpolated, as an St or a ratio: 5900, 0.31.
 - `duration`: a time: 1.2 ms, 63 s.
+
+Fields of texts have them as formats, as in "{seconds:time}": `WORDING`.
 """
 
 import sys
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from decimal import Decimal
 from functools import partial
 from itertools import zip_longest
 from math import inf, isnan
 from shutil import get_terminal_size
+from string import Formatter
 from typing import IO, Any
 
 # Least width of a column that is wrapped.
@@ -134,3 +137,29 @@ def duration(seconds: float | None) -> str:
     size, unit = next((each for each in UNITS if seconds >= 0.9995 * each[0]), UNITS[-1])
     value = seconds / size
     return f"{value:.0f} {unit}" if value >= 9.95 else f"{value:.1f} {unit}"
+
+
+# Formats of fields beside Python's own.
+FORMATS = {
+    "error": scientific,
+    "time": duration,
+    "short": short,
+    "two": lambda value: "–" if isnan(value) else in_two_digits(value),
+}
+
+
+class _Wording(Formatter):
+    """Fields of a mapping, or attributes of anything else; lists come with commas."""
+
+    def get_value(self, key: int | str, args: Sequence[Any], kwargs: Any) -> Any:
+        if isinstance(key, int) or isinstance(kwargs, Mapping):
+            return super().get_value(key, args, kwargs)
+        return getattr(kwargs, key)
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        if isinstance(value, Collection) and not isinstance(value, str):
+            return ", ".join(self.format_field(own, format_spec) for own in value)
+        return FORMATS[format_spec](value) if format_spec in FORMATS else format(value, format_spec)
+
+
+WORDING = _Wording()

@@ -38,7 +38,7 @@ SCENES = {
 NOTHING = "No run gave a result: how each ended stands in runs.csv."
 UNCERTAINTIES = {
     "scene": "{scene_name}",
-    "St": "{stokes:number}",
+    "St": "{stokes:short}",
     "slow": "{slow_uncertainty:error}",
     "orientation, rad": "{orientation_uncertainty:error}",
 }

@@ -6,8 +6,9 @@ from typing import Any
 
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
-from polhode.harness.common.text import markdown, scientific
+from polhode.harness.common.text import markdown
 from polhode.harness.pages.figures.work_precision import save
+from polhode.harness.pages.tables import table
 
 PAGE = "throughput.md"
 # Sweeps whose cost is laid out: shape, equations, particles, St.
@@ -63,31 +64,24 @@ def page(found: Found) -> str:
             f"{settings['rounds']} runs in turns, one process at a time.\n",
             "## Full equations: equal steps against Taylor's lanes, from the same starts to the end\n",
             "Both errors, the largest of any component of the state over all particles, are below the one asked for. "
-            "Particles of like speed share Taylor's lanes; sharing by predicted steps once gained another 2 to 7 %.\n",
-            _table(found["full"], FULL),
+            "Particles of like speed share Taylor's lanes.\n",
+            table(found["full"], FULL),
             "![Particles per second against the largest error](throughput.png)\n",
             f"## Long runs: St = {settings['long_stokes']:g}, t₂ = 0.5, 1 : 0.8 : 0.5\n",
             f"Errors in L and E over I_max against full equations, of 32 particles all the way; the error asked for is "
             f"{settings['long_error']:g}.\n",
-            _table(found["long"], LONG),
+            table(found["long"], LONG),
             f"## Ensembles at tolerance {settings['tolerance']:g}, particles per second and core\n",
             "By what is kept of a particle: its end, 101 samples, statistics of these at 11 snapshots.\n",
-            _table(found["tasks"], TASKS),
+            table(found["tasks"], TASKS),
             f"## What large sweeps to t₂ = {settings['slow_time']:g} take, in tasks of up to {BLOCK:,} particles\n",
             _plan(found),
             f"## What an engine adds to tasks of {settings['task_seconds']:g} s\n",
-            _table(found["overhead"], ENGINES),
+            table(found["overhead"], ENGINES),
             "## Memory and processes\n",
             _memory(found),
         ]
     )
-
-
-def _table(rows: list[Found], columns: dict[str, str]) -> str:
-    """A table of rows whose errors read as 1.2e-7: header to the format of a row's cell."""
-    rows = [{name: scientific(row[name]) if "error" in name else row[name] for name in row} for row in rows]
-    cells = [[text.format(**row) for text in columns.values()] for row in rows]
-    return markdown(list(columns), cells, right=range(1, len(columns)))
 
 
 FULL = {
@@ -98,17 +92,17 @@ FULL = {
     "particles/s": "{per_second:,.0f}",
     "Taylor's": "{taylor_per_second:,.0f}",
     "ratio": "{speedup:.1f}",
-    "error": "{error}",
-    "median": "{median_error}",
-    "Taylor's error": "{taylor_error}",
+    "error": "{error:error}",
+    "median": "{median_error:error}",
+    "Taylor's error": "{taylor_error:error}",
     "seconds to choose": "{plan_seconds:.2f}",
 }
 LONG = {
     "equations": "{equations}",
     "particles/s": "{per_second:,.0f}",
     "within that error": "{within:.0%}",
-    "median": "{median_error}",
-    "largest": "{error}",
+    "median": "{median_error:error}",
+    "largest": "{error:error}",
     "seconds of the first 32, choice included": "{plan_seconds:.1f}",
 }
 TASKS = {
@@ -117,8 +111,8 @@ TASKS = {
     "end alone": "{end_per_second:,.0f}",
     "101 samples": "{sampled_per_second:,.0f}",
     "whole tasks": "{per_second:,.0f}",
-    "median error": "{median_error}",
-    "error of 99 %": "{error_of_99_percent}",
+    "median error": "{median_error:error}",
+    "error of 99 %": "{error_of_99_percent:error}",
     "bytes of a record": "{record_bytes:,}",
 }
 ENGINES = {"engine": "{engine}", "overhead": "{share:.2%}"}

@@ -52,13 +52,12 @@ def _surest(endings: Sequence[Mapping[str, Any]]) -> list[str]:
         return []
     least = min(len(missed[name]) for name in most)
     best = [name for name in most if len(missed[name]) == least]
-    number, names = taken[best[0]], ", ".join(best)
-    if not least:
-        return [f"Of the {number} hard runs that anybody got through, {names} never failed."]
     scenes = ", ".join(sorted({row["scene"] for name in best for row in missed[name]}))
+    did = "got through {0} of" if least else "never failed in"
+    shares = ", ".join(f"{name} {did.format(taken[name] - least)} the {taken[name]} it takes" for name in best)
     return [
-        f"Nobody got through everything: of the {number} hard runs that anybody got through, {names} got through "
-        f"{number - least}{' each' if len(best) > 1 else ''} (missed in the scenes {scenes})."
+        f"{'Nobody got through everything: of' if least else 'Of'} the {len(passed)} hard runs that anybody got "
+        f"through, {shares}{f' (missed in the scenes {scenes})' if least else ''}."
     ]
 
 

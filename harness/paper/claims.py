@@ -5,29 +5,16 @@ from collections.abc import Iterator, Mapping
 from functools import cache, partial
 from importlib.resources import files
 from math import inf
-from string import Formatter
 from typing import Any
 
 import numpy as np
 
-from polhode.harness.common.text import in_two_digits, short
+from polhode.harness.common.text import WORDING
 from polhode.harness.paper.item import Data, Experiment, Item, Number, Section, Verdict, Word
 
 Facts = Mapping[str, Any]
-NAMED = {"short": short, "two": in_two_digits}
-
-
-class Wording(Formatter):
-    """Fields of texts: lists come with commas; `short` and `two` stand for the pages' own formats of numbers."""
-
-    def format_field(self, value: Any, format_spec: str) -> str:
-        """One field."""
-        if isinstance(value, list | tuple | np.ndarray):
-            return ", ".join(self.format_field(own, format_spec) for own in value)
-        return NAMED[format_spec](value) if format_spec in NAMED else format(value, format_spec)
-
-
-WORDING = Wording()
+# What a row of numbers may say, the last two together.
+BOUNDS, NEAR = {"value", "what", "each", "low", "high", "unit"}, {"near", "within"}
 
 
 def section(name: str, experiments: Mapping[str, Experiment]) -> Section:
@@ -44,6 +31,8 @@ def _entries() -> dict[str, tuple[str, dict[str, dict[str, Any]]]]:
     paths = [path for path in files("polhode.harness.paper.sections").iterdir() if path.name.endswith(".toml")]
     tables = {path.name.removesuffix(".toml"): tomllib.loads(path.read_text(encoding="utf-8")) for path in paths}
     known = {key: entry for table in tables.values() for key, entry in table.items() if isinstance(entry, dict)}
+    if unknown := {entry["like"] for entry in known.values() if "like" in entry} - set(known):
+        raise ValueError(f"like: got {', '.join(unknown)}, expected one of {', '.join(known)}")
     return {
         name: (
             table["title"],
@@ -76,6 +65,9 @@ def _numbers(row: Mapping[str, Any], facts: Facts) -> Iterator[Number]:
 
     Bounds are numbers or names of facts; the interval of a fact `x` is the fact `x_95`.
     """
+    if wrong := set(row) - BOUNDS - (NEAR if set(row) >= NEAR else set()):
+        expected = f"{', '.join(sorted(BOUNDS))}, or {' with '.join(sorted(NEAR))}"
+        raise ValueError(f"numbers: got {', '.join(sorted(wrong))}, expected of {expected}")
     places = range(len(facts[row["each"]])) if "each" in row else [None]
     for place in places:
 

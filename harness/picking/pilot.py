@@ -36,7 +36,7 @@ MOST_ROTATIONS, MOST_STEPS = 5_000.0, 300_000
 # start over its mean.
 TWIN_ROTATIONS, FAST, USUAL = 1_000.0, 50.0, 0.2
 # Tolerance at which a run errs by about as much whose tolerance is the error of the whole run.
-WHOLE_RUN = 1e-6
+WHOLE_RUN_TOLERANCE = 1e-6
 # Errors grow with rotations not followed: those of L, which add up at random, at most like the root, those of an angle,
 # whose rate is off, like their number and somewhat faster.
 GROWTH = {"slow": 0.5, "orientation": 1.25}
@@ -231,7 +231,7 @@ def form_sensitivity(form: Form, pilot: Pilot, solver: str = "") -> dict[str, Se
     if over_whole_run(form, solver):
         # An error of L turns into one of the angle with every rotation.
         turned = {"slow": 1.0, "orientation": 1.0 + pilot.rotations}
-        own = {want: Gain(WHOLE_RUN, WHOLE_RUN * turned[want]) for want in own}
+        own = {want: Gain(WHOLE_RUN_TOLERANCE, WHOLE_RUN_TOLERANCE * turned[want]) for want in own}
     elif not form.angles and form.name != pilot_form(scene).name and form.problem(scene).parameters is not None:
         found = form_ladder(form, scene)
         own, observables = _grown(gains(scene.ellipsoid, found), pilot.scene.time / scene.time), found[-1][1]

@@ -19,8 +19,8 @@ from polhode.harness.pages.figures.work_precision import save
 from polhode.harness.pages.tables import table
 
 ERRORS = {
-    "St": "{stokes:number}",
-    "error asked for": "{error:number}",
+    "St": "{stokes:short}",
+    "error asked for": "{error:short}",
     "runs": "{runs}",
     "within": "{within:.1%}",
     "bounded": "{bounded:.1%}",
@@ -29,7 +29,7 @@ ERRORS = {
     "in full": "{full:two}",
 }
 SPEEDS = {
-    "St": "{stokes:number}",
+    "St": "{stokes:short}",
     "bodies": "{bodies}",
     "runs": "{runs}",
     "time": "{seconds:time}",
@@ -81,7 +81,8 @@ def page(study: Study, command: str) -> str:
             f"Random starts, half of them triaxial, by `{hybrid.SOLVER}`; slow errors are the largest over "
             f"{hybrid.SAMPLES} samples, over I_max. *Within*: runs within the error asked for, or within the truth's "
             "uncertainty. *Bounded*: of the runs that state an error, those below it; *over*: median of estimate over "
-            "error. *In full*: median share of the time that the full equations follow.",
+            "error, or the uncertainty if that is larger. *In full*: median share of the time that the full equations "
+            "follow.",
             "",
             table(_errors(study.errors), ERRORS, left=0),
             *([*SPEED, table(_speeds(study.speed), SPEEDS, left=0)] if study.speed else []),
@@ -151,7 +152,7 @@ def _errors(rows: Sequence[HybridError]) -> list[dict[Any, Any]]:
     runs = pd.DataFrame(rows).dropna(subset=["slow"])
     runs["within"] = runs["slow"] <= runs[["error", "uncertainty"]].max(axis=1)
     runs["bounded"] = (runs["slow"] <= runs[["estimated", "uncertainty"]].max(axis=1)).where(runs["estimated"].notna())
-    runs["over"] = runs["estimated"] / runs["slow"]
+    runs["over"] = runs["estimated"] / runs[["slow", "uncertainty"]].max(axis=1)
     return (
         runs.groupby(["stokes", "error"])
         .agg(

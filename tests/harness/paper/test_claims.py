@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from polhode.harness.paper.claims import WORDING, judged, section
+from polhode.harness.common.text import WORDING
+from polhode.harness.paper.claims import judged, section
 from polhode.harness.paper.item import Word
 from polhode.harness.paper.sections.beyond.crossing_jumps import SPREAD, law
 from polhode.harness.paper.sections.limits.weak_inertia import turns
@@ -49,6 +50,12 @@ def test_missing_facts_and_experiments_are_errors():
         judged(ENTRY, {"kappas": ()})
     with pytest.raises(ValueError, match=r"periods.toml: got period-change, period, expected $"):
         section("periods", {})
+
+
+@pytest.mark.parametrize("wrong", [{"hihg": 1.0}, {"near": "expected"}, {"within": 0.1}])
+def test_misspelt_bounds_are_errors(wrong):
+    with pytest.raises(ValueError, match=f"numbers: got {next(iter(wrong))}, expected"):
+        judged({**ENTRY, "numbers": [{"value": "error", "what": "error", **wrong}]}, FACTS)
 
 
 def test_formats_of_the_pages():

@@ -7,8 +7,9 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
 from polhode.harness.common.fits import wilson
+from polhode.harness.common.text import WORDING
 from polhode.harness.pages.figures.style import power
-from polhode.harness.paper.claims import WORDING, Facts, section
+from polhode.harness.paper.claims import Facts, section
 from polhode.harness.paper.drawing import (
     AVERAGED,
     BLUE,

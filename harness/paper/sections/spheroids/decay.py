@@ -22,7 +22,6 @@ BODIES = tuple(
     Ellipsoid(axes) for axes in ((2.0, 1.0, 1.0), (1.0, 1.0, 0.5), (1.0, 0.8, 0.5), (1.0, 0.55, 0.3), (1.0, 0.95, 0.5))
 )
 STOKES, AWAY = 1e5, 0.03
-MODES = ("Lx", "Ly", "Lz", "wobble")
 # From so large L, in units of I_max, and for so many of its decay times.
 LARGE, LARGE_STOKES = 1e3, 1e4
 
@@ -111,7 +110,6 @@ def facts_decay(data: Data) -> Facts:
         "bodies": ", ".join(axes_of(body) for body in BODIES),
         "stokes": STOKES,
         "away": AWAY,
-        "modes": MODES,
         "count": len(off),
         "worst": off.max(),
         "off": [off[table["mode"] == mode].max() for mode in range(4)],
