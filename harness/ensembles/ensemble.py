@@ -111,7 +111,7 @@ class Ensemble:
             return f"Dormand and Prince's pair, averaging's error up to {scientific(AVERAGING / self.stokes)}"
         if self.equations == "hybrid":
             alone = f"{SOLVER}, error {scientific(self.tolerance)}"
-            return alone if (least := least_of(self)) == inf else f"averaged, below |L| = {least:.2g} {alone}"
+            return alone if (least := least_of(self)) == inf else f"averaged, below |L| = {least:.2g} I_max {alone}"
         chosen = plan_of(self)
         return "Taylor's method" if chosen is None else f"{chosen.method}, error {scientific(chosen.error)}"
 

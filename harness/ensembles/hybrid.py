@@ -38,7 +38,7 @@ Array = np.ndarray
 
 
 def least_momentum(scene: Scene, sample: Array, tolerance: float) -> float:
-    """|L| down to which averaging to first order keeps the error, in the averaged form's unit; inf if nowhere.
+    """|L| over I_max down to which averaging to first order keeps the error; inf if nowhere.
 
     Parameters
     ----------
@@ -58,12 +58,13 @@ def least_momentum(scene: Scene, sample: Array, tolerance: float) -> float:
     exact = form.observe(scene, states[:, known].reshape(-1, states.shape[2])).slow.reshape(PATH, -1, 4)
     path, _ = averaged(scene, sample[known], times, tolerance)
     slow = find_form(averaged_form(scene)).observe(scene, path.reshape(-1, 4)).slow.reshape(exact.shape)
-    errors, least = np.abs(slow - exact).max(axis=(0, 2)) / unit, least_on_the_way(path)
+    errors, least = np.abs(slow - exact).max(axis=(0, 2)) / unit, least_on_the_way(scene, path)
     order = np.argsort(-least)
-    good = np.flatnonzero(np.cumsum(~(errors[order] <= tolerance)) <= MISSED * np.arange(1, len(order) + 1))
+    missed = ~(errors[order] <= tolerance)
+    good = np.flatnonzero((np.cumsum(missed) <= MISSED * np.arange(1, len(order) + 1)) & ~missed)
     if not len(good):
         return inf
-    return float(least[order[good[-1]]]) * (BEYOND if good[-1] + 1 == len(order) else 1.0)
+    return float(least[order[good[-1]]]) * (1.0 if missed.any() else BEYOND)
 
 
 def run_hybrid(
@@ -71,14 +72,15 @@ def run_hybrid(
 ) -> tuple[Array, Array]:
     """States of the full equations, shape (m, n, d), with NaN from where one failed, and statuses.
 
-    Parameters as of `least_momentum`, which makes `least`; phases are drawn from `random`.
+    `times` are evenly spaced from 0: the averaged path, on which |L| is looked at, has whole multiples of them.
+    Other parameters as of `least_momentum`, which makes `least`; phases are drawn from `random`.
     """
     if least == inf:
         return run_alone(scene, starts, times, tolerance)
     every = -(-(PATH - 1) // (len(times) - 1))
     path, statuses = averaged(scene, starts, np.linspace(0.0, times[-1], every * (len(times) - 1) + 1), tolerance)
     states = np.concatenate([starts[None], posed(scene, starts, path[every::every], random)])
-    small = ~(least_on_the_way(path) >= least)
+    small = ~(least_on_the_way(scene, path) >= least)
     doubtful = np.flatnonzero(small | (statuses != str(Status.REACHED_END)))
     states[:, doubtful], statuses[doubtful] = run_alone(scene, starts[doubtful], times, tolerance)
     return states, statuses
@@ -98,9 +100,12 @@ def averaged(scene: Scene, starts: Array, times: Array, tolerance: float) -> tup
     return run_adaptive(problem, slow, times / scene.stokes, tolerance / AVERAGED)
 
 
-def least_on_the_way(path: Array) -> Array:
-    """The least |L| of averaged states on their way, shape (n,), in their own unit; straight from time to time."""
+def least_on_the_way(scene: Scene, path: Array) -> Array:
+    """The least |L| over I_max of averaged states on their way, shape (n,); straight from time to time."""
+    body = scene.ellipsoid
     momentum = path[..., :3]
+    if body.kind != "triaxial":
+        momentum = momentum * (Spheroid.of(body).equatorial_inertia / max(body.inertia))
     here, way = momentum[:-1], np.diff(momentum, axis=0)
     length = np.maximum(np.sum(way**2, axis=-1), 1e-300)
     share = np.clip(-np.sum(here * way, axis=-1) / length, 0, 1)

@@ -178,7 +178,8 @@ class Splitting(PartsSolver):
 class SplittingExtended(Splitting):
     """`Splitting` in x86's long double: for orientations of long runs, tighter than rounding to double lets them be.
 
-    A flow takes some four times as long. Rows are rounded to double, of which a start knows no more.
+    A flow takes some four times as long. Rows are rounded to double, which is how exactly
+    the start is known.
     """
 
     name = "splitting-extended"

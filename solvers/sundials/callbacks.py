@@ -27,7 +27,7 @@ class Callbacks:
     """A problem bound to one of scikit-sundae's classes, ``CVODE`` or ``IDA``."""
 
     def __init__(self, library: type, problem: Problem, settings: Settings, **options: Any) -> None:
-        self.implicit, self.calls = library.__name__ == "IDA", 0
+        self.implicit, self.calls, self.seen = library.__name__ == "IDA", 0, -np.inf
         self.record: Record | None = None
         self.mass, values = posed(problem, self.implicit)
         callback, parameters = array_callback(problem, settings.backend, values)
@@ -95,7 +95,7 @@ class Callbacks:
             result = self.library.step(time, tstop=float(record.times[-1]))
             record.work.jacobians = result.njev
             if not result.success:
-                return FAILURES.get(result.status, (Status.NON_FINITE,))[0], result.message
+                return _failed(result)
             record.put(result.y[None])
         return Status.REACHED_END, ""
 
@@ -107,7 +107,7 @@ class Callbacks:
             result = self.library.step(end if steps else times[1], method="onestep", tstop=end)
             work.jacobians = result.njev
             if not result.success:
-                return FAILURES.get(result.status, (Status.NON_FINITE,))[0], result.message
+                return _failed(result)
             # After an interpolation the library first hands back the step it has.
             steps, reached = steps + (result.t > reached), result.t
             work.steps = steps
@@ -118,3 +118,8 @@ class Callbacks:
                 return Status.REACHED_END, ""
             if steps >= record.max_steps:
                 return Status.STEP_LIMIT, f"{steps} steps"
+
+
+def _failed(result: Any) -> Outcome:
+    """The status of a library's failure, and its own words."""
+    return FAILURES.get(result.status, (Status.NON_FINITE,))[0], result.message

@@ -88,7 +88,7 @@ def test_particles_of_small_momentum_go_one_by_one(monkeypatch: pytest.MonkeyPat
     scene, drawn = drawn_of(PROLATE, 40)
     starts, times = drawn.states("spheroid-axis", PROLATE), np.array([0.0, scene.time])
     path, _ = hybrid.averaged(scene, starts, np.linspace(0, scene.time, hybrid.PATH), 1e-4)
-    least = hybrid.least_on_the_way(path)
+    least = hybrid.least_on_the_way(scene, path)
     fine, _ = hybrid.averaged(scene, starts, np.linspace(0, scene.time, 1601), 1e-4)
     assert least == pytest.approx(np.linalg.norm(fine[..., :3], axis=2).min(axis=0), rel=0.2)
     limit = float(np.sort(least)[5])
@@ -96,7 +96,7 @@ def test_particles_of_small_momentum_go_one_by_one(monkeypatch: pytest.MonkeyPat
     def alone(scene: Scene, starts: np.ndarray, times: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
         """Averaging errs for those of small |L| alone."""
         at = hybrid.averaged(scene, starts, times, tolerance)[0]
-        wrong = hybrid.least_on_the_way(path)[: len(starts)] < limit
+        wrong = hybrid.least_on_the_way(scene, path)[: len(starts)] < limit
         at[:, :, :3] += 1e-3 * wrong[: at.shape[1], None]
         return hybrid.posed(scene, starts, at, np.random.default_rng(1)), np.full(len(starts), "reached_end", object)
 
@@ -107,6 +107,28 @@ def test_particles_of_small_momentum_go_one_by_one(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(hybrid, "run_alone", lambda scene, some, *rest: given.append(some) or alone(scene, some, *rest))
     hybrid.run_hybrid(scene, starts, times, 1e-4, limit, np.random.default_rng(1))
     assert np.array_equal(given[0], starts[least < limit])
+
+
+@pytest.mark.parametrize("share", [0.99, np.nan])
+def test_nothing_is_left_to_averaging_beyond_one_that_misses(share: float, monkeypatch: pytest.MonkeyPatch):
+    scene, drawn = drawn_of(PROLATE, hybrid.SAMPLE)
+    starts, plain, random = drawn.states("spheroid-axis", PROLATE), hybrid.averaged, np.random.default_rng(1)
+    least = hybrid.least_on_the_way(scene, plain(scene, starts, np.linspace(0, scene.time, hybrid.PATH), 1e-4)[0])
+
+    def spoiled(*given) -> tuple[np.ndarray, np.ndarray]:
+        """That of the least |L| is wrong, or none."""
+        path, statuses = plain(*given)
+        path[:, np.argmin(least)] *= share
+        return path, statuses
+
+    def alone(scene: Scene, starts: np.ndarray, times: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+        path, statuses = plain(scene, starts, times, tolerance)
+        return hybrid.posed(scene, starts, path, random), statuses
+
+    monkeypatch.setattr(hybrid, "run_alone", alone)
+    assert hybrid.least_momentum(scene, starts, 1e-4) == pytest.approx(hybrid.BEYOND * least.min())
+    monkeypatch.setattr(hybrid, "averaged", spoiled)
+    assert hybrid.least_momentum(scene, starts, 1e-4) == pytest.approx(np.sort(least)[1])
 
 
 def test_averaging_is_not_tried_where_its_error_shows():
@@ -125,6 +147,7 @@ def test_hybrid_particles_have_the_moments_of_full_ones(monkeypatch: pytest.Monk
     full = Ensemble(TRIAXIAL, 1e4, 2e3, STARTS, particles=400, block=400, tolerance=1e-4, samples=5, snapshots=3)
     many = replace(full, equations="hybrid", tolerance=2e-2)
     assert many.method.startswith("averaged, below |L|")
+    assert " I_max cyrk" in many.method
     by_full, by_hybrid = full.run(0), many.run(0)
     assert by_hybrid.finished == 400
     assert np.abs(slow_means(by_hybrid)[0] - slow_means(by_full)[0]).max() < 2e-2

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from polhode.harness.common import cache
+from polhode.harness.references import certificate
 from polhode.harness.references import reference as module
 from polhode.harness.references.certificate import UncertifiedError, certify, expected_times, pieces
 from polhode.harness.references.errors import errors
@@ -77,11 +78,11 @@ def test_uncertainty_is_no_smaller_than_what_half_an_ulp_makes():
     ],
 )
 def test_references_are_certified_by_another_form_and_method(scene: Scene, form: str, by: tuple[str, str]):
-    certificate = reference(scene, form, 11).certificate
-    assert (certificate.form, certificate.solver) == by
-    assert certificate.pieces >= 20
-    assert 0 < certificate.ratio <= 1
-    assert certificate.back == (0 if scene.stokes == 0 else 24)
+    found = reference(scene, form, 11).certificate
+    assert (found.form, found.solver) == by
+    assert found.pieces >= 20
+    assert 0 < found.ratio <= 1
+    assert found.back == (0 if scene.stokes == 0 else 24)
 
 
 @pytest.mark.parametrize("component", range(7))
@@ -107,6 +108,21 @@ def test_a_certificate_notices_wrong_equations():
     states = module.extended_run(wrong, times, "long double", 1e-19)
     with pytest.raises(UncertifiedError, match="times the method's error"):
         certify(scene, form, dict(zip(times.tolist(), states, strict=True)), module._flow(wrong))
+
+
+def test_rounding_of_many_steps_hides_no_error_of_momentum():
+    """An ulp for each of the 2,000 steps would hide it."""
+    scene, form = replace(named_scene("spheroid"), stokes=1e4, time=500.0), find_form("quaternion")
+    rows = module.extended_run(form.problem(scene), np.array([0.0, 500.0]), "long double", 1e-19)
+    before, after = (certificate.observe(form, scene, row[None]) for row in rows)
+    off = replace(after, angular_momentum=after.angular_momentum + 1e-13)
+    honest, wrong = (
+        certificate._other_form(scene, certificate.opposite(scene, form), before, each, 500.0) for each in (after, off)
+    )
+    assert honest is not None
+    assert honest[0] <= 1
+    assert wrong is not None
+    assert wrong[0] > 1
 
 
 @pytest.mark.parametrize("name", ["paper", "plate", "stiff", "rest-1e8", "long"])
