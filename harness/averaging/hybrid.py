@@ -1,9 +1,8 @@
 """Errors and cost of `hybrid` on random starts, against the full equations."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from math import nan
-from pathlib import Path
 from time import perf_counter, process_time
 
 import numpy as np
@@ -11,8 +10,9 @@ from tqdm import tqdm
 
 from polhode.harness.api import plan
 from polhode.harness.common import cache
+from polhode.harness.common.machine import here
 from polhode.harness.common.plain_json import digest
-from polhode.harness.common.tables import read_table, write_table
+from polhode.harness.common.store import Record
 from polhode.harness.references.errors import errors
 from polhode.harness.references.extended import extended_run
 from polhode.models.catalogue import form as find_form
@@ -245,9 +245,10 @@ def measure(old: "Study | None", part: str, *, quick: bool, quiet: bool) -> "Stu
     """Both parts, or one of them anew; quick: a few starts, and no times."""
     study = old or Study([], [])
     if part in ("", "errors"):
-        study = replace(study, errors=measure_errors(list(random_scenes(8 if quick else RANDOM)), quiet))
+        rows = measure_errors(list(random_scenes(8 if quick else RANDOM)), quiet)
+        study = replace(study, errors=rows, timed={**study.timed, "errors": here()})
     if part in ("", "speed") and not quick:
-        study = replace(study, speed=measure_speed(quiet))
+        study = replace(study, speed=measure_speed(quiet), timed={**study.timed, "speed": here()})
     return study
 
 
@@ -257,14 +258,4 @@ class Study:
 
     errors: Sequence[HybridError]
     speed: Sequence[Speed]
-
-
-def write(study: Study, folder: Path) -> None:
-    """Write the tables into a folder."""
-    write_table(folder / "errors.csv", HybridError, study.errors)
-    write_table(folder / "speed.csv", Speed, study.speed)
-
-
-def read(folder: Path) -> Study:
-    """Read what `write` wrote; raises ValueError where that is missing."""
-    return Study(read_table(folder / "errors.csv", HybridError), read_table(folder / "speed.csv", Speed))
+    timed: Mapping[str, Record] = field(default_factory=dict)

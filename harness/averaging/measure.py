@@ -10,7 +10,7 @@ from tqdm import tqdm
 
 from polhode.harness.averaging.cases import QUICK, Subject, paper_cases
 from polhode.harness.averaging.data import Absent, AveragingErrors, Each, PaperStudy
-from polhode.harness.common.machine import machine, now, versions
+from polhode.harness.common.machine import here
 from polhode.harness.references.errors import errors
 from polhode.harness.references.reference import ReferenceFailedError, reference
 from polhode.models.catalogue import averaged_form
@@ -79,5 +79,4 @@ def measure_all(*, quick: bool = False, quiet: bool = False) -> PaperStudy:
     def place(row: AveragingErrors | Absent) -> tuple[int, str, float]:
         return order.index(row.subject), row.form, row.stokes
 
-    here = {"date": now(), "machine": machine(), "versions": versions()}
-    return PaperStudy(sorted(rows, key=place), sorted(absent, key=place), {"errors": here})
+    return PaperStudy(sorted(rows, key=place), sorted(absent, key=place), {"errors": here()})

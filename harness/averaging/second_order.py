@@ -12,8 +12,7 @@ from tqdm import tqdm
 
 from polhode.harness.averaging.cases import AWAY, CROSSING, RESONANT, Subject
 from polhode.harness.averaging.data import Cost, Passage, SecondOrderErrors, SecondOrderStudy
-from polhode.harness.common.machine import machine, now, versions
-from polhode.harness.common.store import Record
+from polhode.harness.common.machine import here
 from polhode.harness.references.errors import Errors, errors
 from polhode.harness.references.extended import extended_run
 from polhode.models.catalogue import averaged_form, full_form
@@ -186,11 +185,11 @@ def measure_study(
     if part in ("", "resonances"):
         resonances = _rows("resonances", RESONANT[:cases], quiet, measure_passage, points)
         crossings = _rows("crossings", CROSSING[:cases], quiet, partial(measure_passage, whole=False), points)
-        timed = {**study.timed, "passages": _here(PASSAGE_REPEATS)}
+        timed = {**study.timed, "passages": here(repeats=PASSAGE_REPEATS)}
         study = replace(study, resonances=resonances, crossings=crossings, timed=timed)
     if part in ("", "cost") and not quick:
         cost = list(tqdm(costs(), "cost", leave=False, disable=quiet or None))
-        study = replace(study, cost=cost, timed={**study.timed, "cost": _here(REPEATS)})
+        study = replace(study, cost=cost, timed={**study.timed, "cost": here(repeats=REPEATS)})
     return study
 
 
@@ -199,10 +198,6 @@ def _rows(
 ) -> list[Any]:
     tasks = [(case, stokes) for case in cases for stokes in case.stokes[:points]]
     return [take(*task) for task in tqdm(tasks, what, leave=False, disable=quiet or None)]
-
-
-def _here(repeats: int) -> Record:
-    return {"date": now(), "machine": machine(), "versions": versions(), "repeats": repeats}
 
 
 def _known(value: float | None) -> float:

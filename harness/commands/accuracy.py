@@ -1,5 +1,6 @@
 """`polhode accuracy`: how far the averaged equations are from the full ones, as St grows."""
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -47,7 +48,7 @@ def accuracy(
     from polhode.harness.references.reference import ReferenceFailedError
 
     pages: dict[str, Any] = {"1": first_order, "2": second_order, "hybrid": hybrid}
-    kinds: dict[str, Any] = {"1": PaperStudy, "2": SecondOrderStudy}
+    kinds: dict[str, Any] = {"1": PaperStudy, "2": SecondOrderStudy, "hybrid": hybrid_study.Study}
     page, out = pages[order], out or FOLDERS[order]
     with bad_input():
         if quick + bool(part) + page_only > 1:
@@ -55,9 +56,7 @@ def accuracy(
         if part and part not in PARTS[order]:
             fitting = next(each for each, parts in PARTS.items() if part in parts)
             raise ValueError(f"--part: got --order {order}, expected --order {fitting} for {part!r}")
-        found: Any = None
-        if part or page_only:
-            found = read_study(kinds[order], out) if order in kinds else hybrid_study.read(out)
+        found: Any = read_study(kinds[order], out) if part or page_only else None
         out.mkdir(parents=True, exist_ok=True)
     try:
         if order == "1" and not page_only:
@@ -68,5 +67,8 @@ def accuracy(
     except ReferenceFailedError as error:
         raise RunFailed(str(error)) from None
     page.write_page(found, out, "polhode accuracy" + f" --order {order}" * (order != "1") + " --quick" * quick)
-    click.echo(dumps(page.as_json(found)) if as_json else page.as_text(found))
+    if as_json:
+        click.echo(dumps(page.as_json(found) if order == "1" else asdict(found)))
+    else:
+        click.echo(page.as_text(found) if order == "1" else "\n".join(page.findings(found)))
     click.echo(str(out / "README.md"), err=True)

@@ -45,15 +45,21 @@ def now() -> str:
     return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
+def here(**more: Any) -> dict[str, Any]:
+    """What is kept of when and where something was measured."""
+    return {"date": now(), "machine": machine(), "versions": versions(), **more}
+
+
 def header(title: str, command: str, records: Sequence[Mapping[str, Any]]) -> list[str]:
-    """First lines of a page: the command that made it, dates, machines and versions."""
-    machines = dict.fromkeys(_place(record) for record in records)
+    """First lines of a page: the command that made it, dates, machines and versions, where these were kept."""
+    machines = dict.fromkeys(_place(record) for record in records if "machine" in record)
+    where = f" on {' and '.join(machines)}" if machines else ""
     return [
         f"# {title}",
         "",
         f"Made by `{command}`. Do not edit: the next run overwrites this page.",
         "",
-        f"Measured {dates(records)} on {' and '.join(machines)}.{_disturbed(records)}",
+        f"Measured {dates(records)}{where}.{_disturbed(records)}",
         "",
     ]
 

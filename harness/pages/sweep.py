@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from polhode.harness.common.files import PartialFile, write_file
-from polhode.harness.common.machine import header, machine, now, versions
+from polhode.harness.common.machine import header, here
 from polhode.harness.common.store import Store
 from polhode.harness.common.text import markdown
 from polhode.harness.ensembles.summary import (
@@ -79,7 +79,7 @@ def _page(sweep: Sweep, ensembles: list[dict[str, Any]], names: list[str], pictu
     table = markdown(columns, lines, right=(1, 3, 4))
     files = "\n".join(f"- [{name}]({name}): {FILES[name][1]}" for name in names)
     shown = "\n".join(f"## {shape}\n\n![Moments, L_z and arrivals]({name}.png)\n" for name, shape in pictures)
-    top = header(sweep.title, "polhode sweep", [{"machine": machine(), "versions": versions(), "date": now()}])
+    top = header(sweep.title, "polhode sweep", [here()])
     return (
         "\n".join([*top, table]) + "\n"
         "Times are in units of the inverse shear rate, L and E over the largest moment of inertia. Failed particles "

@@ -1,7 +1,6 @@
 """The page of the study of the form `hybrid`: how often it keeps its word, and how fast it is."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
 from math import isfinite, isnan
 from pathlib import Path
 from statistics import median, quantiles
@@ -10,9 +9,10 @@ from typing import Any
 import pandas as pd
 
 from polhode.harness.averaging import hybrid
+from polhode.harness.averaging.data import write_study
 from polhode.harness.averaging.hybrid import HybridError, Speed, Study
 from polhode.harness.common.files import write_file
-from polhode.harness.common.machine import header, machine, now, versions
+from polhode.harness.common.machine import header
 from polhode.harness.common.text import in_two_digits, short
 from polhode.harness.pages.figures.averaging import errors_and_speed
 from polhode.harness.pages.figures.work_precision import save
@@ -49,27 +49,17 @@ SPEED = (
 
 def write_page(study: Study, folder: Path, command: str) -> None:
     """Write the page and its data into a folder."""
-    hybrid.write(study, folder)
+    write_study(study, folder)
     save(errors_and_speed(study), folder, "errors")
     write_file(folder / "README.md", page(study, command))
 
 
-def as_json(study: Study) -> dict[str, Any]:
-    """All that was measured, as plain data."""
-    return asdict(study)
-
-
-def as_text(study: Study) -> str:
-    """What was found, for a terminal."""
-    return "\n".join(findings(study))
-
-
 def page(study: Study, command: str) -> str:
     """The report as Markdown."""
-    here = {"date": now(), "machine": machine(), "versions": versions()}
+    timed = [study.timed.get(part, {}) for part in hybrid.PARTS if getattr(study, part)]
     return "\n".join(
         [
-            *header("Form hybrid: errors and speed", command, [here]),
+            *header("Form hybrid: errors and speed", command, timed),
             *(f"- {sentence}" for sentence in findings(study)),
             "",
             "![Error measured against the one asked for; speed against a full solution](errors.png)",

@@ -59,16 +59,6 @@ def write_page(study: SecondOrderStudy, folder: Path, command: str) -> None:
     write_file(folder / "README.md", page(study, fitted, command))
 
 
-def as_text(study: SecondOrderStudy) -> str:
-    """What was found, for a terminal."""
-    return "\n".join(findings(study))
-
-
-def as_json(study: SecondOrderStudy) -> dict[str, Any]:
-    """All that was measured, as plain data."""
-    return asdict(study)
-
-
 def page(study: SecondOrderStudy, fitted: Sequence[Slope], command: str) -> str:
     """The report as Markdown."""
     return "\n".join(

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from polhode.harness.averaging.data import TIMED, read_study, write_study
 from polhode.harness.averaging.hybrid import (
     ERRORS,
     SLOW_TIMES,
@@ -17,9 +18,8 @@ from polhode.harness.averaging.hybrid import (
     Study,
     measure_errors,
     random_scenes,
-    read,
-    write,
 )
+from polhode.harness.common.machine import here
 from polhode.harness.pages.averaging.hybrid import findings, page
 from polhode.models.scene import Scene
 
@@ -42,9 +42,18 @@ def test_starts_are_spread_over_shapes_stokes_numbers_and_times():
 
 
 def test_rows_come_back_from_their_files(tmp_path: Path):
-    study = Study([ROW, BAD], SPEEDS)
-    write(study, tmp_path)
-    assert read(tmp_path) == study
+    study = Study([ROW, BAD], SPEEDS, {"errors": here(), "speed": here()})
+    write_study(study, tmp_path)
+    assert read_study(Study, tmp_path) == study
+    assert "unknown date" not in page(study, "polhode")
+    (tmp_path / TIMED).unlink()
+    assert read_study(Study, tmp_path) == replace(study, timed={})
+
+
+def test_a_page_says_when_each_part_was_measured():
+    said = [page(Study([ROW], SPEEDS, timed), "polhode") for timed in ({}, {"speed": here(date="2026-01-02")})]
+    assert "Measured on an unknown date.\n" in said[0]
+    assert "Measured on 2026-01-02, and on unknown dates on " in said[1]
 
 
 def test_findings_count_what_was_kept():
@@ -53,7 +62,7 @@ def test_findings_count_what_was_kept():
     assert "within the one asked for in 66.7 % of the runs" in said
     assert "2 of 3 runs state an error of their own: it bounds the one measured in 50 %, and is 2.2 times" in said
     assert "the right way up in 66.7 % of 3 runs" in said
-    assert "50 times as fast as the best full solution in the median" in said
+    assert "50 times as fast as the faster one of cyrk-vern8 and taylor in the median" in said
     assert "took 250 ms in the median, 250 at most, when not seen before; read from disk 4 ms in the" in said
     text = page(Study([ROW, BAD], SPEEDS), "polhode accuracy --order hybrid")
     assert "## Speed" in text
