@@ -19,7 +19,7 @@ from polhode.models.observables import Observables, angular_velocity
 from polhode.models.scene import Scene, start_from
 from polhode.solvers.contract import Status, installed
 from polhode.solvers.dense_output import LikeSolveIvp
-from polhode.solvers.pieces import AVERAGED, Stage
+from polhode.solvers.pieces import Stage
 from polhode.solvers.solve import Solution, described
 
 if TYPE_CHECKING:
@@ -119,7 +119,7 @@ class SceneSolution(LikeSolveIvp):
         """The pieces, one a line, the first ones if there are many."""
         lines = [
             f"t₂ = {each.begin:.3g} to {each.end:.3g}: {each.reason}"
-            f"{'' if each.reason == AVERAGED else ', full equations'}, error {scientific(each.error)}"
+            f"{'' if each.averaged else ', full equations'}, error {scientific(each.error)}"
             for each in self.pieces
         ]
         return lines if len(lines) <= most else [*lines[: most - 1], f"{len(lines) - most + 1} pieces more"]

@@ -98,6 +98,8 @@ class Piece:
         What the solver is asked for here; by default what it is asked for in the whole run.
     then : callable, optional
         The course from its end on, where that is another one.
+    averaged : bool
+        Whether its equations are averaged ones.
     """
 
     problem: "Problem"
@@ -108,6 +110,7 @@ class Piece:
     angle: float = 0.0
     tolerance: float | None = None
     then: "Course | None" = None
+    averaged: bool = False
 
 
 Course = Callable[[float, np.ndarray, float], Piece]

@@ -205,6 +205,10 @@ class Solver(ABC):
     closed_form: ClassVar[bool] = False
     # Chooses its step over many periods, so that a run of less than a few is not what it is for.
     many_periods: ClassVar[bool] = False
+    # Chooses its order by the tolerance: errors of looser runs say little of its own, and steps differ in cost.
+    order_by_tolerance: ClassVar[bool] = False
+    # Errors in windows of the full equations are what `hybrid` counts with, so that its pieces' bounds hold.
+    keeps_windows: ClassVar[bool] = False
     backends: ClassVar[tuple[Backend, ...]] = ("numba", "python")
     jacobians: ClassVar[tuple[Jacobian, ...]] = ()
     error_constant: ClassVar[float]

@@ -152,6 +152,7 @@ class Vern8(CyrkSolver):
     name = "cyrk-vern8"
     summary = "Verner's explicit Runge-Kutta 8(7), compiled (CyRK)"
     method = "Vern8"
+    keeps_windows = True
     error_constant = 600.0  # 193 measured
 
 
@@ -161,6 +162,7 @@ class Vern7(CyrkSolver):
     name = "cyrk-vern7"
     summary = "Verner's explicit Runge-Kutta 7(6), compiled (CyRK)"
     method = "Vern7"
+    keeps_windows = True
     error_constant = 200.0  # 65 measured
 
 

@@ -16,8 +16,6 @@ from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solv
 
 # Growth of an angle, in rad, after which it is wrapped: small against what a tolerance relative to it would lose.
 WRAP_AFTER = 100 * pi
-# What an averaged piece says of itself, as reason.
-AVERAGED = "second order"
 # Times closer than this share of the run count as the same one.
 CLOSE = 1e-12
 
@@ -32,6 +30,7 @@ class Stage:
     error: float
     steps: int | None
     angle: float = 0.0
+    averaged: bool = False
 
 
 class Run:
@@ -119,7 +118,8 @@ class Run:
         else:
             self.work = record.work
         begin, self.now = self.now, min(record.reached, piece.end) if record.filled < len(record.times) else piece.end
-        self.stages.append(Stage(begin, self.now, piece.reason, piece.error, record.work.steps, piece.angle))
+        own = piece.reason, piece.error, record.work.steps, piece.angle, piece.averaged
+        self.stages.append(Stage(begin, self.now, *own))
 
 
 def _crash(error: Exception, solver: str) -> Outcome:

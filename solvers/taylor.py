@@ -77,6 +77,7 @@ class Taylor(Solver):
     package = "heyoka"
     family = "heyoka"
     backends = ("compiled",)
+    order_by_tolerance = keeps_windows = True
     error_constant = 20.0  # 6 measured
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:

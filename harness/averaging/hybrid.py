@@ -234,7 +234,7 @@ def _best_full(scene: Scene, times: np.ndarray, true: Observables) -> tuple[str,
 
 
 def _share(pieces: Sequence[Stage], whole: float) -> float:
-    return sum(each.end - each.begin for each in pieces if each.reason != "second order") / whole
+    return sum(each.end - each.begin for each in pieces if not each.averaged) / whole
 
 
 def _axes(scene: Scene) -> str:

@@ -32,7 +32,7 @@ BEYOND = 0.4
 # Times at which |L| is looked at, at least.
 PATH = 65
 # The error asked for over the tolerance of averaged equations: near L² = 2EI₂ they lose digits.
-AVERAGED = 1e4
+ERROR_OVER_TOLERANCE = 1e4
 
 Array = np.ndarray
 
@@ -97,7 +97,7 @@ def averaged(scene: Scene, starts: Array, times: Array, tolerance: float) -> tup
         momentum, axis = starts[:, :3], starts[:, 3:]
         spin = np.sum(momentum * axis, axis=1) / Spheroid.of(scene.ellipsoid).inertia_ratio
         slow = np.column_stack([momentum, spin])
-    return run_adaptive(problem, slow, times / scene.stokes, tolerance / AVERAGED)
+    return run_adaptive(problem, slow, times / scene.stokes, tolerance / ERROR_OVER_TOLERANCE)
 
 
 def least_on_the_way(scene: Scene, path: Array) -> Array:

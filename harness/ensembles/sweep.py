@@ -16,6 +16,7 @@ from polhode.harness.common.machine import machine
 from polhode.harness.common.store import Record, Store
 from polhode.harness.ensembles.engines import Engine
 from polhode.harness.ensembles.ensemble import AVERAGING, Ensemble, Equations, Task, run_task
+from polhode.harness.ensembles.hybrid import ERROR_OVER_TOLERANCE
 from polhode.harness.ensembles.starts import Starts
 from polhode.harness.ensembles.statistics import Statistics
 from polhode.harness.studies.study_file import Name, StokesNumbers
@@ -28,8 +29,6 @@ NO_TIMES = "no times: tasks may run side by side"
 # Seconds after which the store is asked again what another run has added.
 REFRESH = 5.0
 DEFAULT_TOLERANCE = 1e-6
-# The error asked for over the tolerance of averaged equations, where they are chosen: near L² = 2EI₂ they lose digits.
-AVERAGED = 1e4
 # Keys of a sweep file that an ensemble takes as they are.
 SHARED = {"particles", "block", "seed", "samples", "snapshots", "bins", "radius"}
 
@@ -180,7 +179,7 @@ def _ensemble(table: SweepTable, shape: list[float], stokes: float) -> Ensemble:
     equations, tolerance = table.equations or "full", table.tolerance or DEFAULT_TOLERANCE
     # Where averaging is good enough it is the cheaper by far: its cost does not grow with St.
     if not table.equations and AVERAGING / tolerance <= stokes < inf and table.start.motion != "rest":
-        equations, tolerance = "averaged", tolerance / AVERAGED
+        equations, tolerance = "averaged", tolerance / ERROR_OVER_TOLERANCE
     return Ensemble(
         Ellipsoid((a, b, c)),
         stokes,

@@ -26,7 +26,7 @@ ERROR_PER_TOLERANCE, WINDOWS = 100.0, 0.2
 # What the full equations cost in accuracy: error of L and E over the tolerance, per radian that the body turns.
 PER_RADIAN = 1.5e-2
 # Tolerance of averaged pieces, which cost nothing, and those of windows: some solvers compile for each one anew.
-AVERAGED, FULL = 1e-12, (1e-8, 1e-10, 1e-12, 1e-14)
+AVERAGED_TOLERANCE, FULL = 1e-12, (1e-8, 1e-10, 1e-12, 1e-14)
 # A run of so few turns costs less than to look ahead.
 SHORT = 1000
 # Turns by which a window is lengthened where no slow state belongs to its end.
@@ -64,7 +64,8 @@ class HybridCourse:
             else:
                 angle = self.angle(end - time, stretch.error) + stretch.swing
                 later = replace(later, spent=self.spent + stretch.error)
-                return Piece(problem, end, states, "second order", stretch.error, angle, AVERAGED, later)
+                own = stretch.error, angle, AVERAGED_TOLERANCE
+                return Piece(problem, end, states, "second order", *own, later, averaged=True)
         elif stretch.decisive:
             later = replace(self, stretches=())
         full = find_form(full_form(scene)).problem(scene)

@@ -45,7 +45,7 @@ def full_run(scene: Scene) -> Solution:
 
 def kinds(solution: Solution) -> list[bool]:
     """Which stages were averaged."""
-    return [stage.reason == "second order" for stage in solution.stages]
+    return [stage.averaged for stage in solution.stages]
 
 
 @SCENES
@@ -66,7 +66,7 @@ def test_the_error_along_the_run_is_below_the_one_asked_for(scene: Scene):
 @pytest.mark.parametrize("scene", [CROSSING, replace(PINCHED, start=REST)])
 def test_hand_over_there_and_back_is_exact_to_rounding(scene: Scene):
     solution = run(scene, 1e-4)
-    reached = [stage.begin for stage in solution.stages if stage.reason == "second order"]
+    reached = [stage.begin for stage in solution.stages if stage.averaged]
     times = np.unique([0.0, *reached, scene.time])
     states = solve(Hybrid().problem(scene), SOLVER, 1e-6, times).states
     course = Hybrid().problem(scene).course
