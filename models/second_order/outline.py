@@ -1,8 +1,8 @@
 """Where a run can be followed by averaging to second order, and how wrong it is there, before anything is solved.
 
 The first-order solution says where the run goes. Along it rho, the size of the near-identity transformation over St,
-is what each order of averaging is smaller by than the one before. An error made at a time counts as often as it comes
-out of the resonances behind it: it shifts their phases, and so the kicks that they give.
+is what each order of averaging is smaller by than the one before. Later kicks amplify an error: it shifts the phases of
+the resonances behind it, and so what these give.
 """
 
 from dataclasses import dataclass, replace
@@ -19,17 +19,18 @@ Array = np.ndarray
 
 # Above this rho the expansion in 1/St means nothing.
 MEANINGLESS = 0.35
-# Third-order terms over what rho makes of those of second order, so that estimates bound most runs.
+# Third-order terms over what rho makes of those of second order, so that estimates bound most runs; chosen by trial.
 MARGIN = 4.5
 # The highest harmonic of the torque: where the phase is wrong by φ, the swing is by so many φ rho.
 HARMONIC = 2
-# Shares of the error asked for that averaging and the kicks left out may cost, the latter together; one alone.
+# Shares of the error asked for that averaging and the kicks left out may cost, the latter together; one alone, half of
+# that. Chosen by trial.
 SHARE, LEFT_OUT, ONE = 0.5, 0.3, 0.15
 # Kicks of random phases stay below so many times the root of the sum of their squares in 97.5 %.
 RANDOM = 1.6
 # Turns of the body that a stretch between windows lasts at least, lest it cost more than it saves.
 TURNS = 300
-# Share of the slowest damping rate at which errors are forgotten; levels between which windows are chosen.
+# Share of the slowest damping rate at which errors are forgotten, by trial; levels between which windows are chosen.
 FADING, LEVELS = 0.15, 30
 
 # Reasons for which averaging means nothing, and a first-order path beyond them little.
@@ -47,7 +48,7 @@ class Stretch:
     error: float = 0.0  # slow, over I_max, that averaging adds to the largest one of the run
     decisive: bool = False  # whether what follows is to be looked at anew from where it ends
     swing: float = 0.0  # error in rad that averaging adds to angles at once: rho and the lag
-    turned: float = 0.0  # rad over St that the body turns in it, each as often as an error made there counts
+    turned: float = 0.0  # rad over St that the body turns in it, times what later kicks amplify an error by
 
 
 @dataclass(frozen=True)
@@ -107,7 +108,7 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
 
 
 def strong_kicks(path: Path, budget: float) -> tuple[list[Kick], Array]:
-    """Kicks that get a window, and how often an error made at the path's times counts in the end.
+    """Kicks that get a window, and by how much later kicks amplify an error made at the path's times.
 
     An error (z, φ) of (|L|, E) and of (α, β) turns the phase of a kick by k·φ, and so the kick. At random phases the
     square of what comes of it is zᵀAz + 2zᵀXφ + φᵀFφ in the mean, counted from the end of the run backwards.

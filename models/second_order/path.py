@@ -1,5 +1,6 @@
 """The first-order solution of a scene, and what averaging is like along it: its size, and the resonances it passes."""
 
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -31,10 +32,12 @@ DEEPEST = tables.MOST - 0.2
 WIDTHS = (5.0, 40.0)
 # Least speed at which the shear turns a body.
 LEAST_SPEED = 0.5
-# What L² = 2EI₂ makes of a phase: E changes by ½ ln(2 sin ψ/2) of what a polhode takes, and the mean square of cot ψ/2
-# is this over 97.5 % of the phases ψ (Neishtadt, Sov. J. Plasma Phys. 12, 1986).
+# What L² = 2EI₂ makes of a phase: E changes by ln(2 sin α)/(4K) of what a polhode takes, the mean square of cot α being
+# this over 97.5 % of the phases α (Neishtadt, Sov. J. Plasma Phys. 12, 1986). At the end of the tables the elliptic
+# integral 4K is some 15; 4π, which is less, is taken for it.
 SADDLE = 15.0
-# Square of the slow time, in 1/(St times the slowest damping rate), in which |L| rises from 0 to where averaging holds.
+# Square of the slow time, in 1/(St times the slowest damping rate), in which |L| rises from 0 to where averaging holds;
+# chosen by trial.
 RISEN = 45.0
 
 
@@ -109,32 +112,21 @@ class Path:
             here = size > TINY
             swing[here], second[here] = spheroidal.orders(Spheroid.of(ellipsoid), torque_factor, slow[here])
         else:
-            i3, i2, i1 = (1 / inertia for inertia in sorted(ellipsoid.inertia, reverse=True))
             with np.errstate(all="ignore"):
                 h = 2 * slow[:, 3] / (unit * size) ** 2
-                longest = h > i2
-                a2 = tables.depth(np.clip(np.where(longest, (i1 - h) / (i1 - i2), (h - i3) / (i2 - i3)), 0, 1))
+                longest = h > 1 / sorted(ellipsoid.inertia)[1]
+                axis, width = _range(ellipsoid, longest)
+                a2 = tables.depth(np.clip((h - axis) / width, 0, 1))
             a2[~((a2 < DEEPEST) & (size > TINY))] = inf
-            for side in (False, True):
-                here = np.isfinite(a2) & (longest == side)
-                if here.any():
-                    found = tables.table(ellipsoid, side)
-                    swing[here] = _swing(found, unit * size[here], a2[here]) * torque_factor
-                    second[here] = _second(found, unit, slow[here, :3] / unit, a2[here]) * torque_factor
+            for _, here, found in _sides(ellipsoid, a2, longest):
+                swing[here] = _swing(found, unit * size[here], a2[here]) * torque_factor
+                second[here] = _second(found, unit, slow[here, :3] / unit, a2[here]) * torque_factor
         return cls(ellipsoid, torque_factor, times, slow, size, a2, longest, swing, second)
-
-    @property
-    def _sides(self) -> tuple[bool, ...]:
-        return (False, True) if self.ellipsoid.kind == "triaxial" else ()
 
     @cached_property
     def kicks(self) -> tuple[Kick, ...]:
         """Kicks of the resonances that the path passes, in their order."""
-        found = []
-        for side in self._sides:
-            here = np.isfinite(self.a2) & (self.longest == side)
-            if (here[1:] & here[:-1]).any():
-                found += self._kicks(side, here)
+        found = [kick for each in _sides(self.ellipsoid, self.a2, self.longest) for kick in self._kicks(*each)]
         return tuple(sorted(found, key=lambda kick: kick.time))
 
     def crossings(self) -> list[Kick]:
@@ -150,9 +142,8 @@ class Path:
             found.append(Kick(float(self.times[at]), inf, (1, 0), 0.0, jump))
         return found
 
-    def _kicks(self, side: bool, here: Array) -> list[Kick]:
+    def _kicks(self, side: bool, here: Array, table: tables.Table) -> list[Kick]:
         unit, times, a2 = max(self.ellipsoid.inertia), self.times, self.a2
-        table = tables.table(self.ellipsoid, side)
         above = a2[:, None] > table.resonances[:, 2]
         at, which = np.nonzero((here[1:] & here[:-1])[:, None] & (above[1:] != above[:-1]))
         if not len(at):
@@ -167,22 +158,17 @@ class Path:
         found = modes_at(series_for(self.ellipsoid, side), slow[:, :3], there, k1.astype(int), k2.astype(int))
         strength, grown, risen = (lasting * each for each in found)
         h, fall = 2 * slow[:, 3] / size**2, np.exp(-there)
-        energy = size * h * grown + 0.5 * size**2 * self._width(side) * fall * (1 - fall) * risen
+        energy = size * h * grown + 0.5 * size**2 * _range(self.ellipsoid, side)[1] * fall * (1 - fall) * risen
         modes = zip(k1.astype(int).tolist(), k2.astype(int).tolist(), strict=True)
         along = np.stack([grown, energy], axis=1)
         numbers = when.tolist(), strength.tolist(), modes, width.tolist(), along
         return [Kick(*each) for each in zip(*numbers, strict=True)]
 
-    def _width(self, longest: bool) -> float:
-        """i₂ - i₃ of a side."""
-        i3, i2, i1 = (1 / inertia for inertia in sorted(self.ellipsoid.inertia, reverse=True))
-        return i2 - i1 if longest else i2 - i3
-
     def may_cross(self, error: float) -> Array:
         """Where an error of L and E over I_max carries the run to the end of the tables or across L² = 2EI₂."""
         if self.ellipsoid.kind != "triaxial":
             return np.zeros(len(self.times), bool)
-        unit, width = max(self.ellipsoid.inertia), np.where(self.longest, self._width(True), -self._width(False))
+        unit, (_, width) = max(self.ellipsoid.inertia), _range(self.ellipsoid, self.longest)
         with np.errstate(all="ignore"):
             moved = error * 2 * (1 + 2 * self.slow[:, 3] / (unit * self.size)) / (unit * self.size**2 * np.abs(width))
         return ~(np.exp(-self.a2) > exp(-tables.MOST) + moved)
@@ -192,17 +178,14 @@ class Path:
         """(α, β) turned until each time per lasting error of (|L|, E) over I_max, shape (m, 2, 2)."""
         unit, size, energy = max(self.ellipsoid.inertia), self.size, self.slow[:, 3] / max(self.ellipsoid.inertia)
         rates = np.zeros((len(self.times), 2, 2))
-        for side in self._sides:
-            here = np.isfinite(self.a2) & (self.longest == side)
-            if here.any():
-                table, t = tables.table(self.ellipsoid, side), 2 * self.a2[here] / tables.MOST - 1
-                nu, rise = (tables.evaluated(row, t).T for row in (table.series[-2:], table.rises))
-                # ∂a²/∂E, and ∂a²/∂|L| over it.
-                steep = 2 * np.exp(self.a2[here]) / (unit * size[here] ** 2 * self._width(side))
-                rise, fall = unit * (size[here] * steep)[:, None] * rise, -2 * energy[here] / size[here]
-                rates[here] = np.stack([unit * nu + fall[:, None] * rise, rise], axis=2)
-        gained = 0.5 * (rates[1:] + rates[:-1]) * np.diff(self.times)[:, None, None] / self.torque_factor
-        return np.concatenate([np.zeros((1, 2, 2)), np.cumsum(gained, axis=0)])
+        for side, here, table in _sides(self.ellipsoid, self.a2, self.longest):
+            t, (_, width) = 2 * self.a2[here] / tables.MOST - 1, _range(self.ellipsoid, side)
+            nu, rise = (tables.evaluated(row, t).T for row in (table.series[-2:], table.rises))
+            # ∂a²/∂E, and ∂a²/∂|L| over it.
+            steep = 2 * np.exp(self.a2[here]) / (unit * size[here] ** 2 * width)
+            rise, fall = unit * (size[here] * steep)[:, None] * rise, -2 * energy[here] / size[here]
+            rates[here] = np.stack([unit * nu + fall[:, None] * rise, rise], axis=2)
+        return self.summed(rates) / self.torque_factor
 
     @cached_property
     def speed(self) -> Array:
@@ -211,8 +194,9 @@ class Path:
         return np.maximum(LEAST_SPEED, 2 * self.slow[:, 3] / np.maximum(size, 1e-300))
 
     def summed(self, rates: Array) -> Array:
-        """Integrals, shape (m,), from the start to each time."""
-        return np.append(0.0, np.cumsum(0.5 * (rates[1:] + rates[:-1]) * np.diff(self.times)))
+        """Integrals from the start to each time, the first index."""
+        gained = 0.5 * (rates[1:] + rates[:-1]).T * np.diff(self.times)
+        return np.concatenate([np.zeros_like(rates[:1]), np.cumsum(gained.T, axis=0)])
 
     def lag(self, swing: Array) -> Array:
         """Errors of the angles, in rad: their rates miss the mean square of the swing, half its largest one's."""
@@ -229,6 +213,21 @@ class Path:
 def path_of(scene: Scene) -> Path:
     """The path of a scene, kept for outlines with other budgets."""
     return Path.of(scene)
+
+
+def _range(ellipsoid: Ellipsoid, longest: Array | bool) -> tuple[Array, Array]:
+    """2E/L² of a side's permanent axis, and the way from there to L² = 2EI₂."""
+    low, middle, high = sorted(ellipsoid.inertia)
+    axis = 1 / np.where(longest, low, high)
+    return axis, 1 / middle - axis
+
+
+def _sides(ellipsoid: Ellipsoid, a2: Array, longest: Array) -> Iterator[tuple[bool, Array, tables.Table]]:
+    """Sides of L² = 2EI₂ on which a path lies: whether that of the longest axis, where on the path, and the table."""
+    for side in (False, True) if ellipsoid.kind == "triaxial" else ():
+        here = np.isfinite(a2) & (longest == side)
+        if here.any():
+            yield side, here, tables.table(ellipsoid, side)
 
 
 def _swing(found: tables.Table, size: Array, a2: Array) -> Array:

@@ -2,11 +2,13 @@
 
 import time
 from contextlib import suppress
+from dataclasses import replace
 from math import pi
 
 import numpy as np
 import pytest
 from observed import observed
+from scipy.special import ellipkm1
 
 from polhode.harness.references.errors import errors
 from polhode.models.catalogue import form
@@ -15,9 +17,11 @@ from polhode.models.form import FormNotValidError
 from polhode.models.forms import averaged
 from polhode.models.operations import FLOAT
 from polhode.models.scene import BodyStart, EulerStart, Scene
+from polhode.models.scenes import named_scene
 from polhode.models.second_order import tables as second_order_triaxial
 from polhode.models.second_order.averages import NAMES, averages
 from polhode.models.second_order.outline import outline
+from polhode.models.second_order.path import path_of
 from polhode.models.second_order.polhodes import Polhodes
 from polhode.models.second_order.run import entered
 from polhode.models.second_order.torus import Torus
@@ -229,6 +233,20 @@ def test_a_kick_is_what_the_run_misses_at_a_resonance():
     )
     assert before < 0.1 * kick.size
     assert 0.2 < after / kick.size < 2
+
+
+def test_the_jump_at_the_separatrix_is_that_of_half_polhodes_counted_one_by_one():
+    """E lags by the time that all passages of the saddle take, which depends on the phase of the first."""
+    path = path_of(replace(named_scene("paper"), stokes=1e6, time=3e5))
+    (jump,) = path.crossings()
+    at, unit, (low, middle, high) = np.searchsorted(path.times, jump.time), max(PAPER.inertia), sorted(PAPER.inertia)
+    saddle = unit * path.size[at] * np.sqrt((1 / low - 1 / middle) * (1 / middle - 1 / high))
+    phase, passes, step = np.linspace(0.0125, 0.9875, 801), np.arange(-200, 201), 1e-5
+    early, late = (2 * ellipkm1(1e-7 * abs(passes - phase[:, None] - by)).sum(axis=1) for by in (-step, step))
+    slope = (late - early) / (2 * pi * step) / saddle
+    rate = np.gradient(path.slow[:, 3], path.times)[at] / unit * path.torque_factor
+    expected = abs(rate) * np.sqrt(np.mean(slope**2))
+    assert expected <= np.sqrt(0.5) * jump.along[1] <= 1.3 * expected
 
 
 def test_windows_narrow_with_the_error_allowed_and_meet():
