@@ -39,11 +39,6 @@ class SceneSolution(LikeSolveIvp):
     is as accurate as the rows. It has the names of `solve_ivp`'s result too: `t`, `y` (the form's own state, shape
     (d, n)), `sol`, `nfev`, `njev`, `status`, `message`, `success`.
 
-    Of the run it has the names of form and solver, `form` and `solver`, its `tolerance`, `work`, wall time in `seconds`
-    without compilation, and the form's own `states`, shape (n, d). Of the motion, without St, `angular_momentum`, L in
-    space axes, shape (n, 3), `energy`, shape (n,), and `rotation`, t_ij, shape (n, 3, 3): row i is body axis i in space
-    components, NaN where the form does not know it.
-
     Parameters
     ----------
     scene : Scene
@@ -134,7 +129,9 @@ class SceneSolution(LikeSolveIvp):
     states = property(attrgetter("run.states"), doc="The form's own variables, (n, d); `equations.state` names them.")
     angular_momentum = property(attrgetter("observables.angular_momentum"), doc="L in space axes, (n, 3), without St.")
     energy = property(attrgetter("observables.energy"), doc="E, shape (n,), without St.")
-    rotation = property(attrgetter("observables.rotation"), doc="t_ij, (n, 3, 3), NaN where the form knows none.")
+    rotation = property(
+        attrgetter("observables.rotation"), doc="(n, 3, 3), row i: body axis i in space; NaN if unknown."
+    )
 
     @property
     def slow_times(self) -> np.ndarray:

@@ -101,7 +101,7 @@ def no_reference(question: Question) -> str:
     except PilotFailedError as failure:
         return str(failure)
     except ReferenceFailedError as failure:
-        late = str(Status.TIME_LIMIT) in str(failure)
+        late = failure.status == Status.TIME_LIMIT
         return f"its reference takes more than {REFERENCE_SECONDS:g} s" if late else "its reference is not certified"
     return ""
 

@@ -14,7 +14,11 @@ MOST_SLOW_STEPS, MOST_STEPS = 200_000, 50_000_000
 
 
 class ReferenceFailedError(RuntimeError):
-    """There is no reference."""
+    """There is no reference; `status` is that of the run that failed, empty if none did."""
+
+    def __init__(self, message: str, status: str = "") -> None:
+        super().__init__(message)
+        self.status = status
 
 
 def extended_run(
@@ -34,7 +38,7 @@ def extended_run(
     most = MOST_STEPS if problem.time_unit == 1 else MOST_SLOW_STEPS
     status, message = propagate(integrator, Record(times, rows, deadline, most))
     if not status.success:
-        raise ReferenceFailedError(f"the reference of form {problem.name!r} ended with {status}: {message}")
+        raise ReferenceFailedError(f"the reference of form {problem.name!r} ended with {status}: {message}", status)
     return _long_double(rows)
 
 

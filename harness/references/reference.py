@@ -26,6 +26,7 @@ from polhode.models.observables import Observables
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 from polhode.solvers.compile import load_heyoka
+from polhode.solvers.contract import Status
 from polhode.solvers.taylor import Precision
 
 Run = tuple[Precision, float]
@@ -100,11 +101,14 @@ def reference(scene: Scene, form: str | Form, samples: int, seconds: float = inf
         try:
             arrays = _compute(scene, shape, problem, samples, perf_counter() + seconds)
         except ReferenceFailedError as failure:
-            words, judged = np.array(str(failure)), np.array(CERTIFICATES)
-            arrays = {"failure": words, "seconds": np.array(seconds), "certificates": judged}
+            kept = {"failure": str(failure), "status": failure.status, "seconds": seconds, "certificates": CERTIFICATES}
+            arrays = {name: np.array(each) for name, each in kept.items()}
         cache.keep(key, arrays)
     if "failure" in arrays:
-        raise ReferenceFailedError(str(arrays["failure"]))
+        words = str(arrays["failure"])
+        # Without a status where it was kept by an earlier version.
+        status = arrays.get("status", Status.TIME_LIMIT if f"ended with {Status.TIME_LIMIT}:" in words else "")
+        raise ReferenceFailedError(words, str(status))
     return _unpacked(shape, arrays)
 
 

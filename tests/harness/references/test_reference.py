@@ -16,6 +16,7 @@ from polhode.models.catalogue import form as find_form
 from polhode.models.scene import Scene
 from polhode.models.scenes import named_scene
 from polhode.models.shape import Ellipsoid
+from polhode.solvers.contract import Status
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -160,10 +161,20 @@ def test_a_reference_that_takes_too_long_is_not_tried_again_within_as_many_secon
 
     monkeypatch.setattr(module, "_compute", slow)
     for seconds in (1e-2, 1e-2, 1e-3):
-        with pytest.raises(ReferenceFailedError, match="time_limit"):
+        with pytest.raises(ReferenceFailedError, match="time_limit") as caught:
             reference(scene, "quaternion", 11, seconds)
+        assert caught.value.status == Status.TIME_LIMIT
     assert len(tried) == 1
     monkeypatch.undo()
+    # As it was kept without a status.
+    key = module._key(find_form("quaternion").problem(scene), 11)
+    old = cache.load(key)
+    assert old
+    assert old.pop("status") == "time_limit"
+    cache.keep(key, old)
+    with pytest.raises(ReferenceFailedError) as caught:
+        reference(scene, "quaternion", 11, 1e-2)
+    assert caught.value.status == Status.TIME_LIMIT
     assert len(reference(scene, "quaternion", 11, 100.0).times) == 11
 
 
@@ -173,5 +184,6 @@ def test_every_full_form_has_the_same_reference_and_averaged_ones_their_own():
 
 
 def test_beyond_the_horizon_there_is_no_reference():
-    with pytest.raises(ReferenceFailedError, match="expected at most 5e\\+06 above St = 1e6"):
+    with pytest.raises(ReferenceFailedError, match="expected at most 5e\\+06 above St = 1e6") as caught:
         reference(replace(PAPER, stokes=1e8, time=1e7), "quaternion", 11)
+    assert not caught.value.status
