@@ -57,7 +57,9 @@ def judged(entry: Mapping[str, Any], facts: Facts) -> Verdict:
     """The verdict of an item's entry on the facts."""
     say = partial(WORDING.vformat, args=(), kwargs=facts)
     numbers = [number for row in entry["numbers"] for number in _numbers(row, facts)]
-    return Verdict(Word(entry["verdict"]), say(entry["found"]), say(entry["caption"]), *numbers)
+    # What an item says beside the sentences that it shares with those that are `like` it.
+    found = f"{entry['found']} {entry.get('also', '')}".rstrip()
+    return Verdict(Word(entry["verdict"]), say(found), say(entry["caption"]), *numbers)
 
 
 def _numbers(row: Mapping[str, Any], facts: Facts) -> Iterator[Number]:

@@ -151,6 +151,7 @@ class Planes:
             "starts": ", ".join(f"({momentum:g}, {theta:g})" for momentum, theta in STARTS),
             "above": ABOVE_PINCH,
             "largest": max(worst[name, high] for name in self.bodies),
+            "largest_low": max(worst[name, low] for name in self.bodies),
             "ratios": (min(ratios), max(ratios)),
             "least_ratio": min(ratios),
             **{f"orders_{number}": least for number, least in enumerate(orders)},

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from polhode.harness.common.text import WORDING
 from polhode.harness.paper.claims import judged, section
 from polhode.harness.paper.item import Word
-from polhode.harness.paper.sections.beyond.crossing_jumps import SPREAD, law
+from polhode.harness.paper.sections.beyond.crossing_jumps import SPREAD, fitted_level, law
 from polhode.harness.paper.sections.limits.weak_inertia import turns
 
 ENTRY = {
@@ -67,6 +68,13 @@ def test_law_of_jumps_is_the_distribution_of_its_formula():
     assert sample.std() == pytest.approx(1.0, abs=0.02)
     for value in (-0.7, 0.0, 1.0, 3.0):
         assert np.mean(sample < value) == pytest.approx(law(np.array(value)), abs=0.006)
+
+
+def test_fitted_level_of_the_law_is_passed_by_one_sample_in_twenty():
+    samples = -np.log(2 * np.sin(np.pi * np.random.default_rng(2).uniform(size=(600, 64))))
+    level = fitted_level(64)
+    beyond = [stats.kstest((own - own.mean()) / own.std(), law).statistic > level for own in samples]
+    assert np.mean(beyond) == pytest.approx(0.05, abs=0.025)
 
 
 @pytest.mark.parametrize(("alpha", "expected"), [(0.24, True), (0.26, False)])

@@ -203,13 +203,20 @@ def figure_first_order(data: Data) -> Figure:
 
 
 def facts_first_order(data: Data) -> Facts:
-    """Fitted orders."""
+    """Fitted orders, and how much smaller the corrections make the error."""
     found = data["errors"]
     large = found["stokes"] >= 900
     facts = {}
     for name in ("corrected", "averaged", "printed"):
         facts[name], facts[f"{name}_95"], _ = power_law(found["stokes"][large], found[name][large])
+    gain = found["averaged"] / found["printed"]
     return facts | {
+        "first": found["stokes"][0],
+        "last": found["stokes"][-1],
+        "gain": gain.min(),
+        "gain_first": gain[0],
+        "gain_last": gain[-1],
+        "better": found["stokes"][found["corrected"] < found["printed"]][0],
         "constant": found["corrected"][-1] * found["stokes"][-1] ** 2,
         "kappa": KAPPA,
         "momentum": MOMENTUM,

@@ -107,7 +107,8 @@ def facts_order(data: Data) -> Facts:
     for name, (_, part) in zip(("free", "crossed"), groups(data[""], "side"), strict=True):
         exponents, local = _start_exponents(part), _local_exponents(part)
         mean, *interval = mean_interval(exponents)
-        facts |= {name: mean, f"{name}_95": tuple(interval), f"upsilon_{name}": 1 + mean, f"local_{name}": local[:, 0]}
+        facts |= {name: mean, f"{name}_95": tuple(interval), f"local_{name}": local[:, 0]}
+        facts |= {f"upsilon_{name}": 1 + mean, f"upsilon_{name}_95": tuple(1 + end for end in interval)}
         facts |= {
             f"starts_{name}": len(exponents),
             f"last_{name}": local[-1, 0],

@@ -28,6 +28,15 @@ def law(values: np.ndarray) -> np.ndarray:
     return 1 - 2 / np.pi * np.arcsin(np.exp(-np.maximum(SPREAD * values, -np.log(2))) / 2)
 
 
+def fitted_level(count: int) -> float:
+    """5 % level of the distance from the law of so many of its own values, their mean and deviation fitted."""
+    values = -np.log(2 * np.sin(np.pi * np.random.default_rng(31).uniform(size=(4000, count))))
+    values = np.sort((values - values.mean(axis=1, keepdims=True)) / values.std(axis=1, keepdims=True))
+    steps = np.arange(count + 1) / count
+    distances = np.maximum(steps[1:] - law(values), law(values) - steps[:-1]).max(axis=1)
+    return float(np.quantile(distances, 0.95))
+
+
 def compute_jumps(grid: Grid) -> Data:
     """Deviations of full runs from the averaged one, before and after the crossing, over starts with the same L, E."""
     generator = np.random.default_rng(29)
@@ -103,6 +112,7 @@ def facts_jumps(data: Data) -> Facts:
         "distance": stats.kstest(along, law).statistic,
         "normal": stats.kstest(along, "norm").statistic,
         "critical": stats.kstwo.isf(0.05, len(along)),
+        "fitted": fitted_level(len(along)),
         "skew": stats.skew(along),
         "law_skew": stats.skew(tail),
         "scaled": scatter * stokes,

@@ -171,7 +171,7 @@ SECTION = section(
     {
         **MOTION,
         "ellipsoid-plane": Parts(compute_plane, figure_plane, facts_plane),
-        "ellipsoid-planes": Planes(SIX, 151, (((1, 0), (3, 2), (5, 4)),)),
+        "ellipsoid-planes": Planes(SIX, 151, (((1, 0), (3, 2), (5, 4)), ((0, 2), (2, 4), (1, 3), (3, 5)))),
         "ellipsoid-space": Parts(compute_space, figure_space, facts_space),
     },
 )

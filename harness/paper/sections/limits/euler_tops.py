@@ -19,6 +19,8 @@ from polhode.models.shape import Ellipsoid
 
 START = EulerStart((1.05, 0.0, 0.0), (2.5, 15.0, 4.0))
 TIME = 12.0
+# Turns of the precession in which the path must not close. The nutation has half the period of the polhode.
+TURNS = 12
 GENERAL, SYMMETRIC = Ellipsoid((1.0, 2.0, 2.3)), Ellipsoid((1.0, 1.0, 2.3))
 
 
@@ -59,7 +61,7 @@ def facts_top(data: Data) -> Facts:
     """Nutation between two bounds, and its period beside that of the precession; of a symmetric top, the circle."""
     numbers, nutation = {name: column[0] for name, column in data["numbers"].items()}, data[""]["nutation"]
     ratio = numbers["precession_period"] / numbers["period"]
-    denominators = np.arange(1, 13)
+    denominators = np.arange(1, 2 * TURNS + 1)
     azimuth = _azimuth(data)
     measured = data[""]["t"][-1] * 2 * pi / abs(azimuth[-1] - azimuth[0])
     least, mean, most = np.degrees([nutation.min(), nutation.mean(), nutation.max()])
@@ -73,6 +75,8 @@ def facts_top(data: Data) -> Facts:
         "wobble": np.ptp(nutation),
         "precession": numbers["precession_period"],
         "ratio": ratio,
+        "turns": TURNS,
+        "denominator": 2 * TURNS,
         "distance": np.min(np.abs(ratio - np.rint(ratio * denominators) / denominators)),
         "measured": measured,
         "off": abs(measured * numbers["momentum"] / (2 * pi * SYMMETRIC.inertia[0]) - 1),

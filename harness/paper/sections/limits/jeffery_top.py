@@ -132,7 +132,7 @@ class Sections:
             "compared": _beside_a_half(interval),
             "by_area": np.sum(area[chaotic[sampled]]) / np.sum(area),
             "wild": wild,
-            "wild_words": f", with a median exponent of {wild:.2g} per half turn" if count else "",
+            "wild_words": f"{wild:.2g} of the {np.sum(chaotic)} chaotic of all starts, " if np.any(chaotic) else "",
             "wild_limit": limit if np.any(chaotic) else 0.0,
             "regular": regular,
             "limit": limit,

@@ -37,9 +37,10 @@ def compute_l_planes(grid: Grid) -> Data:
         start[1 - zero] = ratio / sqrt(1 + ratio**2)
         slow = slow_run(PROLATE, start.tolist(), slow_times).slow
         labels = {"zero": zero, "ratio": sign * ratio, "path": len(ends)}
-        parts.append((labels, _thinned({"L": np.linalg.norm(slow[:, :3], axis=1), "E": slow[:, 3]})))
-        ends.append((zero, sign * ratio, share, float(distance_from_node(PROLATE, slow[-1]))))
-    return {"": stacked(parts), "ends": columns("zero ratio share distance", ends)}
+        momentum = np.linalg.norm(slow[:, :3], axis=1)
+        parts.append((labels, _thinned({"L": momentum, "E": slow[:, 3]})))
+        ends.append((zero, sign * ratio, share, float(distance_from_node(PROLATE, slow[-1])), momentum.min()))
+    return {"": stacked(parts), "ends": columns("zero ratio share distance smallest", ends)}
 
 
 def figure_l_planes(data: Data) -> Figure:
@@ -76,7 +77,13 @@ def facts_l_planes(data: Data) -> Facts:
     """All of them reach the node."""
     distance = data["ends"]["distance"]
     reached = np.mean(distance < REACHED)
-    return {"count": len(distance), "reached": reached, "farthest": np.max(distance), "near_enough": REACHED}
+    return {
+        "count": len(distance),
+        "reached": reached,
+        "farthest": np.max(distance),
+        "near_enough": REACHED,
+        "smallest": np.min(data["ends"]["smallest"]),
+    }
 
 
 ENERGIES = (2 / 9, 0.305, 0.472)
@@ -100,13 +107,13 @@ def compute_projections(grid: Grid) -> Data:
                 parts.append(({"E0": energy, "azimuth": azimuth, "path": len(ends)}, _thinned(values)))
                 ends.append((energy, cosine, azimuth, float(distance_from_node(PROLATE, slow[-1]))))
             low, middle, high = found
+            outside = np.maximum(np.minimum(low, high) - middle, middle - np.maximum(low, high))
             # Up to rounding.
-            above = middle >= np.minimum(low, high) - 1e-9
-            crossings.append((energy, cosine, float(np.mean(above & (middle <= np.maximum(low, high) + 1e-9)))))
+            crossings.append((energy, cosine, float(np.mean(outside <= 1e-9)), float(outside.max())))
     return {
         "": stacked(parts),
         "ends": columns("E0 cosine azimuth distance", ends),
-        "between": columns("E0 cosine share", crossings),
+        "between": columns("E0 cosine share outside", crossings),
     }
 
 
@@ -142,6 +149,8 @@ def facts_projections(data: Data) -> Facts:
         "within": np.mean(share),
         "percent": 100 * np.mean(share),
         "least": np.min(share),
+        "percent_least": 100 * np.min(share),
+        "outside": np.max(data["between"]["outside"]),
     }
 
 
