@@ -126,17 +126,9 @@ def _plan(found: Found) -> str:
         # The number of rotations, and with it the cost of full equations, grows in proportion to St.
         rate = row["per_second"] * (found["settings"]["stokes"] / stokes if equations == "full" else 1.0)
         count = -(-particles // BLOCK)
-        rows.append(
-            (
-                shape,
-                equations,
-                f"{particles:,}",
-                f"{stokes:g}",
-                f"{count:,}",
-                f"{count * row['record_bytes'] / 2**20:,.1f} MiB",
-                f"{particles / rate / 3600:,.2f}",
-            )
-        )
+        mib, hours = count * row["record_bytes"] / 2**20, particles / rate / 3600
+        numbers = f"{particles:,}", f"{stokes:g}", f"{count:,}", f"{mib:,.1f} MiB", f"{hours:,.2f}"
+        rows.append((shape, equations, *numbers))
     return markdown(("shape", "equations", "particles", "St", "tasks", "store", "core hours"), rows, right=range(2, 7))
 
 

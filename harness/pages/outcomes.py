@@ -54,7 +54,11 @@ def _surest(endings: Sequence[Mapping[str, Any]]) -> list[str]:
     best = [name for name in most if len(missed[name]) == least]
     scenes = ", ".join(sorted({row["scene"] for name in best for row in missed[name]}))
     did = "got through {0} of" if least else "never failed in"
-    shares = ", ".join(f"{name} {did.format(taken[name] - least)} the {taken[name]} it takes" for name in best)
+    alike = {number: [name for name in best if taken[name] == number] for number in map(taken.__getitem__, best)}
+    shares = "; ".join(
+        f"{', '.join(names)} {did.format(number - least)} the {number} {'each' if len(names) > 1 else 'it'} takes"
+        for number, names in alike.items()
+    )
     return [
         f"{'Nobody got through everything: of' if least else 'Of'} the {len(passed)} hard runs that anybody got "
         f"through, {shares}{f' (missed in the scenes {scenes})' if least else ''}."
