@@ -108,18 +108,17 @@ def second_order(scene: Scene) -> tuple[Problem, Callable[[Array], Array]]:
 
     Raises NotAveragedError where no slow state belongs to the start.
     """
-    ellipsoid, factor = scene.ellipsoid, scene.torque_factor
-    name, end, unit = SecondOrder.name, scene.slow_time, scene.stokes
+    ellipsoid, factor, form = scene.ellipsoid, scene.torque_factor, SecondOrder()
     if ellipsoid.kind == "triaxial":
         entry = entered(ellipsoid, factor, scene.initial_rotation, scene.initial.angular_momentum[0])
-        problem = Problem(name, triaxial.field, entry.state, end, entry.parameters, time_unit=unit)
+        problem = form.slow_problem(scene, triaxial.field, entry.state, entry.parameters)
         return problem, lambda states: states_of(scene, entry.observe(states))
     slow = slow_start(scene)
     if slow is None:
         raise NotAveragedError("St is too small for |L|")
     parameters = spheroidal.parameters(Spheroid.of(ellipsoid), factor)
-    problem = Problem(name, spheroidal.field, (*slow, 0.0), end, parameters, time_unit=unit)
-    return problem, lambda states: states_of(scene, SecondOrder().observe(scene, states))
+    problem = form.slow_problem(scene, spheroidal.field, (*slow, 0.0), parameters)
+    return problem, lambda states: states_of(scene, form.observe(scene, states))
 
 
 def states_of(scene: Scene, seen: Observables) -> Array:

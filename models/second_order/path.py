@@ -205,8 +205,7 @@ class Path:
     def phase(self, error: Array) -> Array:
         """Errors of the angles, in rad, from errors of L that last, shape (m, n): what these make of their rates."""
         speed = max(self.ellipsoid.inertia) / sorted(self.ellipsoid.inertia)[1] / self.torque_factor
-        gained = np.diff(self.times)[:, None] * error[:-1] * speed
-        return np.minimum(np.concatenate([np.zeros((1, error.shape[1])), np.cumsum(gained, axis=0)]), pi)
+        return np.minimum(speed * self.summed(error), pi)
 
 
 @lru_cache(maxsize=16)

@@ -47,9 +47,8 @@ class SundialsSolver(Solver):
     @property
     def note(self) -> str | None:
         """Whether Python is in the loop."""
-        return (
-            "available, in Python's loop: no C libraries found" if self.available and self.lacks("compiled") else None
-        )
+        slow = self.available and self.lacks("compiled")
+        return "available, in Python's loop: no C libraries found" if slow else None
 
     def load(self) -> None:
         """Open the C library, or import the package."""

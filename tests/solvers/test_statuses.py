@@ -224,16 +224,11 @@ def test_false_success(rows, steps, spoil, status, message):
 
 
 @pytest.mark.parametrize(
-    ("steps", "factor", "status"),
-    [
-        (30, 1.25, Status.FALSE_SUCCESS),
-        (5000, 1.25, Status.REACHED_END),
-        (None, 1.25, Status.FALSE_SUCCESS),
-        (5000, 3.0, Status.FALSE_SUCCESS),
-        (50_000, 3.0, Status.FALSE_SUCCESS),
-    ],
+    ("steps", "factor", "good"),
+    [(30, 1.25, False), (5000, 1.25, True), (None, 1.25, False), (5000, 3.0, False), (50_000, 3.0, False)],
 )
-def test_at_a_loose_tolerance_a_norm_may_drift_step_by_step(steps, factor, status):
+def test_at_a_loose_tolerance_a_norm_may_drift_step_by_step(steps, factor, good):
+    status = Status.REACHED_END if good else Status.FALSE_SUCCESS
     states = solve(RUN.problem, "taylor", 1e-12, RUN.times).states.copy()
     states[35, :4] *= factor
     assert solve(RUN.problem, Liar(41, steps, states), 1e-4, RUN.times).status is status

@@ -121,8 +121,8 @@ def test_nothing_is_left_to_averaging_beyond_one_that_misses(share: float, monke
         path[:, np.argmin(least)] *= share
         return path, statuses
 
-    def alone(scene: Scene, starts: np.ndarray, times: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
-        path, statuses = plain(scene, starts, times, tolerance)
+    def alone(scene: Scene, starts: np.ndarray, *given) -> tuple[np.ndarray, np.ndarray]:
+        path, statuses = plain(scene, starts, *given)
         return hybrid.posed(scene, starts, path, random), statuses
 
     monkeypatch.setattr(hybrid, "run_alone", alone)
