@@ -73,7 +73,6 @@ def facts_top(data: Data) -> Facts:
         "most": most,
         "band": most - least,
         "wobble": np.ptp(nutation),
-        "precession": numbers["precession_period"],
         "ratio": ratio,
         "turns": TURNS,
         "denominator": 2 * TURNS,

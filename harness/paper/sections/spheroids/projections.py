@@ -147,9 +147,7 @@ def facts_projections(data: Data) -> Facts:
         "reached": np.mean(distance < REACHED),
         "cosines": np.unique(data["ends"]["cosine"]),
         "within": np.mean(share),
-        "percent": 100 * np.mean(share),
         "least": np.min(share),
-        "percent_least": 100 * np.min(share),
         "outside": np.max(data["between"]["outside"]),
     }
 
