@@ -21,8 +21,8 @@ HEADINGS: dict[Side, tuple[str, str]] = {
     "explicit": ("Oscillatory middle", "explicit methods"),
     "averaged": ("Averaged side", "slow equations, any solver"),
 }
-# In inches: a cell, what stands left of the map, and the legend below it; lines of a cell, in rows of the map.
-CELL, LEFT, LEGEND, LINE = (0.74, 0.43), 0.95, 1.75, 0.36
+# In inches: a cell, what stands left of the map, the note below it, an entry of the legend; lines of a cell, in rows.
+CELL, LEFT, NOTE, ENTRY, LINE = (0.74, 0.43), 0.95, 0.6, 0.192, 0.36
 # The legend needs as much width as so many columns.
 LEAST_COLUMNS = 12
 # What a map is about: in sentences, and as its title.
@@ -41,19 +41,23 @@ def picture(panels: Sequence[Sequence[Cell]], times: Mapping[float, float]) -> A
 
     columns, rows = (len({getattr(cell, name) for cell in panels[0]}) for name in ("stokes", "target"))
     width = LEFT + CELL[0] * max(columns, LEAST_COLUMNS) + 0.1
-    height = 2 * (CELL[1] * rows + 0.4) + 0.9 + LEGEND
+    cells = [cell for found in panels for cell in found]
+    entries = _entries(cells)
+    legend = NOTE + ENTRY * (1 + max(map(len, entries)))
+    height = 2 * (CELL[1] * rows + 0.4) + 0.9 + legend
     drawing, grid = plt.subplots(2, 1, figsize=(width, height), sharex=True)
     for axes, found, (_, title) in zip(grid, panels, ERRORS.values(), strict=True):
         draw(axes, found)
         axes.set_title(title, fontsize=13, loc="left")
         axes.set_ylabel("error asked for", fontsize=11)
     _durations(grid[-1], sorted({cell.stokes for cell in panels[0]}), times)
-    _legend(drawing, [cell for found in panels for cell in found])
+    _legend(drawing, entries, legend)
+    _note(drawing, cells)
     drawing.subplots_adjust(
         left=LEFT / width,
         right=1 - 0.1 / width,
         top=1 - 0.35 / height,
-        bottom=(LEGEND + 0.9) / height,
+        bottom=(legend + 0.9) / height,
         hspace=0.4 / (CELL[1] * rows),
     )
     return drawing
@@ -141,7 +145,8 @@ def _borders(axes: "Axes", sides: Sequence[Sequence[Side | None]]) -> None:
                 axes.plot([i, i + 1], [j + 1, j + 1], **style)
 
 
-def _legend(drawing: Any, found: Sequence[Cell]) -> None:
+def _entries(found: Sequence[Cell]) -> list[list[Any]]:
+    """Entries of the legend by column: a heading and the methods of each side, and what empty cells mean."""
     from matplotlib.patches import Patch
 
     methods = [method for cell in found for method in (cell.winner, cell.second if cell.tied else None) if method]
@@ -154,12 +159,20 @@ def _legend(drawing: Any, found: Sequence[Cell]) -> None:
             patches = [Patch(facecolor=colour(label), label=label) for label in own]
             columns.append([Patch(facecolor="none", label=f"{title}\n{what}"), *patches])
     nobody = Patch(facecolor=NOBODY, edgecolor="0.7", label="no run measured gets there")
-    columns.append([nobody, Patch(facecolor=UNKNOWN, label="below what the\nreference resolves")])
+    return [*columns, [nobody, Patch(facecolor=UNKNOWN, label="below what the\nreference resolves")]]
+
+
+def _legend(drawing: Any, columns: Sequence[Sequence[Any]], top: float) -> None:
+    """Draw the columns side by side, from `top`, in inches, down."""
     width, height = drawing.get_size_inches()
-    top, style = LEGEND / height, {"frameon": False, "fontsize": 9.5, "handlelength": 1.3, "borderaxespad": 0}
+    style = {"frameon": False, "fontsize": 9.5, "handlelength": 1.3, "borderaxespad": 0}
     for k, handles in enumerate(columns):
-        place = (0.15 / width + k * (1 - 0.2 / width) / len(columns), top)
+        place = (0.15 / width + k * (1 - 0.2 / width) / len(columns), top / height)
         drawing.add_artist(drawing.legend(handles=handles, loc="upper left", bbox_to_anchor=place, **style))
+
+
+def _note(drawing: Any, found: Sequence[Cell]) -> None:
+    width, height = drawing.get_size_inches()
     note = (
         f"Numbers: time of a warm run, × its lead over the next colour; alone: no other colour gets there. "
         f"Corner: who ties, within {100 * (TIE - 1):.0f} %.\n"
