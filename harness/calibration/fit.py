@@ -16,16 +16,7 @@ from polhode.harness.calibration.training import lacking
 from polhode.harness.common.machine import machine
 from polhode.harness.common.store import Record
 from polhode.harness.common.timing import Pace
-from polhode.harness.picking.laws import (
-    EPS,
-    WANTS,
-    CostLaw,
-    ErrorLaw,
-    Laws,
-    MethodLaws,
-    Stray,
-    regime,
-)
+from polhode.harness.picking.laws import EPS, WANTS, CostLaw, ErrorLaw, Laws, MethodLaws, Stray, regime
 from polhode.harness.picking.pilot import over_whole_run
 from polhode.harness.studies.cost import first_seconds
 from polhode.models.catalogue import form as find_form

@@ -18,13 +18,7 @@ from polhode.harness.calibration.scenes import (
     questions,
 )
 from polhode.harness.calibration.selection import CUTOFF, decade, runs_of
-from polhode.harness.calibration.training import (
-    MOST_LONG,
-    REFERENCE_SECONDS,
-    CaseGroups,
-    methods_for,
-    study,
-)
+from polhode.harness.calibration.training import MOST_LONG, REFERENCE_SECONDS, CaseGroups, methods_for, study
 from polhode.harness.common.store import Record, Store
 from polhode.harness.picking.laws import Laws
 from polhode.harness.picking.pilot import PilotFailedError, pilot

@@ -5,12 +5,7 @@ from collections.abc import Callable, Sequence
 import pandas as pd
 
 from polhode.harness.analysis.frames import by_scene, by_stokes
-from polhode.harness.analysis.winners import (
-    TARGETS,
-    averaged_forms,
-    averaged_wins_from,
-    costs_over_stokes,
-)
+from polhode.harness.analysis.winners import TARGETS, averaged_forms, averaged_wins_from, costs_over_stokes
 from polhode.harness.common.text import short
 
 # St further apart than this leave open where between them averaging begins to pay.

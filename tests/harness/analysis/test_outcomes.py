@@ -66,16 +66,9 @@ def test_page_of_several_scenes_counts_every_run(tmp_path: Path, site_reports: P
 def test_who_failed_least_is_judged_by_the_runs_that_anybody_got_through():
     def endings(**outcomes: str) -> list[dict]:
         """A letter for each scene: reached, failed, or not taken."""
-        kinds = {"r": "reached", "f": "failed"}
+        kinds, run = {"r": "reached", "f": "failed"}, {"St": 1.0, "form": "quaternion", "tolerance": 1e-6}
         return [
-            {
-                "scene": f"s{i}",
-                "St": 1.0,
-                "form": "quaternion",
-                "tolerance": 1e-6,
-                "solver": name,
-                "outcome": kinds[kind],
-            }
+            {**run, "scene": f"s{i}", "solver": name, "outcome": kinds[kind]}
             for name, letters in outcomes.items()
             for i, kind in enumerate(letters)
             if kind in kinds

@@ -5,6 +5,7 @@ import pytest
 from scipy import stats
 
 from polhode.harness.common.text import WORDING
+from polhode.harness.paper import claims
 from polhode.harness.paper.claims import judged, section
 from polhode.harness.paper.item import Word
 from polhode.harness.paper.sections.beyond.crossing_jumps import SPREAD, fitted_level, law
@@ -57,6 +58,13 @@ def test_missing_facts_and_experiments_are_errors():
 def test_misspelt_bounds_are_errors(wrong):
     with pytest.raises(ValueError, match=f"numbers: got {next(iter(wrong))}, expected"):
         judged({**ENTRY, "numbers": [{"value": "error", "what": "error", **wrong}]}, FACTS)
+
+
+def test_an_item_like_none_is_an_error(monkeypatch, tmp_path):
+    (tmp_path / "some.toml").write_text('title = "Some"\n[one]\nlike = "other"\n', encoding="utf-8")
+    monkeypatch.setattr(claims, "files", lambda package: tmp_path)
+    with pytest.raises(ValueError, match="like: got other, expected one of one"):
+        claims._entries.__wrapped__()
 
 
 def test_formats_of_the_pages():
