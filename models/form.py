@@ -85,13 +85,13 @@ class Form(ABC):
             raise self.refuse("the start gives L and E but no orientation", averaged_form(scene))
         return scene.start
 
-    def require_slow_motion(self, scene: Scene) -> None:
-        """Raise FormNotValidError at St = 0 and inf, and at L = 0, where there is nothing to average."""
+    def require_slow_motion(self, scene: Scene, rest: bool = False) -> None:
+        """Raise FormNotValidError at St = 0 and inf, and unless `rest` at L = 0, where there is nothing to average."""
         if scene.stokes == 0:
             raise self.refuse("St = 0 has no slow variables", "jeffery")
         if scene.torque_factor == 0:
             raise self.refuse("at St = inf the slow variables are constant", "euler-top")
-        if not np.any(scene.initial.angular_momentum):
+        if not rest and not np.any(scene.initial.angular_momentum):
             raise self.refuse("the start has L = 0, where averaging does not apply", full_form(scene))
 
     def slow_problem(

@@ -27,8 +27,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 # An invariant may drift by this many tolerances, within these bounds, before success counts as false; and at each step
-# by so many, up to the limit: norms of quaternions, which a field divides out, drift by 0.6 in good runs of 5000 steps
-# at 1e-4.
+# by so many, up to the limit: norms of quaternions, which fields divide out, drift by 0.6 in 5000 good steps at 1e-4.
 INVARIANT_TOLERANCES, EACH_STEP = 1e6, 3.0
 INVARIANT_FLOOR, INVARIANT_CEILING, INVARIANT_LIMIT = 1e-6, 0.5, 2.0
 

@@ -27,8 +27,7 @@ SOLVER = "cyrk-vern8"
 OPEN = 10.0
 # Particles that run both ways, and the share of them that may miss the error: form `hybrid` itself keeps 97.5 %.
 SAMPLE, MISSED = 64, 0.025
-# Where all of the sample keep it, |L| may become this much smaller yet: the error grows more slowly than 1/L².
-# Chosen by trial.
+# Where all of the sample keep it, |L| may become so much smaller yet, by trial: errors grow more slowly than 1/L².
 BEYOND = 0.4
 # Times at which |L| is looked at, at least.
 PATH = 65

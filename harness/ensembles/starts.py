@@ -85,7 +85,7 @@ class Drawn:
 
     def states(self, form: str, ellipsoid: Ellipsoid) -> np.ndarray:
         """Starting states, shape (n, d), of a form: what `Form.problem` makes of each, for all of them at once."""
-        return _STATES[form](self, ellipsoid)
+        return ENSEMBLE_FORMS[form](self, ellipsoid)
 
     def momentum(self, ellipsoid: Ellipsoid) -> np.ndarray:
         """Angular momenta in space axes, shape (n, 3)."""
@@ -110,7 +110,7 @@ def _averaged_spheroid(drawn: Drawn, ellipsoid: Ellipsoid) -> np.ndarray:
 
 
 # Forms that ensembles can use: those without angles, which would need wrapping.
-_STATES = {
+ENSEMBLE_FORMS = {
     "quaternion": lambda drawn, ellipsoid: np.column_stack([drawn.quaternion, drawn.angular_velocity]),
     "spheroid-axis": _axis,
     "jeffery": lambda drawn, ellipsoid: drawn.quaternion,
@@ -119,4 +119,3 @@ _STATES = {
     ),
     "averaged-spheroid": _averaged_spheroid,
 }
-ENSEMBLE_FORMS = tuple(_STATES)

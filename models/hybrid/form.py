@@ -30,10 +30,7 @@ class Hybrid(Form):
         """Refuse spheres, St = 0 and inf, and starts without orientation."""
         if scene.ellipsoid.kind == "sphere":
             raise self.refuse("a sphere has no symmetry axis, and L obeys a linear equation", full_form(scene))
-        if scene.stokes == 0:
-            raise self.refuse("St = 0 has no slow variables", "jeffery")
-        if scene.torque_factor == 0:
-            raise self.refuse("at St = inf the slow variables are constant", "euler-top")
+        self.require_slow_motion(scene, rest=True)
         self.require_orientation(scene)
 
     def problem(self, scene: Scene) -> Problem:

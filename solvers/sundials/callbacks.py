@@ -90,13 +90,17 @@ class Callbacks:
             raise _StoppedError(Status.STEP_UNDERFLOW, f"stalled at t = {time!r}")
         self.seen = time
 
+    def _to(self, time: float, record: Record, method: str = "normal") -> Any:
+        """The library's own result of going on to a time, or by one step towards it."""
+        result = self.library.step(time, method=method, tstop=float(record.times[-1]))
+        record.work.jacobians = result.njev
+        if not result.success:
+            raise _StoppedError(FAILURES.get(result.status, (Status.NON_FINITE,))[0], result.message)
+        return result
+
     def _by_rows(self, record: Record) -> Outcome:
         for time in record.times[1:].tolist():
-            result = self.library.step(time, tstop=float(record.times[-1]))
-            record.work.jacobians = result.njev
-            if not result.success:
-                return _failed(result)
-            record.put(result.y[None])
+            record.put(self._to(time, record).y[None])
         return Status.REACHED_END, ""
 
     def _by_steps(self, record: Record) -> Outcome:
@@ -104,22 +108,14 @@ class Callbacks:
         steps, reached = 0, float(times[0])
         while True:
             # The first step is guessed from the first time wanted.
-            result = self.library.step(end if steps else times[1], method="onestep", tstop=end)
-            work.jacobians = result.njev
-            if not result.success:
-                return _failed(result)
+            result = self._to(end if steps else times[1], record, "onestep")
             # After an interpolation the library first hands back the step it has.
             steps, reached = steps + (result.t > reached), result.t
             work.steps = steps
             last = int(np.searchsorted(times, result.t, side="right"))
             for time in times[record.filled : last].tolist():
-                record.put(self.library.step(time, tstop=end).y[None])
+                record.put(self._to(time, record).y[None])
             if result.t >= end:
                 return Status.REACHED_END, ""
             if steps >= record.max_steps:
                 return Status.STEP_LIMIT, f"{steps} steps"
-
-
-def _failed(result: Any) -> Outcome:
-    """The status of a library's failure, and its own words."""
-    return FAILURES.get(result.status, (Status.NON_FINITE,))[0], result.message
