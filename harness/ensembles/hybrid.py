@@ -72,8 +72,7 @@ def run_hybrid(
 ) -> tuple[Array, Array]:
     """States of the full equations, shape (m, n, d), with NaN from where one failed, and statuses.
 
-    `times` are evenly spaced from 0: the averaged path, on which |L| is looked at, has whole multiples of them.
-    Other parameters as of `least_momentum`, which makes `least`; phases are drawn from `random`.
+    `times` must be evenly spaced from 0. `least_momentum` makes `least`; phases are drawn from `random`.
     """
     if least == inf:
         return run_alone(scene, starts, times, tolerance)
@@ -102,8 +101,7 @@ def averaged(scene: Scene, starts: Array, times: Array, tolerance: float) -> tup
 
 def least_on_the_way(scene: Scene, path: Array) -> Array:
     """The least |L| over I_max of averaged states on their way, shape (n,); straight from time to time."""
-    body = scene.ellipsoid
-    momentum = path[..., :3]
+    body, momentum = scene.ellipsoid, path[..., :3]
     if body.kind != "triaxial":
         momentum = momentum * (Spheroid.of(body).equatorial_inertia / max(body.inertia))
     here, way = momentum[:-1], np.diff(momentum, axis=0)

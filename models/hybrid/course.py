@@ -23,8 +23,7 @@ Array = np.ndarray
 
 # The error of L and E that a tolerance stands for, and the share of it that windows may take, chosen by trial.
 ERROR_PER_TOLERANCE, WINDOWS = 100.0, 0.2
-# What the full equations cost in accuracy: error of L and E over the tolerance, per radian that the body
-# turns; chosen by trial, the same for every solver.
+# Error of L and E over the tolerance of the full equations, per radian that the body turns; by trial, for every solver.
 PER_RADIAN = 1.5e-2
 # Tolerance of averaged pieces, which cost nothing, and those of windows: some solvers compile for each one anew.
 AVERAGED_TOLERANCE, FULL = 1e-12, (1e-8, 1e-10, 1e-12, 1e-14)

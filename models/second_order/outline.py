@@ -23,8 +23,7 @@ MEANINGLESS = 0.35
 MARGIN = 4.5
 # The highest harmonic of the torque: where the phase is wrong by φ, the swing is by so many φ rho.
 HARMONIC = 2
-# Shares of the error asked for that averaging and the kicks left out may cost, the latter together; one alone, half of
-# that. Chosen by trial.
+# Shares of the error asked for that averaging and kicks left out may cost, the latter together and one alone; by trial.
 SHARE, LEFT_OUT, ONE = 0.5, 0.3, 0.15
 # Kicks of random phases stay below so many times the root of the sum of their squares in 97.5 %.
 RANDOM = 1.6

@@ -36,8 +36,7 @@ LEAST_SPEED = 0.5
 # this over 97.5 % of the phases α (Neishtadt, Sov. J. Plasma Phys. 12, 1986). At the end of the tables the elliptic
 # integral 4K is some 15; 4π, which is less, is taken for it.
 SADDLE = 15.0
-# Square of the slow time, in 1/(St times the slowest damping rate), in which |L| rises from 0 to where averaging holds;
-# chosen by trial.
+# Square of the slow time, in 1/(St times the slowest damping rate), in which |L| rises from 0 far enough; by trial.
 RISEN = 45.0
 
 
