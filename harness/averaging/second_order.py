@@ -118,13 +118,13 @@ def measure_passage(case: Subject, stokes: float, whole: bool = True) -> Passage
             case = replace(case, slow_time=form.reach(scene))
             scene = case.scene(stokes)
         estimate = form.estimate(scene)
-    except FormNotValidError as refusal:
-        reason = refusal.condition
+        repeats = range(PASSAGE_REPEATS)
+        found = fastest(timed_run(scene, form.name, TOLERANCE, SAMPLES, PASSAGE_SOLVER) for _ in repeats)
+    except (FormNotValidError, RuntimeError) as refusal:
+        reason = refusal.condition if isinstance(refusal, FormNotValidError) else str(refusal)
         return Passage(case.axes, case.name, case.slow_time, stokes, "", nan, nan, nan, nan, nan, nan, nan, nan, reason)
     strong = [each for each in outline(scene).kicks if each.size > SMALL_KICK * estimate.slow]
     true, _ = true_observables(scene)
-    repeats = range(PASSAGE_REPEATS)
-    found = fastest(timed_run(scene, form.name, TOLERANCE, SAMPLES, PASSAGE_SOLVER) for _ in repeats)
     first = timed_run(scene, averaged_form(scene), TOLERANCE, SAMPLES).observables
     error = errors(scene.ellipsoid, found.observables, true)
     return Passage(
