@@ -2,14 +2,17 @@
 
 import json
 import os
+import re
 import subprocess
 import tomllib
 from pathlib import Path
 
+import click
 import pytest
 from commandline import SCENE, SCRIPT, Run
 
 from polhode.harness.cli import COMMANDS, FORMER, GROUPS
+from polhode.harness.cli import polhode as commands
 from polhode.harness.commands.show import scene_text
 from polhode.models.catalogue import FORMS
 from polhode.models.files.scene_file import parse_scene, scene_table
@@ -35,6 +38,20 @@ def test_help_lists_every_command_in_its_group(polhode: Run):
     for title, group in GROUPS.items():
         listed = text.partition(f"{title}:\n")[2].partition("\n\n")[0].splitlines()
         assert [line.split()[0] for line in listed] == list(group)
+
+
+def test_what_makes_the_reports_are_commands(monkeypatch: pytest.MonkeyPatch):
+    root = Path(__file__).parents[2]
+    monkeypatch.chdir(root)
+    lines = (root / "reports" / "commands.txt").read_text().splitlines()
+    for name, *options in map(str.split, lines):
+        commands.get_command(click.Context(commands), name).make_context(name, options)
+    pages = list(root.glob("reports/*/README.md"))
+    assert len(pages) > 8
+    for page in pages:
+        made_by = re.search(r"Made by `polhode ([^`]*)`", page.read_text())
+        assert made_by, page
+        assert made_by[1].replace("--quick ", "") in lines, page
 
 
 @pytest.mark.parametrize("name", FORMER)
