@@ -99,7 +99,7 @@ def profiles(found: pd.DataFrame) -> "Figure":
         axes.set_xlabel(label, fontsize=11)
         axes.grid(True, linewidth=0.4, alpha=0.5)
     left.set_ylabel("share of the problems solved", fontsize=11)
-    figure.subplots_adjust(left=0.075, right=0.83, bottom=0.14, top=0.97, wspace=0.56)
+    figure.subplots_adjust(left=0.075, right=0.81, bottom=0.14, top=0.97, wspace=0.64)
     for axes in (left, right):
         name_lines(axes)
     return figure
