@@ -14,7 +14,7 @@ from polhode.harness.analysis.pareto import crossing, fastest, times_at_error
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record, export
-from polhode.harness.common.text import duration, markdown, scientific, short
+from polhode.harness.common.text import duration, in_two_digits, markdown, scientific, short
 from polhode.harness.pages.figures.work_precision import save, work_precision_panels
 from polhode.harness.studies.cost import STARTS, FirstRun
 from polhode.harness.studies.overhead import Overhead
@@ -50,10 +50,11 @@ def write_page(measured: Measured, folder: Path, command: str) -> Path:
     save(work_precision_panels(solvers, "slow_error", "slow error over $I_{max}$"), folder, "slow")
     records = [*measured.solvers, *measured.spheroid, *measured.backends]
     rhs = ", ".join(f"{duration(cost)} ({WAYS[name]})" for name, cost in measured.rhs_costs.items())
+    claims, worth = _worth(solvers)
     sections = {
         "What each library is worth": (
             "The interpreter out of the way: field, Jacobian and the loop over rows in machine code. Each library's "
-            f"fastest method at equal slow error, in the quaternion form.\n\n{_worth(solvers)}"
+            f"fastest method at equal slow error, in the quaternion form.\n\n{worth}"
         ),
         "What the interpreter costs": (
             "The same algorithm at tolerance 1e-6 with the right-hand side in plain Python, with a compiled one that "
@@ -70,11 +71,6 @@ def write_page(measured: Measured, folder: Path, command: str) -> Path:
             "The prolate spheroid (0.5, 0.5, 1) by Taylor's method: time in the quaternion form over time in the form "
             f"(L, p̂), at equal slow error.\n\n{_forms(spheroid)}"
         ),
-        "Time at equal slow error": _times(solvers),
-        "What the Jacobian costs": (
-            "Implicit methods at tolerance 1e-6, by exact Jacobians and by finite differences: times, and right-hand "
-            f"sides as far as the library counts them.\n\n{_jacobians(backends)}"
-        ),
         "What `solve` adds to the bare library call": (
             "The paper's ellipsoid at St = 1000, 201 samples, tolerance 1e-8, everything compiled; bare call and "
             "`solve` in turns, the minimum of each. Allowed: 5 % or 50 µs, whichever is more.\n\n"
@@ -87,13 +83,24 @@ def write_page(measured: Measured, folder: Path, command: str) -> Path:
             f"`polhode --help` takes {duration(measured.startup)}, the minimum of {STARTS} starts.\n"
         ),
     }
-    lines = [
-        *header("Every solver on equal footing", command, records),
+    details = {
+        "Time at equal slow error": _times(solvers),
+        "What the Jacobian costs": (
+            "Implicit methods at tolerance 1e-6, by exact Jacobians and by finite differences: times, and right-hand "
+            f"sides as far as the library counts them.\n\n{_jacobians(backends)}"
+        ),
+    }
+    figure = "![Wall time against slow error, one panel per St](slow.png)"
+    how = (
         "Times are minima of warm runs in interleaved order; at a named error they are interpolated between a method's "
-        "own runs.\n\n![Wall time against slow error, one panel per St](slow.png)\n",
-        *(f"## {heading}\n\n{text}" for heading, text in sections.items()),
-    ]
-    write_file(folder / "README.md", "\n".join(lines))
+        "own runs. Every solver's times, and what exact Jacobians are worth: [times.md](times.md).\n"
+    )
+    for name, title, lines, own in (
+        ("README", "Every solver on equal footing", [*claims, "", figure, "", how], sections),
+        ("times", "Every solver at equal error", [], details),
+    ):
+        text = [*header(title, command, records), *lines, *(f"## {head}\n\n{body}" for head, body in own.items())]
+        write_file(folder / f"{name}.md", "\n".join(text))
     return folder / "README.md"
 
 
@@ -107,7 +114,8 @@ def _times_by_stokes(table: pd.DataFrame, target: float) -> dict[float, dict[tup
     return {stokes: times_at_error(runs, target) for stokes, runs in by_stokes(table)}
 
 
-def _worth(table: pd.DataFrame) -> str:
+def _worth(table: pd.DataFrame) -> tuple[list[str], str]:
+    """How the libraries compare, in sentences and by place."""
     rows, behind = [], {name: [] for name in ALONE}
     for target in ERRORS:
         for stokes, times in _times_by_stokes(table, target).items():
@@ -118,12 +126,13 @@ def _worth(table: pd.DataFrame) -> str:
             cells = [f"{best[name][0]}, {duration(best[name][1])}" if name in best else "–" for name in ALONE]
             rows.append([short(target), short(stokes), *cells])
     claims = [
-        f"- {name} is the fastest at {factors.count(1.0)} of {len(rows)} places. At half of the {len(factors)} that it "
-        f"reaches it takes up to {median(factors):.1f} times as long as the fastest, at worst {max(factors):.1f} times."
+        f"- {name}, without the interpreter, is the fastest at {factors.count(1.0)} of {len(rows)} places (St, slow "
+        f"error). At half of the {len(factors)} that it reaches it takes up to {in_two_digits(median(factors))} times "
+        f"as long as the fastest, at worst {in_two_digits(max(factors))} times."
         for name, factors in behind.items()
         if factors
     ]
-    return "\n".join([*claims, "", _table(["slow error", "St", *ALONE], rows, 2)])
+    return claims, _table(["slow error", "St", *ALONE], rows, 2)
 
 
 def _finished(table: pd.DataFrame) -> dict[tuple[float, str, Any, str], tuple[float, float]]:
