@@ -337,7 +337,7 @@ def test_long_double_keeps_the_phase():
     each = problem(1e5, 2000.0)
     times = np.linspace(0.0, each.end, 21)
     integrator = taylor_integrator(each.field, each.dimension, len(PARAMETERS), 1e-18, "long double")
-    integrator.state[:], integrator.pars[:] = each.start, each.parameters
+    integrator.time, integrator.state[:], integrator.pars[:] = np.longdouble(0), each.start, each.parameters
     exact = contract.Record(times, np.tile(np.array(each.start, np.longdouble), (21, 1)))
     assert propagate(integrator, exact) == (Status.REACHED_END, "")
     wide, double = (solve(each, name, 1e-14, times) for name in ("splitting-extended", "splitting"))
