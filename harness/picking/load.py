@@ -98,13 +98,14 @@ def held_back(form: Form, solver: str, pilot: Pilot) -> bool:
 
     Raises PilotFailedError if the form's own pilot fails.
     """
-    if find_solver(solver).implicit or find_solver(solver).closed_form:
+    method = find_solver(solver)
+    if method.implicit or method.closed_form:
         return False
     if pilot.damping_times > STIFF:
         return True
     if (
-        find_solver(solver).family == "heyoka"
-        or find_solver(solver).many_periods
+        method.order_by_tolerance
+        or method.many_periods
         or form.averaged
         or isinstance(form, InPieces)
         or form.problem(pilot.followed).parameters is None
