@@ -1,7 +1,7 @@
 """The page of the study of the form `hybrid`: how often it keeps its word, and how fast it is."""
 
-from collections.abc import Callable, Sequence
-from math import isfinite, isnan
+from collections.abc import Sequence
+from math import isfinite
 from pathlib import Path
 from statistics import median, quantiles
 from typing import Any
@@ -74,7 +74,7 @@ def page(study: Study, command: str) -> str:
             "error, or the uncertainty if that is larger. *In full*: median share of the time that the full equations "
             "follow.",
             "",
-            table(_errors(study.errors), ERRORS, left=0),
+            table(_errors(_judged(study.errors)), ERRORS, left=0),
             *([*SPEED, table(_speeds(study.speed), SPEEDS, left=0)] if study.speed else []),
         ]
     )
@@ -82,17 +82,16 @@ def page(study: Study, command: str) -> str:
 
 def findings(study: Study) -> list[str]:
     """What was found, in sentences."""
-    rows = study.errors
+    rows, runs = study.errors, _judged(study.errors)
     found = [
         f"Of {len({row.start for row in rows})} random starts at {len(hybrid.ERRORS)} errors, "
         f"{sum(row.status == 'reached_end' for row in rows)} of {len(rows)} runs reached their end.",
-        f"The slow error was within the one asked for in {_percent(rows, _within)} of the runs.",
-        *_stated([row for row in rows if not isnan(row.estimated)], len(rows)),
+        f"The slow error was within the one asked for in {_percent(runs['within'])} of the runs.",
+        *_stated(runs.dropna(subset=["estimated"]), len(rows)),
     ]
-    sure = [row for row in rows if not isnan(row.mirror)]
-    if sure:
-        right = _percent(sure, lambda row: row.mirror == 1)
-        found.append(f"The settled body ended the right way up in {right} of {len(sure)} runs.")
+    sure = runs["mirror"].dropna()
+    if len(sure):
+        found.append(f"The settled body ended the right way up in {_percent(sure)} of {len(sure)} runs.")
     for stokes in hybrid.FAST:
         gains = [row.full_seconds / row.seconds for row in study.speed if row.stokes == stokes]
         gains = [gain for gain in gains if isfinite(gain)]
@@ -118,33 +117,34 @@ def _prepared(rows: Sequence[Speed]) -> list[str]:
     return [f"The tables of a triaxial shape took {new}, when not seen before; read from disk {known}."]
 
 
-def _stated(rows: Sequence[HybridError], of: int) -> list[str]:
-    """What the errors are worth that runs state of themselves."""
-    bounded = _percent(rows, lambda row: row.slow <= max(row.estimated, row.uncertainty))
-    ratios = [row.estimated / max(row.slow, row.uncertainty) for row in rows if row.slow > 0]
-    if not ratios:
-        return []
-    return [
-        f"{len(rows)} of {of} runs state an error of their own: it bounds the one measured in "
-        f"{bounded}, and is {in_two_digits(median(ratios))} times as large in the median."
-    ]
-
-
-def _within(row: HybridError) -> bool:
-    return row.slow <= max(row.error, row.uncertainty)
-
-
-def _percent(rows: Sequence[HybridError], holds: Callable[[HybridError], bool]) -> str:
-    return f"{100 * sum(map(holds, rows)) / max(1, len(rows)):.3g} %"
-
-
-def _errors(rows: Sequence[HybridError]) -> list[dict[Any, Any]]:
-    runs = pd.DataFrame(rows).dropna(subset=["slow"])
+def _judged(rows: Sequence[HybridError]) -> Any:
+    """The runs as a table, with whether each kept its word and how its estimate compares."""
+    runs = pd.DataFrame(rows)
     runs["within"] = runs["slow"] <= runs[["error", "uncertainty"]].max(axis=1)
     runs["bounded"] = (runs["slow"] <= runs[["estimated", "uncertainty"]].max(axis=1)).where(runs["estimated"].notna())
     runs["over"] = runs["estimated"] / runs[["slow", "uncertainty"]].max(axis=1)
+    return runs
+
+
+def _stated(runs: Any, of: int) -> list[str]:
+    """What the errors are worth that runs state of themselves."""
+    ratios = runs["over"][runs["slow"] > 0]
+    if not len(ratios):
+        return []
+    return [
+        f"{len(runs)} of {of} runs state an error of their own: it bounds the one measured in "
+        f"{_percent(runs['bounded'])}, and is {in_two_digits(median(ratios))} times as large in the median."
+    ]
+
+
+def _percent(holds: Any) -> str:
+    return f"{100 * float(holds.astype(float).mean()):.3g} %"
+
+
+def _errors(runs: Any) -> list[dict[Any, Any]]:
     return (
-        runs.groupby(["stokes", "error"])
+        runs.dropna(subset=["slow"])
+        .groupby(["stokes", "error"])
         .agg(
             runs=("slow", "size"), within=("within", "mean"), bounded=("bounded", "mean"), largest=("slow", "max"),
             over=("over", "median"), full=("full_share", "median"),
