@@ -142,16 +142,24 @@ def name_lines(axes: "Axes") -> None:
             end = points[-1]
             name = label.replace(", ", ",\n") if len(label) > NAME else label
             ends.append((axes.transData.transform(end)[1] / scale, tuple(end), line, name))
+    ends.sort(key=lambda each: each[0])
     box = axes.get_window_extent()
-    height = box.y0 / scale - APART
-    for y, end, line, name in sorted(ends, key=lambda each: each[0]):
-        room = APART * (1 + name.count("\n")) / 2
-        height = max(height + APART / 2 + room, y)
+    rooms = [APART * (1 + name.count("\n")) / 2 for *_, name in ends]
+    heights: list[float] = []
+    least = box.y0 / scale - APART / 2
+    for (y, *_), room in zip(ends, rooms, strict=True):
+        heights.append(max(least + room, y))
+        least = heights[-1] + room
+    # A pile that rises above the panel is pushed down.
+    most = box.y1 / scale + APART / 2
+    for k in reversed(range(len(ends))):
+        heights[k] = min(heights[k], most - rooms[k])
+        most = heights[k] - rooms[k]
+    for (_, end, line, name), height in zip(ends, heights, strict=True):
         style = {"fontsize": LETTERS, "color": line.get_color(), "fontweight": "bold", "va": "center"}
         arrow = {"arrowstyle": "-", "color": BEHIND, "lw": 0.4, "shrinkA": 0, "shrinkB": 2}
         place = (box.x1 / scale + 8, height)
         axes.annotate(name, end, place, textcoords="figure points", arrowprops=arrow, annotation_clip=False, **style)
-        height += room - APART / 2
 
 
 def work_precision_panels(records: pd.DataFrame, error: str, label: str) -> "Figure":
