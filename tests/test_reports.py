@@ -1,0 +1,111 @@
+"""What the committed pages say first is what their committed data say; an installed package has neither."""
+
+import json
+import re
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+
+from polhode.harness.analysis.frames import frame
+from polhode.harness.averaging.data import PaperStudy, SecondOrderStudy, read_study
+from polhode.harness.averaging.findings import findings, statements
+from polhode.harness.averaging.hybrid import Study as HybridStudy
+from polhode.harness.calibration.evaluation import Evaluation
+from polhode.harness.common.store import read_export
+from polhode.harness.pages import ensembles
+from polhode.harness.pages.averaging import hybrid
+from polhode.harness.pages.outcomes import limit, sentences
+from polhode.harness.pages.picking.pick import summary
+from polhode.harness.pages.regimes import ERRORS, read_cells, sentence
+from polhode.harness.pages.verdict import averaged_costs, verdict
+from polhode.models.catalogue import FORMS
+from polhode.solvers.catalogue import SOLVERS
+
+ROOT = Path(__file__).parents[1]
+REPORTS = ROOT / "reports"
+NUMBERS = {3: "three", 10: "ten", 11: "eleven", 12: "twelve"}
+
+pytestmark = pytest.mark.skipif(not REPORTS.is_dir(), reason="no committed pages here")
+
+
+def records(page: str) -> pd.DataFrame:
+    return frame(read_export(REPORTS / page / "records.jsonl"))
+
+
+def bench() -> Iterable[str]:
+    runs = records("bench")
+    return [*verdict(runs), *averaged_costs(runs)]
+
+
+def hard_cases() -> Iterable[str]:
+    folder = REPORTS / "hard-cases"
+    endings: Any = pd.read_csv(folder / "outcomes.csv", keep_default_na=False).to_dict("records")
+    return sentences(endings, limit(records("hard-cases")))
+
+
+def regimes() -> Iterable[str]:
+    maps = read_cells(REPORTS / "regimes" / "cells.csv")
+    return [f"The {name}, {sentence(found, ERRORS[error][0])}" for (name, error), found in maps.items()]
+
+
+def pick() -> Iterable[str]:
+    tables: Any = {name: pd.read_csv(REPORTS / "pick" / f"{name}.csv") for name in ("scenes", "runs", "ways")}
+    tables["scenes"]["refusal"] = tables["scenes"]["refusal"].fillna("")
+    return summary(Evaluation(**tables))
+
+
+PAGES: dict[str, Callable[[], Iterable[str]]] = {
+    "bench": bench,
+    "hard-cases": hard_cases,
+    "regimes": regimes,
+    "pick": pick,
+    "accuracy": lambda: statements(read_study(PaperStudy, REPORTS / "accuracy").errors),
+    "second-order": lambda: findings(read_study(SecondOrderStudy, REPORTS / "second-order")),
+    "hybrid": lambda: hybrid.findings(read_study(HybridStudy, REPORTS / "hybrid")),
+}
+
+
+def text(page: str) -> str:
+    return (REPORTS / page).read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_first_lines_follow_from_the_data(page: str):
+    before = text(f"{page}/README.md").split("\n![")[0].split("\n|")[0].split("\n## Against")[0]
+    said = [line.removeprefix("- ") for line in before.splitlines() if line.startswith("- ")]
+    # Scenes that were not taken have no row.
+    assert [line for line in said if not line.startswith("Other scenes were drawn")] == list(PAGES[page]())
+
+
+def test_what_ensembles_cost_follows_from_the_data():
+    assert text("sweep/throughput.md") == ensembles.page(json.loads(text("sweep/throughput.json")))
+
+
+def test_readme_says_what_there_is():
+    readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    assert f" in {NUMBERS[len(FORMS)]} forms " in readme
+    own = [name for name in SOLVERS if SOLVERS.find(name).family == "polhode"]
+    assert f" and {NUMBERS[len(own)]} of its own " in readme
+
+
+def test_readme_says_how_long_the_runs_of_the_map_last():
+    readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    said = re.search(
+        r"last (\S+) shear times up to St = (\S+), then .* = (\S+); only at (\S+) it is (\S+), for", readme
+    )
+    assert said, "the caption of the map has changed"
+    shear, until, slow, far, short = map(float, said.groups())
+    runs = pd.read_csv(REPORTS / "regimes" / "runs.csv")
+    for stokes, time in runs.groupby("stokes")["scene.time"].unique().items():
+        expected = shear if stokes <= until else stokes * (short if stokes == far else slow)
+        assert time.tolist() == [pytest.approx(expected)], stokes
+
+
+def test_readme_says_up_to_which_stokes_number_implicit_methods_win():
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    until = float(re.search(r"implicit methods win up to St ≈ (\S+)\)", readme)[1])
+    cells = [cell for found in read_cells(REPORTS / "regimes" / "cells.csv").values() for cell in found]
+    assert max(cell.stokes for cell in cells if cell.winner and cell.winner.side == "implicit") == until
