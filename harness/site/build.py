@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable
 from datetime import UTC, datetime
 from html import escape
+from importlib import resources
 from io import BytesIO
 from pathlib import Path
 
@@ -57,6 +58,9 @@ def build(reports: Path, out: Path, scenes: dict[str, Scene], say: Callable[[str
     menu = {name: REPORTS.get(name, (name.capitalize(), ""))[0] for name in dict.fromkeys(folders)}
     menu = {"index": "What to run", "cost": "Cost", **menu, "motion": "Motion"}
     (out / FIGURES).mkdir(parents=True, exist_ok=True)
+    for file in resources.files("polhode.harness.site").iterdir():
+        if file.name.endswith((".css", ".js")):
+            write_file(out / file.name, file.read_bytes())
     foot = _foot()
 
     def write(name: str, page: Page) -> None:

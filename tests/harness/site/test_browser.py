@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
+from polhode.harness import site
+
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 FLAGS = (
     "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
@@ -19,14 +21,14 @@ WIDTHS = (390, 1100)
 PAGES = ("index", "cost", "hard-cases", "own", "motion")
 
 # Put at the head of each page: keeps what goes wrong.
-WATCH = """<script>
+WATCH = """
 window.wrong = [];
 addEventListener("error", (e) => wrong.push(String(e.message || e.target.src)), true);
 addEventListener("unhandledrejection", (e) => wrong.push(String(e.reason)));
 addEventListener("securitypolicyviolation", (e) => wrong.push("blocked: " + e.blockedURI));
-</script>"""
+"""
 # Put at its end: works every control, then tells the page around it.
-WORK = """<script>
+WORK = """
 addEventListener("load", () => {
   const seen = { name: location.pathname, width: innerWidth, tips: [], marks: 0 };
   const wide = () => document.documentElement.scrollWidth > innerWidth + 1;
@@ -104,7 +106,7 @@ addEventListener("load", () => {
   seen.wrong = wrong;
   parent.postMessage(JSON.stringify(seen), "*");
 });
-</script>"""
+"""
 HOST = """<!doctype html><body><script>
 const found = [];
 addEventListener("message", (e) => {
@@ -122,8 +124,13 @@ def seen(tmp_path_factory: pytest.TempPathFactory, site_pages: dict[str, str]) -
     folder = tmp_path_factory.mktemp("browser")
     (folder / "site" / "figures").mkdir(parents=True)
     Image.new("RGB", (4, 4)).save(folder / "site" / "figures" / "own-drawn.webp")
+    for file in Path(site.__file__).parent.glob("*.[cj]s*"):
+        shutil.copy(file, folder / "site")
+    for name, script in (("watch", WATCH), ("work", WORK)):
+        (folder / "site" / f"{name}.js").write_text(script, encoding="utf-8")
     for name, page in site_pages.items():
-        watched = page.replace("<head>", "<head>" + WATCH).replace("</body>", WORK + "</body>")
+        watched = page.replace("<head>", '<head><script src="watch.js"></script>')
+        watched = watched.replace("</body>", '<script src="work.js"></script></body>')
         (folder / "site" / f"{name}.html").write_text(watched, encoding="utf-8")
     frames = "".join(
         f'<iframe src="site/{name}.html" style="width:{width}px;height:900px"></iframe>'

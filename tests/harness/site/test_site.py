@@ -15,6 +15,7 @@ from polhode.harness.common.store import export, read_export
 from polhode.harness.common.text import duration
 from polhode.harness.pages.figures.style import looks
 from polhode.harness.pages.regimes import read_cells
+from polhode.harness.site import markup
 from polhode.harness.site.build import REPORTS
 from polhode.harness.site.cost import COLUMNS
 from polhode.harness.site.markdown import section
@@ -40,6 +41,7 @@ def test_pages_load_nothing_and_link_to_each_other_alone(site_pages: dict[str, s
     within = {f"#{place}" for place in re.findall(r'id="([^"]*)"', page)}
     links = set(re.findall(r'(?:src|href|action)="([^"]*)"', page))
     pages = {f"{other}.html" for other in PAGES} | {"own.html#lx-of-1", "figures/own-drawn.webp", "data:,"}
+    pages |= {path.name for path in Path(markup.__file__).parent.glob("*.[cj]s*")}
     pages |= {link for link in links if re.fullmatch(r"figures/regimes-\w+\.webp", link)}
     questions = {link for link in links if link.startswith("#particle=")}
     runs = {link for link in links if link.startswith("cost.html#scene=hard-cases: ")}
@@ -49,6 +51,8 @@ def test_pages_load_nothing_and_link_to_each_other_alone(site_pages: dict[str, s
     assert "@import" not in page
     assert "url(" not in page.replace("url(#", "")
     assert "default-src 'none'" in page
+    assert "script-src 'self' file:;" in page
+    assert not re.search(r"<script(?! src| type=.application/json)", page)
 
 
 @pytest.mark.parametrize("name", PAGES)
@@ -193,13 +197,13 @@ def test_memory_holds_no_more_of_a_record_than_the_page_shows(tmp_path: Path, si
 
 
 def test_a_full_disk_is_named_and_leaves_no_half_page(here: Run, site_reports: Path, tmp_path: Path):
-    with small_disk(tmp_path / "full", "80k") as folder:
+    with small_disk(tmp_path / "full", "160k") as folder:
         done = here("report", "--reports", site_reports, "--out", folder)
         assert done.returncode == 1
         assert re.fullmatch(
             rf"polhode: {folder}/\S+: No space left on device, expected a place to write and room for it\n", done.stderr
         )
-        pages = [path for path in folder.rglob("*") if path.is_file()]
+        pages = list(folder.rglob("*.html"))
         assert pages
         assert all(path.read_text(encoding="utf-8").endswith("</html>\n") for path in pages)
 
