@@ -3,9 +3,12 @@
 (() => {
   const { chart, html, swatch, read } = polhode;
   const data = read("cost-data");
-  // Form, solver, status and message of a row are places in the list of words.
-  for (const row of data.rows) for (const i of [1, 2, 3, 4]) row[i] = data.words[row[i]];
-  const column = Object.fromEntries(data.columns.map((name, i) => [name, i]));
+  // A column holds what stands several times in a row as [value, times]; of words their places in the list.
+  const names = Object.keys(data.columns), column = Object.fromEntries(names.map((name, i) => [name, i]));
+  const columns = Object.values(data.columns).map((own) =>
+    own.flatMap((v) => (Array.isArray(v) ? Array(v[1]).fill(v[0]) : [v])));
+  const runs = columns[0].map((_, i) => columns.map((own) => own[i]));
+  for (const row of runs) for (const i of [1, 2, 3, 4]) row[i] = data.words[row[i]];
   const form = document.getElementById("filters");
   const DASHES = ["", "6 3", "2 3", "8 3 2 3", "1 2"];
   const number = (v) => (v === null ? "–" : v >= 0.01 && v < 1e4 ? String(Number(v.toPrecision(3))) : v.toExponential(1).replace(".0e", "e").replace("e+", "e"));
@@ -83,12 +86,12 @@
       const kept = stokes.selectedOptions[0]?.textContent ?? address.get("St") ?? "10000";
       stokes.replaceChildren(...own.map(([i, g]) => html("option", { value: i, textContent: g[2] === null ? "∞" : g[2] })));
       for (const option of stokes.options) if (option.textContent === kept) option.selected = true;
-      const present = data.rows.filter((row) => own.some(([i]) => i === row[0]));
+      const present = runs.filter((row) => own.some(([i]) => i === row[0]));
       for (const box of form.querySelectorAll("fieldset input"))
         box.parentElement.hidden = !(data.forms[box.value] || data.solvers[box.value] ? present.some((row) => row.includes(box.value)) : true);
       before = scene.value;
     }
-    const rows = data.rows.filter((row) => String(row[0]) === stokes.value && shown(row));
+    const rows = runs.filter((row) => String(row[0]) === stokes.value && shown(row));
     history.replaceState(null, "", "#" + new URLSearchParams({ scene: scene.value,
       St: stokes.selectedOptions[0]?.textContent ?? "", error: want.value, cost: cost.value }));
     seen = rows;
@@ -157,8 +160,7 @@
   }
 
   function save() {
-    const names = ["study", "scene", "St", ...data.columns.slice(1)];
-    download("runs.csv", [names, ...seen.map((row) => [...data.groups[row[0]].slice(0, 3), ...row.slice(1)])]);
+    download("runs.csv", [["study", "scene", "St", ...names.slice(1)], ...seen.map((row) => [...data.groups[row[0]].slice(0, 3), ...row.slice(1)])]);
   }
 
   function largest(rows, x) {

@@ -1,6 +1,8 @@
 """Cost against error, run by run, with filters."""
 
+from collections.abc import Iterable
 from html import escape
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -48,21 +50,25 @@ def cost_page(reports: Path) -> Page:
         for scene in dict.fromkeys(table["scene_name"]):
             own = where(table, table["scene_name"] == scene)
             for stokes, runs in by_stokes(own):
-                # A line goes from the loosest tolerance to the tightest.
-                ordered = runs.sort_values(by=["tolerance"], ascending=False, kind="stable")
-                rows += [[len(groups), *_row(run)] for run in ordered.to_dict("records")]
+                rows += [[len(groups), *_row(run)] for run in runs.to_dict("records")]
                 groups.append([study, scene, stokes, _scene_tags(runs)])
+    # A line stands together and goes from the loosest tolerance to the tightest.
+    rows.sort(key=lambda row: (*row[:3], -row[5]))
     forms = looks(str(row[1]) for row in rows)
     solvers = _solvers({str(row[2]) for row in rows})
-    # Words stand once: rows hold their places.
+    # Words stand once: columns hold their places.
     words = {
         word: i for i, word in enumerate(dict.fromkeys(word for row in rows for word in row if isinstance(word, str)))
     }
     data = {
         "words": list(words),
         "groups": groups,
-        "columns": ["group", *WORDS, "tolerance", "inferred", *COLUMNS],
-        "rows": [[words[value] if isinstance(value, str) else value for value in row] for row in rows],
+        "columns": {
+            name: _runs(words[value] if isinstance(value, str) else value for value in values)
+            for name, values in zip(
+                ("group", *WORDS, "tolerance", "inferred", *COLUMNS), zip(*rows, strict=True), strict=True
+            )
+        },
         "forms": {
             name: {
                 "averaged": is_averaged(name),
@@ -84,6 +90,12 @@ def _row(run: dict[Any, Any]) -> list[Any]:
     method = f"{run['solver']} ({', '.join(chosen)})" if chosen else run["solver"]
     values = [run["form"], method, run["status"], _known(run.get("message")) or "", float(run["tolerance"])]
     return [*values, int(bool(_known(run.get("inferred")))), *(_known(run.get(name)) for name in COLUMNS)]
+
+
+def _runs(values: Iterable[Any]) -> list[Any]:
+    """The values, those that stand several times in a row as [value, times]."""
+    counted = ((value, sum(1 for _ in same)) for value, same in groupby(values))
+    return [value if times == 1 else [value, times] for value, times in counted]
 
 
 def _known(value: Any) -> Any:

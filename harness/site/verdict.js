@@ -4,6 +4,7 @@
   const place = document.getElementById("question-data");
   if (!place) return;
   const data = JSON.parse(place.textContent);
+  const measured = data.columns.flatMap(({ cells, ...column }) => cells.map((cell) => ({ ...column, ...cell })));
   const form = document.getElementById("ask"), answer = document.getElementById("answer");
   const START = { particle: "ellipsoid", St: "10000", error: "1e-6", want: "slow" };
 
@@ -63,7 +64,7 @@
       answer.replaceChildren(made("p", { textContent: "St and the error allowed are positive numbers, such as 3e3 and 1e-4." }));
       return;
     }
-    const cells = data.cells.filter((cell) => cell.particle === particle.value && cell.want === want.value && cell.St > 0);
+    const cells = measured.filter((cell) => cell.particle === particle.value && cell.want === want.value && cell.St > 0);
     const far = (cell) => Math.abs(Math.log(cell.St / St));
     const nearest = Math.min(...cells.map(far));
     const column = cells.filter((cell) => far(cell) === nearest).sort((a, b) => b.error - a.error);

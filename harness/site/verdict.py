@@ -56,7 +56,7 @@ def question(folder: Path, sure: str = "") -> tuple[str, dict[str, Any]]:
         '<form class="filters ask" id="ask" aria-label="Question"></form><div id="answer" role="status"></div>'
         f'<p class="note">{prose(OWN)}</p>{_sure(sure)}<h2>The map</h2><p class="note">{NOTE}</p>{sections}'
     )
-    data = {"particles": particles, "wants": dict(WANTS.values()), "cells": _answers(found, reached)}
+    data = {"particles": particles, "wants": dict(WANTS.values()), "columns": _answers(found, reached)}
     return body, {"question-data": data}
 
 
@@ -69,30 +69,42 @@ def _sure(sentence: str) -> str:
 def _answers(
     found: Mapping[tuple[str, str], Sequence[Cell]], reached: Mapping[tuple[str, float], list[dict[Any, Any]]]
 ) -> list[dict[str, Any]]:
-    """What the script knows of each cell: the method, the loosest tolerance that reaches the error, and averaging."""
-    answers = []
+    """What the script knows: of a particle, kind of error and St the span and averaging; of a cell there the answer."""
+    columns: dict[tuple[str, str, float], dict[str, Any]] = {}
     for (name, error), cells in found.items():
         for cell in cells:
             runs = [run for run in reached.get((name, cell.stokes), []) if not isnan(run[error])]
-            averaging: dict[str, float] = {}
-            for run in runs:
-                if is_averaged(run["form"]):
-                    averaging[run["form"]] = min(run[error], averaging.get(run["form"], inf))
-            answer = {"particle": name, "want": WANTS[error][0], "St": cell.stokes, "error": cell.target}
-            answer |= {"known": cell.known, "averaging": averaging}
-            if runs and not isnan(time := runs[0].get("scene.time", nan)):
-                answer["span"] = (
-                    f"t = {short(time)}, t₂ = {short(time / cell.stokes)}" if cell.stokes else f"t = {short(time)}"
-                )
-            if cell.winner:
-                method = cell.winner.form, cell.winner.solver
-                answer |= dict(zip(("form", "solver"), method, strict=True))
-                answer |= {"time": duration(cell.seconds), "next": str(cell.second or ""), "tied": cell.tied}
-                answer["lead"] = "" if isnan(cell.lead) else factor(cell.lead)
-                own = [run for run in runs if (run["form"], run["solver"]) == method and run[error] <= cell.target]
-                answer["tolerance"] = short(max(run["tolerance"] for run in own)) if own else ""
-            answers.append(answer)
-    return answers
+            key = name, WANTS[error][0], cell.stokes
+            column = columns.setdefault(
+                key, dict(zip(("particle", "want", "St"), key, strict=True)) | _there(runs, error)
+            )
+            column.setdefault("cells", []).append(_answer(cell, runs, error))
+    return list(columns.values())
+
+
+def _there(runs: Sequence[dict[Any, Any]], error: str) -> dict[str, Any]:
+    """How far the runs at one St go, and the least error of each averaged form among them."""
+    averaging: dict[str, float] = {}
+    for run in runs:
+        if is_averaged(run["form"]):
+            averaging[run["form"]] = min(run[error], averaging.get(run["form"], inf))
+    if not runs or isnan(time := runs[0].get("scene.time", nan)):
+        return {"averaging": averaging}
+    slow = f", t₂ = {short(time / runs[0]['stokes'])}" if runs[0]["stokes"] else ""
+    return {"averaging": averaging, "span": f"t = {short(time)}{slow}"}
+
+
+def _answer(cell: Cell, runs: Sequence[dict[Any, Any]], error: str) -> dict[str, Any]:
+    """The method of a cell, and the loosest tolerance with which it reaches the error."""
+    answer = {"error": cell.target, "known": cell.known}
+    if cell.winner:
+        method = cell.winner.form, cell.winner.solver
+        answer |= dict(zip(("form", "solver"), method, strict=True))
+        answer |= {"time": duration(cell.seconds), "next": str(cell.second or ""), "tied": cell.tied}
+        answer["lead"] = "" if isnan(cell.lead) else factor(cell.lead)
+        own = [run for run in runs if (run["form"], run["solver"]) == method and run[error] <= cell.target]
+        answer["tolerance"] = short(max(run["tolerance"] for run in own)) if own else ""
+    return answer
 
 
 def _reached(path: Path) -> Mapping[tuple[str, float], list[dict[Any, Any]]]:

@@ -90,7 +90,11 @@ def test_data_in_a_page_cannot_end_its_script():
 def rows_of(page: str) -> list[dict]:
     """Rows of the page of costs, words in their places, with study and St."""
     data = data_of(page, "cost-data")
-    rows = [dict(zip(data["columns"], row, strict=True)) for row in data["rows"]]
+    columns = [
+        [one for each in own for one in ([each[0]] * each[1] if isinstance(each, list) else [each])]
+        for own in data["columns"].values()
+    ]
+    rows = [dict(zip(data["columns"], row, strict=True)) for row in zip(*columns, strict=True)]
     for row in rows:
         row["study"], _, row["stokes"], row["tags"] = data["groups"][row["group"]]
         row |= {name: data["words"][row[name]] for name in ("form", "solver", "status", "message")}
@@ -138,7 +142,8 @@ def test_the_map_shows_the_cells_of_the_report(site_pages: dict[str, str], site_
 
 def test_an_answer_is_a_measured_run_that_reaches_the_error(site_pages: dict[str, str], site_reports: Path):
     runs = pd.read_csv(site_reports / "regimes" / "runs.csv")
-    answers = [each for each in data_of(site_pages["index"], "question-data")["cells"] if each.get("tolerance")]
+    columns = data_of(site_pages["index"], "question-data")["columns"]
+    answers = [column | each for column in columns for each in column["cells"] if each.get("tolerance")]
     assert answers
     for each in answers:
         own = runs[(runs["stokes"] == each["St"]) & (runs["form"] == each["form"]) & (runs["solver"] == each["solver"])]
