@@ -154,11 +154,12 @@ def _compute(scene: Scene, form: Form, problem: Problem, samples: int, deadline:
     orientation = np.nan
     if own.orientation is not None:
         orientation = max(SAFETY * own.orientation, *(each.orientation or 0.0 for each in early))
+    # In the order that a file gives back: sums over other strides differ in their last bit.
     return {
         "times": times,
-        "angular_momentum": tight.angular_momentum.astype(float),
-        "energy": tight.energy.astype(float),
-        "rotation": tight.rotation.astype(float),
+        "angular_momentum": tight.angular_momentum.astype(float, order="C"),
+        "energy": tight.energy.astype(float, order="C"),
+        "rotation": tight.rotation.astype(float, order="C"),
         "slow_uncertainty": np.array(slow),
         "orientation_uncertainty": np.array(orientation),
         "certificate_by": np.array([certificate.form, certificate.solver]),

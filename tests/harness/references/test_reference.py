@@ -137,6 +137,8 @@ def test_a_second_call_reads_the_cache_and_a_damaged_file_is_computed_anew(monke
     monkeypatch.setattr(module, "_compute", lambda *arguments: pytest.fail("computed though cached"))
     second = reference(PAPER, "quaternion", 21)
     assert second.observables.rotation.tobytes() == first.observables.rotation.tobytes()
+    # Sums over other strides differ in their last bit.
+    assert second.observables.rotation.strides == first.observables.rotation.strides
     assert (second.slow_uncertainty, second.certificate) == (first.slow_uncertainty, first.certificate)
     monkeypatch.undo()
     key = module._key(find_form("quaternion").problem(PAPER), 21)
