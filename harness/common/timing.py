@@ -8,9 +8,12 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from math import inf
+from resource import RUSAGE_SELF, getrusage
 from statistics import median
 from time import perf_counter, sleep
-from typing import Any
+from typing import Any, TypeVar
+
+T = TypeVar("T")
 
 MOST_RUNS = 5
 BUDGET = 1.0
@@ -21,6 +24,10 @@ NEAR, PAUSE = 1.15, 0.02
 # A time is disturbed if the sentinel took more than so many times its quickest beside it, or if the fastest run, of at
 # least so many seconds, had the processor for less than this share of it.
 BUSY, JUDGED_FROM, HAD = 1.5, 1e-3, 0.9
+
+
+# A run that its limit stopped while it lacked the processor is run again, so often at most, with so much to spare.
+AGAIN, MORE = 2, 1.5
 
 
 @dataclass(frozen=True)
@@ -76,6 +83,30 @@ def seconds_of(function: Callable[[], object]) -> float:
         began = perf_counter()
         function()
         return perf_counter() - began
+
+
+def with_processor(function: Callable[[], T]) -> tuple[T, float, float]:
+    """What a call gives, its wall time, and that without waiting for others, in seconds."""
+    before, began = getrusage(RUSAGE_SELF), perf_counter()
+    value = function()
+    seconds, after = perf_counter() - began, getrusage(RUSAGE_SELF)
+    used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    # Who sleeps waits for nobody.
+    return value, seconds, used if after.ru_nivcsw > before.ru_nivcsw else seconds
+
+
+def within(limit: float, run: Callable[[float], T], stopped: Callable[[T], bool]) -> tuple[T, bool]:
+    """What a run gives that stops by itself after so many seconds, and whether other work is why it was stopped.
+
+    One that was stopped while it had to wait for the processor is run again, with more than as much more time.
+    """
+    value, seconds, had = with_processor(lambda: run(limit))
+    for _ in range(AGAIN):
+        if not stopped(value) or had >= HAD * limit:
+            break
+        longer = MORE * limit * seconds / max(had, limit / 4)
+        value, seconds, had = with_processor(lambda longer=longer: run(longer))
+    return value, stopped(value) and had < HAD * limit
 
 
 def time_runs(function: Callable[[], object]) -> Timing:

@@ -9,6 +9,7 @@ import numpy as np
 
 from polhode.harness.common import cache
 from polhode.harness.common.plain_json import digest
+from polhode.harness.common.timing import within
 from polhode.harness.references.certificate import (
     Certificate,
     Flow,
@@ -98,12 +99,17 @@ def reference(scene: Scene, form: str | Form, samples: int, seconds: float = inf
     key = _key(problem, samples)
     arrays = cache.load(key)
     if arrays is None or _tried_less(arrays, seconds):
-        try:
-            arrays = _compute(scene, shape, problem, samples, perf_counter() + seconds)
-        except ReferenceFailedError as failure:
-            kept = {"failure": str(failure), "status": failure.status, "seconds": seconds, "certificates": CERTIFICATES}
-            arrays = {name: np.array(each) for name, each in kept.items()}
-        cache.keep(key, arrays)
+
+        def computed(limit: float) -> dict[str, np.ndarray]:
+            try:
+                return _compute(scene, shape, problem, samples, perf_counter() + limit)
+            except ReferenceFailedError as error:
+                said = {"failure": str(error), "status": error.status, "seconds": seconds, "certificates": CERTIFICATES}
+                return {name: np.array(each) for name, each in said.items()}
+
+        arrays, disturbed = within(seconds, computed, lambda found: str(found.get("status")) == Status.TIME_LIMIT)
+        if not disturbed:
+            cache.keep(key, arrays)
     if "failure" in arrays:
         words = str(arrays["failure"])
         # Without a status where it was kept by an earlier version.

@@ -3,7 +3,6 @@
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from math import inf
-from resource import RUSAGE_SELF, getrusage
 from time import perf_counter
 
 import numpy as np
@@ -11,7 +10,7 @@ import numpy as np
 from polhode.harness.common.machine import package_version
 from polhode.harness.common.plain_json import digest
 from polhode.harness.common.store import Record
-from polhode.harness.common.timing import seconds_of
+from polhode.harness.common.timing import seconds_of, with_processor, within
 from polhode.harness.references.errors import Errors, errors, statistics_distance
 from polhode.harness.references.extended import ReferenceFailedError
 from polhode.harness.references.reference import Reference, reference, reference_form
@@ -92,8 +91,8 @@ class Case:
         """Sample times in the problem's own time."""
         return np.linspace(0.0, self.problem.end, self.samples)
 
-    def solve(self, *, count: bool = False) -> Solution:
-        """Run the case once, over its samples."""
+    def solve(self, *, count: bool = False, max_seconds: float | None = None) -> Solution:
+        """Run the case once, over its samples, within its own limit or another."""
         return solve(
             self.problem,
             self.solver,
@@ -102,7 +101,7 @@ class Case:
             backend=self.backend,
             jacobian=self.jacobian,
             count=count,
-            max_seconds=self.max_seconds,
+            max_seconds=max_seconds or self.max_seconds,
         )
 
 
@@ -116,9 +115,16 @@ class Attempt:
 
 
 def attempt(case: Case) -> Attempt:
-    """Compile, and run once with counting; a pure function, to be called in a process that may be killed."""
+    """Compile, and run once with counting; a pure function, to be called in a process that may be killed.
+
+    A run that was stopped by its limit because other work took the processor is marked as disturbed.
+    """
     prepare_seconds = _first_preparation(case)
-    solution = case.solve(count=True)
+    solution, disturbed = within(
+        case.max_seconds,
+        lambda limit: case.solve(count=True, max_seconds=limit),
+        lambda solution: solution.status == Status.TIME_LIMIT,
+    )
     record = {
         "status": str(solution.status),
         "message": solution.message,
@@ -129,7 +135,7 @@ def attempt(case: Case) -> Attempt:
         "work": asdict(solution.work),
         "rhs_seconds": _rhs_seconds(case),
     }
-    return Attempt(record, solution.times, solution.states)
+    return Attempt(record | ({"disturbed": True} if disturbed else {}), solution.times, solution.states)
 
 
 def judge(case: Case, tried: Attempt) -> Record:
@@ -176,12 +182,8 @@ def time_once(case: Case) -> tuple[float, float]:
     if case.key not in _PREPARED:
         _first_preparation(case)
     _ = case.times
-    before = getrusage(RUSAGE_SELF)
-    seconds = seconds_of(case.solve)
-    after = getrusage(RUSAGE_SELF)
-    used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    # Who sleeps waits for nobody.
-    return seconds, used if after.ru_nivcsw > before.ru_nivcsw else seconds
+    seconds, _, had = with_processor(lambda: seconds_of(case.solve))
+    return seconds, had
 
 
 def _broken_balance(total: Errors, tolerance: float) -> Record:

@@ -140,8 +140,8 @@ def _failed(failure: Failure | None, message: str) -> Record:
 
 
 def _too_slow(record: Record) -> bool:
-    """Whether tighter tolerances would be too slow as well: the run was stopped, and not because it had gone wrong."""
-    stopped = record["status"] in (Status.TIME_LIMIT, Status.STEP_LIMIT)
+    """Whether tighter tolerances would be too slow as well: it was stopped, and not by other work or gone wrong."""
+    stopped = record["status"] in (Status.TIME_LIMIT, Status.STEP_LIMIT) and not record.get("disturbed")
     return stopped and record.get("slow_error_so_far", 0.0) < SANE_ERROR
 
 

@@ -1,6 +1,9 @@
 """Timing on functions of known duration."""
 
 import gc
+import os
+import subprocess
+import sys
 import time
 from itertools import chain, count, repeat
 from math import inf
@@ -17,6 +20,8 @@ from polhode.harness.common.timing import (
     seconds_of,
     sentinel,
     time_runs,
+    with_processor,
+    within,
 )
 
 
@@ -54,6 +59,40 @@ def test_a_run_that_waited_for_the_processor_is_disturbed_and_repeated():
     assert not better.wants_more
     # Too short to be judged by the processor's clock.
     assert not Timing((1e-5,), (1e-6,)).disturbed
+
+
+@pytest.mark.parametrize(
+    ("had", "limits"), [((0.5, 1.0), [1.0, 3.0]), ((0.95,), [1.0]), ((0.5, 0.6, 0.7), [1.0, 3.0, 7.5])]
+)
+def test_a_limit_ends_a_run_that_had_the_processor(had, limits, monkeypatch):
+    """Another one gets as much more time, and is marked where not even that was enough."""
+    shares, given = iter(had), []
+
+    def watched(run):
+        return run(), given[-1], next(shares)
+
+    monkeypatch.setattr("polhode.harness.common.timing.with_processor", watched)
+    ended = within(1.0, lambda limit: given.append(limit) or "stopped", lambda found: found == "stopped")
+    assert given == pytest.approx(limits, rel=0.03)
+    assert ended == ("stopped", had[-1] < 0.9)
+
+
+def test_waiting_for_others_is_no_use_of_the_processor():
+    """One processor, two that want it."""
+    here = os.sched_getaffinity(0)
+    code = f"import os; os.sched_setaffinity(0, {{{min(here)}}}); print(flush=True); sum(iter(int, 1))"
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE) as other:
+        try:
+            os.sched_setaffinity(0, {min(here)})
+            assert other.stdout
+            other.stdout.readline()
+            until = time.perf_counter() + 0.4
+            _, seconds, had = with_processor(lambda: all(time.perf_counter() < until for _ in repeat(0)))
+        finally:
+            os.sched_setaffinity(0, here)
+            other.kill()
+    assert seconds >= 0.39
+    assert 0.0 < had < 0.8 * seconds
 
 
 def test_a_machine_far_slower_than_at_its_quickest_is_busy():

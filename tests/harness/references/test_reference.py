@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from polhode.harness.common import cache
+from polhode.harness.common.timing import AGAIN
 from polhode.harness.references import certificate
 from polhode.harness.references import reference as module
 from polhode.harness.references.certificate import UncertifiedError, certify, expected_times, pieces
@@ -158,11 +159,18 @@ def test_a_reference_that_takes_too_long_is_not_tried_again_within_as_many_secon
         return honest(scene, form, replace(problem, end=2e4), samples, deadline)
 
     monkeypatch.setattr(module, "_compute", slow)
+    watched, share = "polhode.harness.common.timing.with_processor", 0.0
+    monkeypatch.setattr(watched, lambda run: (run(), 1.0, share))
+    with pytest.raises(ReferenceFailedError, match="time_limit"):
+        reference(scene, "quaternion", 11, 1e-2)
+    # Other work was why: nothing is kept.
+    assert len(tried) == 1 + AGAIN
+    share = 1.0
     for seconds in (1e-2, 1e-2, 1e-3):
         with pytest.raises(ReferenceFailedError, match="time_limit") as caught:
             reference(scene, "quaternion", 11, seconds)
         assert caught.value.status == Status.TIME_LIMIT
-    assert len(tried) == 1
+    assert len(tried) == 2 + AGAIN
     monkeypatch.undo()
     # As it was kept without a status.
     key = module._key(find_form("quaternion").problem(scene), 11)

@@ -1,6 +1,7 @@
 """Keys of cases: equal for equal questions, different for different ones."""
 
 from dataclasses import replace
+from math import inf
 
 import pytest
 
@@ -8,6 +9,7 @@ from polhode.harness.references.extended import ReferenceFailedError
 from polhode.harness.references.reference import reference
 from polhode.harness.studies import case as module
 from polhode.harness.studies.case import Case, attempt, judge, missing
+from polhode.harness.studies.runner import _too_slow
 from polhode.models.scene import EulerStart, Scene
 from polhode.models.shape import Ellipsoid
 
@@ -77,6 +79,17 @@ def test_the_whole_error_is_told_without_the_averaged_forms_own_reference(monkey
     assert found["slow_error"] == known["slow_error"] > 1e-4
     assert found["solver_slow_error"] is found["model_slow_error"] is None
     assert found["reference_failed"] == "no agreement"
+
+
+@pytest.mark.parametrize(("had", "disturbed"), [(0.0, True), (inf, False)])
+def test_a_run_stopped_for_want_of_the_processor_is_marked_and_says_nothing_of_tighter_ones(
+    had, disturbed, monkeypatch
+):
+    monkeypatch.setattr("polhode.harness.common.timing.with_processor", lambda run: (run(), 0.01, had))
+    record = attempt(replace(CASE, scene=replace(SCENE, time=2e3), solver="rk45", max_seconds=0.01)).record
+    assert record["status"] == "time_limit"
+    assert record.get("disturbed", False) == disturbed
+    assert _too_slow(record) != disturbed
 
 
 def test_runs_that_average_may_take_few_steps():
