@@ -1,13 +1,12 @@
 """Dask's own scheduler and workers, as processes on the loopback."""
 
 import json
-import os
 import subprocess
 import sys
 import time
 from pathlib import Path
 
-TESTS = str(Path(__file__).parent)
+from commandline import importing
 
 
 def dask_scheduler(folder: Path) -> subprocess.Popen:
@@ -22,7 +21,7 @@ def dask_worker(folder: Path) -> subprocess.Popen:
 
 def _start(folder: Path, role: str, *words: str) -> subprocess.Popen:
     shared = ("--scheduler-file", "contact.json", "--no-dashboard")
-    environment = {**os.environ, "PYTHONPATH": TESTS, "POLHODE_CACHE": str(folder / "cache")}
+    environment = {**importing(Path(__file__).parent), "POLHODE_CACHE": str(folder / "cache")}
     command = [sys.executable, "-m", f"distributed.cli.dask_{role}", *words, *shared]
     return subprocess.Popen(command, env=environment, cwd=folder, stderr=subprocess.DEVNULL)
 

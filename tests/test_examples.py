@@ -2,7 +2,6 @@
 
 import inspect
 import json
-import os
 import pkgutil
 import re
 import runpy
@@ -10,7 +9,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from commandline import SCRIPT
+from commandline import SCRIPT, importing
 
 from polhode.models.catalogue import FORMS
 from polhode.models.problems.catalogue import PROBLEMS
@@ -57,10 +56,9 @@ def test_own_form_agrees_with_the_quaternion_form(example):
 
 
 def test_a_form_and_a_solver_of_ones_own_stand_in_the_tables(tmp_path: Path):
-    environment = {**os.environ, "PYTHONPATH": str(EXAMPLES)}
     words = [SCRIPT, "bench", str(EXAMPLES / "own_study.toml"), "--out", "own", "--quick", "--quiet"]
     done = subprocess.run(
-        words, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120, check=False
+        words, cwd=tmp_path, env=importing(EXAMPLES), capture_output=True, text=True, timeout=120, check=False
     )
     assert done.returncode == 0, done.stderr
     runs = [json.loads(line) for line in (tmp_path / "own" / "records.jsonl").read_text().splitlines()]

@@ -6,6 +6,8 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+from polhode import models
+
 
 @dataclass(frozen=True)
 class Job:
@@ -26,6 +28,11 @@ def square(job: Job) -> int:
         with (job.folder / job.key).open("a") as file:
             file.write(f"{os.getpid()}\n")
     return job.number**2
+
+
+def home(job: Job) -> str | None:
+    """Where polhode is imported from."""
+    return models.__file__
 
 
 def hold(job: Job) -> None:

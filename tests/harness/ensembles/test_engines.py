@@ -9,9 +9,11 @@ from functools import partial
 from pathlib import Path
 
 import pytest
+from commandline import importing
 from dasks import contact, dask_scheduler, dask_worker
 
-from oracle.labour import Job, die_always, die_once, refuse_odd, spin, square
+from oracle.labour import Job, die_always, die_once, home, refuse_odd, spin, square
+from polhode import models
 from polhode.harness.common.store import Store
 from polhode.harness.ensembles.engines import AHEAD, Engine, check_dask, dask, processes, serial
 from polhode.harness.ensembles.sweep import parse_sweep, run_sweep
@@ -37,6 +39,10 @@ def test_every_task_once(engine: Engine, tmp_path: Path):
     assert [len(mark) for mark in marks] == [1] * 20
     here = {str(os.getpid())}
     assert ({line for mark in marks for line in mark} == here) is (engine is serial)
+
+
+def test_workers_run_the_very_code_that_is_tested(engine: Engine):
+    assert values(engine, home, [Job(1)]) == {1: models.__file__}
 
 
 def test_an_exception_is_a_message(engine: Engine):
@@ -107,7 +113,7 @@ def test_processes_end_with_their_parent_even_in_a_long_task(tmp_path: Path):
         "    list(processes(1, hold, [Job(1, seconds=100, folder=Path('.'))]))\n"
     )
     (tmp_path / "parent.py").write_text(code)
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+    environment = importing(Path(__file__).parents[2])
     with subprocess.Popen([sys.executable, "parent.py"], cwd=tmp_path, env=environment) as parent:
         wait_until((tmp_path / "job-1").exists)
         worker = Path("/proc", (tmp_path / "job-1").read_text())

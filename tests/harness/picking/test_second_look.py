@@ -9,6 +9,7 @@ from commandline import Run
 
 from polhode import solve
 from polhode.harness.api import plan
+from polhode.harness.common.timing import with_processor
 from polhode.harness.picking.second_look import LEAST, SHARE, UNKNOWN, run_error
 from polhode.harness.references.errors import errors
 from polhode.models.scenes import named_scene
@@ -98,8 +99,18 @@ def test_what_a_table_comes_from_goes_with_it(here: Run, tmp_path):
 
 
 def test_a_look_costs_little():
-    found = [solve("paper", form="quaternion", solver="lsoda", tolerance=1e-8) for _ in range(2)][-1]
-    assert 0 < found.error.seconds <= max(LEAST, SHARE * found.seconds)
+    """In processor time, and the least of a few: what else runs here says nothing of it."""
+    what = plan("paper", "quaternion", "lsoda", 1e-8, 1e-6, "slow", 201)
+    times = np.linspace(0, what.problem.end, 201)
+    found = run(what.problem, "lsoda", 1e-8, times)
+    observables = what.form.observe(what.scene, found.states)
+    assert run_error(what.scene, what.form, what.solver, found, observables).slow
+
+    def least(function) -> float:
+        return min(with_processor(function)[2] for _ in range(3))
+
+    look = least(lambda: run_error(what.scene, what.form, what.solver, found, observables))
+    assert 0 < look <= max(LEAST, SHARE * least(lambda: run(what.problem, "lsoda", 1e-8, times)))
 
 
 def test_an_orientation_that_is_lost_is_off_by_a_half_turn_at_most():
