@@ -32,7 +32,11 @@ class Observables:
 
     def first(self, samples: int) -> "Observables":
         """The first samples alone."""
-        return Observables(self.angular_momentum[:samples], self.energy[:samples], self.rotation[:samples])
+        return self.at(slice(samples))
+
+    def at(self, rows: slice | np.ndarray) -> "Observables":
+        """Those at some of the times."""
+        return Observables(self.angular_momentum[rows], self.energy[rows], self.rotation[rows])
 
 
 def observe_body(ellipsoid: Ellipsoid, rotation: np.ndarray, angular_velocity: np.ndarray) -> Observables:

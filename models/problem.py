@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -111,6 +111,14 @@ class Piece:
     tolerance: float | None = None
     then: "Course | None" = None
     averaged: bool = False
+
+
+class PlannedPiece(NamedTuple):
+    """A piece that a run is expected to take: by the full equations at a tolerance, or, without one, averaged."""
+
+    begin: float
+    end: float
+    tolerance: float | None
 
 
 Course = Callable[[float, np.ndarray, float], Piece]

@@ -132,9 +132,13 @@ COST_PRIOR = {
     "per_rotation": (log(1e-6), 3.0),
     "per_time": (log(1e-7), 3.0),
     "per_damping_time": (log(1e-8), 4.0),
+    "per_piece": (log(1e-4), 2.0),
+    "per_entering": (log(3e-3), 2.0),
+    "per_row": (log(3e-5), 2.0),
     "exponent": (-0.12, 0.1),
     "stiff_exponent": (-0.02, 0.05),
 }
+AVERAGED = "per_piece", "per_entering", "per_row"
 ERROR_PRIOR = {
     "offset": (0.0, 5.0),
     "order": (1.0, 0.15),
@@ -205,19 +209,22 @@ def bootstrap(
 
 def fit_cost(runs: Sequence[Sample]) -> CostLaw:
     """Fit the cost law of a method."""
-    load = np.array([[r.load.rotations, r.load.following, r.load.damping_times, r.load.samples] for r in runs])
-    turns, following, stiff, samples = load.T
-    logarithm = np.log([run.tolerance for run in runs])
+    names = "samples", "rotations", "following", "damping_times", "pieces", "entered", "rows"
+    samples, turns, following, stiff, *averaged = (np.array([getattr(r.load, name) for r in runs]) for name in names)
+    logarithm = np.log([run.load.tolerance or run.tolerance for run in runs])
     measured = np.log([run.seconds for run in runs])
+    # What no run has, none says anything of.
+    prior = {name: each for name, each in COST_PRIOR.items() if any(averaged[0]) or name not in AVERAGED}
 
     def predicted(x: Array) -> Array:
-        c = np.exp(x[:6])
-        work = np.exp(x[6] * logarithm) * (c[2] + c[3] * turns + c[4] * following)
-        return np.log(c[0] + c[1] * samples + work + c[5] * stiff * np.exp(x[7] * logarithm))
+        fixed, per_sample, start, per_rotation, per_time, per_damping_time, *others = np.exp(x[:-2])
+        work = np.exp(x[-2] * logarithm) * (start + per_rotation * turns + per_time * following)
+        seconds = fixed + per_sample * samples + work + per_damping_time * stiff * np.exp(x[-1] * logarithm)
+        return np.log(seconds + sum(map(np.multiply, others, averaged)))
 
     scenes = [run.scene for run in runs]
-    readable: dict[str, Callable[[float], float]] = dict.fromkeys(list(COST_PRIOR)[:6], exp)
-    return CostLaw(**bootstrap(scenes, predicted, measured, COST_PRIOR, SOFT_COST, readable))
+    readable: dict[str, Callable[[float], float]] = dict.fromkeys(list(prior)[:-2], exp)
+    return CostLaw(**bootstrap(scenes, predicted, measured, prior, SOFT_COST, readable))
 
 
 def special(form: str, solver: str) -> Prior:

@@ -3,12 +3,14 @@
 Cost of a warm run, in seconds, at tolerance tol and with m samples::
 
     fixed + per_sample m + tol^exponent (start + per_rotation N + per_time F) + per_damping_time S tol^stiff_exponent
+        + per_piece P + per_entering E + per_row R
 
 with N = ∫|ω|dt/2π the rotations, S = T max(8πX/I)/St the damping times, and F = TS/(T + S) the time spent following
 the flow: the duration T, in inverse shear rates, where damping is faster than shear, and next to none of it where
 the particle spins freely. N, F and S count by the steps that they cost the form in the scene at hand, which pilot
-runs count (`polhode.harness.picking.load`). Explicit methods on stiff scenes are held back by stability, whatever the
-tolerance; hence the damping times have an exponent of their own.
+runs count (`polhode.harness.picking.load`). A form that averages in P pieces of a run enters E of them with a triaxial
+body and maps R rows there; tol is then that of its full equations. Explicit methods on stiff scenes are held back by
+stability, whatever the tolerance; hence the damping times have an exponent of their own.
 
 Error, in the pilot's terms (`polhode.harness.picking.pilot`), e₀ being the pilot's error at its tolerance tol₀::
 
@@ -33,7 +35,7 @@ from polhode.harness.common.files import read_file, write_file
 from polhode.harness.common.timing import Pace
 from polhode.solvers.compile import cache_folder
 
-SCHEMA = 3
+SCHEMA = 4
 EPS = float(np.finfo(float).eps)
 WANTS = ("slow", "orientation")
 # Damping times, T max(8πX/I)/St, from which on an explicit method is held back by stability.
@@ -61,12 +63,19 @@ class Interval:
 
 @dataclass(frozen=True)
 class Load:
-    """What the cost of a run depends on, besides its tolerance: N, F and S, counted by the form's own steps."""
+    """What the cost of a run depends on: N, F and S, counted by the form's own steps, samples, and P, E and R.
+
+    And its tolerance, where that is not the one that was asked for.
+    """
 
     rotations: float
     following: float
     damping_times: float
     samples: int
+    pieces: int = 0
+    entered: int = 0
+    rows: float = 0.0
+    tolerance: float | None = None
 
 
 @dataclass(frozen=True)
@@ -98,12 +107,18 @@ class CostLaw:
     records: int
     intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
     scale: float = 1.0
+    per_piece: float = 0.0
+    per_entering: float = 0.0
+    per_row: float = 0.0
 
     def seconds(self, load: Load, tolerance: float) -> float:
         """The prediction's middle before strays are known."""
+        tolerance = load.tolerance or tolerance
         work = self.start + self.per_rotation * load.rotations + self.per_time * load.following
         stiff = self.per_damping_time * load.damping_times * tolerance**self.stiff_exponent
-        return self.scale * (self.fixed + self.per_sample * load.samples + tolerance**self.exponent * work + stiff)
+        averaged = self.per_piece * load.pieces + self.per_entering * load.entered + self.per_row * load.rows
+        any_run = self.fixed + self.per_sample * load.samples
+        return self.scale * (any_run + tolerance**self.exponent * work + stiff + averaged)
 
     def predict(self, load: Load, tolerance: float) -> Interval:
         """Seconds with their interval."""

@@ -6,18 +6,22 @@ takes fewer than one that cannot. Pilot runs of the form itself count them, by a
 
 from dataclasses import dataclass
 from functools import cache
-from math import sqrt
+from math import exp, log, sqrt
 
 import numpy as np
 
 from polhode.harness.picking.laws import STIFF, Load
 from polhode.harness.picking.pilot import InPieces, Pilot, PilotFailedError, damping_times, follow
+from polhode.models.catalogue import form as find_form
+from polhode.models.catalogue import full_form
 from polhode.models.form import Form
-from polhode.models.observables import angular_velocity
+from polhode.models.problem import PlannedPiece
 from polhode.models.scene import Scene
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.solve import solve
 
+# The averaged form that has one set of equations for spheroids and another, far dearer one, for triaxial ellipsoids.
+SECOND_ORDER = "averaged-second-order"
 # Most steps that stability costs, over the usual ones.
 MOST_STABILITY = 2.0
 # Where stability asks for more of an explicit method's steps than this, errors do not follow the tolerance; those of
@@ -64,8 +68,6 @@ def gauge_of(solver: str) -> Gauge:
 def load_of(form: Form, solver: str, pilot: Pilot, samples: int, tolerance: float) -> Load:
     """Load of a run of a form by a solver.
 
-    A form of several pieces counts the rotations that it follows in full, and its pieces in the place of F for triaxial
-    ellipsoids, in that of S for spheroids, whose averages are far simpler.
     Rotations, the flow's own time and damping times count by the steps that they cost, as against the usual. Averaged
     forms know nothing of rotations, and count by their steps, as do solvers that plan theirs over many periods. Raises
     PilotFailedError if the form's own pilot fails.
@@ -74,13 +76,11 @@ def load_of(form: Form, solver: str, pilot: Pilot, samples: int, tolerance: floa
     if find_solver(solver).many_periods:
         return Load(_planned(form, pilot, solver, tolerance), 0.0, 0.0, samples)
     if isinstance(form, InPieces):
-        share, pieces = windows(form, scene, tolerance)
-        entered = float(pieces) if share < 1 else 0.0
-        triaxial = scene.ellipsoid.kind == "triaxial"
-        return Load(share * pilot.rotations, entered if triaxial else 0.0, 0.0 if triaxial else entered, samples)
+        return _in_pieces(form, solver, pilot, samples, tolerance)
     if form.averaged:
         held = damped if gauge is EXPLICIT else 0.0
-        return Load(sum(steps(form, scene, gauge)) / gauge.per_rotation, 0.0, held, samples)
+        count = sum(steps(form, scene, gauge)) / gauge.per_rotation
+        return Load(*_by_kind(count, form.name == SECOND_ORDER and scene.ellipsoid.kind == "triaxial"), held, samples)
     turns = pilot.rotations
     following = scene.time if scene.stokes == 0 else scene.time * damped / (scene.time + damped)
     closed = form.problem(pilot.followed).parameters is None
@@ -91,6 +91,32 @@ def load_of(form: Form, solver: str, pilot: Pilot, samples: int, tolerance: floa
     usual = gauge.per_damping_time * damping_times(pilot.followed)
     held = stability / usual if gauge is EXPLICIT and usual > 0 else share
     return Load(share * turns, share * following, held * damped, samples)
+
+
+def _in_pieces(form: InPieces, solver: str, pilot: Pilot, samples: int, tolerance: float) -> Load:
+    """Load of a form of several pieces, as it plans them for this very scene: full equations in windows, and the rest.
+
+    The windows' tolerance is the mean of their own ones, in logarithms, by the angles turned in them.
+    """
+    scene = pilot.scene
+    pieces, averaged, logarithm, turned, followed = 0, 0.0, 0.0, 0.0, 0.0
+    for each in planned(form, pilot, tolerance):
+        length = (each.end - each.begin) / scene.time
+        if each.tolerance is None:
+            pieces, averaged = pieces + 1, averaged + length
+        else:
+            angle = pilot.turned(each.end / scene.time) - pilot.turned(each.begin / scene.time)
+            turned, followed, logarithm = turned + angle, followed + length, logarithm + angle * log(each.tolerance)
+    own, triaxial = exp(logarithm / turned) if turned else tolerance, scene.ellipsoid.kind == "triaxial"
+    full, gauge = load_of(find_form(full_form(scene)), solver, pilot, samples, own), gauge_of(solver)
+    count = turned * full.rotations + followed * full.following * gauge.per_time / gauge.per_rotation
+    seen = (pieces, averaged * samples) if triaxial else (0, 0.0)
+    return Load(*_by_kind(count, triaxial), followed * full.damping_times, samples, pieces, *seen, own)
+
+
+def _by_kind(count: float, triaxial: bool) -> tuple[float, float]:
+    """Steps in the place of N or, of a triaxial ellipsoid, of F: a form that takes both has two sets of equations."""
+    return (0.0, count) if triaxial else (count, 0.0)
 
 
 def held_back(form: Form, solver: str, pilot: Pilot) -> bool:
@@ -116,9 +142,9 @@ def held_back(form: Form, solver: str, pilot: Pilot) -> bool:
 
 
 @cache
-def windows(form: InPieces, scene: Scene, tolerance: float) -> tuple[float, int]:
-    """Share of a run that the full equations follow, and its pieces."""
-    return form.windows(scene, tolerance)
+def planned(form: InPieces, pilot: Pilot, tolerance: float) -> tuple[PlannedPiece, ...]:
+    """Pieces that a form plans for a scene, the way that the pilot has gone."""
+    return form.plan(pilot.scene, tolerance, pilot.start_at)
 
 
 @cache
@@ -144,11 +170,7 @@ def _planned(form: Form, pilot: Pilot, solver: str, tolerance: float) -> float:
     From a run's beginning: beyond it they grow like the angle turned.
     """
     taken, checks, reached = _beginning(form, pilot.scene, solver, tolerance)
-    speed = np.linalg.norm(angular_velocity(pilot.followed.ellipsoid, pilot.observables), axis=1)
-    angles = np.append(0.0, np.cumsum(speed[1:] + speed[:-1]))
-    known = (pilot.direct or pilot.twin) and angles[-1] > 0
-    share = np.interp(reached, np.linspace(0.0, 1.0, len(angles)), angles / angles[-1]) if known else reached
-    return float(taken / share + checks)
+    return taken / pilot.turned(reached) + checks
 
 
 @cache

@@ -129,8 +129,7 @@ def _carried_on(form: Form, pilot: Pilot) -> dict[str, Interval | None]:
 
 def _thinned(seen: Observables, form: Form) -> Observables:
     """Observables at the times of a form's pilot alone."""
-    every = (len(seen.energy) - 1) // (samples_of(form) - 1)
-    return Observables(seen.angular_momentum[::every], seen.energy[::every], seen.rotation[::every])
+    return seen.at(slice(None, None, (len(seen.energy) - 1) // (samples_of(form) - 1)))
 
 
 def _interval(want: str, near: Errors, far: Errors, gap: float) -> Interval | None:

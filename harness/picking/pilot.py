@@ -5,10 +5,11 @@ error of the looser one. A run of too many rotations is replaced by its twin: th
 which every rotation stands for several. Where there is no slow motion, only the beginning is followed.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, lru_cache
 from itertools import pairwise
-from math import inf, isfinite, isinf, pi
+from math import ceil, inf, isfinite, isinf, pi
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -18,8 +19,9 @@ from polhode.harness.references.errors import Errors, errors
 from polhode.harness.references.rotations import rotations
 from polhode.models.catalogue import form as find_form
 from polhode.models.form import Form
-from polhode.models.observables import Observables
-from polhode.models.scene import BodyStart, Scene, SlowStart
+from polhode.models.observables import Observables, angular_velocity
+from polhode.models.problem import PlannedPiece
+from polhode.models.scene import BodyStart, Scene, SlowStart, Start, start_from
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.solve import Solution, solve
@@ -32,6 +34,8 @@ LUCKY = 0.1
 SAMPLES, FEW = 401, 51
 # Rotations and steps of a run: some tenths of a second.
 MOST_ROTATIONS, MOST_STEPS = 5_000.0, 300_000
+# Tolerance at which the beginning of a run is followed to learn where it leads.
+BEGUN = 1e-6
 # Rotations of a twin, and what makes a motion fast enough to have one: rotations per damping time, and |ω| at the
 # start over its mean.
 TWIN_ROTATIONS, FAST, USUAL = 1_000.0, 50.0, 0.2
@@ -46,8 +50,10 @@ GROWTH = {"slow": 0.5, "orientation": 1.25}
 class InPieces(Protocol):
     """A form that follows parts of a run by the full equations, and the rest by averages, as its tolerance allows."""
 
-    def windows(self, scene: Scene, tolerance: float) -> tuple[float, int]:
-        """Share of the run's time that the full equations follow, and the number of pieces."""
+    def plan(
+        self, scene: Scene, tolerance: float, start_at: Callable[[float], Start | None]
+    ) -> tuple[PlannedPiece, ...]:
+        """Pieces that a run is expected to take; where it stands at a time is asked for on the way."""
         ...
 
 
@@ -62,7 +68,7 @@ class Gain(NamedTuple):
     error: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Pilot:
     """What a pilot says about a scene."""
 
@@ -81,6 +87,33 @@ class Pilot:
     def twin(self) -> bool:
         """Whether the same slow motion was followed at a smaller St."""
         return self.followed.stokes != self.scene.stokes
+
+    @property
+    def to_the_end(self) -> bool:
+        """Whether what was followed shows the slow motion of the whole run."""
+        return self.direct or self.twin
+
+    def turned(self, share: float) -> float:
+        """Share of the run's rotations in the first `share` of its time."""
+        return float(np.interp(share, np.linspace(0.0, 1.0, len(self._angles)), self._angles))
+
+    @cached_property
+    def _angles(self) -> np.ndarray:
+        speed = np.linalg.norm(angular_velocity(self.followed.ellipsoid, self.observables), axis=1)
+        angles = np.append(0.0, np.cumsum(speed[1:] + speed[:-1]))
+        return angles / angles[-1] if self.to_the_end and angles[-1] > 0 else np.array([0.0, 1.0])
+
+    def start_at(self, time: float) -> Start | None:
+        """Where the run stands at a time, but for the phases of a twin; none where it would take long to know."""
+        share = time / self.scene.time
+        if self.to_the_end:
+            row = min(ceil(share * (SAMPLES - 1)), SAMPLES - 1)
+            return start_from(self.scene.ellipsoid, self.observables.at(slice(row, row + 1)))
+        if share * self.rotations > MOST_ROTATIONS:
+            return None
+        form, begun = pilot_form(self.scene), replace(self.scene, time=time)
+        seen = form.observe(begun, follow(form, begun, BEGUN).states)
+        return start_from(self.scene.ellipsoid, seen.at(slice(len(seen.energy) - 1, None)))
 
     @cached_property
     def damping_times(self) -> float:

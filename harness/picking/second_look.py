@@ -193,7 +193,7 @@ def _solver_error(
         run = solve(problem, look.solver, look.tolerance, times, max_seconds=PATIENCE * limit, max_steps=most)
         if run.success:
             there = equations.observe(scene, run.states)
-            here = Observables(observables.angular_momentum[rows], observables.energy[rows], observables.rotation[rows])
+            here = observables.at(rows)
             apart = _apart(scene, here, there)
             words = f"a second run by {look.solver.name} at {look.tolerance:.0e}"
             return _estimates(scene, form, here, apart, look), words

@@ -1,6 +1,6 @@
 """How a hybrid run goes on from where it stands: averaged to second order, or by the full equations."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -69,13 +69,7 @@ class HybridCourse:
         elif stretch.decisive:
             later = replace(self, stretches=())
         full = find_form(full_form(scene)).problem(scene)
-        if not stretch.turned:
-            stretch = replace(stretch, turned=speed(here) * (end - time) / stokes)
-        # Errors of windows add up.
-        windows = stretch.turned + sum(each.turned for each in rest if not each.second_order)
-        tolerances = tolerance, *(each for each in FULL if each < tolerance)
-        most = WINDOWS * error / (PER_RADIAN * windows * stokes)
-        own = next((each for each in tolerances if each <= most), tolerances[-1])
+        own = full_tolerance((stretch, *rest), stokes, tolerance)
         cost = PER_RADIAN * own * stretch.turned * stokes
         angle, later = self.angle(end - time, cost), replace(later, spent=self.spent + cost)
         return Piece(replace(full, start=tuple(state.tolist())), end, None, reason, cost, angle, own, later)
@@ -95,10 +89,18 @@ def speed(scene: Scene) -> float:
     return max(LEAST_SPEED, float(np.linalg.norm(scene.angular_velocity)))
 
 
+def full_tolerance(ahead: Sequence[Stretch], stokes: float, tolerance: float) -> float:
+    """Tolerance of the full equations in the first one of the stretches ahead: errors of windows add up."""
+    windows = sum(each.turned for each in ahead if not each.second_order)
+    tolerances = tolerance, *(each for each in FULL if each < tolerance)
+    most = WINDOWS * ERROR_PER_TOLERANCE * tolerance / (PER_RADIAN * windows * stokes)
+    return next((each for each in tolerances if each <= most), tolerances[-1])
+
+
 def foreseen(scene: Scene, error: float) -> tuple[Stretch, ...]:
     """Stretches of a run for an error asked for."""
     if speed(scene) * scene.time < 2 * np.pi * SHORT:
-        return (Stretch(0.0, scene.slow_time, False, "the run is short"),)
+        return (Stretch(0.0, scene.slow_time, False, "the run is short", turned=speed(scene) * scene.slow_time),)
     return outline(scene, error).stretches
 
 

@@ -1,5 +1,6 @@
 """Form `hybrid`: a run from its start to the settled state and beyond, at a cost that grows like √St at most."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -7,10 +8,13 @@ import numpy as np
 from polhode.models.catalogue import form as find_form
 from polhode.models.catalogue import full_form
 from polhode.models.form import Form, Orientation
-from polhode.models.hybrid.course import ERROR_PER_TOLERANCE, HybridCourse, foreseen
+from polhode.models.hybrid.course import ERROR_PER_TOLERANCE, FULL, HybridCourse, foreseen, full_tolerance
 from polhode.models.observables import Observables
-from polhode.models.problem import Problem
-from polhode.models.scene import Scene
+from polhode.models.problem import PlannedPiece, Problem
+from polhode.models.scene import Scene, Start
+
+# Pieces of a run that are planned ahead.
+MOST_PIECES = 100
 
 
 class Hybrid(Form):
@@ -47,9 +51,24 @@ class Hybrid(Form):
         """The complete orientation of a triaxial ellipsoid, the symmetry axis alone of a spheroid."""
         return find_form(full_form(scene)).orientation
 
-    def windows(self, scene: Scene, tolerance: float) -> tuple[float, int]:
-        """Share of the run's time that the full equations are expected to follow, and the number of pieces."""
+    def plan(
+        self, scene: Scene, tolerance: float, start_at: Callable[[float], Start | None]
+    ) -> tuple[PlannedPiece, ...]:
+        """Pieces that a run is expected to take, from where it stands at a time, as far as that is known."""
         self.check(scene)
-        stretches = foreseen(scene, ERROR_PER_TOLERANCE * tolerance)
-        full = sum(each.end - each.start for each in stretches if not each.second_order)
-        return full / scene.slow_time, len(stretches)
+        error, begin, pieces = ERROR_PER_TOLERANCE * tolerance, 0.0, list[PlannedPiece]()
+        start: Start | None = scene.start
+        while start and begin < scene.time and len(pieces) < MOST_PIECES:
+            stretches = foreseen(replace(scene, start=start, time=scene.time - begin), error)
+            since = begin
+            for i, each in enumerate(stretches):
+                own = None if each.second_order else full_tolerance(stretches[i:], scene.stokes, tolerance)
+                end = since + each.end * scene.stokes
+                pieces.append(PlannedPiece(begin, end, own))
+                begin = end
+                if each.decisive:
+                    break
+            start = start_at(begin)
+        if begin < scene.time * (1 - 1e-9):
+            pieces.append(PlannedPiece(begin, scene.time, min(tolerance, FULL[0])))
+        return tuple(pieces)

@@ -33,6 +33,7 @@ from polhode.harness.references.errors import errors
 from polhode.models.catalogue import form
 from polhode.models.files.scene_file import scene_table
 from polhode.models.forms.quaternion import Quaternion
+from polhode.models.problem import PlannedPiece
 from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart
 from polhode.models.scenes import named_scene
 from polhode.models.shape import Ellipsoid
@@ -211,14 +212,33 @@ def test_pilot_knows_its_own_error(name):
 
 def test_a_form_in_pieces_costs_what_its_windows_do():
     class Pieces(Quaternion):
-        def windows(self, scene, tolerance):
-            return 1e-3 / tolerance, 7
+        def plan(self, scene, tolerance, start_at):
+            middle = 0.25 * scene.time
+            return PlannedPiece(0.0, middle, 1e-9), PlannedPiece(middle, scene.time, None)
 
     found = pilot(named_scene("paper"))
-    load = load_of(Pieces(), "taylor", found, 201, 1e-2)
-    assert (load.rotations, load.following) == (0.1 * found.rotations, 7.0)
+    load, full = (load_of(each, "taylor", found, 201, 1e-9) for each in (Pieces(), Quaternion()))
+    assert load.following == pytest.approx(found.turned(0.25) * full.rotations, rel=0.1)
+    assert load_of(Pieces(), "taylor", found, 201, 1e-4) == load
+    assert (load.pieces, load.entered, load.rows, load.tolerance) == (1, 1, 0.75 * 201, pytest.approx(1e-9))
     assert form_sensitivity(Pieces(), found)["slow"].error == form_sensitivity(Pieces(), found)["slow"].tolerance
     assert not held_back(Pieces(), "cyrk-vern8", found)
+
+
+def test_where_a_run_stands_is_known_from_its_pilot_or_from_its_beginning(monkeypatch):
+    scene = named_scene("paper")
+    states = solve(form("quaternion").problem(scene), "taylor", 1e-12, np.array([0.0, 0.25, 1.0]) * scene.time).states
+    true = form("quaternion").observe(scene, states).slow[1]
+    for most in (5000.0, 30.0):
+        monkeypatch.setattr(laws_pilot, "MOST_ROTATIONS", most)
+        pilot.cache_clear()
+        found = pilot(scene)
+        start = found.start_at(0.25 * scene.time)
+        assert found.direct == (most > 30)
+        assert start is not None
+        assert np.allclose(replace(scene, start=start).initial.slow[0], true, rtol=1e-3)
+    assert found.start_at(0.9 * scene.time) is None
+    pilot.cache_clear()
 
 
 def test_chaos_is_told():

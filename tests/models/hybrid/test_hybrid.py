@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from polhode.harness.picking.pilot import pilot
 from polhode.harness.references.errors import errors
 from polhode.models.catalogue import form, full_form
 from polhode.models.form import FormNotValidError
@@ -120,13 +121,29 @@ def test_errors_count_as_often_as_they_come_out_of_resonances():
     assert 50 < typical < weight < 20 * typical
 
 
-def test_windows_are_foreseen():
+def test_the_plan_is_what_the_run_does():
+    scene = replace(CROSSING, stokes=1e6, time=2e5)
+    pieces = Hybrid().plan(scene, 1e-8, pilot(scene).start_at)
+    taken = run(scene, 1e-6).stages
+    assert len(pieces) > 2
+    assert pieces[0].begin == 0
+    assert [one.end for one in pieces[:-1]] == [other.begin for other in pieces[1:]]
+    assert pieces[-1].end == pytest.approx(scene.time)
+    expected = sum(one.end - one.begin for one in pieces if one.tolerance)
+    done = sum(one.end - one.begin for one in taken if not one.averaged)
+    assert expected == pytest.approx(done, rel=0.3)
+    assert all(one.tolerance <= 1e-8 for one in pieces if one.tolerance)
+
+
+def test_a_run_without_windows_and_one_without_anything_else_are_planned():
     gentle = Scene(Ellipsoid((1.0, 1.0, 0.5)), 1e6, PAPER, 1e5)
-    assert Hybrid().windows(gentle, 1e-8) == (0, 1)
-    share, pieces = Hybrid().windows(replace(CROSSING, stokes=1e6, time=2e5), 1e-6)
-    assert 0 < share < 0.3
-    assert pieces > 2
-    assert Hybrid().windows(replace(CROSSING, stokes=10.0, time=5.0), 1e-8) == (1, 1)
+    assert Hybrid().plan(gentle, 1e-8, nowhere) == ((0.0, 1e5, None),)
+    [(begin, end, tolerance)] = Hybrid().plan(replace(CROSSING, stokes=10.0, time=5.0), 1e-8, nowhere)
+    assert (begin, end, tolerance) == (0.0, 5.0, 1e-8)
+
+
+def nowhere(time):
+    return None
 
 
 def test_the_triaxial_limit_meets_the_spheroid():
