@@ -1,7 +1,9 @@
 """Fits and confidence intervals, of 95 % everywhere: power laws, means, shares."""
 
+from math import sqrt
+from statistics import NormalDist
+
 import numpy as np
-from scipy import stats
 
 COVERAGE = 0.95
 
@@ -11,6 +13,8 @@ def power_law(x: np.ndarray, y: np.ndarray) -> tuple[float, tuple[float, float],
 
     With two points the interval is infinite.
     """
+    from scipy import stats
+
     fit = stats.linregress(np.log10(x), np.log10(y))
     slope, error, intercept = float(fit.slope), float(fit.stderr), float(fit.intercept)  # pyright: ignore[reportAttributeAccessIssue]
     width = float(stats.t.ppf((1 + COVERAGE) / 2, len(x) - 2)) * error if len(x) > 2 else np.inf
@@ -19,6 +23,8 @@ def power_law(x: np.ndarray, y: np.ndarray) -> tuple[float, tuple[float, float],
 
 def mean_interval(values: np.ndarray) -> tuple[float, float, float]:
     """Mean and its interval by Student's distribution."""
+    from scipy import stats
+
     mean = float(np.mean(values))
     low, high = stats.t.interval(COVERAGE, len(values) - 1, mean, stats.sem(values))
     return mean, float(low), float(high)
@@ -26,5 +32,7 @@ def mean_interval(values: np.ndarray) -> tuple[float, float, float]:
 
 def wilson(count: int, total: int) -> tuple[float, float]:
     """Wilson's score interval of a share (J. Am. Stat. Assoc. 22 (1927) 209), which holds at 0 and 1."""
-    interval = stats.binomtest(count, total).proportion_ci(COVERAGE, method="wilson")
-    return float(interval.low), float(interval.high)
+    z = NormalDist().inv_cdf((1 + COVERAGE) / 2)
+    middle, width = count + z**2 / 2, z * sqrt(count * (total - count) / total + z**2 / 4)
+    # At 0 and 1 rounding is left.
+    return max(0.0, (middle - width) / (total + z**2)), min(1.0, (middle + width) / (total + z**2))

@@ -2,10 +2,11 @@
 
 from dataclasses import dataclass
 from itertools import product
+from math import ceil
 from typing import Any
 
 import numpy as np
-from scipy.stats import binom
+from scipy.special import bdtrik
 
 from polhode.harness.common.fits import COVERAGE, wilson
 from polhode.harness.ensembles.ensemble import Ensemble
@@ -102,7 +103,7 @@ def transient_quantile(ensemble: Ensemble, statistics: Statistics, share: float)
     if n == 0 or len(reached) == 0:
         return Estimate(None, None, None)
     tail = (1 - COVERAGE) / 2
-    low, high = int(binom.ppf(tail, n, share)), int(binom.ppf(1 - tail, n, share)) + 1
+    low, high = ceil(bdtrik(tail, n, share)), ceil(bdtrik(1 - tail, n, share)) + 1
     return Estimate(
         order_statistic(max(1, round(share * n))), order_statistic(low) if low > 0 else 0.0, order_statistic(high)
     )

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from polhode.harness.common.text import duration, short
 from polhode.harness.picking.laws import WANTS
-from polhode.harness.picking.ranking import LOOSEST, TIGHTEST, NotAttainableError, pick
+from polhode.harness.picking.ranking import LOOSEST, TIGHTEST, NotAttainableError, first_way, pick
 from polhode.harness.picking.recommendation import Recommendation
 from polhode.models.catalogue import form as find_form
 from polhode.models.catalogue import full_form
@@ -65,18 +65,22 @@ def choose(
         )
     if form and solver and tolerance:
         return Chosen(form, solver, tolerance)
-    found, refusal = None, ""
-    try:
-        found = pick(scene, error, want, samples)
-    except NotAttainableError as not_attainable:
-        if not (form or solver or tolerance):
-            raise
-        refusal = not_attainable.reason
-    for row in found.ranking if found else ():
-        if form in (None, row.form) and solver in (None, row.solver):
-            long = row.seconds.predicted > PATIENCE
-            note = f"it is expected to take about {duration(row.seconds.predicted)}; Ctrl-C keeps what is finished"
-            return Chosen(row.form, row.solver, tolerance or row.tolerance, note if long else "")
+    row, found, refusal = None, None, ""
+    with suppress(NotAttainableError):
+        row = first_way(scene, error, want, samples, form, solver)
+    if row is None:
+        try:
+            found = pick(scene, error, want, samples)
+        except NotAttainableError as not_attainable:
+            if not (form or solver or tolerance):
+                raise
+            refusal = not_attainable.reason
+        rows = found.ranking if found else ()
+        row = next((each for each in rows if form in (None, each.form) and solver in (None, each.solver)), None)
+    if row:
+        long = row.seconds.predicted > PATIENCE
+        note = f"it is expected to take about {duration(row.seconds.predicted)}; Ctrl-C keeps what is finished"
+        return Chosen(row.form, row.solver, tolerance or row.tolerance, note if long else "")
     form = form or simplest(scene, "slow")[0]
     solver = solver or _first_solver(find_form(form).problem(scene))
     if tolerance:

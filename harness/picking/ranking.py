@@ -1,5 +1,7 @@
 """`pick`: which form, which solver, at what tolerance, and what it will cost, before anything is run in earnest."""
 
+from collections.abc import Collection, Iterable
+from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
 from math import inf, isfinite, pi
@@ -95,13 +97,41 @@ def _remembered(scene: Scene, error: float, want: str, samples: int) -> Recommen
     return _recommended(scene, error, want, samples, load_laws())
 
 
+@lru_cache(maxsize=1000)
+def first_way(
+    scene: Scene, error: float, want: str, samples: int, form: str | None = None, solver: str | None = None
+) -> Way | None:
+    """The first row of `pick` that is of this form and this solver, if given; None where it is not known.
+
+    No other form is compiled, and of all forms not that of Euler angles, which the quaternion form always beats: its
+    pilots would take as long as all others together.
+    """
+    _check(scene, error, want)
+    forms = [name for name in FORMS if name == form or not (form or _beaten(find_form(name)))]
+    solvers = [name for name in SOLVERS if solver in (None, name)]
+    with suppress(PilotFailedError, OverflowError):
+        found = pilot(scene)
+        _check_representable(error, _least(scene, found, want))
+        ways, _ = _candidates(scene, found, error, want, samples, load_laws(), forms, solvers)
+        return min(ways, key=lambda way: way.seconds.predicted, default=None)
+    return None
+
+
+def _beaten(form: Form) -> bool:
+    return form.angles and form.orientation == "full"
+
+
+def _least(scene: Scene, found: Pilot, want: str) -> float:
+    """Least error that double precision can hold."""
+    return attainable(scene.ellipsoid, found.observables) if want == "slow" else EPS
+
+
 def _recommended(scene: Scene, error: float, want: str, samples: int, laws: Laws) -> Recommendation:
     found = pilot(scene)
-    representable = attainable(scene.ellipsoid, found.observables)
-    _check_representable(error, representable if want == "slow" else EPS)
-    ways, refusals = _candidates(scene, found, error, want, samples, laws)
+    _check_representable(error, _least(scene, found, want))
+    ways, refusals = _candidates(scene, found, error, want, samples, laws, FORMS, SOLVERS)
     if not ways:
-        largest = representable / EPS if want == "slow" else pi
+        largest = _least(scene, found, want) / EPS if want == "slow" else pi
         raise NotAttainableError(error, f"not attainable: {why_nothing(refusals, largest)}")
     excluded = tuple(Excluded(each.form, each.solver, each.reason) for each in refusals)
     ways.sort(key=lambda way: way.seconds.predicted)
@@ -132,18 +162,25 @@ def _check_representable(error: float, least: float) -> None:
 
 
 def _candidates(
-    scene: Scene, found: Pilot, error: float, want: str, samples: int, laws: Laws
+    scene: Scene,
+    found: Pilot,
+    error: float,
+    want: str,
+    samples: int,
+    laws: Laws,
+    forms: Iterable[str],
+    solvers: Collection[str],
 ) -> tuple[list[Way], list[Refusal]]:
     ways, refusals = [], []
-    for form_name in FORMS:
+    for form_name in forms:
         form = find_form(form_name)
         try:
             problem = _problem(form, scene, found, want)
             budget, model = _budget(form, found, error, want)
         except (FormNotValidError, PilotFailedError, UnfitError) as refusal:
-            refusals += [Refusal.of(form_name, solver, refusal) for solver in SOLVERS]
+            refusals += [Refusal.of(form_name, solver, refusal) for solver in solvers]
             continue
-        for solver in SOLVERS:
+        for solver in solvers:
             try:
                 find_solver(solver).check(problem)
                 law = _law(laws, form, solver, found)

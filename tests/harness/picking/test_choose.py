@@ -4,7 +4,10 @@ from dataclasses import replace
 
 import pytest
 
+from polhode.harness.calibration.scenes import Question, questions
+from polhode.harness.picking import load
 from polhode.harness.picking.choice import LARGEST_TOLERANCE, LEAST_TOLERANCE, Chosen, check_tolerance, choose
+from polhode.harness.picking.pilot import follow
 from polhode.harness.picking.ranking import NotAttainableError, pick
 from polhode.models.catalogue import FORMS, form
 from polhode.models.scene import SlowStart
@@ -23,6 +26,18 @@ def test_choice_is_the_first_row_that_agrees():
     assert choose(scene, "quaternion", "radau", 1e-5, 1e-99, "slow") == Chosen("quaternion", "radau", 1e-5)
     with pytest.raises(NotAttainableError):
         choose(scene, None, None, None, 1e-17, "slow")
+
+
+@pytest.mark.parametrize("question", questions(31, 8), ids=lambda each: each.name)
+def test_forms_that_cannot_be_chosen_are_not_run(question: Question, monkeypatch: pytest.MonkeyPatch):
+    run = []
+    monkeypatch.setattr(load, "follow", lambda form, *rest: run.append(form.name) or follow(form, *rest))
+    scene = replace(question.scene, time=question.scene.time / 7)
+    asked = question.error, question.want, question.samples
+    chosen = choose(scene, None, None, None, *asked)
+    assert "euler-angles" not in run
+    first = pick(scene, *asked).ranking[0]
+    assert chosen[:3] == (first.form, first.solver, first.tolerance)
 
 
 def test_a_form_that_cannot_meet_the_error_is_chosen_with_a_note():
