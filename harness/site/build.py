@@ -7,6 +7,7 @@ from html import escape
 from importlib import resources
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 from PIL import Image
 
@@ -14,7 +15,7 @@ from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import machine, versions
 from polhode.harness.site.cost import cost_page
 from polhode.harness.site.markdown import FIGURES, page_name, render, section
-from polhode.harness.site.markup import Page, document, missing
+from polhode.harness.site.markup import Page, document, missing, prose
 from polhode.harness.site.motion import motion_page
 from polhode.harness.site.verdict import LEAD, TITLE, question
 from polhode.models.scene import Scene
@@ -38,8 +39,8 @@ REPORTS = {
 # What the opening page takes from the page of the bench, by its own heading.
 SECTIONS = {"Robust or fast": "Robust or fast", "When averaging pays": "Verdict"}
 SCENE_CELL = re.compile(r"<td>([\w-]+)</td>")
-# Of a picture: more only weigh.
-COLOURS = 48
+# Of a picture, and how far apart, of 255: more and nearer ones only weigh.
+COLOURS, APART = 64, 12
 OVERWRITTEN = " Do not edit: the next run overwrites this page."
 # What these pictures show is on the page of costs.
 ON_COSTS = re.compile(r"(slow|orientation)(-[\w-]+)?\.png")
@@ -73,6 +74,9 @@ def build(reports: Path, out: Path, scenes: dict[str, Scene], say: Callable[[str
     write("motion", motion_page(scenes, say))
     for name, found in rendered.items():
         body = SCENE_CELL.sub(_runs_of, found.body) if name == "hard-cases" else found.body
+        beside = [other for other in rendered if other.startswith(f"{name}-") and f'"{other}.html' not in found.body]
+        links = ", ".join(f'<a href="{other}.html">{prose(rendered[other].title)}</a>' for other in beside)
+        body = f'<p class="note">Beside this page: {links}.</p>{body}' if links else body
         write(name, Page(found.title or name, "", body))
         for picture, path in found.pictures.items():
             _copy(path, out / FIGURES / picture)
@@ -109,8 +113,23 @@ def _copy(source: Path, target: Path) -> None:
     """Copy a picture in few colours and a format that keeps the site small."""
     copied = BytesIO()
     with Image.open(source) as image:
-        image.convert("RGB").quantize(COLOURS).convert("RGB").save(copied, "webp", lossless=True, quality=50, method=2)
+        full = image.convert("RGB")
+    few = full.quantize(palette=_palette(full), dither=Image.Dither.NONE)
+    few.convert("RGB").save(copied, "webp", lossless=True, quality=50, method=2)
     write_file(target, copied.getvalue())
+
+
+def _palette(image: Image.Image) -> Image.Image:
+    """The colours that most of the picture has: lines keep theirs, whereas a mean of areas would shift them."""
+    chosen: list[Any] = []
+    for _, colour in sorted(image.getcolors(image.width * image.height) or (), reverse=True):
+        if all(max(abs(a - b) for a, b in zip(colour, other, strict=True)) >= APART for other in chosen):
+            chosen.append(colour)
+        if len(chosen) == COLOURS:
+            break
+    palette = Image.new("P", (1, 1))
+    palette.putpalette([part for colour in (chosen * COLOURS)[:256] for part in colour])
+    return palette
 
 
 def _foot() -> str:

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from commandline import Run, small_disk
+from PIL import Image, ImageColor, ImageDraw
 from sites import TAG, data_of, site
 
 from polhode.harness.common.store import export, read_export
@@ -23,7 +24,9 @@ from polhode.harness.site.markup import Page, document, plain, prose
 from polhode.harness.site.motion import examples, motion
 from polhode.harness.site.sources import NEEDED, read_studies
 from polhode.models.scenes import named_scene
+from polhode.solvers.catalogue import SOLVERS
 
+REPORTS_HERE = Path(__file__).parents[3] / "reports"
 PAGES = ("index", "cost", "regimes", "hard-cases", "own", "own-more", "motion")
 
 
@@ -211,6 +214,34 @@ def test_a_full_disk_is_named_and_leaves_no_half_page(here: Run, site_reports: P
         pages = list(folder.rglob("*.html"))
         assert pages
         assert all(path.read_text(encoding="utf-8").endswith("</html>\n") for path in pages)
+
+
+@pytest.mark.skipif(not REPORTS_HERE.is_dir(), reason="no committed pages here")
+def test_the_site_of_the_committed_reports_is_small_and_holds_no_more_than_it_shows(tmp_path: Path):
+    pages = site(tmp_path, REPORTS_HERE)
+    files = {path.relative_to(tmp_path).as_posix(): path.stat().st_size for path in tmp_path.rglob("*.*")}
+    assert sum(files.values()) < 3_800_000
+    linked = {link for page in pages.values() for link in re.findall(r'(?:src|href)="([^"#]+)', page)}
+    assert set(files) <= linked
+
+
+def test_pictures_keep_the_colours_of_their_lines(tmp_path: Path):
+    lines = [look.colour for look in looks(SOLVERS).values()]
+    image = Image.new("RGB", (1200, 300), "white")
+    pen = ImageDraw.Draw(image)
+    for i, colour in enumerate(lines):
+        pen.line((0, 20 + 4 * i, 1200, 30 + 4 * i), fill=colour, width=2)
+    # A picture's shading has more colours than a palette.
+    image.paste(Image.linear_gradient("L").convert("RGB"), (900, 20))
+    (tmp_path / "own").mkdir()
+    image.save(tmp_path / "own" / "drawn.png")
+    (tmp_path / "own" / "README.md").write_text("![Lines](drawn.png)\n", encoding="utf-8")
+    site(tmp_path / "site", tmp_path)
+    with Image.open(tmp_path / "site" / "figures" / "own-drawn.webp") as copied:
+        shown = copied.convert("RGB")
+    for i, colour in enumerate(lines):
+        found, asked = shown.getpixel((0, 20 + 4 * i)), ImageColor.getrgb(colour)
+        assert max(abs(a - b) for a, b in zip(found, asked, strict=True)) <= 20, colour
 
 
 def test_damaged_files_are_named(tmp_path: Path):
