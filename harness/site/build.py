@@ -122,7 +122,8 @@ def _copy(source: Path, target: Path) -> None:
 def _palette(image: Image.Image) -> Image.Image:
     """The colours that most of the picture has: lines keep theirs, whereas a mean of areas would shift them."""
     chosen: list[Any] = []
-    for _, colour in sorted(image.getcolors(image.width * image.height) or (), reverse=True):
+    counted: Any = image.getcolors(image.width * image.height)
+    for _, colour in sorted(counted, reverse=True):
         if all(max(abs(a - b) for a, b in zip(colour, other, strict=True)) >= APART for other in chosen):
             chosen.append(colour)
         if len(chosen) == COLOURS:
