@@ -1,5 +1,7 @@
 """Solvers with planted errors, delays and lies, called by their names ``planted:Class``."""
 
+import os
+import signal
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -188,6 +190,15 @@ class Blower(_Liar):
 
     def lie(self, record: Record) -> None:
         record.put(np.full((len(record.times) - 1, len(record.start)), np.nan))
+
+
+class Victim(_Liar):
+    """Its process is killed, as a system without memory does."""
+
+    name = "planted:Victim"
+
+    def lie(self, record: Record) -> None:
+        os.kill(os.getpid(), signal.SIGKILL)
 
 
 class Raiser(_Liar):

@@ -61,6 +61,7 @@ def test_a_form_and_a_solver_of_ones_own_stand_in_the_tables(tmp_path: Path):
         words, cwd=tmp_path, env=importing(EXAMPLES), capture_output=True, text=True, timeout=120, check=False
     )
     assert done.returncode == 0, done.stderr
+    assert "note: the study runs code of own_form:Directions, own_solver:ClassicalRungeKutta" in done.stderr
     runs = [json.loads(line) for line in (tmp_path / "own" / "records.jsonl").read_text().splitlines()]
     errors = {(run["form"], run["solver"]): run["slow_error"] for run in runs if run["status"] == "reached_end"}
     for form in ("quaternion", "own_form:Directions"):

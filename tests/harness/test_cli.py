@@ -242,9 +242,16 @@ def test_a_scene_that_is_no_text_gets_one_line(here: Run, scene_file: Path, tmp_
     assert "expected a TOML file" in refusal(here("solve", "scene.toml", "--out", "a.csv"), tmp_path)
 
 
-def test_a_scene_without_end_gets_one_line(here: Run, tmp_path: Path):
-    (tmp_path / "scene.toml").symlink_to("/dev/zero")
-    assert "expected a TOML file: got more than" in refusal(here("solve", "scene.toml", "--out", "a.csv"), tmp_path)
+@pytest.mark.parametrize(
+    ("target", "line"),
+    [
+        ("/dev/zero", "expected a TOML file: got more than"),
+        ("scene.toml", "got 'scene.toml', expected a file or one of"),
+    ],
+)
+def test_a_scene_without_end_gets_one_line(here: Run, tmp_path: Path, target: str, line: str):
+    (tmp_path / "scene.toml").symlink_to(target)
+    assert line in refusal(here("solve", "scene.toml", "--out", "a.csv"), tmp_path)
 
 
 def test_a_scene_that_begins_with_a_byte_order_mark_is_a_scene(here: Run, tmp_path: Path):

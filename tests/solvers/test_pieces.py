@@ -1,11 +1,17 @@
 """A run of several pieces, each a problem of its own: it gives what one piece gives, whatever stops it where."""
 
+import tracemalloc
+from dataclasses import replace
+from math import inf
+
 import numpy as np
 import pytest
 
 from oracle.accepting import accepting
+from polhode.models.forms.euler_angles import EulerAngles
 from polhode.models.operations import Field, Operations
 from polhode.models.problem import Piece, Problem
+from polhode.models.scenes import named_scene
 from polhode.solvers import contract
 from polhode.solvers.contract import Record, Status
 from polhode.solvers.solve import Interrupted, Solution, solve
@@ -66,6 +72,18 @@ def test_every_solver_runs_the_pieces(name: str):
         assert [stage.reason for stage in solution.stages] == ["even", "odd"] * 6 + ["even"]
         assert solution.stages[3].begin == solution.stages[2].end == pytest.approx(3 * LENGTH)
         assert solution.work.steps in (None, sum(stage.steps or 0 for stage in solution.stages))
+
+
+def test_pieces_are_made_as_they_are_needed():
+    """However many turns there are: all of them at once took 7.5 GB."""
+    scene = replace(named_scene("paper"), stokes=inf, time=3e11)
+    problem = EulerAngles().problem(scene)
+    tracemalloc.start()
+    solution = solve(problem, "cyrk-dop853", 1e-6, max_steps=20_000)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert not solution.success
+    assert peak < 2e7
 
 
 @pytest.mark.parametrize("stopped", [1, 2])

@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import re
 import sqlite3
 import subprocess
 import sys
@@ -244,6 +245,15 @@ def test_exported_json_lines_are_json_and_read_back_as_they_were(tmp_path: Path)
     assert others == RECORDS
     assert isnan(found["errors"].pop(0))
     assert found == {**UNENDING, "errors": [-inf, 1.0]}
+
+
+@pytest.mark.parametrize(("line", "got"), [("[1, 2]", "got [1, 2], expected a JSON object"), ("{", "expected JSON")])
+def test_a_line_that_is_no_record_is_named(line: str, got: str, tmp_path: Path):
+    path = tmp_path / "mine.jsonl"
+    path.write_text(f'{{"stokes": 1}}\n{line}\n', encoding="utf-8")
+    with pytest.raises(ValueError, match=re.escape(f"{path}: line 2: ")) as refusal:
+        list(read_export(path))
+    assert got in str(refusal.value)
 
 
 def test_exports_of_before_are_read(tmp_path: Path):

@@ -291,6 +291,7 @@ def test_results_tell_what_the_store_holds(here: Run, sweep_file: Path, tmp_path
     ("change", "line"),
     [
         ({"particles": 0}, "particles: got 0, expected a whole number from 1 to 10"),
+        ({"samples": 10**9}, "samples: got 1000000000, expected a whole number from 2 to 1000000"),
         ({"slow_time": 1.0}, "got both of slow_time and time, expected exactly one"),
         ({"grid": 1}, "grid: unknown key, expected one of name, title"),
         ({"start": {"motion": "spin"}}, "start.motion: got 'spin', expected one of rest, fluid"),

@@ -155,9 +155,12 @@ def test_an_answer_is_a_measured_run_that_reaches_the_error(site_pages: dict[str
         assert float(each["tolerance"]) == pytest.approx(reached.max())
 
 
-@pytest.mark.parametrize("name", examples())
+SHOWN = {**examples(), "rest-50": named_scene("rest-50")}
+
+
+@pytest.mark.parametrize("name", SHOWN)
 def test_motions_are_of_unit_vectors_and_start_on_their_paths(name: str):
-    scene = examples()[name]
+    scene = SHOWN[name]
     found = motion(scene)
     axis, momentum = np.reshape(found["axis"], (-1, 3)), np.reshape(found["L"], (-1, 3))
     assert len(axis) == len(momentum) == found["samples"]

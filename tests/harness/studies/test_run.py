@@ -17,6 +17,7 @@ from commandline import SCRIPT, STUDY, Run
 from polhode.harness.analysis.frames import frame
 from polhode.harness.analysis.winners import cheapest
 from polhode.harness.common.store import Record, Store, read_export
+from polhode.harness.common.worker import KilledFromOutsideError
 from polhode.harness.references.reference import reference
 from polhode.harness.studies.runner import Runner
 from polhode.harness.studies.study import Choice, Study
@@ -151,6 +152,16 @@ def test_a_slow_back_end_says_nothing_of_the_others(study: Study, tmp_path: Path
         *((1e-8, backend, "time_limit", False) for backend in ("python", "numba")),
         *((1e-10, backend, "time_limit", True) for backend in ("python", "numba")),
     ]
+
+
+def test_a_kill_from_outside_is_no_fact_about_a_library(study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    # Once is enough here: each costs a process.
+    monkeypatch.setattr("polhode.harness.common.worker.ATTEMPTS", 1)
+    some = replace(study, solvers=("planted:Victim", "planted:FirstOrder"), tolerances=(1e-1,))
+    with Store(tmp_path / "store.sqlite") as store:
+        with pytest.raises(KilledFromOutsideError, match="1 of 2 cases were killed from outside"):
+            Runner(store, quiet=True).run(some)
+        assert [record["solver"] for record in store] == ["planted:FirstOrder"]
 
 
 # What a repeated run must give again; times differ.

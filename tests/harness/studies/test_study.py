@@ -78,6 +78,7 @@ BAD = [
     ("name", "", "name: got '', expected a string"),
     ("title", 3, "title: got 3, expected a string"),
     ("samples", 1, "samples: got 1, expected a number greater than or equal to 2"),
+    ("samples", 10**9, "samples: got 1000000000, expected a number less than or equal to 100000"),
     ("samples", 11.5, "samples: got 11.5, expected a whole number"),
     ("max_seconds", 0, "max_seconds: got 0, expected a number greater than 0"),
     ("max_seconds", inf, "max_seconds: got inf, expected a finite number"),
