@@ -3,8 +3,9 @@
 import sqlite3
 import tempfile
 from collections.abc import Callable
-from contextlib import closing
+from contextlib import closing, redirect_stderr
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -114,7 +115,8 @@ def flipped(seed: int, count: int) -> list[str]:
             damaged[bit // 8] ^= 1 << bit % 8
             path.write_bytes(damaged)
             try:
-                found = read()
+                with redirect_stderr(StringIO()):
+                    found = read()
             except REFUSALS:
                 found = None
             if found is not None and found != true[name]:

@@ -49,19 +49,30 @@ def _pages(folder: Path) -> Any:
     return {path.name: path.read_bytes() for path in sorted(folder.rglob("*.html")) if path.name != "index.html"}
 
 
+# Without long scenes, 200 runs instead of 10.
+SHORT = """
+from polhode.harness.calibration import training
+from polhode.harness.cli import main
+training.LONG_SHARE = 1000
+main()
+"""
+
+
 @dataclass(frozen=True)
 class Job:
-    """A command that writes into `o`, and what of it is compared."""
+    """A command that writes into `o`, what of it is compared, and how Python runs it."""
 
     words: tuple[str, ...]
     outcome: Callable[[Path], Any]
-    share: float = 1.0  # Of the kills that others get: it takes longer.
+    program: tuple[str, ...] = ("-m", "polhode")
 
 
 JOBS = {
     "bench": Job(("bench", "study.toml", "--quiet", "--resume"), _stored),
     "regimes": Job(("regimes", "study.toml", "--quiet", "--resume"), _stored),
-    "laws": Job(("calibrate", "--to", "laws.json", "--add", "--scenes", "3", "--quiet", "--resume"), _stored, 0.4),
+    "laws": Job(
+        ("calibrate", "--to", "laws.json", "--add", "--scenes", "3", "--quiet", "--resume"), _stored, ("-c", SHORT)
+    ),
     "sweep": Job(("sweep", "sweep.toml", "--quiet", "--resume", "--workers", "2"), _stored),
     "paper": Job(("paper", "euler-top", "symmetric-top", "--quick", "--quiet"), _tables),
     "report": Job(("report", "--reports", "reports", "--quiet"), _pages),
@@ -72,7 +83,7 @@ JOBS = {
 def running(job: Job, folder: Path, room: int = resource.RLIM_INFINITY) -> Iterator[subprocess.Popen[bytes]]:
     """The command in a process of its own; its standard error goes into a file."""
     environment = {**os.environ, "POLHODE_CACHE": str(folder / "cache")}
-    words = [sys.executable, "-P", "-m", "polhode", *job.words, "--out", "o"]
+    words = [sys.executable, "-P", *job.program, *job.words, "--out", "o"]
 
     def limit() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (room, room))
@@ -101,9 +112,8 @@ def orphans(folder: Path) -> list[int]:
 def killed(seed: int, count: int, folder: Path, jobs: tuple[str, ...] = tuple(JOBS)) -> list[str]:
     """Complaints about so many kills, the commands in turn."""
     random, complaints = Random(seed), []
-    each = count / sum(JOBS[name].share for name in jobs)
-    for name in jobs:
-        job, share = JOBS[name], round(each * JOBS[name].share)
+    for number, name in enumerate(jobs):
+        job, share = JOBS[name], (count + number) // len(jobs)
         _afresh(folder)
         began = time.monotonic()
         complaints += _finished(job, folder, f"{name}: undisturbed")
@@ -187,7 +197,7 @@ def raced(folder: Path, cold: int = 10) -> list[str]:
     processes = []
     for number in range(cold):
         out = "same.csv" if number < 2 else f"{number}.csv"
-        words = [sys.executable, "-P", "-m", "polhode", *solve.words, "--out", out]
+        words = [sys.executable, "-P", *solve.program, *solve.words, "--out", out]
         environment = {**os.environ, "POLHODE_CACHE": str(folder / "cache")}
         processes.append(subprocess.Popen(words, cwd=folder, env=environment, stderr=subprocess.PIPE, text=True))
     said = [process.communicate()[1] for process in processes]
