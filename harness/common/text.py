@@ -148,18 +148,20 @@ FORMATS = {
 }
 
 
-class _Wording(Formatter):
+class Wording(Formatter):
     """Fields of a mapping, or attributes of anything else; lists come with commas."""
 
     def get_value(self, key: int | str, args: Sequence[Any], kwargs: Any) -> Any:
+        """An entry of a mapping, or an attribute."""
         if isinstance(key, int) or isinstance(kwargs, Mapping):
             return super().get_value(key, args, kwargs)
         return getattr(kwargs, key)
 
     def format_field(self, value: Any, format_spec: str) -> str:
+        """One value, or several with commas."""
         if isinstance(value, Collection) and not isinstance(value, str):
             return ", ".join(self.format_field(own, format_spec) for own in value)
         return FORMATS[format_spec](value) if format_spec in FORMATS else format(value, format_spec)
 
 
-WORDING = _Wording()
+WORDING = Wording()

@@ -10,7 +10,7 @@ SECTIONS = (
     "polhode.harness.paper.sections.limits.euler_tops:SECTION",
     "polhode.harness.paper.sections.spheroids.motion:SECTION",
     "polhode.harness.paper.sections.ellipsoids.planes:SECTION",
-    "polhode.harness.paper.sections.rest.transient:SECTION",
+    "polhode.harness.paper.sections.rest:SECTION",
     "polhode.harness.paper.sections.appendix.averages:SECTION",
     "polhode.harness.paper.sections.beyond.endings_and_basins:SECTION",
 )

@@ -1,5 +1,6 @@
-"""The claims and the words around what was measured: one file per section in sections/, with fields for the facts."""
+"""The claims and the words around what was measured: one file per section in sections/, numbers as expressions."""
 
+import sys
 import tomllib
 from collections.abc import Iterator, Mapping
 from functools import cache, partial
@@ -9,10 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from polhode.harness.common.text import WORDING
+from polhode.harness.common.text import Wording
+from polhode.harness.paper import planes, runs, tables
 from polhode.harness.paper.item import Data, Experiment, Item, Number, Section, Verdict, Word
 
-Facts = Mapping[str, Any]
+# Modules whose names all expressions may use.
+SHARED = (tables, runs, planes)
 # What a row of numbers may say, the last two together.
 BOUNDS, NEAR = {"value", "what", "each", "low", "high", "unit"}, {"near", "within"}
 
@@ -29,65 +32,79 @@ def section(name: str, experiments: Mapping[str, Experiment]) -> Section:
 def _entries() -> dict[str, tuple[str, dict[str, dict[str, Any]]]]:
     """Title and items of every section; an item that is `like` another has all that it does not say itself from it."""
     paths = [path for path in files("polhode.harness.paper.sections").iterdir() if path.name.endswith(".toml")]
-    tables = {path.name.removesuffix(".toml"): tomllib.loads(path.read_text(encoding="utf-8")) for path in paths}
-    known = {key: entry for table in tables.values() for key, entry in table.items() if isinstance(entry, dict)}
+    found = {path.name.removesuffix(".toml"): tomllib.loads(path.read_text(encoding="utf-8")) for path in paths}
+    titles = {name: entries.pop("title") for name, entries in found.items()}
+    known = {key: entry for entries in found.values() for key, entry in entries.items()}
     if unknown := {entry["like"] for entry in known.values() if "like" in entry} - set(known):
         raise ValueError(f"like: got {', '.join(unknown)}, expected one of {', '.join(known)}")
+
+    def whole(entry: dict[str, Any]) -> dict[str, Any]:
+        other = known.get(entry.get("like", ""), {})
+        return other | entry | {"facts": other.get("facts", {}) | entry.get("facts", {})}
+
     return {
-        name: (
-            table["title"],
-            {
-                key: known.get(entry.get("like", ""), {}) | entry
-                for key, entry in table.items()
-                if isinstance(entry, dict)
-            },
-        )
-        for name, table in tables.items()
+        name: (titles[name], {key: whole(entry) for key, entry in entries.items()}) for name, entries in found.items()
     }
 
 
 def _item(name: str, entry: Mapping[str, Any], experiment: Experiment) -> Item:
     def verdict(data: Data) -> Verdict:
-        return judged(entry, experiment.facts(data))
+        rows = {table or "table": rows for table, rows in data.items()}
+        return judged(entry, _names(experiment) | rows | {"self": experiment})
 
     return Item(name, entry["title"], entry["claim"], experiment.compute, experiment.figure, verdict)
 
 
-def judged(entry: Mapping[str, Any], facts: Facts) -> Verdict:
-    """The verdict of an item's entry on the facts."""
-    say = partial(WORDING.vformat, args=(), kwargs=facts)
+def _names(experiment: Experiment) -> dict[str, Any]:
+    """What an item's expressions may name beside its tables: what its modules name, and its settings."""
+    kinds = [kind.__module__ for kind in reversed(type(experiment).__mro__)]
+    modules = [*(module.__name__ for module in SHARED), *kinds, experiment.compute.__module__]
+    return {name: value for module in modules for name, value in vars(sys.modules[module]).items()} | vars(experiment)
+
+
+def judged(entry: Mapping[str, Any], names: Mapping[str, Any]) -> Verdict:
+    """The verdict of an item's entry; its facts are expressions over the names, each of which may use those before."""
+    facts = dict(names)
+    for name, expression in entry["facts"].items():
+        facts[name] = evaluated(expression, facts)
+    say = partial(_Words().vformat, args=(), kwargs=facts)
     numbers = [number for row in entry["numbers"] for number in _numbers(row, facts)]
     # What an item says beside the sentences that it shares with those that are `like` it.
     found = f"{entry['found']} {entry.get('also', '')}".rstrip()
     return Verdict(Word(entry["verdict"]), say(found), say(entry["caption"]), *numbers)
 
 
-def _numbers(row: Mapping[str, Any], facts: Facts) -> Iterator[Number]:
+def evaluated(expression: str, names: dict[str, Any]) -> Any:
+    """The value of an expression of a section's file, which belongs to this package."""
+    return eval(expression, names)
+
+
+class _Words(Wording):
+    """Fields of texts are expressions."""
+
+    def get_field(self, field_name: str, args: Any, kwargs: Any) -> tuple[Any, str]:
+        return evaluated(field_name, kwargs), field_name
+
+
+def _numbers(row: Mapping[str, Any], facts: dict[str, Any]) -> Iterator[Number]:
     """The numbers of a row: one, or one for each value of a list of facts.
 
-    Bounds are numbers or names of facts; the interval of a fact `x` is the fact `x_95`.
+    Bounds are numbers or expressions.
     """
     if wrong := set(row) - BOUNDS - (NEAR if set(row) >= NEAR else set()):
         expected = f"{', '.join(sorted(BOUNDS))}, or {' with '.join(sorted(NEAR))}"
         raise ValueError(f"numbers: got {', '.join(sorted(wrong))}, expected of {expected}")
-    places = range(len(facts[row["each"]])) if "each" in row else [None]
+    places = range(len(evaluated(row["each"], facts))) if "each" in row else [None]
     for place in places:
 
-        def fact(name: Any, place: int | None = place) -> Any:
-            found = facts[name] if isinstance(name, str) else name
+        def fact(expression: Any, place: int | None = place) -> Any:
+            found = evaluated(expression, facts) if isinstance(expression, str) else expression
             return found if place is None or not isinstance(found, list | tuple | np.ndarray) else found[place]
 
-        what = WORDING.vformat(row["what"], (), {**facts, "each": fact(row.get("each"))})
+        what = _Words().vformat(row["what"], (), {**facts, "each": fact(row.get("each"))})
         low, high = (fact(row.get(bound, default)) for bound, default in (("low", -inf), ("high", inf)))
         if "near" in row:
             middle = fact(row["near"])
             low, high = middle - row["within"], middle + row["within"]
-        interval = f"{row['value']}_95"
-        yield Number(
-            what,
-            float(fact(row["value"])),
-            low,
-            high,
-            row.get("unit", ""),
-            fact(interval if interval in facts else None),
-        )
+        value = fact(row["value"])
+        yield Number(what, float(value), low, high, row.get("unit", ""), getattr(value, "interval", None))

@@ -64,20 +64,12 @@ def panels(rows: int, columns: int, width: float = 3.5, height: float = 2.7, **o
     return figure, list(grid.flat)
 
 
-def label(axes: Axes, x: str, y: str, title: str = "") -> Axes:
-    """Label axes; units belong into the labels."""
-    axes.set_xlabel(x)
-    axes.set_ylabel(y)
-    axes.set_title(title)
-    return axes
-
-
-def logarithmic(axes: Axes, which: str = "xy") -> Axes:
-    """Logarithmic axes, with powers of ten."""
-    if "x" in which:
-        axes.set_xscale("log")
-    if "y" in which:
-        axes.set_yscale("log")
+def label(axes: Axes, x: str, y: str, title: str = "", log: str = "", **limits: Any) -> Axes:
+    """Label axes, whose units belong into the labels; those named in `log` are logarithmic, with powers of ten."""
+    axes.set(xlabel=x, ylabel=y, title=title)
+    if log:
+        axes.set(**{f"{side}scale": "log" for side in log})
+    axes.set(**limits)
     return axes
 
 
@@ -85,6 +77,12 @@ def common_legend(figure: Figure, axes: Axes, columns: int = 4) -> None:
     """One legend below all panels, from the entries of one of them."""
     handles, names = axes.get_legend_handles_labels()
     figure.legend(handles, names, loc="outside lower center", ncols=columns)
+
+
+def legend_in(empty: Axes, axes: Axes) -> None:
+    """Fill empty axes with the legend of others."""
+    empty.axis("off")
+    empty.legend(*axes.get_legend_handles_labels(), loc="center")
 
 
 def unit_sphere(axes: Axes) -> Axes:
@@ -110,15 +108,14 @@ def draw_groups(
     axes: Axes,
     table: Table,
     key: str,
-    columns: str,
+    curve: Callable[[Table], tuple[np.ndarray, np.ndarray]],
     name: Callable[[float], str] | None = None,
     colors: Sequence[str] = CYCLE,
     **style: Any,
 ) -> None:
-    """Draw a line for each value of a key, through the columns named in one string; `name` makes the legend's text."""
+    """Draw a curve for each value of a key, from the rows that have it; `name` makes the legend's text."""
     for color, (value, part) in zip(colors, groups(table, key), strict=False):
-        text = name(value) if name else None
-        axes.plot(*(part[column] for column in columns.split()), **{"color": color, "label": text, **style})
+        axes.plot(*curve(part), **{"color": color, "label": name(value) if name else None, **style})
 
 
 def styled_runs(

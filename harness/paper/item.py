@@ -12,10 +12,13 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-Table = Mapping[str, "np.ndarray"]
-"""Columns of equal length, numbers or words."""
-Data = Mapping[str, Table]
+Columns = Mapping[str, "np.ndarray"]
+"""Columns of equal length, numbers or words, as they are computed."""
+Computed = Mapping[str, Columns]
 """Tables by name; the name "" is that of an item with one table."""
+Table = Any
+"""The same as a record array, as it is read: `table.stokes` is a column, `table[chosen]` a table of some rows."""
+Data = Mapping[str, Table]
 
 
 class Grid(StrEnum):
@@ -83,20 +86,18 @@ class Verdict:
 
 
 class Experiment(Protocol):
-    """What computes, draws and finds the facts that the item's texts and numbers name."""
+    """What computes and draws; its fields, and the names of its module, are those of the item's expressions."""
 
-    def compute(self, grid: Grid, /) -> Data: ...  # noqa: D102
+    def compute(self, grid: Grid, /) -> Computed: ...  # noqa: D102
     def figure(self, data: Data, /) -> "Figure": ...  # noqa: D102
-    def facts(self, data: Data, /) -> Mapping[str, Any]: ...  # noqa: D102
 
 
 @dataclass(frozen=True)
 class Parts:
-    """An experiment of three functions."""
+    """An experiment of two functions."""
 
-    compute: Callable[[Grid], Data]
+    compute: Callable[[Grid], Computed]
     figure: "Callable[[Data], Figure]"
-    facts: Callable[[Data], Mapping[str, Any]]
 
 
 @dataclass(frozen=True)
@@ -106,7 +107,7 @@ class Item:
     name: str
     title: str
     claim: str
-    compute: Callable[[Grid], Data]
+    compute: Callable[[Grid], Computed]
     figure: "Callable[[Data], Figure]"
     verdict: Callable[[Data], Verdict]
 

@@ -16,6 +16,8 @@ from polhode.models.theory.fixed_points import FixedPoint, Stability, fixed_poin
 
 # L_z/I_max above which a trajectory with L_z > 0 counts as away from the pinch point.
 ABOVE_PINCH = 0.2
+# Distance from the node, over I_max, at which a trajectory has reached it.
+REACHED = 1e-2
 # Markers of fixed points and their sizes.
 MARKERS = {"stable node": ("o", 30), "saddle": ("*", 70), "singular": ("X", 30)}
 

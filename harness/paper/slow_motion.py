@@ -1,16 +1,14 @@
 """Slow variables in time, full against averaged: the figures of one start at several Stokes numbers."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from polhode.harness.common.fits import power_law
-from polhode.harness.paper.drawing import BLUE, draw_law, label, logarithmic, panels, styled_runs
-from polhode.harness.paper.item import Data, Grid, Table
+from polhode.harness.paper.drawing import BLUE, draw_law, label, legend_in, panels, styled_runs
+from polhode.harness.paper.item import Computed, Data, Grid, Table
 from polhode.harness.paper.planes import distance_from_node, fixed_point
-from polhode.harness.paper.runs import averaged_run, axes_of, full_run
+from polhode.harness.paper.runs import averaged_run, full_run
 from polhode.harness.paper.tables import columns, groups, path_table
 from polhode.models.scene import EulerStart, Scene
 from polhode.models.shape import Ellipsoid
@@ -37,7 +35,7 @@ class SlowMotion:
     shown: tuple[float, ...] = (50.0, 100.0, 500.0, 5e3)
     lingers: bool = False  # at the saddle, so that the sentence gives the time at which it leaves
 
-    def compute(self, grid: Grid) -> Data:
+    def compute(self, grid: Grid) -> Computed:
         """Runs of the figure, and the largest error at each St."""
         points, dense = grid.of(601, 201), grid.of(8, 4)
         slow_times = np.linspace(0.0, self.slow_time, dense * (points - 1) + 1)
@@ -75,69 +73,34 @@ class SlowMotion:
     def figure(self, data: Data) -> Figure:
         """L_x, L_y, L_z and E against slow time; the error against St."""
         figure, axes = panels(2, 3, 3.2, 2.4)
-        crossing = data["averaged"]["crossing"][0]
+        crossing = data["averaged"].crossing[0]
         for place, (name, text) in zip((0, 1, 3, 4), NAMES.items(), strict=True):
             own = axes[place]
             runs = list(styled_runs(data[""], "path", (0.9, 0.7)))
             # The averaged run lies thin on the broad one at the largest St, which it would hide.
             runs[-1][0].update(linewidth=2.0, zorder=2.9)
             for style, part in runs:
-                own.plot(part["t2"], part[name], **style)
+                own.plot(part.t2, part[name], **style)
             if np.isfinite(crossing):
                 own.axvline(crossing, color="0.4", linestyle=":", label="$L^2 = 2EI_2$ (averaged)")
             label(own, "slow time $t_2 = t\\dot\\gamma/\\mathrm{St}$", text)
         found = data["errors"]
-        axes[2].plot(found["stokes"], found["error"], "o-", color=BLUE, markersize=3.5, label="measured")
-        draw_law(axes[2], found["stokes"], found["error"][-1], -1)
-        logarithmic(label(axes[2], "Stokes number St", "largest slow error$/I_{max}$")).legend()
-        handles, names = axes[0].get_legend_handles_labels()
-        axes[5].axis("off")
-        axes[5].legend(handles, names, loc="center")
+        axes[2].plot(found.stokes, found.error, "o-", color=BLUE, markersize=3.5, label="measured")
+        draw_law(axes[2], found.stokes, found.error[-1], -1)
+        label(axes[2], "Stokes number St", "largest slow error$/I_{max}$", log="xy").legend()
+        legend_in(axes[5], axes[0])
         return figure
 
-    def facts(self, data: Data) -> dict[str, Any]:
-        """Where it ends, and how the error falls with St."""
-        found = data["errors"]
-        large = found["stokes"] >= self.asymptotic
-        exponent, interval, _ = power_law(found["stokes"][large], found["error"][large])
-        shown = [pair for pair in zip(found["stokes"], found["error"], strict=True) if pair[0] in self.shown]
-        crossing, paths = data["averaged"]["crossing"][0], dict(groups(data[""], "path"))
-        lowest = min(self.shown)
-        return {
-            "axes": axes_of(self.ellipsoid),
-            "angles": (*self.start.angles, *self.start.rates),
-            "shown": self.shown,
-            "node": fixed_point(self.ellipsoid, "stable node"),
-            "asymptotic": self.asymptotic,
-            "exponent": exponent,
-            "exponent_95": interval,
-            "largest": found["stokes"][-1],
-            "constant": found["error"][-1] * found["stokes"][-1],
-            "constant_low": self.constant[0],
-            "constant_high": self.constant[1],
-            "lowest": lowest,
-            "mean": max(abs(np.mean(paths[lowest][name] - paths[np.inf][name])) for name in NAMES),
-            "accurate": ACCURATE,
-            "at_100": found["error"][found["stokes"] == 100.0][0],
-            "at_100_low": self.at_100[0],
-            "at_100_high": self.at_100[1],
-            "at_shown": ", ".join(f"{error:.2g} at St = {stokes:g}" for stokes, error in shown),
-            "leaving": self._leaving(data[""]) if self.lingers else "",
-            "crossed": f" L² = 2EI₂ at t₂ = {crossing:.3g}." if np.isfinite(crossing) else "",
-            "averaged_end": data["averaged"]["end"][0],
-            "full_end": found["end"][found["stokes"] >= 500].max(),
-        }
-
-    def _leaving(self, table: Table) -> str:
+    def leaving(self, table: Table) -> str:
         """When E is halfway from its plateau to the node's, averaged and full."""
         times, staying = [], []
-        averaged = table["E"][np.isinf(table["path"])]
-        half = (min(averaged) + fixed_point(self.ellipsoid, "stable node")[1]) / 2
+        averaged = table.E[np.isinf(table.path)]
+        middle = (min(averaged) + fixed_point(self.ellipsoid, "stable node")[1]) / 2
         for stokes, part in groups(table, "path"):
-            below = int(np.flatnonzero(part["E"] < half)[-1])
-            if part["t2"][below] < 0.95 * self.slow_time:
+            time = part.t2[np.flatnonzero(middle > part.E)[-1]]
+            if time < 0.95 * self.slow_time:
                 name = "averaged" if np.isinf(stokes) else f"St = {stokes:g}"
-                times.append(f"at t₂ = {part['t2'][below]:.2f} ({name})")
+                times.append(f"at t₂ = {time:.2f} ({name})")
             else:
                 staying.append(f"{stokes:g}")
         late = f"; at St = {' and '.join(staying)} not before the end of the run" if staying else ""

@@ -5,17 +5,17 @@ import hashlib
 import json
 import sys
 from functools import cache
+from inspect import ismodule
 from io import BytesIO
 from pathlib import Path
 
 import pandas as pd
-from pandas.api.types import is_numeric_dtype
 
 from polhode import models, solvers
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import package_version
 from polhode.harness.common.plain_json import digest
-from polhode.harness.paper.item import Data, Grid, Item, Table, Verdict
+from polhode.harness.paper.item import Computed, Data, Grid, Item, Table, Verdict
 
 SCHEMA = 1
 DIGITS = 8
@@ -43,7 +43,8 @@ def code_of(item: Item) -> list[Path]:
     while waiting:
         name = waiting.pop()
         found.add(name)
-        sources = {getattr(value, "__module__", None) or "" for value in vars(sys.modules[name]).values()}
+        values = vars(sys.modules[name]).values()
+        sources = {value.__name__ if ismodule(value) else getattr(value, "__module__", None) or "" for value in values}
         near = {source for source in sources if source.startswith("polhode.harness.paper.")}
         waiting |= near - found - set(APPEARANCE)
     return sorted(Path(sys.modules[name].__file__ or "") for name in found)
@@ -69,7 +70,7 @@ def _hash(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
-def write(folder: Path, item: Item, grid: Grid, data: Data) -> Data:
+def write(folder: Path, item: Item, grid: Grid, data: Computed) -> Data:
     """Write the tables of an item and, last, its record; return them as they read back.
 
     Whatever an interrupted run leaves is not taken for data.
@@ -109,14 +110,15 @@ def judged(folder: Path, item: Item) -> tuple[Data, Verdict, bool] | None:
         return None
     try:
         return found[0], item.verdict(found[0]), found[1]
-    except (ArithmeticError, LookupError, TypeError, ValueError):
+    except (ArithmeticError, AttributeError, LookupError, NameError, TypeError, ValueError):
         # Older code kept other columns, or other rows.
         return None
 
 
 def _table(content: bytes) -> Table:
     frame = pd.read_csv(BytesIO(content))
-    return {str(name): column.to_numpy(float if is_numeric_dtype(column) else str) for name, column in frame.items()}
+    numbers = dict.fromkeys(frame.select_dtypes("number"), float)
+    return frame.astype(numbers).to_records(index=False)
 
 
 def file_name(item: Item, table: str) -> str:

@@ -1,12 +1,26 @@
-"""Tables of the items: columns of equal length, made of rows, of paths or of labelled parts, and taken apart again."""
+"""Tables of the items, made of rows, of paths or of labelled parts; and what is measured in them."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
+from polhode.harness.common import fits
+from polhode.harness.common.text import WORDING
 from polhode.harness.paper.item import Table
 
 SLOW = ("Lx", "Ly", "Lz", "E")
+
+
+class Estimate(float):
+    """A number with its interval at 95 %."""
+
+    interval: tuple[float, float]
+
+    def __new__(cls, value: float, interval: tuple[float, float]) -> "Estimate":  # noqa: D102
+        made = super().__new__(cls, value)
+        made.interval = interval
+        return made
 
 
 def columns(names: str, rows: Sequence[Sequence[float]]) -> dict[str, np.ndarray]:
@@ -34,14 +48,50 @@ def path_table(
     )
 
 
-def groups(table: Table, key: str) -> Iterator[tuple[float, dict[str, np.ndarray]]]:
+def groups(table: Table, key: str) -> Iterator[tuple[float, Table]]:
     """The parts of a table with equal values in a column, in the order in which they come."""
     for value in dict.fromkeys(table[key].tolist()):
-        chosen = table[key] == value
-        yield value, {name: column[chosen] for name, column in table.items()}
+        yield value, table[table[key] == value]
+
+
+def by(table: Table, key: str) -> dict[float, Table]:
+    """The same by value."""
+    return dict(groups(table, key))
 
 
 def root_mean_squares(table: Table, key: str, name: str) -> tuple[np.ndarray, np.ndarray]:
     """The values of a key, and the root mean square of a column over the rows of each."""
-    parts = list(groups(table, key))
-    return np.array([value for value, _ in parts]), np.array([np.sqrt(np.mean(part[name] ** 2)) for _, part in parts])
+    parts = by(table, key)
+    return np.array(list(parts)), np.array([np.sqrt(np.mean(part[name] ** 2)) for part in parts.values()])
+
+
+def listed(form: str, rows: Iterable[Sequence[Any]], between: str = ", ") -> str:
+    """A text for each row, whose fields are its numbers."""
+    return between.join(WORDING.format(form, *row) for row in rows)
+
+
+def worst(values: Sequence[float] | np.ndarray) -> float:
+    """The largest size."""
+    return np.max(np.abs(values))
+
+
+def spread(values: np.ndarray) -> float:
+    """The largest value over the smallest."""
+    return values.max() / values.min()
+
+
+def exponent(x: np.ndarray, y: np.ndarray) -> Estimate:
+    """Of a power law."""
+    slope, interval, _ = fits.power_law(x, y)
+    return Estimate(slope, interval)
+
+
+def mean(values: np.ndarray) -> Estimate:
+    """The mean, with its interval by Student's distribution."""
+    found, low, high = fits.mean_interval(values)
+    return Estimate(found, (low, high))
+
+
+def share(chosen: np.ndarray) -> Estimate:
+    """The share of rows for which something holds."""
+    return Estimate(float(np.mean(chosen)), fits.wilson(int(np.sum(chosen)), len(chosen)))

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
-from polhode.harness.paper.claims import Facts
 from polhode.harness.paper.drawing import AVERAGED, BLUE, common_legend, draw_broken, label, panels
-from polhode.harness.paper.item import Data, Grid, Table
+from polhode.harness.paper.item import Columns, Computed, Data, Grid
 from polhode.harness.paper.planes import (
     ABOVE_PINCH,
     aligned_scene,
@@ -20,13 +19,12 @@ from polhode.harness.paper.planes import (
     plane_path,
 )
 from polhode.harness.paper.runs import axes_of, full_run, graded
-from polhode.harness.paper.tables import columns, groups, path_table, stacked
+from polhode.harness.paper.tables import by, columns, groups, path_table, stacked
 from polhode.models.shape import Ellipsoid
 from polhode.models.theory.fixed_points import fixed_points
 
 # Share, as of `energy_at`, of starts on the upper parabola: rounding must not carry them out of the plane.
 INSIDE = 1 - 1e-13
-REACHED = 1e-2
 STOKES = (1e3, 1e4)
 STARTS = tuple((momentum, theta) for momentum in (-0.7, 0.7) for theta in (0.4, 0.9, 1.4))
 NAMES = {"stable node": "stable node", "saddle": "saddle", "singular": "singular point"}
@@ -38,7 +36,7 @@ def plane_tables(
     points: int,
     on_edge: float,
     kept: Callable[[np.ndarray], np.ndarray],
-) -> dict[str, Table]:
+) -> dict[str, Columns]:
     """Slow trajectories from L_z/I_max and shares as of `energy_at`, thinned to the points kept, and where they end.
 
     Those that start on the upper parabola are followed for the slow time `on_edge`, before rounding carries them off.
@@ -57,18 +55,6 @@ def plane_tables(
     return {"": path_table(paths, ("Lz", "E")), "ends": columns("path Lz0 share distance end bound", ends)}
 
 
-def end_facts(data: Data) -> Facts:
-    """Starts that reach the node; the slow time of those that reach the pinch point."""
-    ends = data["ends"]
-    left, on_edge = ends["Lz0"] < 0, ends["share"] == 1.0
-    return {
-        "paths": len(np.unique(data[""]["path"])),
-        "left": int(np.sum(left & ~on_edge)),
-        "reached": np.mean(ends["distance"][left & ~on_edge] < REACHED),
-        "pinch": np.max(ends["end"][~left] / ends["bound"][~left]),
-    }
-
-
 @dataclass(frozen=True)
 class Planes:
     """Slow and full trajectories of several bodies, by the numbers that name them in the tables."""
@@ -78,7 +64,7 @@ class Planes:
     # Pairs of bodies of which the first differs more at the smallest St.
     orders: tuple[tuple[tuple[float, float], ...], ...]
 
-    def compute(self, grid: Grid) -> Data:
+    def compute(self, grid: Grid) -> Computed:
         """Trajectories, and the largest differences between slow and full ones.
 
         Differences are measured while L_z of a start with L_z > 0 is well above the pinch point.
@@ -106,25 +92,23 @@ class Planes:
     def figure(self, data: Data) -> Figure:
         """A plane of the most eccentric body; below, the largest differences of all bodies, one bar per start."""
         figure, axes = panels(2, len(STOKES), 4.4, 2.9)
-        differences = dict(groups(data["differences"], "stokes"))
-        worst = {name: np.max(part["difference"]) for name, part in groups(differences[STOKES[0]], "body")}
+        differences = by(data["differences"], "stokes")
+        worst = {name: np.max(part.difference) for name, part in groups(differences[STOKES[0]], "body")}
         widest = max(worst, key=lambda name: worst[name])
-        part = dict(groups(data[""], "body"))[widest]
+        part = by(data[""], "body")[widest]
         for own, stokes in zip(axes, STOKES, strict=False):
-            draw_frame(own, self.bodies[widest], -0.8, 0.8, title=f"{_name(self.bodies[widest])}, St = {stokes:g}")
+            draw_frame(own, self.bodies[widest], -0.8, 0.8, title=f"{name_of(self.bodies[widest])}, St = {stokes:g}")
             for wanted, style in (
                 (stokes, {"color": BLUE, "label": "full"}),
                 (np.inf, {"color": AVERAGED, "label": "averaged"}),
             ):
-                runs = {name: column[part["stokes"] == wanted] for name, column in part.items()}
-                draw_broken(own, runs, "Lz", "E", linewidth=0.9, **style)
-            own.set_ylim(0.0, 1.05 * max(part["E"]))
+                draw_broken(own, part[part.stokes == wanted], "Lz", "E", linewidth=0.9, **style)
+            own.set_ylim(0.0, 1.05 * max(part.E))
         for own, stokes in zip(axes[len(STOKES) :], STOKES, strict=True):
             for place, (_, found) in enumerate(groups(differences[stokes], "body")):
-                shift = place + np.linspace(-0.3, 0.3, len(found["difference"]))
-                own.bar(shift, found["difference"], 0.1, color=BLUE)
+                own.bar(place + np.linspace(-0.3, 0.3, len(found)), found.difference, 0.1, color=BLUE)
             own.set_xticks(
-                range(len(self.bodies)), [_name(body) for body in self.bodies.values()], fontsize=6.5, rotation=15
+                range(len(self.bodies)), [name_of(body) for body in self.bodies.values()], fontsize=6.5, rotation=15
             )
             label(own, "body, one bar per start", "largest difference$/I_{max}$", f"St = {stokes:g}")
         first = self.bodies[widest]
@@ -133,30 +117,7 @@ class Planes:
         common_legend(figure, axes[0])
         return figure
 
-    def facts(self, data: Data) -> Facts:
-        """The difference falls with St, and grows with anisotropy."""
-        worst = {
-            (name, stokes): float(np.max(part["difference"]))
-            for name, own in groups(data["differences"], "body")
-            for stokes, part in groups(own, "stokes")
-        }
-        low, high = STOKES
-        ratios = [worst[name, low] / worst[name, high] for name in self.bodies]
-        orders = [min(worst[more, low] / worst[less, low] for more, less in pairs) for pairs in self.orders]
-        named = (f"{worst[name, low]:.2g} ({_name(body).strip('()')})" for name, body in self.bodies.items())
-        return {
-            "low": low,
-            "high": high,
-            "differences": ", ".join(named),
-            "starts": ", ".join(f"({momentum:g}, {theta:g})" for momentum, theta in STARTS),
-            "above": ABOVE_PINCH,
-            "largest": max(worst[name, high] for name in self.bodies),
-            "largest_low": max(worst[name, low] for name in self.bodies),
-            "ratios": (min(ratios), max(ratios)),
-            "least_ratio": min(ratios),
-            **{f"orders_{number}": least for number, least in enumerate(orders)},
-        }
 
-
-def _name(body: Ellipsoid) -> str:
+def name_of(body: Ellipsoid) -> str:
+    """A body as the pages write it."""
     return axes_of(body) if body.kind == "triaxial" else f"κ = {body.semi_axes[2]:g}"

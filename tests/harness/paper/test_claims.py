@@ -8,12 +8,14 @@ from polhode.harness.common.text import WORDING
 from polhode.harness.paper import claims
 from polhode.harness.paper.claims import judged, section
 from polhode.harness.paper.item import Word
-from polhode.harness.paper.sections.beyond.crossing_jumps import SPREAD, fitted_level, law
+from polhode.harness.paper.sections.beyond.crossings import SPREAD, fitted_level, law
 from polhode.harness.paper.sections.limits.weak_inertia import turns
+from polhode.harness.paper.tables import Estimate
 
 ENTRY = {
     "verdict": "confirmed",
-    "found": "κ = {kappas:g}, error {error:short}.",
+    "facts": {"twice": "2 * bound", "bound": "twice / 4"},
+    "found": "κ = {kappas:g}, error {error:short}, {'in bounds' if error < bound else 'off'}.",
     "caption": "A line.",
     "numbers": [
         {"value": "error", "what": "error", "high": "bound", "unit": "rad"},
@@ -22,11 +24,9 @@ ENTRY = {
 }
 FACTS = {
     "kappas": (2.0, 3.0),
-    "error": 1e-7,
-    "error_95": (0.0, 1.0),
-    "bound": 1e-6,
-    "slope": [1.0, 2.0],
-    "slope_95": [(0.9, 1.1), (1.9, 2.1)],
+    "error": Estimate(1e-7, (0.0, 1.0)),
+    "bound": 2e-6,
+    "slope": [Estimate(1.0, (0.9, 1.1)), Estimate(2.0, (1.9, 2.1))],
     "expected": [1.05, 2.05],
 }
 
@@ -34,7 +34,7 @@ FACTS = {
 def test_words_and_numbers_of_an_entry():
     verdict = judged(ENTRY, FACTS)
     assert verdict.word is Word.CONFIRMED
-    assert verdict.sentence == "κ = 2, 3, error 1e-7."
+    assert verdict.sentence == "κ = 2, 3, error 1e-7, in bounds."
     first, second, third = verdict.numbers
     assert (first.high, first.unit, first.interval) == (1e-6, "rad", (0.0, 1.0))
     assert (second.what, third.what) == ("slope, κ = 2", "slope, κ = 3")
@@ -48,8 +48,8 @@ def test_a_fact_out_of_bounds_takes_the_verdict_away():
 
 
 def test_missing_facts_and_experiments_are_errors():
-    with pytest.raises(KeyError):
-        judged(ENTRY, {"kappas": ()})
+    with pytest.raises(NameError):
+        judged(ENTRY, {"kappas": (), "bound": 1.0})
     with pytest.raises(ValueError, match=r"periods.toml: got period-change, period, expected $"):
         section("periods", {})
 

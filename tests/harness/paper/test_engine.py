@@ -185,8 +185,8 @@ def test_tables_survive_their_files(tmp_path):
 
 
 def test_groups_keep_order_and_rows():
-    table = {"key": np.array([2.0, 1.0, 2.0]), "value": np.array([1.0, 2.0, 3.0])}
-    assert [(key, part["value"].tolist()) for key, part in groups(table, "key")] == [(2.0, [1.0, 3.0]), (1.0, [2.0])]
+    table = np.rec.fromarrays([[2.0, 1.0, 2.0], [1.0, 2.0, 3.0]], names="key,value")
+    assert [(key, part.value.tolist()) for key, part in groups(table, "key")] == [(2.0, [1.0, 3.0]), (1.0, [2.0])]
 
 
 @pytest.mark.parametrize(

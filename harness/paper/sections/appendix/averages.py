@@ -7,8 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.integrate import cumulative_simpson
 
-from polhode.harness.common.fits import power_law
-from polhode.harness.paper.claims import Facts, section
+from polhode.harness.paper.claims import section
 from polhode.harness.paper.drawing import (
     AVERAGED,
     BLUE,
@@ -19,10 +18,9 @@ from polhode.harness.paper.drawing import (
     common_legend,
     draw_law,
     label,
-    logarithmic,
     panels,
 )
-from polhode.harness.paper.item import Data, Grid, Parts
+from polhode.harness.paper.item import Computed, Data, Grid, Parts
 from polhode.harness.paper.planes import aligned_scene
 from polhode.harness.paper.runs import averaged_run, full_run, run_form, spheroid
 from polhode.harness.paper.sections.appendix.tables import Entry, ellipsoid_entries, spheroid_entries
@@ -67,7 +65,7 @@ def ensemble(ellipsoid: Ellipsoid, momentum: np.ndarray, omega: np.ndarray, node
     return np.einsum("nij,pjk,lk->npil", aligned, turns, frame(momentum)).reshape(-1, 3, 3)
 
 
-def compute_spheroid(grid: Grid) -> Data:
+def compute_spheroid(grid: Grid) -> Computed:
     """Largest deviation of every printed entry from the mean over the precession, over random L and cones."""
     generator = np.random.default_rng(3)
     angle = 2 * pi * np.arange(16) / 16
@@ -84,7 +82,7 @@ def compute_spheroid(grid: Grid) -> Data:
     return _table(entries, worst)
 
 
-def compute_ellipsoid(grid: Grid) -> Data:
+def compute_ellipsoid(grid: Grid) -> Computed:
     """Largest deviation of every entry, printed and corrected, from the brute-force mean, over random states."""
     generator = np.random.default_rng(5)
     ellipsoid = Ellipsoid(PAPER_ELLIPSOID)
@@ -102,7 +100,7 @@ def compute_ellipsoid(grid: Grid) -> Data:
     return _table(entries, worst)
 
 
-def _table(entries: Sequence[Entry], worst: np.ndarray) -> Data:
+def _table(entries: Sequence[Entry], worst: np.ndarray) -> Computed:
     names = np.array([entry.name for entry in entries])
     return {"": {"entry": names, "printed": worst[:, 0], "corrected": worst[:, 1]}}
 
@@ -110,47 +108,23 @@ def _table(entries: Sequence[Entry], worst: np.ndarray) -> Data:
 def figure_averages(data: Data) -> Figure:
     """Deviation of every entry, in two columns if there are many."""
     table = data[""]
-    parts = 1 if len(table["entry"]) < 12 else 2
-    count = -(-len(table["entry"]) // parts)
+    parts = 1 if len(table) < 12 else 2
+    count = -(-len(table) // parts)
     figure, axes = panels(1, parts, 6.4 / parts + (parts - 1), 1.2 + 0.15 * count)
     floor = 1e-17
     for number, own in enumerate(axes):
-        chosen = slice(number * count, (number + 1) * count)
-        entries = table["entry"][chosen].tolist()
-        place = -np.arange(len(entries))
+        chosen = table[number * count : (number + 1) * count]
+        place = -np.arange(len(chosen))
         for name, marker, color, size in (("corrected", "o", BLUE, 4), ("printed", "x", VERMILLION, 5)):
-            found = np.maximum(table[name][chosen], floor)
-            own.plot(found, place, marker, color=color, markersize=size, label=name)
-        own.set_yticks(place, entries, fontsize=6.5 if parts > 1 else 8)
-        own.set_ylim(-count + 0.3, 0.7)
-        logarithmic(label(own, "largest deviation from brute force", "entry"), "x")
-        own.set_xlim(floor, 10)
+            own.plot(np.maximum(chosen[name], floor), place, marker, color=color, markersize=size, label=name)
+        own.set_yticks(place, chosen.entry.tolist(), fontsize=6.5 if parts > 1 else 8)
+        limits = {"ylim": (-count + 0.3, 0.7), "xlim": (floor, 10)}
+        label(own, "largest deviation from brute force", "entry", log="x", **limits)
     common_legend(figure, axes[0])
     return figure
 
 
-def facts_averages(data: Data) -> Facts:
-    """How many printed entries hold, and that all corrected ones do."""
-    table = data[""]
-    wrong = table["printed"] > ROUNDING
-    general = np.array([name.startswith("general") for name in table["entry"]])
-    mixed = np.array([_mixed(name) for name in table["entry"]])
-    names = [name.removeprefix("general ") for name in table["entry"][wrong & general]]
-    entries, failed = int(np.sum(~general)), int(np.sum(wrong & ~general))
-    return {
-        "formulas": len(wrong),
-        "entries": entries,
-        "failed": failed,
-        "held": entries - failed,
-        "largest": table["corrected"].max(),
-        "failed_mixed": np.sum(wrong & mixed),
-        "failed_general": np.sum(wrong & general),
-        "others": int(general.sum()) - 1,
-        "wrong_others": " and ".join(name for name in names if name != MIXED),
-    }
-
-
-def _mixed(name: str) -> bool:
+def is_mixed(name: str) -> bool:
     """Whether an entry multiplies components along L with components in space: ⟨z_i x'_j y'_k⟩."""
     strokes = ["'" in word for word in name.strip("⟨⟩").split()]
     return name.startswith("⟨z") and any(strokes) and not all(strokes)
@@ -161,7 +135,7 @@ KAPPA, MOMENTUM, THETA, PHI, SLOW_TIME = 2.0, -0.9, 0.9, 0.6, 0.04
 SHOWN = 200.0
 
 
-def compute_first_order(grid: Grid) -> Data:
+def compute_first_order(grid: Grid) -> Computed:
     """L_z in full, averaged and corrected at one St; the largest error against St."""
     rows = []
     for stokes in np.geomspace(1e2, 1e5, grid.of(13, 4)).tolist():
@@ -191,47 +165,22 @@ def figure_first_order(data: Data) -> Figure:
     """L_z in time, and errors against St."""
     figure, (left, right) = panels(1, 2, 4.0, 3.1)
     table, found = data[""], data["errors"]
-    left.plot(table["t2"], table["full"], color=CYCLE[0], linewidth=2.0, label="full")
-    left.plot(table["t2"], table["averaged"], color=AVERAGED, label="averaged")
-    left.plot(table["t2"], table["corrected"], color=ORANGE, linestyle="--", label="with first-order correction")
+    left.plot(table.t2, table.full, color=CYCLE[0], linewidth=2.0, label="full")
+    left.plot(table.t2, table.averaged, color=AVERAGED, label="averaged")
+    left.plot(table.t2, table.corrected, color=ORANGE, linestyle="--", label="with first-order correction")
     label(left, "slow time $t_2$", "$L_z/I_e$", f"St = {SHOWN:g}").legend()
     for name, color, slope in (("averaged", AVERAGED, -1), ("printed", SKY, -1), ("corrected", ORANGE, -2)):
-        right.plot(found["stokes"], found[name], "o-", color=color, markersize=3.5, label=name)
-        draw_law(right, found["stokes"], found[name][-1], slope, color=color)
-    logarithmic(label(right, "Stokes number St", "largest error of $L_z/I_e$")).legend()
+        right.plot(found.stokes, found[name], "o-", color=color, markersize=3.5, label=name)
+        draw_law(right, found.stokes, found[name][-1], slope, color=color)
+    label(right, "Stokes number St", "largest error of $L_z/I_e$", log="xy").legend()
     return figure
-
-
-def facts_first_order(data: Data) -> Facts:
-    """Fitted orders, and how much smaller the corrections make the error."""
-    found = data["errors"]
-    large = found["stokes"] >= 900
-    facts = {}
-    for name in ("corrected", "averaged", "printed"):
-        facts[name], facts[f"{name}_95"], _ = power_law(found["stokes"][large], found[name][large])
-    gain = found["averaged"] / found["printed"]
-    return facts | {
-        "first": found["stokes"][0],
-        "last": found["stokes"][-1],
-        "gain": gain.min(),
-        "gain_first": gain[0],
-        "gain_last": gain[-1],
-        "better": found["stokes"][found["corrected"] < found["printed"]][0],
-        "constant": found["corrected"][-1] * found["stokes"][-1] ** 2,
-        "kappa": KAPPA,
-        "momentum": MOMENTUM,
-        "theta": THETA,
-        "phi": PHI,
-        "shown": SHOWN,
-        "slow_time": SLOW_TIME,
-    }
 
 
 SECTION = section(
     "appendix",
     {
-        "averages-spheroid": Parts(compute_spheroid, figure_averages, facts_averages),
-        "averages-ellipsoid": Parts(compute_ellipsoid, figure_averages, facts_averages),
-        "first-order": Parts(compute_first_order, figure_first_order, facts_first_order),
+        "averages-spheroid": Parts(compute_spheroid, figure_averages),
+        "averages-ellipsoid": Parts(compute_ellipsoid, figure_averages),
+        "first-order": Parts(compute_first_order, figure_first_order),
     },
 )

@@ -6,10 +6,8 @@ import numpy as np
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
-from polhode.harness.common.fits import wilson
-from polhode.harness.common.text import WORDING
 from polhode.harness.pages.figures.style import power
-from polhode.harness.paper.claims import Facts, section
+from polhode.harness.paper.claims import section
 from polhode.harness.paper.drawing import (
     AVERAGED,
     BLUE,
@@ -19,19 +17,16 @@ from polhode.harness.paper.drawing import (
     VERMILLION,
     YELLOW,
     label,
-    logarithmic,
     panels,
 )
-from polhode.harness.paper.item import Data, Grid, Parts, Table
+from polhode.harness.paper.item import Computed, Data, Grid, Parts, Table
 from polhode.harness.paper.planes import distance_from_node, energy_at
 from polhode.harness.paper.runs import averaged_run, full_run, graded, slow_run
-from polhode.harness.paper.sections.beyond.averaging_order import ELLIPSOID, ORDER, same_slow_start
-from polhode.harness.paper.sections.beyond.crossing_jumps import JUMPS
-from polhode.harness.paper.tables import columns, groups
+from polhode.harness.paper.sections.beyond.crossings import CROSSINGS, ELLIPSOID, same_slow_start
+from polhode.harness.paper.tables import Estimate, columns, groups, share
 from polhode.models.rotation import quaternion_from_euler
 from polhode.models.scene import BodyStart, EulerStart, Scene
 from polhode.models.scenes import PAPER_START
-from polhode.models.theory.fixed_points import fixed_points
 
 # Some averaged runs graze L² = 2EI₂, where a Taylor series hardly converges.
 GRAZING = "cyrk-vern8"
@@ -52,7 +47,7 @@ def saddle_start(generator: np.random.Generator, near: float) -> BodyStart:
     return BodyStart(quaternion, (0.5 * sign + noise[0], noise[1], noise[2]))
 
 
-def compute_endings(grid: Grid) -> Data:
+def compute_endings(grid: Grid) -> Computed:
     """Arrival at the node from next to the saddle: averaged, and full at several St, with the end of z'."""
     generator = np.random.default_rng(23)
     slow_times = np.linspace(0.0, ENDING_TIME, 1501)
@@ -80,62 +75,37 @@ def _arrival(slow_times: np.ndarray, slow: np.ndarray, near: float = ARRIVED) ->
 def figure_endings(data: Data) -> Figure:
     """Arrival times against each other, and the shares."""
     figure, (left, right) = panels(1, 2, 3.9, 3.4)
-    ends = [0.9 * min(data[""]["averaged"]), 1.1 * max(data[""]["full"])]
+    ends = [0.9 * min(data[""].averaged), 1.1 * max(data[""].full)]
     left.plot(ends, ends, color=AVERAGED, linewidth=0.8, label="equal")
     for color, (stokes, part) in zip(CYCLE, groups(data[""], "stokes"), strict=False):
-        left.plot(part["averaged"], part["full"], ".", color=color, markersize=4, label=f"St = {power(stokes)}")
-    logarithmic(label(left, "arrival of the averaged run, slow time", "arrival of the full run, slow time")).legend()
+        left.plot(part.averaged, part.full, ".", color=color, markersize=4, label=f"St = {power(stokes)}")
+    label(left, "arrival of the averaged run, slow time", "arrival of the full run, slow time", log="xy").legend()
     for axis in (left.xaxis, left.yaxis):
         axis.set_ticks([0.2, 0.5, 1.0], ["0.2", "0.5", "1"])
         axis.set_ticks([], minor=True)
     for color, (near, part) in zip((BLUE, GREEN, VERMILLION), groups(data[""], "near"), strict=True):
-        stokes, late, _, _ = _shares(part)
-        right.plot(stokes, late, "o-", color=color, label=f"arrival off by a fifth, {near:g} from the saddle")
-    stokes, _, other, _ = _shares(data[""])
-    right.plot(stokes, other, "s--", color=ORANGE, label="end of $z'$ changes with the fast phase")
-    logarithmic(label(right, "Stokes number St", "share of starts"), "x")
+        off = late(part)
+        right.plot(
+            list(off), list(off.values()), "o-", color=color, label=f"arrival off by a fifth, {near:g} from the saddle"
+        )
+    flipped = flips(data[""])
+    right.plot(
+        list(flipped), list(flipped.values()), "s--", color=ORANGE, label="end of $z'$ changes with the fast phase"
+    )
+    label(right, "Stokes number St", "share of starts", log="x", ylim=(-0.03, 1.03))
     right.legend(loc="center right", bbox_to_anchor=(1.0, 0.3), fontsize=7)
-    right.set_ylim(-0.03, 1.03)
     return figure
 
 
-def _shares(table: Table) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """St, share of late or early arrivals, share of starts whose end depends on the fast phase, their number."""
-    rows = []
-    for stokes, part in groups(table, "stokes"):
-        off = np.abs(part["full"] - part["averaged"]) > 0.2 * part["averaged"]
-        first, second = (part["up"][part["phase"] == phase] for phase in (0, 1))
-        rows.append((stokes, np.mean(off), np.mean(first != second), len(first)))
-    stokes, late, other, count = np.array(rows).T
-    return stokes, late, other, count
+def late(table: Table) -> dict[float, Estimate]:
+    """Share of arrivals that are late or early, by St."""
+    return {n: share(np.abs(own.full - own.averaged) > 0.2 * own.averaged) for n, own in groups(table, "stokes")}
 
 
-def facts_endings(data: Data) -> Facts:
-    """Shares with their intervals."""
-    table = data[""]
-    stokes, _, other, count = _shares(table)
-    late = [_shares(part)[1] for _, part in groups(table, "near")]
-    runs, pairs = 2 * int(count[-1]) // len(late), int(count[-1])
-    named = zip(NEAR, late, strict=True)
+def flips(table: Table) -> dict[float, Estimate]:
+    """Share of starts whose end depends on the fast phase, by St."""
     return {
-        "stokes": stokes,
-        "last": stokes[-1],
-        "near": NEAR,
-        "arrived": ARRIVED,
-        "count": len(np.unique(table["start"])),
-        "shares": "; ".join(
-            WORDING.format("{0:.0f} % from {1:g} of the saddle", 100 * own, near) for near, own in named
-        ),
-        "late": [own[-1] for own in late],
-        "late_95": [wilson(round(own[-1] * runs), runs) for own in late],
-        "far_first": late[0][0],
-        "far_last": late[0][-1],
-        "close_first": late[-1][0],
-        "flips": other[-1],
-        "flips_95": wilson(round(other[-1] * pairs), pairs),
-        "percent": 100 * other[-1],
-        "settled": np.mean(table["full"] < 0.999 * ENDING_TIME),
-        "up": np.mean(table["up"]),
+        stokes: share(part.up[part.phase == 0] != part.up[part.phase == 1]) for stokes, part in groups(table, "stokes")
     }
 
 
@@ -143,17 +113,17 @@ BASIN_STOKES, BASIN_TIME = 1e3, 0.6
 NEAR_NODE = 0.02
 
 
-def compute_basins(grid: Grid) -> Data:
+def compute_basins(grid: Grid) -> Computed:
     """Transient times of the averaged equations from |L| = I_max/2; ends of z' over starts at one St."""
     slow_times = graded(2.0, 1201)
     size = grid.of(41, 9)
     transients = []
     for cosine in np.linspace(-0.999, 0.999, size).tolist():
-        for share in np.linspace(0.002, 0.998, size).tolist():
+        for height in np.linspace(0.002, 0.998, size).tolist():
             sine = sqrt((1 - cosine**2) / 2)
-            slow = (0.5 * sine, 0.5 * sine, 0.5 * cosine, energy_at(ELLIPSOID, 0.5, share))
+            slow = (0.5 * sine, 0.5 * sine, 0.5 * cosine, energy_at(ELLIPSOID, 0.5, height))
             run = slow_run(ELLIPSOID, slow, slow_times, solver=GRAZING)
-            transients.append((cosine, share, _arrival(slow_times, run.slow, NEAR_NODE)))
+            transients.append((cosine, height, _arrival(slow_times, run.slow, NEAR_NODE)))
     ends = []
     side = grid.of(64, 10)
     times = np.array([0.0, BASIN_STOKES * BASIN_TIME])
@@ -165,7 +135,7 @@ def compute_basins(grid: Grid) -> Data:
     return {"transients": columns("cosine share t2", transients), "ends": columns("theta psi z", ends)}
 
 
-def _map(table: Table, names: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def map_of(table: Table, names: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Coordinates of a table's rows, the second running fastest, and its values, shape (first, second)."""
     first, second, values = (table[name] for name in names.split())
     return np.unique(first), np.unique(second), values.reshape(len(np.unique(first)), -1)
@@ -174,12 +144,12 @@ def _map(table: Table, names: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def figure_basins(data: Data) -> Figure:
     """Two maps."""
     figure, (left, right) = panels(1, 2, 4.3, 3.4)
-    cosine, share, slow_times = _map(data["transients"], "cosine share t2")
-    times = left.pcolormesh(cosine, share, slow_times.T, cmap="cividis", rasterized=True)
+    cosine, height, slow_times = map_of(data["transients"], "cosine share t2")
+    times = left.pcolormesh(cosine, height, slow_times.T, cmap="cividis", rasterized=True)
     figure.colorbar(times, ax=left, label="slow time to the node")
     label(left, "$L_z/|L|$", "share of $E$ between its bounds")
     both = ListedColormap((BLUE, YELLOW))
-    theta, psi, up = _map(data["ends"], "theta psi z")
+    theta, psi, up = map_of(data["ends"], "theta psi z")
     ends = right.pcolormesh(psi, theta, up, cmap=both, vmin=-1, vmax=1, rasterized=True)
     bar = figure.colorbar(ends, ax=right, label="$z'$ at the end, along the vorticity axis $z$", ticks=(-0.5, 0.5))
     bar.ax.set_yticklabels(["down", "up"], rotation="vertical", va="center")
@@ -189,37 +159,11 @@ def figure_basins(data: Data) -> Figure:
     return figure
 
 
-def facts_basins(data: Data) -> Facts:
-    """Transient times, shares of the ends, and how mixed they are."""
-    times = data["transients"]["t2"]
-    ends = _map(data["ends"], "theta psi z")[2] > 0
-    mixed = np.mean(np.concatenate([(ends[1:] != ends[:-1]).ravel(), (ends[:, 1:] != ends[:, :-1]).ravel()]))
-    node = next(point for point in fixed_points(ELLIPSOID) if point.stability == "stable node")
-    up, median = int(ends.sum()), np.median(times)
-    return {
-        "near": NEAR_NODE,
-        "stokes": BASIN_STOKES,
-        "time": BASIN_TIME,
-        "side": len(np.unique(data["ends"]["theta"])),
-        "median": median,
-        "relative": -median * max(node.eigenvalues),
-        "longest": times.max(),
-        "up": up / ends.size,
-        "up_95": wilson(up, ends.size),
-        "percent_up": 100 * up / ends.size,
-        "percent_down": 100 - 100 * up / ends.size,
-        "mixed": mixed,
-        "percent_mixed": 100 * mixed,
-        "settled": np.mean(np.abs(data["ends"]["z"]) > 0.9),
-    }
-
-
 SECTION = section(
     "beyond",
     {
-        "averaging-order": ORDER,
-        "crossing-jumps": JUMPS,
-        "saddle-endings": Parts(compute_endings, figure_endings, facts_endings),
-        "basins": Parts(compute_basins, figure_basins, facts_basins),
+        **CROSSINGS,
+        "saddle-endings": Parts(compute_endings, figure_endings),
+        "basins": Parts(compute_basins, figure_basins),
     },
 )

@@ -1,13 +1,12 @@
 """Section "Triaxial ellipsoids" in time: slow variables of the paper's two starts, and the singular fixed point."""
 
-from typing import Any
+from functools import partial
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from polhode.harness.paper.claims import Facts
-from polhode.harness.paper.drawing import AVERAGED, BLACK, draw_groups, label, logarithmic, panels
-from polhode.harness.paper.item import Data, Grid, Parts
+from polhode.harness.paper.drawing import AVERAGED, BLACK, draw_groups, label, panels
+from polhode.harness.paper.item import Computed, Data, Grid, Parts, Table
 from polhode.harness.paper.runs import full_run, slow_run, slow_scene, spheroid
 from polhode.harness.paper.slow_motion import ACCURATE, SlowMotion
 from polhode.harness.paper.tables import columns, stacked
@@ -83,7 +82,7 @@ def critical_after(slow_times: np.ndarray) -> np.ndarray:
     return slow_run(ELLIPSOID, state.tolist(), slow_times).slow
 
 
-def compute_singular(grid: Grid) -> Data:
+def compute_singular(grid: Grid) -> Computed:
     """Rates near the singular point, local and averaged; the critical trajectory on either side."""
     unit = max(ELLIPSOID.inertia)
     rows, parts = [], []
@@ -124,45 +123,33 @@ def _passage(local: Separatrix, number: int, points: int) -> tuple[dict, dict]:
 def figure_singular(data: Data) -> Figure:
     """Passage in time, and rates against y."""
     figure, axes = panels(2, 2, 3.9, 2.7)
-    sizes = {name: np.abs(column) for name, column in data["rates"].items()}
+    sizes = data["rates"].copy()
+    for name in sizes.dtype.names:
+        sizes[name] = np.abs(sizes[name])
     for x, table, both in (("t2", data["trajectory"], axes[:2]), ("y", sizes, axes[2:])):
         for own, name in zip(both, ("y", "shift"), strict=True):
-            draw_groups(
-                own, table, "side", f"{x} averaged_{name}", lambda side: f"averaged, $L^2 {'<>'[int(side)]} 2EI_2$"
-            )
-            draw_groups(own, table, "side", f"{x} local_{name}", color=BLACK, linestyle=":", lw=1.6)
+            averaged, local = (partial(_curve, x, f"{kind}_{name}") for kind in ("averaged", "local"))
+            draw_groups(own, table, "side", averaged, lambda side: f"averaged, $L^2 {'<>'[int(side)]} 2EI_2$")
+            draw_groups(own, table, "side", local, color=BLACK, linestyle=":", lw=1.6)
     axes[0].plot([], [], color=AVERAGED, linestyle=":", label="local solution")
     label(axes[0], "slow time from the singular point", r"$y = \mu'\delta$").legend()
     label(axes[1], "slow time from the singular point", "$L_z'/I_{max}$")
     for own in axes[:2]:
         own.locator_params(nbins=5)
     axes[1].ticklabel_format(axis="y", style="sci", scilimits=(-2, 2), useMathText=True)
-    logarithmic(label(axes[2], r"$y = \mu'\delta$", "$|dy/dt_2|$"), "x")
-    logarithmic(label(axes[3], r"$y = \mu'\delta$", "$|dL_z'/dt_2|/I_{max}$"), "x")
+    label(axes[2], r"$y = \mu'\delta$", "$|dy/dt_2|$", log="x")
+    label(axes[3], r"$y = \mu'\delta$", "$|dL_z'/dt_2|/I_{max}$", log="x")
     return figure
 
 
-def facts_singular(data: Data) -> Facts:
-    """Finite passage, inverse logarithm of the rate, agreement of local and averaged solution."""
-    rates, passage = data["rates"], data["trajectory"]
-    near, smallest = rates["y"] <= NEAR, rates["y"].min()
-    reached, left = (abs(Separatrix(ELLIPSOID, side).time(0.1)) for side in SIDES)
-    return {
-        "near": NEAR,
-        "reached": reached,
-        "left": left,
-        "agreement": np.max(np.abs(rates["local_y"][near] / rates["averaged_y"][near] - 1)),
-        "along": np.max(np.abs(passage["local_y"] - passage["averaged_y"])),
-        "drift": np.max(np.abs(passage["local_shift"] - passage["averaged_shift"])),
-        "slowest": np.abs(rates["averaged_y"][rates["y"] == smallest]).min(),
-        "smallest": smallest,
-    }
+def _curve(x: str, y: str, part: Table) -> tuple[np.ndarray, np.ndarray]:
+    return part[x], part[y]
 
 
 class FirstStart(SlowMotion):
     """The paper's first start, with what it says of the oscillation and of passing L² = 2EI₂."""
 
-    def compute(self, grid: Grid) -> Data:
+    def compute(self, grid: Grid) -> Computed:
         """Also how irregularly L_z swings, beside the paper's first spheroid, at one St."""
         rows = []
         for body, start, slow_time in ((self.ellipsoid, self.start, 0.1), (spheroid(2.0), SPHEROID_START, 0.1)):
@@ -170,22 +157,6 @@ class FirstStart(SlowMotion):
             momentum = full_run(Scene(body, IRREGULAR, start, times[-1]), times).slow[:, 2]
             rows.append((_scatter(momentum),))
         return {**super().compute(grid), "scatter": columns("swings", rows)}
-
-    def facts(self, data: Data) -> dict[str, Any]:
-        """Also the scatter of the swings, and the error after the crossing over that before."""
-        scatter, spheroidal = np.exp(data["scatter"]["swings"])
-        found, shown = data["errors"], max(self.shown)
-        passing = found["after"] / found["before"]
-        return super().facts(data) | {
-            "irregular": IRREGULAR,
-            "scatter": scatter,
-            "spheroid_scatter": spheroidal,
-            "passing": passing.max(),
-            "passing_least": passing.min(),
-            "little": LITTLE,
-            "largest_shown": shown,
-            "after": found["after"][found["stokes"] == shown][0],
-        }
 
 
 def _scatter(values: np.ndarray) -> float:
@@ -201,5 +172,5 @@ MOTION = {
     "ellipsoid-slow-2": SlowMotion(
         ELLIPSOID, SADDLE_START, 1.2, 5e3, (8.0, 30.0), (ACCURATE, 0.35), SHOWN, lingers=True
     ),
-    "singular-point": Parts(compute_singular, figure_singular, facts_singular),
+    "singular-point": Parts(compute_singular, figure_singular),
 }

@@ -5,11 +5,10 @@ from math import sqrt
 import numpy as np
 from matplotlib.figure import Figure
 
-from polhode.harness.paper.claims import Facts, section
+from polhode.harness.paper.claims import section
 from polhode.harness.paper.drawing import BLACK, BLUE, BOUND, NODE, ORANGE, VERMILLION, common_legend, panels
-from polhode.harness.paper.item import Data, Grid, Parts, Table
+from polhode.harness.paper.item import Computed, Data, Grid, Parts, Table
 from polhode.harness.paper.planes import (
-    distance_from_node,
     draw_frame,
     draw_paths,
     energy_at,
@@ -21,8 +20,8 @@ from polhode.harness.paper.planes import (
 )
 from polhode.harness.paper.runs import graded, slow_run
 from polhode.harness.paper.sections.ellipsoids.motion import ELLIPSOID, MOTION, critical_after, critical_before
-from polhode.harness.paper.sections.planes import NAMES, Planes, end_facts, plane_tables
-from polhode.harness.paper.tables import SLOW, groups, path_table, stacked
+from polhode.harness.paper.sections.planes import NAMES, Planes, plane_tables
+from polhode.harness.paper.tables import by, groups, path_table, stacked
 from polhode.models.shape import Ellipsoid
 from polhode.models.theory.fixed_points import fixed_points
 from polhode.models.theory.separatrix import Separatrix
@@ -36,7 +35,7 @@ ON_EDGE = 0.25
 WINDOW = 0.004, 0.0016
 
 
-def compute_plane(grid: Grid) -> Data:
+def compute_plane(grid: Grid) -> Computed:
     """Slow trajectories, and the critical one: local and averaged, before and after the singular point."""
     shares = (0.001, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95, 0.999)
     starts = [(momentum, share) for momentum in (-1.1, -0.08, 1.1) for share in shares[:: grid.of(1, 4)]]
@@ -81,9 +80,10 @@ def figure_plane(data: Data) -> Figure:
     for own in (left, right):
         draw_frame(own, ELLIPSOID, -1.0, 1.0)
         draw_paths(own, data[""], (0.6, 0.2, 0.1))
-        for (kind, _), part in _critical(data["critical"]):
-            color, line, width = (ORANGE, "--", 2.0) if kind == 0 else (VERMILLION, "-", 2.0)
-            own.plot(part["Lz"], part["E"], color=color, linestyle=line, linewidth=width, zorder=4 + (kind == 0))
+        for kind, line in groups(data["critical"], "kind"):
+            style = {"color": (ORANGE, VERMILLION)[int(kind)], "linestyle": ("--", "-")[int(kind)]}
+            for _, part in groups(line, "side"):
+                own.plot(part.Lz, part.E, linewidth=2.0, zorder=4 + (kind == 0), **style)
     left.set_ylim(0.0, 0.8)
     right.set(xlim=(x - WINDOW[0], x + WINDOW[0]), ylim=(y - WINDOW[1], y + WINDOW[1]))
     right.locator_params(axis="x", nbins=5)
@@ -96,34 +96,29 @@ def figure_plane(data: Data) -> Figure:
     return figure
 
 
-def _critical(table: Table) -> list[tuple[tuple[float, float], Table]]:
-    return [((kind, side), own) for kind, part in groups(table, "kind") for side, own in groups(part, "side")]
+def misfit(critical: Table, side: float) -> float:
+    """How far the local critical trajectory is off the averaged one near the singular point."""
+    local, averaged = _both(critical, side)
+    close = local[np.abs(local.Lz + MIDDLE / 2) < CLOSE]
+    return np.max(np.min(_gap(close[:, None], averaged), axis=1))
 
 
-def facts_plane(data: Data) -> Facts:
-    """Where trajectories end, and how well the local critical trajectory fits."""
-    critical = dict(_critical(data["critical"]))
-    saddle = fixed_point(ELLIPSOID, "saddle")
-    edge = dict(groups(data[""], "path"))[float(np.argmax(data["ends"]["share"] == 1.0))]
-    misfits, far = [], []
-    for side in (0.0, 1.0):
-        local, averaged = critical[0.0, side], critical[1.0, side]
-        near = np.abs(local["Lz"] + MIDDLE / 2) < CLOSE
-        gap = np.hypot(*(local[name][near, None] - averaged[name][None] for name in ("Lz", "E")))
-        misfits.append(np.max(np.min(gap, axis=1)))
-        far.append(np.min(np.hypot(*(local[name][-1] - averaged[name] for name in ("Lz", "E")))))
-    return {
-        **end_facts(data),
-        "from_saddle": np.hypot(edge["Lz"][-1] - saddle[0], edge["E"][-1] - saddle[1]),
-        "close": CLOSE,
-        "misfit": max(misfits),
-        "before": misfits[0],
-        "after": misfits[1],
-        "far": max(far),
-    }
+def far_misfit(critical: Table, side: float) -> float:
+    """The same at the end of the local one."""
+    local, averaged = _both(critical, side)
+    return np.min(_gap(local[-1], averaged))
 
 
-def compute_space(grid: Grid) -> Data:
+def _both(critical: Table, side: float) -> tuple[Table, Table]:
+    own = by(by(critical, "side")[side], "kind")
+    return own[0.0], own[1.0]
+
+
+def _gap(first: Table, second: Table) -> np.ndarray:
+    return np.hypot(first.Lz - second.Lz, first.E - second.E)
+
+
+def compute_space(grid: Grid) -> Computed:
     """One slow trajectory with L_x = 0 throughout and one with L_y = 0, and the fixed points."""
     slow_times = graded(1.0, grid.of(401, 101))
     paths = []
@@ -141,7 +136,7 @@ def figure_space(data: Data) -> Figure:
         name = "Lx" if zero == 1 else "Ly"
         u, v = np.meshgrid(np.linspace(0.0, 1.0, 16), np.linspace(-0.6, 0.6, 16))
         own.plot_wireframe(u, v, (u**2 + v**2) / 2, color=BOUND, linewidth=0.4)
-        across, along, energy = part[name], part["Lz"], part["E"]
+        across, along, energy = part[name], part.Lz, part.E
         own.plot(across, along, energy, color=BLUE, linewidth=1.6)
         bound, wall = (across**2 + along**2) / 2, np.full_like(energy, 0.6)
         for projection in ((across, along, bound), (0 * across, along, energy), (across, wall, energy)):
@@ -155,23 +150,13 @@ def figure_space(data: Data) -> Figure:
     return figure
 
 
-def facts_space(data: Data) -> Facts:
-    """The subspaces are invariant; the trajectories end at the node."""
-    paths = dict(groups(data[""], "path"))
-    last = np.array([[part[name][-1] for name in SLOW] for part in paths.values()])
-    return {
-        "kept": max(np.max(np.abs(part[SLOW[int(zero)]])) for zero, part in paths.items()),
-        "end": distance_from_node(ELLIPSOID, last).max(),
-    }
-
-
 SIX: dict[float, Ellipsoid] = dict(enumerate(Ellipsoid((1.0, b, c)) for b in (0.55, 0.75, 0.95) for c in (0.5, 0.3)))
 SECTION = section(
     "ellipsoids",
     {
         **MOTION,
-        "ellipsoid-plane": Parts(compute_plane, figure_plane, facts_plane),
+        "ellipsoid-plane": Parts(compute_plane, figure_plane),
         "ellipsoid-planes": Planes(SIX, 151, (((1, 0), (3, 2), (5, 4)), ((0, 2), (2, 4), (1, 3), (3, 5)))),
-        "ellipsoid-space": Parts(compute_space, figure_space, facts_space),
+        "ellipsoid-space": Parts(compute_space, figure_space),
     },
 )

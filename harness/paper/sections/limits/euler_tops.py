@@ -5,9 +5,9 @@ from math import inf, pi
 import numpy as np
 from matplotlib.figure import Figure
 
-from polhode.harness.paper.claims import Facts, section
+from polhode.harness.paper.claims import section
 from polhode.harness.paper.drawing import BLUE, VERMILLION, draw_on_sphere, panels, unit_sphere
-from polhode.harness.paper.item import Data, Grid, Parts
+from polhode.harness.paper.item import Computed, Data, Grid, Parts, Table
 from polhode.harness.paper.runs import run_form
 from polhode.harness.paper.sections.limits.jeffery_top import SECTIONS
 from polhode.harness.paper.sections.limits.weak_inertia import WEAK
@@ -24,7 +24,7 @@ TURNS = 12
 GENERAL, SYMMETRIC = Ellipsoid((1.0, 2.0, 2.3)), Ellipsoid((1.0, 1.0, 2.3))
 
 
-def compute_top(ellipsoid: Ellipsoid, grid: Grid) -> Data:
+def compute_top(ellipsoid: Ellipsoid, grid: Grid) -> Computed:
     """Path of z', in the closed form, and the closed form against integration."""
     times = np.linspace(0.0, TIME, grid.of(2401, 601))
     scene = Scene(ellipsoid, inf, START, TIME)
@@ -52,45 +52,19 @@ def figure_top(data: Data) -> Figure:
     figure, (axes,) = panels(1, 1, 4.4, 4.2, subplot_kw={"projection": "3d"})
     unit_sphere(axes)
     draw_on_sphere(axes, data[""], color=BLUE, linewidth=0.6)
-    start = {name: column[:1] for name, column in data[""].items()}
-    draw_on_sphere(axes, start, marker="o", color=VERMILLION, markersize=5, zorder=5)
+    draw_on_sphere(axes, data[""][:1], marker="o", color=VERMILLION, markersize=5, zorder=5)
     return figure
 
 
-def facts_top(data: Data) -> Facts:
-    """Nutation between two bounds, and its period beside that of the precession; of a symmetric top, the circle."""
-    numbers, nutation = {name: column[0] for name, column in data["numbers"].items()}, data[""]["nutation"]
-    ratio = numbers["precession_period"] / numbers["period"]
-    denominators = np.arange(1, 2 * TURNS + 1)
-    azimuth = _azimuth(data)
-    measured = data[""]["t"][-1] * 2 * pi / abs(azimuth[-1] - azimuth[0])
-    least, mean, most = np.degrees([nutation.min(), nutation.mean(), nutation.max()])
-    return {
-        **numbers,
-        "time": TIME,
-        "least": least,
-        "mean": mean,
-        "most": most,
-        "band": most - least,
-        "wobble": np.ptp(nutation),
-        "ratio": ratio,
-        "turns": TURNS,
-        "denominator": 2 * TURNS,
-        "distance": np.min(np.abs(ratio - np.rint(ratio * denominators) / denominators)),
-        "measured": measured,
-        "off": abs(measured * numbers["momentum"] / (2 * pi * SYMMETRIC.inertia[0]) - 1),
-    }
-
-
-def _azimuth(data: Data) -> np.ndarray:
-    """Unwrapped angle of z' about L."""
-    table = data[""]
-    axis = np.column_stack([table["x"], table["y"], table["z"]])
+def measured_period(path: Table) -> float:
+    """Time in which z' goes once about L."""
+    axis = np.column_stack([path.x, path.y, path.z])
     normal = np.cross(axis[0] - axis[len(axis) // 5], axis[0] - axis[len(axis) // 3])
     normal /= np.linalg.norm(normal)
     across = axis - np.outer(axis @ normal, normal)
     first = across[0] / np.linalg.norm(across[0])
-    return np.unwrap(np.arctan2(across @ np.cross(normal, first), across @ first))
+    azimuth = np.unwrap(np.arctan2(across @ np.cross(normal, first), across @ first))
+    return path.t[-1] * 2 * pi / abs(azimuth[-1] - azimuth[0])
 
 
 SECTION = section(
@@ -98,7 +72,7 @@ SECTION = section(
     {
         **WEAK,
         **SECTIONS,
-        "euler-top": Parts(lambda grid: compute_top(GENERAL, grid), figure_top, facts_top),
-        "symmetric-top": Parts(lambda grid: compute_top(SYMMETRIC, grid), figure_top, facts_top),
+        "euler-top": Parts(lambda grid: compute_top(GENERAL, grid), figure_top),
+        "symmetric-top": Parts(lambda grid: compute_top(SYMMETRIC, grid), figure_top),
     },
 )

@@ -8,12 +8,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from polhode.harness.common.fits import wilson
 from polhode.harness.common.text import in_two_digits
-from polhode.harness.paper.claims import Facts
 from polhode.harness.paper.drawing import BLACK, BLUE, VERMILLION, label, panels
-from polhode.harness.paper.item import Data, Grid, Table
-from polhode.harness.paper.runs import axes_of
+from polhode.harness.paper.item import Columns, Computed, Data, Grid, Table
 from polhode.harness.paper.sections.limits.poincare import (
     chaos_border,
     half_turn,
@@ -61,7 +58,7 @@ class Sections:
             found += [(ABOUT, pi / 2 + middle * (1 + step), 1e-9) for step in steps]
         return found
 
-    def compute(self, grid: Grid) -> Data:
+    def compute(self, grid: Grid) -> Computed:
         """Section points and stretching of every start; the width of the layer of chaos."""
         body = self.ellipsoid
         turns = grid.of(self.sections, self.sections // 6)
@@ -76,7 +73,7 @@ class Sections:
             close += [point for point in points if self._is_close(*point[1:])]
             rows.append((number, kind, theta, psi, stretch, stretch / turns))
         orbits = columns("orbit kind theta psi stretch exponent", rows)
-        tables: dict[str, Table] = {
+        tables: dict[str, Columns] = {
             "": _thinned(parts, grid.of(9000, 2000)),
             "close": _thinned(close, grid.of(6000, 1000)),
             "orbits": {**orbits, "chaotic": (orbits["stretch"] > chaos_border(turns)).astype(float)},
@@ -104,62 +101,23 @@ class Sections:
         axes[1].locator_params(axis="x", nbins=6)
         return figure
 
-    def facts(self, data: Data) -> Facts:
-        """Share of chaotic orbits, the exponents of either kind, the width of the layer of chaos."""
-        orbits, turns = data["orbits"], float(data["settings"]["turns"][0])
-        sampled, beside = orbits["kind"] == ISOTROPIC, orbits["kind"] == BESIDE
-        chaotic = orbits["chaotic"] > 0
-        count, total = int(np.sum(chaotic & sampled)), int(np.sum(sampled))
-        interval = wilson(count, total)
-        area = 1 / np.sin(orbits["theta"][sampled])
-        wild, regular = (
-            float(np.median(orbits["exponent"][chosen])) if np.any(chosen) else 0.0 for chosen in (chaotic, ~chaotic)
-        )
-        limit = chaos_border(turns) / turns
-        return {
-            "axes": axes_of(self.ellipsoid),
-            "orbits": int(np.sum(orbits["kind"] != ABOUT)),
-            "duration": data["settings"]["duration"][0],
-            "turns": turns,
-            "about": ", with more orbits about its separatrix" if self.layered else "",
-            "count": count,
-            "total": total,
-            "share": count / total,
-            "share_95": interval,
-            "upper": interval[1],
-            # Few orbits decide nothing.
-            "most": 0.5 if total > 50 else 1.0,
-            "compared": _beside_a_half(interval),
-            "by_area": np.sum(area[chaotic[sampled]]) / np.sum(area),
-            "wild": wild,
-            "wild_words": f"{wild:.2g} of the {np.sum(chaotic)} chaotic of all starts, " if np.any(chaotic) else "",
-            "wild_limit": limit if np.any(chaotic) else 0.0,
-            "regular": regular,
-            "limit": limit,
-            "beside": int(np.sum(chaotic & beside)),
-            "besides": int(np.sum(beside)),
-            "near_saddle": np.mean(chaotic[beside]),
-            **(self._layer(data) if self.layered else {"layer": ""}),
-        }
 
-    def _layer(self, data: Data) -> Facts:
-        """Facts on the layer of chaos, where one is looked for."""
-        growth = float(data["saddle"]["growth"][0])
-        place, width, turns = (float(data["layer"][name][-1]) for name in ("librating", "width", "turns"))
-        found = (
+def on_layer(place: float, width: float, turns: float, growth: float) -> str:
+    """What is said of the layer of chaos, where one is looked for."""
+    if width > ROUNDING:
+        return (
             " Between orbits that librate and orbits that circulate lies a layer of chaos at least "
             f"{width:.1g} rad wide, {place:.3f} rad from the plane θ = π/2 at ψ = 0 ({turns:g} half turns)."
         )
-        none = (
-            f" A layer of chaos, if there is one, is thinner than {ROUNDING:g} rad: at ψ = 0 libration changes to "
-            f"circulation at {place:.3f} rad from θ = π/2 within {in_two_digits(abs(width))} rad, which is rounding, "
-            f"over {turns:g} half turns. The saddle repels by no more than {growth:.2g} per half turn, and a "
-            "separatrix splits by what is exponentially small in the inverse of that."
-        )
-        return {"growth": growth, "width": width, "layer_turns": turns, "layer": found if width > ROUNDING else none}
+    return (
+        f" A layer of chaos, if there is one, is thinner than {ROUNDING:g} rad: at ψ = 0 libration changes to "
+        f"circulation at {place:.3f} rad from θ = π/2 within {in_two_digits(abs(width))} rad, which is rounding, "
+        f"over {turns:g} half turns. The saddle repels by no more than {growth:.2g} per half turn, and a "
+        "separatrix splits by what is exponentially small in the inverse of that."
+    )
 
 
-def _beside_a_half(interval: tuple[float, float]) -> str:
+def beside_a_half(interval: tuple[float, float]) -> str:
     """Whether a share, known to within the interval, is most of all, about half, or the lesser part."""
     low, high = interval
     if high < 0.2:
@@ -167,18 +125,18 @@ def _beside_a_half(interval: tuple[float, float]) -> str:
     return ", the lesser part" if high < 0.5 else ", the greater part" if low > 0.5 else ", about half"
 
 
-def _thinned(points: list[tuple], count: int) -> Table:
+def _thinned(points: list[tuple], count: int) -> Columns:
     """At most about so many of the points."""
     table = columns("orbit theta psi", points[:: max(1, len(points) // count)])
     return {name: np.round(column, 6) for name, column in table.items()}
 
 
 def _draw_points(axes: Axes, points: Table, orbits: Table, size: float) -> None:
-    chaotic = dict(zip(orbits["orbit"], orbits["chaotic"] > 0, strict=True))
-    wild = np.array([chaotic[number] for number in points["orbit"]])
+    chaotic = dict(zip(orbits.orbit, orbits.chaotic > 0, strict=True))
+    wild = np.array([chaotic[number] for number in points.orbit])
     for chosen, color, text in ((~wild, BLUE, "regular"), (wild, VERMILLION, "chaotic")):
         style = {"linestyle": "none", "marker": ".", "markersize": size, "color": color, "rasterized": True}
-        axes.plot(points["psi"][chosen], points["theta"][chosen], label=text if chosen.any() else None, **style)
+        axes.plot(points.psi[chosen], points.theta[chosen], label=text if chosen.any() else None, **style)
     label(axes, "$\\psi$, rad", "$\\theta$, rad")
 
 

@@ -6,12 +6,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.integrate import solve_ivp
 
-from polhode.harness.common.fits import power_law
-from polhode.harness.paper.claims import Facts
-from polhode.harness.paper.drawing import draw_groups, draw_law, label, logarithmic, panels
-from polhode.harness.paper.item import Data, Grid, Parts
+from polhode.harness.paper.drawing import draw_groups, draw_law, label, panels
+from polhode.harness.paper.item import Computed, Data, Grid, Parts, Table
 from polhode.harness.paper.runs import full_run, spheroid
-from polhode.harness.paper.tables import columns, groups
+from polhode.harness.paper.tables import by, columns, exponent, groups
 from polhode.models.catalogue import form as find_form
 from polhode.models.forms.spheroid_axis import field
 from polhode.models.rotation import quaternion_from_euler
@@ -46,7 +44,7 @@ def followed(kappa: float, stokes: float) -> float:
     return float(np.log(np.linalg.norm(axis[2]) / np.linalg.norm(axis[1])) / (2 * half))
 
 
-def compute_drift(grid: Grid) -> Data:
+def compute_drift(grid: Grid) -> Computed:
     """Growth at all St; at one small St from a run too."""
     numbers = np.geomspace(1e-4, 1e6, grid.of(61, 21)).tolist()
     rows = [(kappa, stokes, growth(kappa, stokes)) for kappa in KAPPAS for stokes in numbers]
@@ -57,39 +55,31 @@ def compute_drift(grid: Grid) -> Data:
 def figure_drift(data: Data) -> Figure:
     """Growth and decay against St, with the laws of either end."""
     figure, (axes,) = panels(1, 1, 5.2, 3.6)
-    table, fates = {**data[""], "size": np.abs(data[""]["growth"])}, ("decays", "grows")
-    draw_groups(axes, table, "kappa", "stokes size", lambda kappa: f"$\\kappa$ = {kappa:g}, {fates[kappa > 1]}")
-    last = dict(groups(table, "kappa"))[KAPPAS[-1]]
-    small, large = last["stokes"] < 1e-1, last["stokes"] > 1e3
-    draw_law(axes, last["stokes"][small], 2 * last["size"][small][-1], 1)
-    draw_law(axes, last["stokes"][large], 2 * last["size"][large][-1], -1, "--")
-    label(axes, "Stokes number St", r"rate of the tilt from the vorticity, $|\lambda|/\dot\gamma$")
-    logarithmic(axes).legend()
+    table, fates = data[""], ("decays", "grows")
+    draw_groups(axes, table, "kappa", _size, lambda kappa: f"$\\kappa$ = {kappa:g}, {fates[kappa > 1]}")
+    last = by(table, "kappa")[KAPPAS[-1]]
+    for chosen, slope, line in ((last.stokes < 1e-1, 1, ":"), (last.stokes > 1e3, -1, "--")):
+        stokes, size = _size(last[chosen])
+        draw_law(axes, stokes, 2 * size[-1], slope, line)
+    rate = r"rate of the tilt from the vorticity, $|\lambda|/\dot\gamma$"
+    label(axes, "Stokes number St", rate, log="xy").legend()
     return figure
 
 
-def facts_drift(data: Data) -> Facts:
-    """Exponents at both ends, the constants, and their signs."""
-    ends, small, large = [], [], []
-    for kappa, part in groups(data[""], "kappa"):
-        low, high = part["stokes"] < 1e-2, part["stokes"] > 1e5
-        ends.append([power_law(part["stokes"][own], np.abs(part["growth"][own]))[0] for own in (low, high)])
-        small.append(part["growth"][0] / part["stokes"][0])
-        rates = eigenvalues(spheroid(kappa), 2)
-        large.append(part["growth"][-1] * part["stokes"][-1] / max(*rates[:2], rates[3] / 2) - 1)
-    runs = data["runs"]
-    signs = [np.sign(part["growth"][0]) == np.sign(kappa - 1) for kappa, part in groups(data[""], "kappa")]
-    return {
-        "kappas": KAPPAS,
-        "small": small,
-        "peaks": [own["stokes"][np.argmax(np.abs(own["growth"]))] for _, own in groups(data[""], "kappa")],
-        "first": np.max(np.abs(np.array(ends)[:, 0] - 1)),
-        "last": np.max(np.abs(np.array(ends)[:, 1] + 1)),
-        "signs": np.mean(signs),
-        "printed": np.max(np.abs(large)),
-        "followed": np.max(np.abs(runs["followed"] / runs["growth"] - 1)),
-        "stokes": FOLLOWED,
-    }
+def _size(table: Table) -> tuple[np.ndarray, np.ndarray]:
+    return table.stokes, np.abs(table.growth)
+
+
+def ends(part: Table) -> tuple[float, float]:
+    """Exponents of the growth at small and at large St."""
+    low, high = (exponent(*_size(part[chosen])) for chosen in (part.stokes < 1e-2, part.stokes > 1e5))
+    return low, high
+
+
+def printed_growth(kappa: float) -> float:
+    """Rate × St at large St by the printed eigenvalues: of L, or of the tilt, half the fourth."""
+    rates = eigenvalues(spheroid(kappa), 2)
+    return max(*rates[:2], rates[3] / 2)
 
 
 PLANAR = (0.5, 2.0, 4.0)
@@ -126,7 +116,7 @@ def turns(kappa: float, alpha: float, stokes: float) -> bool:
     return run.status == 0
 
 
-def compute_planar(grid: Grid) -> Data:
+def compute_planar(grid: Grid) -> Computed:
     """The α above which turning ends, by bisection."""
     rows = []
     for kappa in PLANAR:
@@ -142,34 +132,15 @@ def compute_planar(grid: Grid) -> Data:
 def figure_planar(data: Data) -> Figure:
     """Thresholds against St."""
     figure, (axes,) = panels(1, 1, 5.2, 3.4)
-    table = {**data[""], "place": data[""]["stokes"] + 0.1}
-    draw_groups(axes, table, "kappa", "place threshold", lambda kappa: f"$\\kappa$ = {kappa:g}", marker="o")
+    table, name = data[""], "$\\kappa$ = {:g}".format
+    draw_groups(axes, table, "kappa", lambda part: (part.stokes + 0.1, part.threshold), name, marker="o")
     for _, part in groups(table, "kappa"):
-        axes.axhline(part["printed"][0], color="0.4", linestyle=":", linewidth=0.8)
-    logarithmic(label(axes, "0.1 + Stokes number St", "largest $\\alpha$ of turning"), "x").legend()
-    axes.set_ylim(0.0, 1.0)
+        axes.axhline(part.printed[0], color="0.4", linestyle=":", linewidth=0.8)
+    label(axes, "0.1 + Stokes number St", "largest $\\alpha$ of turning", log="x", ylim=(0.0, 1.0)).legend()
     return figure
 
 
-def facts_planar(data: Data) -> Facts:
-    """Thresholds without inertia against the printed ones, and how inertia raises them."""
-    table = data[""]
-    rest = table["stokes"] == 0
-    raised = [part["threshold"].tolist() for _, part in groups(table, "kappa")]
-    return {
-        "kappas": PLANAR,
-        "stokes": PLANAR_STOKES,
-        "raised": "; ".join(
-            f"{', '.join(f'{value:.3g}' for value in own)} for κ = {kappa:g}"
-            for kappa, own in zip(PLANAR, raised, strict=True)
-        ),
-        "off": np.max(np.abs(table["threshold"] - table["printed"])[rest]),
-        "least": min(np.min(np.diff(own)) for own in raised),
-        "top": max(max(own) for own in raised),
-    }
-
-
 WEAK = {
-    "spin-drift": Parts(compute_drift, figure_drift, facts_drift),
-    "planar-flows": Parts(compute_planar, figure_planar, facts_planar),
+    "spin-drift": Parts(compute_drift, figure_drift),
+    "planar-flows": Parts(compute_planar, figure_planar),
 }

@@ -6,9 +6,8 @@ from math import pi
 import numpy as np
 from matplotlib.figure import Figure
 
-from polhode.harness.paper.claims import Facts
-from polhode.harness.paper.drawing import BLUE, CYCLE, VERMILLION, draw_groups, label, logarithmic, panels
-from polhode.harness.paper.item import Data, Grid, Parts
+from polhode.harness.paper.drawing import BLUE, CYCLE, VERMILLION, draw_groups, label, panels
+from polhode.harness.paper.item import Computed, Data, Grid, Parts, Table
 from polhode.harness.paper.runs import Run, axes_of, full_run, spheroid
 from polhode.harness.paper.tables import columns, groups, stacked
 from polhode.models.rotation import quaternion_from_euler
@@ -48,7 +47,7 @@ def fitted_rate(slow_times: np.ndarray, values: np.ndarray) -> float:
     return float(np.polyfit(slow_times, np.log(np.maximum(values, 1e-300)), 1)[0])
 
 
-def compute_decay(grid: Grid) -> Data:
+def compute_decay(grid: Grid) -> Computed:
     """Rates of all modes of all bodies from full runs; decay of large L of a spheroid."""
     rows = []
     for number, body in enumerate(BODIES):
@@ -81,71 +80,53 @@ def _from_large(grid: Grid) -> Iterator[tuple[dict[str, float], dict[str, np.nda
 def figure_decay(data: Data) -> Figure:
     """Measured against printed rates; L² about and across the axis from large L."""
     figure, (left, right) = panels(1, 2, 3.8, 3.1)
-    table = {**data[""], "rate": -data[""]["measured"], "law": -data[""]["printed"]}
-    names = ("$L_x$", "$L_y$", "$L_z$", "wobble")
-    draw_groups(left, table, "mode", "law rate", lambda mode: names[int(mode)], linestyle="none", marker="o")
-    ends = [0.8 * table["law"].min(), 1.2 * table["law"].max()]
+    table, names = data[""], ("$L_x$", "$L_y$", "$L_z$", "wobble")
+    style = {"linestyle": "none", "marker": "o"}
+    draw_groups(
+        left, table, "mode", lambda part: (-part.printed, -part.measured), lambda mode: names[int(mode)], **style
+    )
+    ends = [0.8 * min(-table.printed), 1.2 * max(-table.printed)]
     left.plot(ends, ends, color="0.5", linewidth=0.8, zorder=0)
-    logarithmic(label(left, "printed rate, per slow time", "rate of full runs")).legend()
+    label(left, "printed rate, per slow time", "rate of full runs", log="xy").legend()
     for line, (kappa, part) in zip(("-", "--"), groups(data["large"], "kappa"), strict=True):
         for color, name in ((BLUE, "axial"), (VERMILLION, "transverse")):
             style = {"color": color, "linestyle": line, "label": rf"$L^2$, {name}, $\kappa$ = {kappa:g}"}
-            right.plot(part["t2"], part[name] / part[name][0], **style)
-    logarithmic(label(right, "slow time $t_2$", "over its start"), "y").legend()
+            right.plot(part.t2, part[name] / part[name][0], **style)
+    label(right, "slow time $t_2$", "over its start", log="y").legend()
     return figure
-
-
-def facts_decay(data: Data) -> Facts:
-    """Largest deviations from the printed rates."""
-    table = data[""]
-    off = np.abs(table["measured"] / table["printed"] - 1)
-    large, turned = [], []
-    for kappa, part in groups(data["large"], "kappa"):
-        body = spheroid(kappa)
-        for name, axis in (("axial", 2), ("transverse", 0)):
-            printed = -16 * pi * body.resistance[axis] / body.inertia[axis]
-            large.append(abs(fitted_rate(part["t2"], part[name]) / printed - 1))
-        turned.append(np.degrees(part["turned"].max()))
-    return {
-        "bodies": ", ".join(axes_of(body) for body in BODIES),
-        "stokes": STOKES,
-        "away": AWAY,
-        "count": len(off),
-        "worst": off.max(),
-        "off": [off[table["mode"] == mode].max() for mode in range(4)],
-        "start": LARGE,
-        "large_worst": max(large),
-        "turned": max(turned),
-    }
 
 
 def figure_clock(data: Data) -> Figure:
     """Relaxation rates of L_z on three clocks."""
     figure, (axes,) = panels(1, 1, 5.6, 3.2)
-    for color, (name, rates) in zip(CYCLE, _on_clocks(data).items(), strict=False):
+    for color, (name, rates) in zip(CYCLE, on_clocks(data[""]).items(), strict=False):
         axes.plot(np.arange(len(rates)), rates / rates.mean(), "o-", color=color, label=name)
     axes.set_xticks(np.arange(len(BODIES)), [axes_of(body) for body in BODIES])
     label(axes, "semi-axes", "relaxation rate of $L_z$ over its mean").legend()
     return figure
 
 
-def _on_clocks(data: Data) -> dict[str, np.ndarray]:
-    """Rates of L_z per St, per St* of the axis turned about, and per that of the longest axis."""
-    table = data[""]
-    chosen = table["mode"] == 2
-    rate, clock = -table["measured"][chosen], table["clock"][chosen]
+def large_decay(large: Table) -> list[float]:
+    """Decay of L² from large L along and across the axis, over the printed rate, less one."""
+    found = []
+    for kappa, part in groups(large, "kappa"):
+        body = spheroid(kappa)
+        for name, axis in (("axial", 2), ("transverse", 0)):
+            printed = -16 * pi * body.resistance[axis] / body.inertia[axis]
+            found.append(fitted_rate(part.t2, part[name]) / printed - 1)
+    return found
+
+
+def on_clocks(table: Table) -> dict[str, np.ndarray]:
+    """Rates of L_z per St, per St* of the longest axis, and per that of the axis turned about."""
+    chosen = table[table.mode == 2]
+    rate, clock = -chosen.measured, chosen.clock
     longest = [max(zip(b.semi_axes, b.inertia, b.resistance, strict=True)) for b in BODIES]
     other = np.array([inertia / (8 * pi * resistance) for _, inertia, resistance in longest])
     return {"per St": rate, "per St* of the longest axis": rate * other, "per St* of the axis along $z$": rate * clock}
 
 
-def facts_clock(data: Data) -> Facts:
-    """Spread of the rates on each clock."""
-    plain, longest, own = (float(rates.max() / rates.min()) for rates in _on_clocks(data).values())
-    return {"bodies": ", ".join(axes_of(body) for body in BODIES), "plain": plain, "longest": longest, "own": own}
-
-
 DECAY = {
-    "decay-rates": Parts(compute_decay, figure_decay, facts_decay),
-    "ellipsoid-clock": Parts(compute_decay, figure_clock, facts_clock),
+    "decay-rates": Parts(compute_decay, figure_decay),
+    "ellipsoid-clock": Parts(compute_decay, figure_clock),
 }

@@ -7,12 +7,12 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.signal import find_peaks
 
-from polhode.harness.paper.claims import Facts, section
-from polhode.harness.paper.drawing import draw_groups, label, panels
-from polhode.harness.paper.item import Data, Grid, Parts, Table
-from polhode.harness.paper.planes import draw_frame, draw_paths, fixed_point, name_lines, name_points, plane_steps
+from polhode.harness.paper.claims import section
+from polhode.harness.paper.drawing import CYCLE, label, panels
+from polhode.harness.paper.item import Computed, Data, Grid, Parts, Table
+from polhode.harness.paper.planes import draw_frame, draw_paths, name_lines, name_points, plane_steps
 from polhode.harness.paper.runs import full_run, spheroid
-from polhode.harness.paper.sections.planes import Planes, end_facts, plane_tables
+from polhode.harness.paper.sections.planes import Planes, plane_tables
 from polhode.harness.paper.sections.spheroids.decay import DECAY
 from polhode.harness.paper.sections.spheroids.pinch import PINCH
 from polhode.harness.paper.sections.spheroids.projections import PROJECTIONS
@@ -49,7 +49,7 @@ def collapse_start(kappa: float) -> tuple[Ellipsoid, float, BodyStart]:
     return ellipsoid, stokes, BodyStart(start.quaternion, start.angular_velocity)
 
 
-def compute_collapse(grid: Grid) -> Data:
+def compute_collapse(grid: Grid) -> Computed:
     """L_z and E of four spheroids with the same St*, and the rate at which L_z relaxes to the node on either clock."""
     scaled = np.linspace(0.0, 12.0, grid.of(401, 201))
     paths, rows = [], []
@@ -65,53 +65,27 @@ def compute_collapse(grid: Grid) -> Data:
 def figure_collapse(data: Data) -> Figure:
     """L_z and E against t/St*."""
     figure, axes = panels(1, 2, 3.8, 3.0)
-    stokes = dict(zip(data["rates"]["kappa"], data["rates"]["stokes"], strict=True))
+    stokes = dict(zip(data["rates"].kappa, data["rates"].stokes, strict=True))
     for own, name in zip(axes, ("Lz", "E"), strict=True):
-        draw_groups(
-            own, data[""], "path", f"t2 {name}", lambda kappa: f"$\\kappa$ = {kappa:g}, St = {stokes[kappa]:.0f}"
-        )
+        for color, (kappa, part) in zip(CYCLE, groups(data[""], "path"), strict=False):
+            own.plot(part.t2, part[name], color=color, label=f"$\\kappa$ = {kappa:g}, St = {stokes[kappa]:.0f}")
         label(own, "$t\\dot\\gamma/\\mathrm{St}^*$", NAMES[name])
     axes[0].legend()
     return figure
 
 
-def facts_collapse(data: Data) -> Facts:
-    """Spread of the relaxation rates on the clocks t/St and t/St*, and of the late curves."""
-    found = data["rates"]
-    late = np.array([part["Lz"][part["t2"] >= LATE] for _, part in groups(data[""], "path")])
-    prolate = found["kappa"] > 1
-    waves = np.max(np.abs(late + 0.5), axis=1)
-    return {
-        "stokes_star": STOKES_STAR,
-        "momentum": MOMENTUM,
-        "energy": ENERGY,
-        "late": LATE,
-        "calm": CALM,
-        "kappas": found["kappa"],
-        "stokes": found["stokes"],
-        "plain": found["t2"].max() / found["t2"].min(),
-        "star": found["star"].max() / found["star"].min(),
-        "waves": waves[prolate],
-        "least_wave": waves[prolate].min(),
-        "oblate_wave": waves[~prolate].max(),
-        "apart": np.max(np.abs(np.diff(late[prolate], axis=0))),
-        "prolate": found["kappa"][prolate],
-        "frequency": [_frequency(part) for kappa, part in groups(data[""], "path") if kappa > 1],
-    }
-
-
-def _frequency(run: Table) -> float:
+def frequency(run: Table) -> float:
     """Angular frequency of L_z, in units of the shear rate, from its first settled maximum to its last."""
-    settled = run["t2"] >= LATE / 2
-    peaks, _ = find_peaks(run["Lz"][settled])
-    first, *_, last = run["t2"][settled][peaks]
+    settled = run[run.t2 >= LATE / 2]
+    peaks, _ = find_peaks(settled.Lz)
+    first, *_, last = settled.t2[peaks]
     return float(2 * pi * (len(peaks) - 1) / (last - first) / STOKES_STAR)
 
 
 ON_EDGE = 0.16
 
 
-def compute_plane(grid: Grid) -> Data:
+def compute_plane(grid: Grid) -> Computed:
     """Slow trajectories from both edges of the plane, and from close to the pinch point."""
     shares = (0.001, 0.05, 0.15, 0.3, 0.5, 0.7, 0.85, 0.95, 0.999)
     starts = [(momentum, share) for momentum in (-1.1, -0.06, 1.1) for share in shares[:: grid.of(1, 4)]]
@@ -131,25 +105,17 @@ def figure_plane(data: Data) -> Figure:
     return figure
 
 
-def facts_plane(data: Data) -> Facts:
-    """Where the trajectories end."""
-    on_edge = data["ends"]["share"] == 1.0
-    last = [part["Lz"][-1] for number, part in groups(data[""], "path") if on_edge[int(number)]]
-    from_saddle = np.max(np.abs(np.array(last) - fixed_point(PROLATE, "saddle")[0]))
-    return {**end_facts(data), "from_saddle": from_saddle}
-
-
 SECTION = section(
     "spheroids",
     {
         "spheroid-slow-1": SlowMotion(PROLATE, SPHEROID_START, 0.5, 500.0, (20.0, 60.0), (0.0, ACCURATE)),
         "spheroid-slow-2": SlowMotion(PROLATE, NEAR_POLE_START, 1.0, 5e3, (20.0, 90.0), (ACCURATE, 0.35), lingers=True),
-        "spheroid-plane": Parts(compute_plane, figure_plane, facts_plane),
+        "spheroid-plane": Parts(compute_plane, figure_plane),
         "spheroid-pinch": PINCH,
         "spheroid-planes": Planes(
             {kappa: spheroid(kappa) for kappa in (2.0, 3.33, 0.5, 0.3)}, 201, (((3.33, 2.0),), ((0.3, 0.5),))
         ),
-        "spheroid-collapse": Parts(compute_collapse, figure_collapse, facts_collapse),
+        "spheroid-collapse": Parts(compute_collapse, figure_collapse),
         **PROJECTIONS,
         **DECAY,
     },

@@ -6,13 +6,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.optimize import brentq
 
-from polhode.harness.common.fits import power_law
-from polhode.harness.paper.claims import Facts
-from polhode.harness.paper.drawing import CYCLE, draw_law, label, logarithmic, panels, styled_runs
-from polhode.harness.paper.item import Data, Grid, Parts, Table
+from polhode.harness.paper.drawing import CYCLE, draw_law, label, panels, styled_runs
+from polhode.harness.paper.item import Computed, Data, Grid, Parts, Table
 from polhode.harness.paper.planes import aligned_scene, draw_frame
 from polhode.harness.paper.runs import Run, averaged_run, full_run, run_form, slow_run_to_pinch, spheroid
-from polhode.harness.paper.tables import columns, groups, path_table, root_mean_squares
+from polhode.harness.paper.tables import columns, exponent, groups, path_table, root_mean_squares
 from polhode.models.catalogue import form as find_form
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.scene import BodyStart, Scene
@@ -30,7 +28,7 @@ WINDOW = 0.05
 COMPARED = 1e7
 
 
-def compute_pinch(grid: Grid) -> Data:
+def compute_pinch(grid: Grid) -> Computed:
     """Paths past the pinch point; the smallest |L| of full runs against St."""
     slow_times = np.linspace(0.0, SLOW_TIME, grid.of(1201, 601))
     ends, pinch = _slow_to_pinch(KAPPA, slow_times)
@@ -117,61 +115,29 @@ def figure_pinch(data: Data) -> Figure:
     for own, name, title in zip(axes[:3], ("aligned", "aligned", "tilted"), titles, strict=True):
         draw_frame(own, spheroid(KAPPA), -0.55, 0.4, title=title)
         for width, (style, part) in zip((0.6, 1.9, 1.4, 1.0), styled_runs(data[name], "path"), strict=False):
-            own.plot(part["Lz"], part["E"], **style | {"linewidth": width})
+            own.plot(part.Lz, part.E, **style | {"linewidth": width})
         own.set_ylim(0.0, 0.16)
     axes[1].set(xlim=(-CLOSE[0], CLOSE[0]), ylim=(0.0, 2 * CLOSE[1]))
     axes[0].legend(loc="upper center", fontsize=7)
     for color, (kappa, part) in zip(CYCLE, groups(data["crossing"], "kappa"), strict=False):
         stokes, mean = root_mean_squares(part, "stokes", "least")
-        axes[3].plot(part["stokes"], part["least"], ".", markersize=2, color=color)
+        axes[3].plot(part.stokes, part.least, ".", markersize=2, color=color)
         axes[3].plot(stokes, mean, color=color, label=f"$\\kappa$ = {kappa:g}")
         draw_law(axes[3], stokes, mean[-1], pinch_exponent(kappa), color=color)
-    logarithmic(label(axes[3], "Stokes number St", "smallest $|L|/I_{max}$")).legend(fontsize=7, loc="lower left")
+    label(axes[3], "Stokes number St", "smallest $|L|/I_{max}$", log="xy").legend(fontsize=7, loc="lower left")
     return figure
 
 
-def _local_exponents(found: Table, low: float, high: float) -> float:
+def local_exponent(found: Table, low: float, high: float) -> float:
     """Exponent of the smallest |L| between two St."""
     stokes, mean = root_mean_squares(found, "stokes", "least")
     chosen = (stokes >= 0.99 * low) & (stokes <= 1.01 * high)
-    return power_law(stokes[chosen], mean[chosen])[0]
+    return exponent(stokes[chosen], mean[chosen])
 
 
-def facts_pinch(data: Data) -> Facts:
-    """How close runs come to L = 0, and where the slow trajectory ends."""
-    last = data["crossing"]["stokes"].max()
-    parts = dict(groups(data["crossing"], "kappa"))
-    local = [_local_exponents(part, last / 10, last) for part in parts.values()]
-    predicted = [pinch_exponent(kappa) for kappa in parts]
-    aligned, tilted = (dict(groups(data[name], "path")) for name in ("aligned", "tilted"))
-    compared, shown = data["compared"], max(STOKES)
-    decades = [[_local_exponents(part, 10.0**n, 10.0 ** (n + 1)) for n in range(4, 8)] for part in parts.values()]
-    return {
-        "kappa": KAPPA,
-        "momentum": MOMENTUM,
-        "theta": THETA,
-        "tilt": TILT,
-        "shown": shown,
-        "phases": len(np.unique(data["crossing"]["phi"])),
-        "slender": list(parts)[1:],
-        "local": local[1:],
-        "predicted": predicted[1:],
-        "round": KAPPAS[0],
-        "round_local": local[0],
-        "round_predicted": predicted[0],
-        "drifting": "; ".join(
-            f"{', '.join(f'{value:.2f}' for value in own)} for κ = {kappa:g}"
-            for kappa, own in zip(parts, decades, strict=True)
-        ),
-        "largest_stokes": last,
-        "compared": COMPARED,
-        "certified": np.max(np.abs(compared["hybrid"] / compared["full"] - 1)),
-        # The aspect ratio with the width St^-1/2.
-        "widest": float(brentq(lambda kappa: growth_exponent(kappa) + 1, 1.1, 3.0)),  # pyright: ignore[reportArgumentType]
-        "end": data["end"]["t2"][0],
-        "crossed": max(aligned[number]["Lz"][-1] for number in STOKES),
-        "agreement": np.max(np.abs(tilted[shown]["Lz"] - tilted[np.inf]["Lz"])),
-    }
+def widest() -> float:
+    """The aspect ratio with the width St^-1/2."""
+    return float(brentq(lambda kappa: growth_exponent(kappa) + 1, 1.1, 3.0))  # pyright: ignore[reportArgumentType]
 
 
-PINCH = Parts(compute_pinch, figure_pinch, facts_pinch)
+PINCH = Parts(compute_pinch, figure_pinch)

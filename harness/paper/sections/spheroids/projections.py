@@ -6,9 +6,8 @@ from math import sqrt
 import numpy as np
 from matplotlib.figure import Figure
 
-from polhode.harness.paper.claims import Facts
 from polhode.harness.paper.drawing import BLACK, BOUND, CYCLE, common_legend, draw_broken, label, panels
-from polhode.harness.paper.item import Data, Grid, Parts
+from polhode.harness.paper.item import Computed, Data, Grid, Parts
 from polhode.harness.paper.planes import (
     distance_from_node,
     draw_point,
@@ -19,7 +18,6 @@ from polhode.harness.paper.planes import (
     place_of,
 )
 from polhode.harness.paper.runs import graded, slow_run, spheroid
-from polhode.harness.paper.sections.planes import REACHED
 from polhode.harness.paper.tables import columns, groups, stacked
 from polhode.models.theory.fixed_points import fixed_points
 
@@ -27,7 +25,7 @@ PROLATE = spheroid(2.0)
 RATIOS = (0.1, 1.0, 10.0)
 
 
-def compute_l_planes(grid: Grid) -> Data:
+def compute_l_planes(grid: Grid) -> Computed:
     """Slow trajectories with L_x = 0 or L_y = 0 and several ratios of L_xy to L_z, of either sign."""
     slow_times = graded(1.0, 1201)
     parts, ends = [], []
@@ -49,11 +47,12 @@ def figure_l_planes(data: Data) -> Figure:
     most = max(PROLATE.inertia) / min(PROLATE.inertia)
     both = ((zero, part, sign) for sign in (-1.0, 1.0) for zero, part in groups(data[""], "zero"))
     for own, (zero, part, sign) in zip(axes, both, strict=True):
-        shared = {**part, "share": (2 * part["E"] / part["L"] ** 2 - 1) / (most - 1)}
         for color, wanted in zip(CYCLE, RATIOS, strict=False):
-            chosen = {name: column[shared["ratio"] == sign * wanted] for name, column in shared.items()}
-            draw_broken(own, chosen, "L", "share", color=color, linewidth=1.1, label=f"$L_{{xy}}/|L_z|$ = {wanted:g}")
-            starts = [[path["L"][0], path["share"][0]] for _, path in groups(chosen, "path")]
+            chosen = part[part.ratio == sign * wanted]
+            # E as its share between the bounds.
+            chosen.E = (2 * chosen.E / chosen.L**2 - 1) / (most - 1)
+            draw_broken(own, chosen, "L", "E", color=color, linewidth=1.1, label=f"$L_{{xy}}/|L_z|$ = {wanted:g}")
+            starts = [[path.L[0], path.E[0]] for _, path in groups(chosen, "path")]
             own.plot(*np.transpose(starts), "o", color=color, markersize=3)
         for point in fixed_points(PROLATE):
             along, energy = place_of(PROLATE, point)
@@ -73,25 +72,12 @@ def _thinned(values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     return {name: column[index] for name, column in values.items()}
 
 
-def facts_l_planes(data: Data) -> Facts:
-    """All of them reach the node."""
-    distance = data["ends"]["distance"]
-    reached = np.mean(distance < REACHED)
-    return {
-        "count": len(distance),
-        "reached": reached,
-        "farthest": np.max(distance),
-        "near_enough": REACHED,
-        "smallest": np.min(data["ends"]["smallest"]),
-    }
-
-
 ENERGIES = (2 / 9, 0.305, 0.472)
 MOMENTUM = 2 / 3
 AZIMUTHS = (0.0, 45.0, 90.0)
 
 
-def compute_projections(grid: Grid) -> Data:
+def compute_projections(grid: Grid) -> Computed:
     """Slow trajectories from |L| = 2I_e/3, three energies, all directions of L."""
     slow_times = graded(1.0, 1201)
     parts, ends, crossings = [], [], []
@@ -139,20 +125,7 @@ def figure_projections(data: Data) -> Figure:
     return figure
 
 
-def facts_projections(data: Data) -> Facts:
-    """They all end at the node; those of L_x0 = L_y0 run between the two others."""
-    distance, share = data["ends"]["distance"], data["between"]["share"]
-    return {
-        "count": len(distance),
-        "reached": np.mean(distance < REACHED),
-        "cosines": np.unique(data["ends"]["cosine"]),
-        "within": np.mean(share),
-        "least": np.min(share),
-        "outside": np.max(data["between"]["outside"]),
-    }
-
-
 PROJECTIONS = {
-    "spheroid-projections": Parts(compute_projections, figure_projections, facts_projections),
-    "spheroid-l-planes": Parts(compute_l_planes, figure_l_planes, facts_l_planes),
+    "spheroid-projections": Parts(compute_projections, figure_projections),
+    "spheroid-l-planes": Parts(compute_l_planes, figure_l_planes),
 }
