@@ -126,13 +126,9 @@ def truth(scene: Scene, samples: int = SAMPLES) -> Truth:
             runs = [solve(problem, solver, tolerance, times).states for solver, tolerance in DOUBLE]
         tight, other = (form.observe(scene, states) for states in runs)
         apart = errors(scene.ellipsoid, other, tight)
-        found = {
-            "angular_momentum": tight.angular_momentum.astype(float),
-            "energy": tight.energy.astype(float),
-            "rotation": tight.rotation.astype(float),
-            "uncertainty": np.array([apart.slow, apart.orientation]),
-        }
-        cache.keep(key, found)
+        names = ("angular_momentum", "energy", "rotation")
+        found = {name: getattr(tight, name).astype(float) for name in names}
+        found = cache.keep(key, found | {"uncertainty": np.array([apart.slow, apart.orientation])})
     observables = Observables(found["angular_momentum"], found["energy"], found["rotation"])
     return Truth(observables, *found["uncertainty"].tolist())
 

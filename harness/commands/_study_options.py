@@ -103,7 +103,6 @@ def open_store(folder: Path, resume: bool, name: str = "store") -> "Store":
 @contextmanager
 def running_into(store: "Store", what: str = "cases") -> Iterator["Store"]:
     """Close the store in any case; say in one line what ended the run, and how to go on."""
-    from polhode.harness.common.store import DamagedStoreError
     from polhode.harness.common.worker import KilledFromOutsideError
 
     goes_on = f"finished {what} are in {store.path}, --resume goes on"
@@ -114,5 +113,5 @@ def running_into(store: "Store", what: str = "cases") -> Iterator["Store"]:
             raise RunFailed(f"interrupted: {goes_on}") from None
         except (OSError, KilledFromOutsideError) as error:
             raise RunFailed(f"{error}; {goes_on}") from None
-        except (DamagedStoreError, ValueError) as error:
+        except ValueError as error:
             raise RunFailed(str(error)) from None

@@ -24,17 +24,13 @@ def export(store: Path, out: Path) -> None:
     cells. OUT appears when it is complete; a run that fails leaves what it wrote as
     OUT.partial.
     """
-    from polhode.harness.common.store import DamagedStoreError, Store
+    from polhode.harness.common.store import Store
     from polhode.harness.common.store import export as write
 
     if not store.is_file() or store.stat().st_size == 0:
         raise BadInput(f"{store}: no such store, expected a file of `polhode bench`")
-    with bad_input():
-        try:
-            with Store(store) as opened:
-                write(opened, out)
-        except DamagedStoreError as error:
-            raise BadInput(str(error)) from None
+    with bad_input(), Store(store) as opened:
+        write(opened, out)
 
 
 @click.command(epilog="Example: polhode compare before.json after.json --slower 1.3")
@@ -54,13 +50,9 @@ def compare(before: Path, after: Path, slower: float, less_accurate: float, as_j
     from polhode.harness.analysis.comparison import compare as compare_runs
     from polhode.harness.analysis.saved_runs import read_runs
     from polhode.harness.common.plain_json import dumps
-    from polhode.harness.common.store import DamagedStoreError
 
     with bad_input():
-        try:
-            tables = read_runs(before), read_runs(after)
-        except DamagedStoreError as error:
-            raise BadInput(str(error)) from None
+        tables = read_runs(before), read_runs(after)
     found = compare_runs(*tables, slower=slower, less_accurate=less_accurate)
     if found.shared == 0:
         raise BadInput(f"{after}: got no case that {before} has, expected some")

@@ -38,13 +38,18 @@ def load(key: str) -> dict[str, np.ndarray] | None:
         return dict(arrays)
 
 
-def keep(key: str, arrays: dict[str, np.ndarray]) -> None:
-    """Keep arrays under a key; a folder that cannot be written is no error, the work is done again next time."""
+def keep(key: str, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Keep arrays under a key, and return them as `load` does: sums over other strides differ in their last bit.
+
+    A folder that cannot be written is no error, the work is done again next time.
+    """
+    arrays = {name: np.array(each, order="C") for name, each in arrays.items()}
     buffer = io.BytesIO()
     np.savez(buffer, allow_pickle=False, **arrays)
     payload = buffer.getvalue()
     with suppress(OSError):
         write_file(path_of(key), _checksum(key, payload) + payload)
+    return arrays
 
 
 def path_of(key: str) -> Path:

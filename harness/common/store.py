@@ -31,7 +31,7 @@ _ROW = 'SELECT key, "case", result, written, digest FROM cases '
 _PUT = "INSERT INTO cases VALUES (?, ?, ?, ?, ?) ON CONFLICT (key) DO NOTHING"
 
 
-class DamagedStoreError(RuntimeError):
+class DamagedStoreError(ValueError):
     """The file is not a store, or a damaged one; its contents are left as they are."""
 
 

@@ -109,7 +109,7 @@ def reference(scene: Scene, form: str | Form, samples: int, seconds: float = inf
 
         arrays, disturbed = within(seconds, computed, lambda found: str(found.get("status")) == Status.TIME_LIMIT)
         if not disturbed:
-            cache.keep(key, arrays)
+            arrays = cache.keep(key, arrays)
     if "failure" in arrays:
         words = str(arrays["failure"])
         # Without a status where it was kept by an earlier version.
@@ -160,12 +160,11 @@ def _compute(scene: Scene, form: Form, problem: Problem, samples: int, deadline:
     orientation = np.nan
     if own.orientation is not None:
         orientation = max(SAFETY * own.orientation, *(each.orientation or 0.0 for each in early))
-    # In the order that a file gives back: sums over other strides differ in their last bit.
     return {
         "times": times,
-        "angular_momentum": tight.angular_momentum.astype(float, order="C"),
-        "energy": tight.energy.astype(float, order="C"),
-        "rotation": tight.rotation.astype(float, order="C"),
+        "angular_momentum": tight.angular_momentum.astype(float),
+        "energy": tight.energy.astype(float),
+        "rotation": tight.rotation.astype(float),
         "slow_uncertainty": np.array(slow),
         "orientation_uncertainty": np.array(orientation),
         "certificate_by": np.array([certificate.form, certificate.solver]),

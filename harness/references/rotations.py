@@ -7,8 +7,10 @@ from math import isinf, pi, sqrt
 
 import numpy as np
 
+from polhode.models.catalogue import averaged_form
+from polhode.models.catalogue import form as find_form
 from polhode.models.flow import shares
-from polhode.models.forms import averaged, averaged_spheroid, quaternion
+from polhode.models.forms import quaternion
 from polhode.models.forms.turning import jeffery_turning_field, turning_field
 from polhode.models.free_top.mean_speed import mean_speed
 from polhode.models.problem import Problem
@@ -69,7 +71,7 @@ def _averaged_angle(scene: Scene) -> float | None:
     """
     if isinf(scene.stokes):
         return scene.time * float(mean_speed(scene.ellipsoid, scene.initial.slow)[0])
-    form = averaged.Averaged() if scene.ellipsoid.kind == "triaxial" else averaged_spheroid.AveragedSpheroid()
+    form = find_form(averaged_form(scene))
     try:
         problem = form.problem(scene)
     except ValueError:

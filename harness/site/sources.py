@@ -7,7 +7,7 @@ import pandas as pd
 
 from polhode.harness.analysis.frames import frame
 from polhode.harness.common.files import open_file
-from polhode.harness.common.store import DamagedStoreError, Store, read_export
+from polhode.harness.common.store import Store, read_export
 
 NEEDED = ("scene_name", "form", "solver", "tolerance", "status")
 # Folders of `reports` that hold something else than a study.
@@ -27,7 +27,7 @@ def read_studies(folder: Path, columns: Collection[str]) -> tuple[dict[str, pd.D
             lacking = [column for column in NEEDED if column not in table]
             if len(table) and lacking:
                 raise ValueError(f"a record without {lacking[0]!r}, expected those of `polhode bench`")
-        except (ValueError, OSError, DamagedStoreError) as error:
+        except (ValueError, OSError) as error:
             unreadable.append(f"{path}: {error}")
             continue
         if len(table):

@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from tempfile import TemporaryDirectory
 from typing import Any
 
@@ -59,14 +59,8 @@ def rhs_seconds(problem: Problem, backend: Backend) -> float:
     calls, best = 1, 0.0
     while best < ENOUGH:
         calls *= 4
-        best = _seconds(run, calls)
-    return min(best, *(_seconds(run, calls) for _ in range(ROUNDS - 1))) / calls
-
-
-def _seconds(run: Any, calls: int) -> float:
-    began = time.perf_counter()
-    run(calls)
-    return time.perf_counter() - began
+        best = seconds_of(partial(run, calls))
+    return min(best, *(seconds_of(partial(run, calls)) for _ in range(ROUNDS - 1))) / calls
 
 
 @cache

@@ -10,7 +10,7 @@ from time import perf_counter
 
 import numpy as np
 
-from polhode.harness.common.timing import collector_off
+from polhode.harness.common.timing import seconds_of
 from polhode.models.catalogue import form
 from polhode.models.problem import Problem
 from polhode.models.scene import EulerStart, Scene
@@ -67,16 +67,11 @@ def measure(
         bare = method.bare_call(problem, method.settings(tolerance), times) if method.available else None
         if bare is None:
             continue
-        best = [inf, inf]
-        calls = (bare, lambda name=name: solve(problem, name, tolerance, times))
+        best, calls = [inf, inf], (bare, lambda name=name: solve(problem, name, tolerance, times))
         for call in calls:
             call()
-        with collector_off():
-            end = perf_counter() + seconds
-            while perf_counter() < end or best[1] == inf:
-                for i, call in enumerate(calls):
-                    began = perf_counter()
-                    call()
-                    best[i] = min(best[i], perf_counter() - began)
+        end = perf_counter() + seconds
+        while perf_counter() < end or best[1] == inf:
+            best = [min(before, seconds_of(call)) for before, call in zip(best, calls, strict=True)]
         table.append(Overhead(name, *best))
     return table
