@@ -12,8 +12,8 @@ from polhode.harness.common.machine import package_version
 from polhode.harness.common.plain_json import digest
 from polhode.harness.common.store import Record
 from polhode.harness.common.text import scientific
+from polhode.harness.ensembles.hybrid import POOL, SOLVER, least_momentum, run_hybrid
 from polhode.harness.ensembles.hybrid import SAMPLE as BOTH_WAYS
-from polhode.harness.ensembles.hybrid import SOLVER, least_momentum, run_hybrid
 from polhode.harness.ensembles.starts import Drawn, Starts
 from polhode.harness.ensembles.statistics import RATES, Layout, Statistics, squared_rates
 from polhode.models.catalogue import form as find_form
@@ -27,7 +27,7 @@ from polhode.solvers.ensembles.equal_steps import TAYLOR, Plan, plan, run
 from polhode.solvers.ensembles.taylor_batch import run_batches
 
 # Changes whenever a record's meaning does, so that no old record is taken for a new one.
-SCHEMA = 4
+SCHEMA = 5
 # Error of averaging in L and E over I_max times St: the largest of the paper's starts (`reports/accuracy`).
 AVERAGING = 133.0
 # Particles on which method and step are chosen.
@@ -110,8 +110,9 @@ class Ensemble:
         if self.equations == "averaged":
             return f"Dormand and Prince's pair, averaging's error up to {scientific(AVERAGING / self.stokes)}"
         if self.equations == "hybrid":
-            alone = f"{SOLVER}, error {scientific(self.tolerance)}"
-            return alone if (least := least_of(self)) == inf else f"averaged, below |L| = {least:.2g} I_max {alone}"
+            if (least := least_of(self)) == inf:
+                return f"{SOLVER}, error {scientific(self.tolerance)}"
+            return f"averaged, where |L| falls below {least:.2g} I_max full or {SOLVER}"
         chosen = plan_of(self)
         return "Taylor's method" if chosen is None else f"{chosen.method}, error {scientific(chosen.error)}"
 
@@ -249,7 +250,7 @@ def least_of(ensemble: Ensemble) -> float:
     """|L| down to which hybrid particles are averaged; inf if form `hybrid` runs all, as where they are few."""
     if ensemble.particles <= BOTH_WAYS:
         return inf
-    scene, drawn = ensemble.any_scene, ensemble.draw(0, BOTH_WAYS)
+    scene, drawn = ensemble.any_scene, ensemble.draw(0, min(POOL, ensemble.particles))
     return least_momentum(scene, drawn.states(ensemble.form, ensemble.ellipsoid), ensemble.tolerance)
 
 

@@ -2,7 +2,8 @@
 
 An error of L and E far above 1/St leaves the fast phases open: St times as large an angle. So whatever keeps no more
 than that error may as well draw them, evenly, as averaging says they are. What averaging leaves out is largest where
-|L| is least; how small |L| may become is found on a sample that runs both ways.
+|L| is least; how small |L| may become is found on a sample that runs both ways. A particle of smaller |L| follows the
+full equations until |L| has grown again, or form `hybrid` where that would take longer.
 """
 
 from dataclasses import replace
@@ -19,16 +20,19 @@ from polhode.models.scene import Scene, SlowStart
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.contract import Status
 from polhode.solvers.ensembles.adaptive_steps import run_adaptive
+from polhode.solvers.ensembles.equal_steps import run, unplanned
 from polhode.solvers.solve import solve
 
 # What particles are run by one at a time.
 SOLVER = "cyrk-vern8"
 # Error asked for times St from which on phases are drawn: the median error of averaging is some 14/St.
 OPEN = 10.0
-# Particles that run both ways, and the share of them that may miss the error: form `hybrid` itself keeps 97.5 %.
-SAMPLE, MISSED = 64, 0.025
-# Where all of the sample keep it, |L| may become so much smaller yet, by trial: errors grow more slowly than 1/L².
-BEYOND = 0.4
+# Particles that run both ways, out of so many, and the share that may miss the error: form `hybrid` keeps 97.5 %.
+SAMPLE, POOL, MISSED = 64, 4096, 0.025
+# Full equations last until |L| is so many times the least; in the time of one run of form `hybrid`, so long, by trial.
+CLEAR, FULL = 2.0, 3e5
+# Their error of the whole state over that of L and E: by trial thousands, as the phases gather what L errs by.
+WHOLE = 100.0
 # Times at which |L| is looked at, at least.
 PATH = 65
 # The error asked for over the tolerance of averaged equations: near L² = 2EI₂ they lose digits.
@@ -37,34 +41,38 @@ ERROR_OVER_TOLERANCE = 1e4
 Array = np.ndarray
 
 
-def least_momentum(scene: Scene, sample: Array, tolerance: float) -> float:
+def least_momentum(scene: Scene, starts: Array, tolerance: float) -> float:
     """|L| over I_max down to which averaging to first order keeps the error; inf if nowhere.
 
     Parameters
     ----------
     scene : Scene
         Its start is not used.
-    sample : ndarray, shape (n, d)
-        Starts, as states of the full equations.
+    starts : ndarray, shape (n, d)
+        As states of the full equations. Of them the more run both ways the smaller |L| becomes.
     tolerance : float
         Error of L and E over the largest moment of inertia.
     """
     unit, form = max(scene.ellipsoid.inertia), find_form(full_form(scene))
-    if tolerance * scene.stokes < OPEN or not form.observe(scene, sample).angular_momentum.any(axis=1).all():
+    if tolerance * scene.stokes < OPEN or not form.observe(scene, starts).angular_momentum.any(axis=1).all():
         return inf
     times = np.linspace(0.0, scene.time, PATH)
-    states, statuses = run_alone(scene, sample, times, tolerance / 10)
+    path, _ = averaged(scene, starts, times, tolerance)
+    least, count = least_between(scene, path).min(axis=0), len(starts)
+    ranks = np.unique(np.ceil(count * np.linspace(0, 1, SAMPLE + 1)[1:] ** 3).astype(int))
+    chosen = np.argsort(np.nan_to_num(least))[ranks - 1]
+    states, statuses = run_alone(scene, starts[chosen], times, tolerance / 10)
     known = statuses == str(Status.REACHED_END)
+    chosen, shares = chosen[known], (np.diff(ranks, prepend=0) / count)[known]
     exact = form.observe(scene, states[:, known].reshape(-1, states.shape[2])).slow.reshape(PATH, -1, 4)
-    path, _ = averaged(scene, sample[known], times, tolerance)
-    slow = find_form(averaged_form(scene)).observe(scene, path.reshape(-1, 4)).slow.reshape(exact.shape)
-    errors, least = np.abs(slow - exact).max(axis=(0, 2)) / unit, least_on_the_way(scene, path)
-    order = np.argsort(-least)
-    missed = ~(errors[order] <= tolerance)
-    good = np.flatnonzero((np.cumsum(missed) <= MISSED * np.arange(1, len(order) + 1)) & ~missed)
-    if not len(good):
-        return inf
-    return float(least[order[good[-1]]]) * (1.0 if missed.any() else BEYOND)
+    slow = find_form(averaged_form(scene)).observe(scene, path[:, chosen].reshape(-1, 4)).slow.reshape(exact.shape)
+    missed = ~(np.abs(slow - exact).max(axis=(0, 2)) <= tolerance * unit)
+    # Below it most miss; above it no more than few of all particles do, and one by chance.
+    below = np.argmax(np.cumsum(np.append(0, np.where(missed, 1, -1))))
+    above = np.append(shares * missed, 0)
+    above[np.argmax(above)] = 0
+    few = np.argmax(np.cumsum(above[::-1])[::-1] <= MISSED)
+    return float(np.append(least[chosen], inf)[max(below, few)])
 
 
 def run_hybrid(
@@ -77,12 +85,28 @@ def run_hybrid(
     if least == inf:
         return run_alone(scene, starts, times, tolerance)
     every = -(-(PATH - 1) // (len(times) - 1))
-    path, statuses = averaged(scene, starts, np.linspace(0.0, times[-1], every * (len(times) - 1) + 1), tolerance)
+    grid = np.linspace(0.0, times[-1], every * (len(times) - 1) + 1)
+    path, statuses = averaged(scene, starts, grid, tolerance)
     states = np.concatenate([starts[None], posed(scene, starts, path[every::every], random)])
-    small = ~(least_on_the_way(scene, path) >= least)
-    doubtful = np.flatnonzero(small | (statuses != str(Status.REACHED_END)))
-    states[:, doubtful], statuses[doubtful] = run_alone(scene, starts[doubtful], times, tolerance)
+    between, failed = least_between(scene, path), statuses != str(Status.REACHED_END)
+    small = failed | (between.min(axis=0) < least)
+    # The place in `grid` from which |L| is large again.
+    clear = len(between) - np.argmax((between < CLEAR * least)[::-1], axis=0)
+    lanes = np.flatnonzero(small & ~failed & (clear < len(between)) & (grid[clear] <= FULL))
+    if len(lanes):
+        then = clear[lanes].max()
+        begun, _ = run_full(scene, starts[lanes], grid[: then + 1], tolerance)
+        ended, statuses[lanes] = averaged(scene, begun[-1], grid[then:] - grid[then], tolerance)
+        states[:, lanes] = np.concatenate([begun, posed(scene, begun[-1], ended[1:], random)])[::every]
+        small[lanes] = statuses[lanes] != str(Status.REACHED_END)
+    states[:, small], statuses[small] = run_alone(scene, starts[small], times, tolerance)
     return states, statuses
+
+
+def run_full(scene: Scene, starts: Array, times: Array, tolerance: float) -> tuple[Array, Array]:
+    """States of the full equations and statuses."""
+    problem, whole = find_form(full_form(scene)).problem(scene), min(0.1, WHOLE * tolerance)
+    return run(problem, starts, times, whole, unplanned(problem, starts, times, whole))
 
 
 def averaged(scene: Scene, starts: Array, times: Array, tolerance: float) -> tuple[Array, Array]:
@@ -99,15 +123,13 @@ def averaged(scene: Scene, starts: Array, times: Array, tolerance: float) -> tup
     return run_adaptive(problem, slow, times / scene.stokes, tolerance / ERROR_OVER_TOLERANCE)
 
 
-def least_on_the_way(scene: Scene, path: Array) -> Array:
-    """The least |L| over I_max of averaged states on their way, shape (n,); straight from time to time."""
-    body, momentum = scene.ellipsoid, path[..., :3]
-    if body.kind != "triaxial":
-        momentum = momentum * (Spheroid.of(body).equatorial_inertia / max(body.inertia))
-    here, way = momentum[:-1], np.diff(momentum, axis=0)
+def least_between(scene: Scene, path: Array) -> Array:
+    """The least |L| over I_max of averaged states, shape (m, n, 4), from time to time: straight, shape (m - 1, n)."""
+    body, here, way = scene.ellipsoid, path[:-1, :, :3], np.diff(path[..., :3], axis=0)
+    unit = 1 if body.kind == "triaxial" else max(body.inertia) / Spheroid.of(body).equatorial_inertia
     length = np.maximum(np.sum(way**2, axis=-1), 1e-300)
     share = np.clip(-np.sum(here * way, axis=-1) / length, 0, 1)
-    return np.linalg.norm(here + share[..., None] * way, axis=-1).min(axis=0)
+    return np.linalg.norm(here + share[..., None] * way, axis=-1) / unit
 
 
 def posed(scene: Scene, starts: Array, slow: Array, random: np.random.Generator) -> Array:

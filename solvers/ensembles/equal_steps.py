@@ -78,6 +78,13 @@ def plan(problem: Problem, sample: np.ndarray, times: np.ndarray, tolerance: flo
     return min((each for each in found if each), key=lambda each: each.cost, default=None)
 
 
+def unplanned(problem: Problem, starts: np.ndarray, times: np.ndarray, tolerance: float) -> Plan:
+    """Steps that are a fair guess, for so few particles that none is worth a sample; parameters as those of `plan`."""
+    by, (times, _) = method(RUNGE_KUTTA, problem), _in_pieces(times)
+    steps = 2 * int(np.ceil(_first_steps(problem, starts, times) * tolerance ** (-1 / ORDER) / 2))
+    return Plan(by.name, steps, tolerance * by.sure, tolerance, 1.5 * by.cost * steps)
+
+
 def run(
     problem: Problem, starts: np.ndarray, times: np.ndarray, tolerance: float, chosen: Plan
 ) -> tuple[np.ndarray, np.ndarray]:
