@@ -98,7 +98,7 @@ def test_a_certificate_notices_a_wrong_state(component: int, monkeypatch):
         return rows
 
     monkeypatch.setattr(module, "extended_run", lying)
-    monkeypatch.setattr(cache, "keep", lambda key, arrays: None)
+    monkeypatch.setattr(cache, "keep", lambda key, arrays: arrays)
     with pytest.raises(ReferenceFailedError, match="differs from form 'euler-angles' by cyrk-vern8"):
         reference(replace(PAPER, time=49.0), "quaternion", 11)
 
