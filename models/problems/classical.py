@@ -1,17 +1,10 @@
-"""What a classical test problem is, and where they are published."""
+"""What a classical test problem is."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from polhode.models.problem import Problem
-
-IVP = "F. Mazzia, C. Magherini, Test Set for Initial Value Problem Solvers, release 2.4, University of Bari (2008)"
-HNW = "E. Hairer, S. P. Nørsett, G. Wanner, Solving Ordinary Differential Equations I, 2nd ed. (1993)"
-DETEST = (
-    "W. H. Enright, J. D. Pryce, Two FORTRAN packages for assessing initial value methods, "
-    "ACM Trans. Math. Software 13 (1987) 1"
-)
 
 
 @dataclass(frozen=True)

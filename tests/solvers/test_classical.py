@@ -175,3 +175,11 @@ def test_a_wrong_digit_is_noticed():
     wrong = CLASSICAL["rigid-body"]
     wrong = replace(wrong, reference=(wrong.reference[0] + 1e-11, *wrong.reference[1:]))
     assert wrong.error(solve(wrong.problem, "taylor", 1e-15).states[-1]) > DIGITS["rigid-body"]
+
+
+def test_digits_of_the_oscillators_are_those_of_their_cosines():
+    one = CLASSICAL["oscillators"]
+    for t, state in ((0.0, one.problem.start), (one.problem.end, one.reference)):
+        slow, fast = np.array([np.cos(t), -np.sin(t)]), np.array([np.cos(50 * t), -50 * np.sin(50 * t)])
+        expected = np.array([slow + fast, slow - fast]).T.ravel() / np.sqrt(2)
+        np.testing.assert_allclose(state, expected, rtol=1e-14, atol=1e-14)
