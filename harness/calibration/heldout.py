@@ -18,13 +18,14 @@ from polhode.harness.calibration.scenes import (
     questions,
 )
 from polhode.harness.calibration.selection import CUTOFF, decade, runs_of
-from polhode.harness.calibration.training import MOST_LONG, REFERENCE_SECONDS, CaseGroups, methods_for, study
+from polhode.harness.calibration.training import REFERENCE_SECONDS, CaseGroups, methods_for, study
 from polhode.harness.common.store import Record, Store
 from polhode.harness.picking.laws import Laws
 from polhode.harness.picking.pilot import PilotFailedError, pilot
 from polhode.harness.picking.ranking import NotAttainableError, pick
 from polhode.harness.references.extended import ReferenceFailedError
 from polhode.harness.references.reference import reference, reference_form
+from polhode.harness.references.two_methods import MOST
 from polhode.harness.studies.case import Case
 from polhode.harness.studies.runner import Runner
 from polhode.harness.studies.study import Study
@@ -37,6 +38,8 @@ LOOSEST, TIGHTEST = -3, -14
 # So many of the cheapest that meet the error, and the first choice, are timed once more, in turns: the cheapest of a
 # hundred noisy times is the luckiest one, and what disturbed the first choice did not disturb the others.
 FINALISTS, FINAL = 5, "-final"
+# A reference is to know an error asked for to this part of it.
+KNOWN = 3.0
 # Seconds that every run may take, however short the first choice is.
 SHORTEST_LIMIT = 0.1
 
@@ -89,15 +92,16 @@ def no_reference(question: Question) -> str:
     """Why a question has no reference within its budget; empty if it has one."""
     scene = question.scene
     try:
-        if pilot(scene).rotations > MOST_LONG:
-            return f"more than {MOST_LONG:g} rotations"
-        reference(scene, reference_form(scene), question.samples, REFERENCE_SECONDS)
+        if pilot(scene).rotations > MOST:
+            return f"more than {MOST:g} rotations"
+        known = reference(scene, reference_form(scene), question.samples, REFERENCE_SECONDS)
     except PilotFailedError as failure:
         return str(failure)
     except ReferenceFailedError as failure:
         late = failure.status == Status.TIME_LIMIT
         return f"its reference takes more than {REFERENCE_SECONDS:g} s" if late else "its reference is not certified"
-    return ""
+    unknown = known.slow_uncertainty if question.want == "slow" else known.orientation_uncertainty
+    return "its reference is not known well enough" if KNOWN * (unknown or 0.0) > question.error else ""
 
 
 def ask(question: Question, laws: Laws, stratum: Stratum = "short") -> Answer:
@@ -115,7 +119,8 @@ def ask(question: Question, laws: Laws, stratum: Stratum = "short") -> Answer:
 def studies(answer: Answer) -> list[Study]:
     """What is measured of a held-out scene: the first choice, and every fast method at tolerances by tens."""
     question = answer.question
-    rotations = pilot(question.scene).rotations
+    known = pilot(question.scene)
+    rotations = known.rotations
     parts, most = [], inf
     if answer.recommendation is not None:
         first = answer.recommendation.ranking[0]
@@ -123,10 +128,9 @@ def studies(answer: Answer) -> list[Study]:
         # What takes much longer than the first choice, counting included, is not the best.
         most = max(SHORTEST_LIMIT, CUTOFF * first.seconds.high)
     for power in sorted({min(LOOSEST, max(TIGHTEST, decade(question) + shift)) for shift in DECADES}, reverse=True):
-        # The row of the training ladder in which the tolerance stands.
-        row = (-power - 3) // 3
-        for form, solvers in methods_for(question.scene, rotations, row, answer.stratum == "short"):
-            part = study(question, form, solvers, (float(f"1e{power}"),), rotations)
+        tolerance = float(f"1e{power}")
+        for form, solvers in methods_for(known, tolerance, answer.stratum == "short", True):
+            part = study(question, form, solvers, (tolerance,), rotations)
             parts.append(replace(part, max_seconds=min(most, part.max_seconds)))
     return parts
 

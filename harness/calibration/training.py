@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, replace
+from math import log10
 from typing import Self
 
 import numpy as np
@@ -9,8 +10,9 @@ import numpy as np
 from polhode.harness.calibration.scenes import STRATA, TRAINING_SCENES, TRAINING_SEED, Question, Stratum, questions
 from polhode.harness.common.store import Record, Store
 from polhode.harness.picking.laws import Laws
+from polhode.harness.picking.load import planned
 from polhode.harness.picking.model_error import LEAST_ROTATIONS
-from polhode.harness.picking.pilot import InPieces, damping_times, pilot
+from polhode.harness.picking.pilot import InPieces, Pilot, damping_times, pilot
 from polhode.harness.studies.case import Case
 from polhode.harness.studies.runner import Runner
 from polhode.harness.studies.study import Study
@@ -33,12 +35,16 @@ ANGLES_EVERY, ANGLES_ROWS = 3, (0, 2)
 # Solvers with Python in the loop: measured on every fourth scene, at two tolerances, to show where they stand; on every
 # second one in averaged forms, whose cost does not grow with the rotations.
 ASIDE_EVERY, ASIDE_ROTATIONS, ASIDE_AVERAGED_EVERY = 4, 300.0, 2
-# Of the long stratum are measured runs of so many rotations at most. Up to the first number all methods are measured,
-# beyond it those that keep up; beside so many scenes of the short one there is one of the long one.
-EVERY_LONG, MOST_LONG, LONG_SHARE = 2e3, 2e4, 2
-# Counting right-hand sides slows compiled solvers down some thirtyfold, within the same limit of time.
-SECONDS, SECONDS_PER_ROTATION = 1.0, 1e-3
-# That a reference may take: some seven for 1e4 rotations. Runs without one have times, and no errors.
+# Of runs of more rotations than the first number slow methods are left out, than the second all but those whose cost
+# hardly grows with them: of the others a few are measured at tolerances of some rows, up to the third number. A form of
+# pieces has no more rotations in its windows than the second number.
+EVERY_LONG, MOST_QUICK, MOST_FULL = 2e3, 2e4, 6e4
+STEADY, STEADY_ROWS = ("taylor", "cyrk-vern8", "cyrk-dop853"), (1, 3)
+# There is one scene of the long stratum beside so many of the short one.
+LONG_SHARE = 2
+# Seconds that a run may take, by its rotations, and at most.
+SECONDS, SECONDS_PER_ROTATION, MOST_SECONDS = 1.0, 3e-4, 10.0
+# That a reference may take: some seven for 1e4 rotations. Runs without one, as beyond 2e5, have times, and no errors.
 REFERENCE_SECONDS = 120.0
 
 
@@ -72,14 +78,24 @@ def forms_for(scene: Scene, rotations: float) -> list[str]:
     return accepted
 
 
-def methods_for(scene: Scene, rotations: float, row: int, angles: bool) -> Iterator[tuple[str, list[str]]]:
-    """Forms worth measuring, those of angles only if asked, each with its solvers at tolerances of a row."""
-    solvers = solvers_for(scene, row)
+def methods_for(known: Pilot, tolerance: float, angles: bool, steady: bool) -> Iterator[tuple[str, list[str]]]:
+    """Forms worth measuring, those of angles only if asked, each with its solvers at a tolerance.
+
+    Solvers that are `steady` are among those of long runs of the full equations if asked.
+    """
+    rotations, row = known.rotations, (round(-log10(tolerance)) - 3) // len(LADDER[0])
+    solvers = solvers_for(known.scene, row)
     quick = [name for name in solvers if not (find_solver(name).implicit or find_solver(name).low_order)]
-    for name in forms_for(scene, rotations):
+    longest = [name for name in quick if find_solver(name).many_periods or (steady and name in STEADY)]
+    for name in forms_for(known.scene, rotations):
         form = find_form(name)
-        if angles or not form.angles:
-            yield name, solvers if rotations < EVERY_LONG or form.averaged else quick
+        if isinstance(form, InPieces):
+            windows = sum(known.share_of(each) for each in planned(form, known, tolerance) if each.tolerance)
+            if windows * rotations < MOST_QUICK:
+                yield name, solvers if rotations < EVERY_LONG else quick
+        elif angles or not form.angles:
+            every = form.averaged or rotations < EVERY_LONG
+            yield name, solvers if every else quick if rotations < MOST_QUICK else longest
 
 
 def lacking(base: Laws, form: str, solver: str) -> bool:
@@ -91,13 +107,12 @@ def lacking(base: Laws, form: str, solver: str) -> bool:
 def studies(question: Question, index: int, stratum: Stratum = "short") -> Iterator[Study]:
     """What is measured of one training scene, a form at a time."""
     scene, random = question.scene, np.random.default_rng((TRAINING_SEED, index, 1 + STRATA.index(stratum)))
-    rotations = pilot(scene).rotations
-    if stratum == "long" and rotations > MOST_LONG:
-        return
+    known = pilot(scene)
+    rotations = known.rotations
     for row, choices in enumerate(LADDER):
         tolerance = float(random.choice(choices))
         angles = stratum == "short" and index % ANGLES_EVERY == 0 and row in ANGLES_ROWS
-        for name, solvers in methods_for(scene, rotations, row, angles):
+        for name, solvers in methods_for(known, tolerance, angles, row in STEADY_ROWS and rotations < MOST_FULL):
             yield study(question, name, solvers, (tolerance,), rotations)
     if stratum == "long":
         return
@@ -123,8 +138,9 @@ def study(question: Question, form: str, solvers: list[str], tolerances: tuple[f
         solvers=tuple(solvers),
         tolerances=tolerances,
         samples=question.samples,
-        max_seconds=SECONDS + SECONDS_PER_ROTATION * round(rotations, -3),
+        max_seconds=min(MOST_SECONDS, SECONDS + SECONDS_PER_ROTATION * round(rotations, -3)),
         reference_seconds=REFERENCE_SECONDS,
+        counted=False,
     )
 
 

@@ -105,7 +105,7 @@ def _in_pieces(form: InPieces, solver: str, pilot: Pilot, samples: int, toleranc
         if each.tolerance is None:
             pieces, averaged = pieces + 1, averaged + length
         else:
-            angle = pilot.turned(each.end / scene.time) - pilot.turned(each.begin / scene.time)
+            angle = pilot.share_of(each)
             turned, followed, logarithm = turned + angle, followed + length, logarithm + angle * log(each.tolerance)
     own, triaxial = exp(logarithm / turned) if turned else tolerance, scene.ellipsoid.kind == "triaxial"
     full, gauge = load_of(find_form(full_form(scene)), solver, pilot, samples, own), gauge_of(solver)

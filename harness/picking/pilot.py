@@ -97,6 +97,10 @@ class Pilot:
         """Share of the run's rotations in the first `share` of its time."""
         return float(np.interp(share, np.linspace(0.0, 1.0, len(self._angles)), self._angles))
 
+    def share_of(self, piece: PlannedPiece) -> float:
+        """Share of the run's rotations in a piece of it."""
+        return self.turned(piece.end / self.scene.time) - self.turned(piece.begin / self.scene.time)
+
     @cached_property
     def _angles(self) -> np.ndarray:
         speed = np.linalg.norm(angular_velocity(self.followed.ellipsoid, self.observables), axis=1)

@@ -10,6 +10,7 @@ import numpy as np
 from polhode.harness.common import cache
 from polhode.harness.common.plain_json import digest
 from polhode.harness.common.timing import within
+from polhode.harness.references import two_methods
 from polhode.harness.references.certificate import (
     Certificate,
     Flow,
@@ -21,6 +22,7 @@ from polhode.harness.references.certificate import (
 from polhode.harness.references.chaos import Growth, growth
 from polhode.harness.references.errors import errors, statistics_distance
 from polhode.harness.references.extended import ReferenceFailedError, extended_integrator, extended_run
+from polhode.harness.references.rotations import rotations
 from polhode.models.catalogue import form as find_form
 from polhode.models.form import Form
 from polhode.models.observables import Observables
@@ -88,20 +90,26 @@ def reference(scene: Scene, form: str | Form, samples: int, seconds: float = inf
     A full form gives the reference of all full forms; an averaged one its own exact solution. The times are equispaced
     from 0 to the end, both included. Raises ReferenceFailedError if a run does not reach its end or takes more than
     `seconds`, is contradicted by its certificate, or is beyond the horizon; what failed is kept too, and not tried
-    again within as many seconds.
+    again within as many seconds. Within limited seconds, long runs are known by two methods in double precision alone.
     """
     shape = find_form(form) if isinstance(form, str) else form
     if not shape.averaged:
         shape = find_form(reference_form(scene))
         if scene.stokes > FREE_UP_TO and scene.time > HORIZON and isfinite(scene.stokes):
             raise ReferenceFailedError(f"time: got {scene.time:g}, expected at most {HORIZON:g} above St = 1e6")
-    problem = shape.problem(scene)
-    key = _key(problem, samples)
+    problem, long = shape.problem(scene), False
+    if not shape.averaged and seconds < inf and 0 < scene.stokes < inf:
+        if (turns := rotations(scene)) > two_methods.MOST:
+            raise ReferenceFailedError(f"more than {two_methods.MOST:g} rotations")
+        long = turns > two_methods.EXTENDED_UP_TO
+    key = _key(problem, samples, long)
     arrays = cache.load(key)
     if arrays is None or _tried_less(arrays, seconds):
 
         def computed(limit: float) -> dict[str, np.ndarray]:
             try:
+                if long:
+                    return two_methods.compared(scene, samples, limit)
                 return _compute(scene, shape, problem, samples, perf_counter() + limit)
             except ReferenceFailedError as error:
                 said = {"failure": str(error), "status": error.status, "seconds": seconds, "certificates": CERTIFICATES}
@@ -234,7 +242,7 @@ def _rounded_otherwise(problem: Problem, seed: int) -> Problem:
     return replace(problem, start=moved(problem.start), parameters=moved(problem.parameters or ()))
 
 
-def _key(problem: Problem, samples: int) -> str:
+def _key(problem: Problem, samples: int, long: bool = False) -> str:
     content = {
         "schema": SCHEMA,
         "form": problem.name,
@@ -245,4 +253,6 @@ def _key(problem: Problem, samples: int) -> str:
         "runs": (QUADRUPLE, LONG_DOUBLE, ROUNDING_RUN, ROUNDING_SEEDS, QUADRUPLE_UP_TO, TWO_MOVED_UP_TO),
         "heyoka": version("heyoka"),
     }
+    if long:
+        content["runs"] = two_methods.SPHEROIDS, two_methods.OTHERS, two_methods.AGAINST
     return digest(content)

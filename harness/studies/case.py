@@ -48,6 +48,7 @@ class Case:
     jacobian: Jacobian | None = None
     tags: tuple[str, ...] = field(default=(), compare=False)  # the scene's in its study; no part of the question
     reference_seconds: float = field(default=inf, compare=False)  # that it may take
+    counted: bool = field(default=True, compare=False)  # whether the first run counts right-hand sides, which is slow
 
     @property
     def content(self) -> Record:
@@ -107,7 +108,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Attempt:
-    """A first run of a case, with counting: its record so far, and the solution to be judged."""
+    """A first run of a case: its record so far, and the solution to be judged."""
 
     record: Record
     times: np.ndarray
@@ -115,14 +116,14 @@ class Attempt:
 
 
 def attempt(case: Case) -> Attempt:
-    """Compile, and run once with counting; a pure function, to be called in a process that may be killed.
+    """Compile, and run once; a pure function, to be called in a process that may be killed.
 
     A run that was stopped by its limit because other work took the processor is marked as disturbed.
     """
     prepare_seconds = _first_preparation(case)
     solution, disturbed = within(
         case.max_seconds,
-        lambda limit: case.solve(count=True, max_seconds=limit),
+        lambda limit: case.solve(count=case.counted, max_seconds=limit),
         lambda solution: solution.status == Status.TIME_LIMIT,
     )
     record = {

@@ -54,6 +54,7 @@ class Study:
     # Averaged equations are not tried over more slow time than this.
     longest_slow_time: float = inf
     reference_seconds: float = inf
+    counted: bool = True
 
     def batches(self) -> Iterator[list[Case]]:
         """Cases in batches that are timed in interleaved order: one scene, form and tolerance, all solvers."""
@@ -72,7 +73,7 @@ class Study:
                 accepted = [name for name in wanted if _accepts(name, problem)]
                 for tolerance in sorted(self.tolerances, reverse=True):
                     limits = tolerance, self.samples, choice.max_seconds or self.max_seconds
-                    others = choice.tags, self.reference_seconds
+                    others = choice.tags, self.reference_seconds, self.counted
                     yield [
                         Case(scene_name, scene, form_name, solver_name, *limits, backend, jacobian, *others)
                         for solver_name in accepted

@@ -1,0 +1,36 @@
+"""References of long runs, by two methods in double precision, against those in extended precision."""
+
+import pytest
+
+from polhode.harness.references import two_methods
+from polhode.harness.references.errors import errors
+from polhode.harness.references.reference import ReferenceFailedError, reference, reference_form
+from polhode.models.scenes import named_scene
+
+
+@pytest.mark.parametrize("name", ["paper", "spheroid"])
+def test_two_methods_know_a_run_as_well_as_they_say(name, monkeypatch, tmp_path):
+    monkeypatch.setenv("POLHODE_CACHE", str(tmp_path))
+    scene = named_scene(name)
+    exact = reference(scene, reference_form(scene), 51)
+    monkeypatch.setattr(two_methods, "EXTENDED_UP_TO", 10.0)
+    found = reference(scene, reference_form(scene), 51, seconds=60.0)
+    assert (found.precision, found.certificate.solver) == ("double", "cyrk-vern8")
+    apart = errors(scene.ellipsoid, found.observables, exact.observables)
+    assert 0 < apart.slow <= found.slow_uncertainty + exact.slow_uncertainty < 1e-11
+    assert apart.orientation <= found.orientation_uncertainty + exact.orientation_uncertainty
+    # Without a limit of time it is the extended one, as kept.
+    assert reference(scene, reference_form(scene), 51).precision != "double"
+
+
+def test_beyond_so_many_rotations_there_is_none_in_limited_time(monkeypatch):
+    monkeypatch.setattr(two_methods, "MOST", 30.0)
+    with pytest.raises(ReferenceFailedError, match="more than 30 rotations"):
+        reference(named_scene("paper"), "quaternion", 51, seconds=1.0)
+
+
+def test_methods_that_disagree_are_no_reference(monkeypatch):
+    monkeypatch.setattr(two_methods, "AGAINST", ("cyrk-tsit5", 1e-3))
+    monkeypatch.setattr(two_methods, "APART", 1e-6)
+    with pytest.raises(ReferenceFailedError, match="two methods are"):
+        two_methods.compared(named_scene("paper"), 51, 10.0)
