@@ -40,7 +40,7 @@ REPORTS = {
 SECTIONS = {"Robust or fast": "Robust or fast", "When averaging pays": "Verdict"}
 SCENE_CELL = re.compile(r"<td>([\w-]+)</td>")
 # Of a picture, and how far apart, of 255: more and nearer ones only weigh.
-COLOURS, APART = 64, 12
+COLOURS, APART = 128, 16
 OVERWRITTEN = " Do not edit: the next run overwrites this page."
 # What these pictures show is on the page of costs.
 ON_COSTS = re.compile(r"(slow|orientation)(-[\w-]+)?\.png")

@@ -5,6 +5,7 @@ from math import pi
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from polhode.harness.paper.drawing import BLUE, CYCLE, VERMILLION, draw_groups, label, panels
 from polhode.harness.paper.item import Computed, Data, Grid, Parts, Table
@@ -88,6 +89,10 @@ def figure_decay(data: Data) -> Figure:
     ends = [0.8 * min(-table.printed), 1.2 * max(-table.printed)]
     left.plot(ends, ends, color="0.5", linewidth=0.8, zorder=0)
     label(left, "printed rate, per slow time", "rate of full runs", log="xy").legend()
+    for axis in (left.xaxis, left.yaxis):
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter(NullFormatter())
     for line, (kappa, part) in zip(("-", "--"), groups(data["large"], "kappa"), strict=True):
         for color, name in ((BLUE, "axial"), (VERMILLION, "transverse")):
             style = {"color": color, "linestyle": line, "label": rf"$L^2$, {name}, $\kappa$ = {kappa:g}"}
