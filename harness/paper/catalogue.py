@@ -1,26 +1,17 @@
-"""The sections of the reproduction, in the paper's order: one line each; modules are imported on use."""
+"""The sections of the reproduction, in the paper's order; modules are imported on use."""
 
 from functools import cache
-from importlib import import_module
 
+from polhode.harness.paper.claims import section
 from polhode.harness.paper.item import Item, Section
 
-SECTIONS = (
-    "polhode.harness.paper.sections.periods:SECTION",
-    "polhode.harness.paper.sections.limits.euler_tops:SECTION",
-    "polhode.harness.paper.sections.spheroids.motion:SECTION",
-    "polhode.harness.paper.sections.ellipsoids.planes:SECTION",
-    "polhode.harness.paper.sections.rest:SECTION",
-    "polhode.harness.paper.sections.appendix.averages:SECTION",
-    "polhode.harness.paper.sections.beyond.endings_and_basins:SECTION",
-)
+SECTIONS = ("periods", "limits", "spheroids", "ellipsoids", "rest", "appendix", "beyond")
 
 
 @cache
 def sections() -> tuple[Section, ...]:
     """All sections."""
-    parts = (target.partition(":") for target in SECTIONS)
-    return tuple(getattr(import_module(module), attribute) for module, _, attribute in parts)
+    return tuple(map(section, SECTIONS))
 
 
 def items() -> tuple[Item, ...]:

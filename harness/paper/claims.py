@@ -4,34 +4,36 @@ import sys
 import tomllib
 from collections.abc import Iterator, Mapping
 from functools import cache, partial
+from importlib import import_module
 from importlib.resources import files
 from math import inf
+from types import ModuleType
 from typing import Any
 
 import numpy as np
 
 from polhode.harness.common.text import Wording
 from polhode.harness.paper import planes, runs, tables
-from polhode.harness.paper.item import Data, Experiment, Item, Number, Section, Verdict, Word
+from polhode.harness.paper.item import Data, Item, Number, Parts, Section, Verdict, Word
+from polhode.models import scenes
 
+SECTIONS = "polhode.harness.paper.sections"
 # Modules whose names all expressions may use.
-SHARED = (tables, runs, planes)
+SHARED = (scenes, tables, runs, planes)
 # What a row of numbers may say, the last two together.
 BOUNDS, NEAR = {"value", "what", "each", "low", "high", "unit"}, {"near", "within"}
 
 
-def section(name: str, experiments: Mapping[str, Experiment]) -> Section:
-    """The section of a file of claims, its items in the file's order, each with the experiment that tests it."""
+def section(name: str) -> Section:
+    """The section of a file of claims, its items in the file's order."""
     title, entries = _entries()[name]
-    if set(entries) != set(experiments):
-        raise ValueError(f"sections/{name}.toml: got {', '.join(entries)}, expected {', '.join(experiments)}")
-    return Section(name, title, tuple(_item(key, entry, experiments[key]) for key, entry in entries.items()))
+    return Section(name, title, tuple(_item(key, entry) for key, entry in entries.items()))
 
 
 @cache
 def _entries() -> dict[str, tuple[str, dict[str, dict[str, Any]]]]:
     """Title and items of every section; an item that is `like` another has all that it does not say itself from it."""
-    paths = [path for path in files("polhode.harness.paper.sections").iterdir() if path.name.endswith(".toml")]
+    paths = [path for path in files(SECTIONS).iterdir() if path.name.endswith(".toml")]
     found = {path.name.removesuffix(".toml"): tomllib.loads(path.read_text(encoding="utf-8")) for path in paths}
     titles = {name: entries.pop("title") for name, entries in found.items()}
     known = {key: entry for entries in found.values() for key, entry in entries.items()}
@@ -47,19 +49,22 @@ def _entries() -> dict[str, tuple[str, dict[str, dict[str, Any]]]]:
     }
 
 
-def _item(name: str, entry: Mapping[str, Any], experiment: Experiment) -> Item:
+def _item(name: str, entry: Mapping[str, Any]) -> Item:
+    """An item whose experiment is given as "module: expression", of a module of the sections and in its names."""
+    module, _, expression = entry["experiment"].partition(": ")
+    place = import_module(f"{SECTIONS}.{module}")
+    experiment = evaluated(expression, _names(*SHARED, place) | {"Parts": Parts})
+
     def verdict(data: Data) -> Verdict:
         rows = {table or "table": rows for table, rows in data.items()}
-        return judged(entry, _names(experiment) | rows | {"self": experiment})
+        kinds = [sys.modules[kind.__module__] for kind in reversed(type(experiment).__mro__)]
+        return judged(entry, _names(*SHARED, *kinds, place) | vars(experiment) | rows | {"self": experiment})
 
     return Item(name, entry["title"], entry["claim"], experiment.compute, experiment.figure, verdict)
 
 
-def _names(experiment: Experiment) -> dict[str, Any]:
-    """What an item's expressions may name beside its tables: what its modules name, and its settings."""
-    kinds = [kind.__module__ for kind in reversed(type(experiment).__mro__)]
-    modules = [*(module.__name__ for module in SHARED), *kinds, experiment.compute.__module__]
-    return {name: value for module in modules for name, value in vars(sys.modules[module]).items()} | vars(experiment)
+def _names(*modules: ModuleType) -> dict[str, Any]:
+    return {name: value for module in modules for name, value in vars(module).items()}
 
 
 def judged(entry: Mapping[str, Any], names: Mapping[str, Any]) -> Verdict:

@@ -7,9 +7,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.interpolate import CubicHermiteSpline
 
-from polhode.harness.paper.claims import section
 from polhode.harness.paper.drawing import BLACK, CYCLE, common_legend, draw_groups, label, panels
-from polhode.harness.paper.item import Computed, Data, Grid, Parts, Table
+from polhode.harness.paper.item import Computed, Data, Grid, Table
 from polhode.harness.paper.runs import run_form, spheroid
 from polhode.harness.paper.tables import columns, groups
 from polhode.models.forms.tumbling import Tumbling
@@ -104,12 +103,3 @@ def figure_period(data: Data) -> Figure:
     axes.minorticks_off()
     common_legend(figure, axes, 3)
     return figure
-
-
-SECTION = section(
-    "periods",
-    {
-        "period-change": Parts(compute_change, figure_change),
-        "period": Parts(compute_period, figure_period),
-    },
-)

@@ -10,7 +10,6 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from scipy.signal import find_peaks
 
 from polhode.harness.pages.figures.style import power
-from polhode.harness.paper.claims import section
 from polhode.harness.paper.drawing import (
     BLACK,
     BLUE,
@@ -29,8 +28,8 @@ from polhode.harness.paper.drawing import (
     unit_sphere,
 )
 from polhode.harness.paper.item import Computed, Data, Grid, Table
-from polhode.harness.paper.runs import Run, full_run, spheroid
-from polhode.harness.paper.slow_motion import NAMES
+from polhode.harness.paper.runs import Run, full_run
+from polhode.harness.paper.sections.slow_motion import NAMES
 from polhode.harness.paper.tables import columns, groups, stacked
 from polhode.models.scene import EulerStart, Scene
 from polhode.models.shape import Ellipsoid
@@ -240,16 +239,3 @@ def angular_speed(run: Run) -> np.ndarray:
         return np.linalg.norm(np.einsum("nij,nj->ni", rotation, momentum) / inertia, axis=1)
     across = np.linalg.norm(momentum - axial[:, None] * rotation[:, 2], axis=1)
     return np.hypot(axial / inertia[2], across / inertia[0])
-
-
-SECTION = section(
-    "rest",
-    {
-        "rest-needle": Sphere(spheroid(10.0), EulerStart((0.10472, 5.4978, 0.0)), 600.0),
-        "rest-blade": Sphere(Ellipsoid((0.1, 0.15, 1.0)), EulerStart((0.10472, 2.35619, 0.0)), 600.0),
-        "rest-transient-spheroid": Transient(spheroid(2.0), EulerStart((0.314, 0.52, 0.0))),
-        "rest-transient-ellipsoid": Transient(Ellipsoid((3.0, 2.0, 1.0)), EulerStart((0.314, 0.52, 1.05))),
-        "rest-short-spheroid": Short(spheroid(2.0), EulerStart((0.78539, 2.35619, 0.0))),
-        "rest-short-ellipsoid": Short(Ellipsoid((0.5, 0.55, 1.0)), EulerStart((0.78539, 2.35619, 0.0))),
-    },
-)

@@ -7,7 +7,6 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.integrate import cumulative_simpson
 
-from polhode.harness.paper.claims import section
 from polhode.harness.paper.drawing import (
     AVERAGED,
     BLUE,
@@ -20,7 +19,7 @@ from polhode.harness.paper.drawing import (
     label,
     panels,
 )
-from polhode.harness.paper.item import Computed, Data, Grid, Parts
+from polhode.harness.paper.item import Computed, Data, Grid
 from polhode.harness.paper.planes import aligned_scene
 from polhode.harness.paper.runs import averaged_run, full_run, run_form, spheroid
 from polhode.harness.paper.sections.appendix.tables import Entry, ellipsoid_entries, spheroid_entries
@@ -174,13 +173,3 @@ def figure_first_order(data: Data) -> Figure:
         draw_law(right, found.stokes, found[name][-1], slope, color=color)
     label(right, "Stokes number St", "largest error of $L_z/I_e$", log="xy").legend()
     return figure
-
-
-SECTION = section(
-    "appendix",
-    {
-        "averages-spheroid": Parts(compute_spheroid, figure_averages),
-        "averages-ellipsoid": Parts(compute_ellipsoid, figure_averages),
-        "first-order": Parts(compute_first_order, figure_first_order),
-    },
-)

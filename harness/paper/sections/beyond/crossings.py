@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from scipy import stats
 
 from polhode.harness.paper.drawing import AVERAGED, BLUE, GREEN, SKY, VERMILLION, draw_broken, draw_law, label, panels
-from polhode.harness.paper.item import Computed, Data, Grid, Parts, Table
+from polhode.harness.paper.item import Computed, Data, Grid, Table
 from polhode.harness.paper.runs import averaged_run, full_run
 from polhode.harness.paper.tables import SLOW, Estimate, columns, exponent, groups, mean, root_mean_squares, stacked
 from polhode.models.free_top.torque_free import TorqueFree
@@ -187,9 +187,3 @@ def figure_jumps(data: Data) -> Figure:
     draw_law(right, stokes, after[stokes[0]].size * stokes[0] / stokes[-1], -1)
     label(right, "Stokes number St", "scatter of the deviation$/I_{max}$", log="xy").legend()
     return figure
-
-
-CROSSINGS = {
-    "averaging-order": Parts(compute_order, figure_order),
-    "crossing-jumps": Parts(compute_jumps, figure_jumps),
-}

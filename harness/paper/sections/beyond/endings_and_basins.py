@@ -7,7 +7,6 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
 from polhode.harness.pages.figures.style import power
-from polhode.harness.paper.claims import section
 from polhode.harness.paper.drawing import (
     AVERAGED,
     BLUE,
@@ -19,10 +18,10 @@ from polhode.harness.paper.drawing import (
     label,
     panels,
 )
-from polhode.harness.paper.item import Computed, Data, Grid, Parts, Table
+from polhode.harness.paper.item import Computed, Data, Grid, Table
 from polhode.harness.paper.planes import distance_from_node, energy_at
 from polhode.harness.paper.runs import averaged_run, full_run, graded, slow_run
-from polhode.harness.paper.sections.beyond.crossings import CROSSINGS, ELLIPSOID, same_slow_start
+from polhode.harness.paper.sections.beyond.crossings import ELLIPSOID, same_slow_start
 from polhode.harness.paper.tables import Estimate, columns, groups, share
 from polhode.models.rotation import quaternion_from_euler
 from polhode.models.scene import BodyStart, EulerStart, Scene
@@ -157,13 +156,3 @@ def figure_basins(data: Data) -> Figure:
     for axes in (left, right):
         axes.grid(visible=False)
     return figure
-
-
-SECTION = section(
-    "beyond",
-    {
-        **CROSSINGS,
-        "saddle-endings": Parts(compute_endings, figure_endings),
-        "basins": Parts(compute_basins, figure_basins),
-    },
-)

@@ -6,14 +6,14 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from polhode.harness.paper.drawing import AVERAGED, BLACK, draw_groups, label, panels
-from polhode.harness.paper.item import Computed, Data, Grid, Parts, Table
+from polhode.harness.paper.item import Computed, Data, Grid, Table
 from polhode.harness.paper.runs import full_run, slow_run, slow_scene, spheroid
-from polhode.harness.paper.slow_motion import ACCURATE, SlowMotion
+from polhode.harness.paper.sections import slow_motion
 from polhode.harness.paper.tables import columns, stacked
 from polhode.models.forms.averaged import Averaged
 from polhode.models.operations import FLOAT
 from polhode.models.scene import Scene
-from polhode.models.scenes import PAPER_ELLIPSOID, PAPER_START, SADDLE_START, SPHEROID_START
+from polhode.models.scenes import PAPER_ELLIPSOID, SPHEROID_START
 from polhode.models.shape import Ellipsoid
 from polhode.models.theory.separatrix import Separatrix, Side
 
@@ -146,7 +146,7 @@ def _curve(x: str, y: str, part: Table) -> tuple[np.ndarray, np.ndarray]:
     return part[x], part[y]
 
 
-class FirstStart(SlowMotion):
+class FirstStart(slow_motion.SlowMotion):
     """The paper's first start, with what it says of the oscillation and of passing L² = 2EI₂."""
 
     def compute(self, grid: Grid) -> Computed:
@@ -164,13 +164,3 @@ def _scatter(values: np.ndarray) -> float:
     turning = np.flatnonzero(np.diff(np.sign(np.diff(values)))) + 1
     swings = np.abs(np.diff(values[turning]))
     return float(np.median(np.abs(np.log(swings[2:] / swings[:-2]))))
-
-
-SHOWN = (100.0, 150.0, 500.0, 5e3)
-MOTION = {
-    "ellipsoid-slow-1": FirstStart(ELLIPSOID, PAPER_START, 0.6, 1e3, (8.0, 30.0), (0.0, ACCURATE)),
-    "ellipsoid-slow-2": SlowMotion(
-        ELLIPSOID, SADDLE_START, 1.2, 5e3, (8.0, 30.0), (ACCURATE, 0.35), SHOWN, lingers=True
-    ),
-    "singular-point": Parts(compute_singular, figure_singular),
-}

@@ -5,9 +5,8 @@ from math import sqrt
 import numpy as np
 from matplotlib.figure import Figure
 
-from polhode.harness.paper.claims import section
 from polhode.harness.paper.drawing import BLACK, BLUE, BOUND, NODE, ORANGE, VERMILLION, common_legend, panels
-from polhode.harness.paper.item import Computed, Data, Grid, Parts, Table
+from polhode.harness.paper.item import Computed, Data, Grid, Table
 from polhode.harness.paper.planes import (
     draw_frame,
     draw_paths,
@@ -19,10 +18,9 @@ from polhode.harness.paper.planes import (
     plane_steps,
 )
 from polhode.harness.paper.runs import graded, slow_run
-from polhode.harness.paper.sections.ellipsoids.motion import ELLIPSOID, MOTION, critical_after, critical_before
-from polhode.harness.paper.sections.planes import NAMES, Planes, plane_tables
+from polhode.harness.paper.sections.ellipsoids.motion import ELLIPSOID, critical_after, critical_before
+from polhode.harness.paper.sections.planes import NAMES, plane_tables
 from polhode.harness.paper.tables import by, groups, path_table, stacked
-from polhode.models.shape import Ellipsoid
 from polhode.models.theory.fixed_points import fixed_points
 from polhode.models.theory.separatrix import Separatrix
 
@@ -148,15 +146,3 @@ def figure_space(data: Data) -> Figure:
         own.view_init(22, 35)
         own.set_box_aspect((1, 1, 0.8), zoom=1.0)
     return figure
-
-
-SIX: dict[float, Ellipsoid] = dict(enumerate(Ellipsoid((1.0, b, c)) for b in (0.55, 0.75, 0.95) for c in (0.5, 0.3)))
-SECTION = section(
-    "ellipsoids",
-    {
-        **MOTION,
-        "ellipsoid-plane": Parts(compute_plane, figure_plane),
-        "ellipsoid-planes": Planes(SIX, 151, (((1, 0), (3, 2), (5, 4)), ((0, 2), (2, 4), (1, 3), (3, 5)))),
-        "ellipsoid-space": Parts(compute_space, figure_space),
-    },
-)

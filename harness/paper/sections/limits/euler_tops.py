@@ -1,16 +1,14 @@
 """Section "Limiting cases": the Jeffery top's sections, and the Euler top's trajectories in closed form."""
 
+from dataclasses import dataclass
 from math import inf, pi
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from polhode.harness.paper.claims import section
 from polhode.harness.paper.drawing import BLUE, VERMILLION, draw_on_sphere, panels, unit_sphere
-from polhode.harness.paper.item import Computed, Data, Grid, Parts, Table
+from polhode.harness.paper.item import Computed, Data, Grid, Table
 from polhode.harness.paper.runs import run_form
-from polhode.harness.paper.sections.limits.jeffery_top import SECTIONS
-from polhode.harness.paper.sections.limits.weak_inertia import WEAK
 from polhode.harness.paper.tables import columns
 from polhode.models.catalogue import form as find_form
 from polhode.models.free_top.torque_free import TorqueFree
@@ -21,39 +19,43 @@ START = EulerStart((1.05, 0.0, 0.0), (2.5, 15.0, 4.0))
 TIME = 12.0
 # Turns of the precession in which the path must not close. The nutation has half the period of the polhode.
 TURNS = 12
-GENERAL, SYMMETRIC = Ellipsoid((1.0, 2.0, 2.3)), Ellipsoid((1.0, 1.0, 2.3))
 
 
-def compute_top(ellipsoid: Ellipsoid, grid: Grid) -> Computed:
-    """Path of z', in the closed form, and the closed form against integration."""
-    times = np.linspace(0.0, TIME, grid.of(2401, 601))
-    scene = Scene(ellipsoid, inf, START, TIME)
-    exact, integrated = (
-        run_form(find_form("euler-top"), scene, times, 1e-14, solver=solver).observables
-        for solver in ("exact", "taylor")
-    )
-    axis = exact.rotation[:, 2]
-    size = float(np.linalg.norm(exact.angular_momentum[0]))
-    nutation = np.arccos(axis @ exact.angular_momentum[0] / size)
-    top = TorqueFree(ellipsoid.inertia, START.quaternion, START.angular_velocity)
-    difference = np.max(np.abs(exact.rotation - integrated.rotation))
-    drift = np.max(np.abs(exact.slow - exact.slow[0])) / np.max(np.abs(exact.slow[0]))
-    return {
-        "": {"t": times, "x": axis[:, 0], "y": axis[:, 1], "z": axis[:, 2], "nutation": nutation},
-        "numbers": columns(
-            "period precession_period difference drift momentum",
-            [(top.period, top.precession_period, difference, drift, size)],
-        ),
-    }
+@dataclass(frozen=True)
+class Top:
+    """A top of one shape from the paper's start."""
 
+    ellipsoid: Ellipsoid
 
-def figure_top(data: Data) -> Figure:
-    """Path of z' on the unit sphere."""
-    figure, (axes,) = panels(1, 1, 4.4, 4.2, subplot_kw={"projection": "3d"})
-    unit_sphere(axes)
-    draw_on_sphere(axes, data[""], color=BLUE, linewidth=0.6)
-    draw_on_sphere(axes, data[""][:1], marker="o", color=VERMILLION, markersize=5, zorder=5)
-    return figure
+    def compute(self, grid: Grid) -> Computed:
+        """Path of z', in the closed form, and the closed form against integration."""
+        times = np.linspace(0.0, TIME, grid.of(2401, 601))
+        scene = Scene(self.ellipsoid, inf, START, TIME)
+        exact, integrated = (
+            run_form(find_form("euler-top"), scene, times, 1e-14, solver=solver).observables
+            for solver in ("exact", "taylor")
+        )
+        axis = exact.rotation[:, 2]
+        size = float(np.linalg.norm(exact.angular_momentum[0]))
+        nutation = np.arccos(axis @ exact.angular_momentum[0] / size)
+        top = TorqueFree(self.ellipsoid.inertia, START.quaternion, START.angular_velocity)
+        difference = np.max(np.abs(exact.rotation - integrated.rotation))
+        drift = np.max(np.abs(exact.slow - exact.slow[0])) / np.max(np.abs(exact.slow[0]))
+        return {
+            "": {"t": times, "x": axis[:, 0], "y": axis[:, 1], "z": axis[:, 2], "nutation": nutation},
+            "numbers": columns(
+                "period precession_period difference drift momentum",
+                [(top.period, top.precession_period, difference, drift, size)],
+            ),
+        }
+
+    def figure(self, data: Data) -> Figure:
+        """Path of z' on the unit sphere."""
+        figure, (axes,) = panels(1, 1, 4.4, 4.2, subplot_kw={"projection": "3d"})
+        unit_sphere(axes)
+        draw_on_sphere(axes, data[""], color=BLUE, linewidth=0.6)
+        draw_on_sphere(axes, data[""][:1], marker="o", color=VERMILLION, markersize=5, zorder=5)
+        return figure
 
 
 def measured_period(path: Table) -> float:
@@ -65,14 +67,3 @@ def measured_period(path: Table) -> float:
     first = across[0] / np.linalg.norm(across[0])
     azimuth = np.unwrap(np.arctan2(across @ np.cross(normal, first), across @ first))
     return path.t[-1] * 2 * pi / abs(azimuth[-1] - azimuth[0])
-
-
-SECTION = section(
-    "limits",
-    {
-        **WEAK,
-        **SECTIONS,
-        "euler-top": Parts(lambda grid: compute_top(GENERAL, grid), figure_top),
-        "symmetric-top": Parts(lambda grid: compute_top(SYMMETRIC, grid), figure_top),
-    },
-)

@@ -138,12 +138,3 @@ def _draw_points(axes: Axes, points: Table, orbits: Table, size: float) -> None:
         style = {"linestyle": "none", "marker": ".", "markersize": size, "color": color, "rasterized": True}
         axes.plot(points.psi[chosen], points.theta[chosen], label=text if chosen.any() else None, **style)
     label(axes, "$\\psi$, rad", "$\\theta$, rad")
-
-
-# z' is the longest axis of the first two bodies and the shortest of the others.
-SECTIONS = {
-    "poincare-slender": Sections(Ellipsoid((1 / 20, 1 / 10, 1.0)), 240, (0.8, 0.8)),
-    "poincare-fat-prolate": Sections(Ellipsoid((1 / 3, 1.2 / 3, 1.0)), 400, (0.06, 0.06), layered=True),
-    "poincare-flat": Sections(Ellipsoid((1.0, 1 / 2, 1 / 20)), 240, (0.8, 0.8)),
-    "poincare-fat-oblate": Sections(Ellipsoid((1.0, 2 / 2.1, 1 / 2.1)), 400, (0.06, 0.03), layered=True),
-}

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from scipy.integrate import solve_ivp
 
 from polhode.harness.paper.drawing import draw_groups, draw_law, label, panels
-from polhode.harness.paper.item import Computed, Data, Grid, Parts, Table
+from polhode.harness.paper.item import Computed, Data, Grid, Table
 from polhode.harness.paper.runs import full_run, spheroid
 from polhode.harness.paper.tables import by, columns, exponent, groups
 from polhode.models.catalogue import form as find_form
@@ -138,9 +138,3 @@ def figure_planar(data: Data) -> Figure:
         axes.axhline(part.printed[0], color="0.4", linestyle=":", linewidth=0.8)
     label(axes, "0.1 + Stokes number St", "largest $\\alpha$ of turning", log="x", ylim=(0.0, 1.0)).legend()
     return figure
-
-
-WEAK = {
-    "spin-drift": Parts(compute_drift, figure_drift),
-    "planar-flows": Parts(compute_planar, figure_planar),
-}

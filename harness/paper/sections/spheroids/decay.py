@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from polhode.harness.paper.drawing import BLUE, CYCLE, VERMILLION, draw_groups, label, panels
-from polhode.harness.paper.item import Computed, Data, Grid, Parts, Table
+from polhode.harness.paper.item import Computed, Data, Grid, Table
 from polhode.harness.paper.runs import Run, axes_of, full_run, spheroid
 from polhode.harness.paper.tables import columns, groups, stacked
 from polhode.models.rotation import quaternion_from_euler
@@ -129,9 +129,3 @@ def on_clocks(table: Table) -> dict[str, np.ndarray]:
     longest = [max(zip(b.semi_axes, b.inertia, b.resistance, strict=True)) for b in BODIES]
     other = np.array([inertia / (8 * pi * resistance) for _, inertia, resistance in longest])
     return {"per St": rate, "per St* of the longest axis": rate * other, "per St* of the axis along $z$": rate * clock}
-
-
-DECAY = {
-    "decay-rates": Parts(compute_decay, figure_decay),
-    "ellipsoid-clock": Parts(compute_decay, figure_clock),
-}

@@ -7,20 +7,16 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.signal import find_peaks
 
-from polhode.harness.paper.claims import section
 from polhode.harness.paper.drawing import CYCLE, label, panels
-from polhode.harness.paper.item import Computed, Data, Grid, Parts, Table
+from polhode.harness.paper.item import Computed, Data, Grid, Table
 from polhode.harness.paper.planes import draw_frame, draw_paths, name_lines, name_points, plane_steps
 from polhode.harness.paper.runs import full_run, spheroid
-from polhode.harness.paper.sections.planes import Planes, plane_tables
-from polhode.harness.paper.sections.spheroids.decay import DECAY
-from polhode.harness.paper.sections.spheroids.pinch import PINCH
-from polhode.harness.paper.sections.spheroids.projections import PROJECTIONS
-from polhode.harness.paper.slow_motion import ACCURATE, NAMES, SlowMotion
+from polhode.harness.paper.sections.planes import plane_tables
+from polhode.harness.paper.sections.slow_motion import NAMES
 from polhode.harness.paper.tables import columns, groups, path_table
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.scene import BodyStart, Scene
-from polhode.models.scenes import NEAR_POLE_START, SPHEROID_START, aligned_start
+from polhode.models.scenes import aligned_start
 from polhode.models.shape import Ellipsoid
 from polhode.models.theory.fixed_points import eigenvalues
 
@@ -103,20 +99,3 @@ def figure_plane(data: Data) -> Figure:
     name_lines(axes, PROLATE, "$L_z^2 = 2EI_a$ and $L_z^2 = 2EI_e$")
     axes.legend(loc="upper center")
     return figure
-
-
-SECTION = section(
-    "spheroids",
-    {
-        "spheroid-slow-1": SlowMotion(PROLATE, SPHEROID_START, 0.5, 500.0, (20.0, 60.0), (0.0, ACCURATE)),
-        "spheroid-slow-2": SlowMotion(PROLATE, NEAR_POLE_START, 1.0, 5e3, (20.0, 90.0), (ACCURATE, 0.35), lingers=True),
-        "spheroid-plane": Parts(compute_plane, figure_plane),
-        "spheroid-pinch": PINCH,
-        "spheroid-planes": Planes(
-            {kappa: spheroid(kappa) for kappa in (2.0, 3.33, 0.5, 0.3)}, 201, (((3.33, 2.0),), ((0.3, 0.5),))
-        ),
-        "spheroid-collapse": Parts(compute_collapse, figure_collapse),
-        **PROJECTIONS,
-        **DECAY,
-    },
-)

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from scipy.optimize import brentq
 
 from polhode.harness.paper.drawing import CYCLE, draw_law, label, panels, styled_runs
-from polhode.harness.paper.item import Computed, Data, Grid, Parts, Table
+from polhode.harness.paper.item import Computed, Data, Grid, Table
 from polhode.harness.paper.planes import aligned_scene, draw_frame
 from polhode.harness.paper.runs import Run, averaged_run, full_run, run_form, slow_run_to_pinch, spheroid
 from polhode.harness.paper.tables import columns, exponent, groups, path_table, root_mean_squares
@@ -138,6 +138,3 @@ def local_exponent(found: Table, low: float, high: float) -> float:
 def widest() -> float:
     """The aspect ratio with the width St^-1/2."""
     return float(brentq(lambda kappa: growth_exponent(kappa) + 1, 1.1, 3.0))  # pyright: ignore[reportArgumentType]
-
-
-PINCH = Parts(compute_pinch, figure_pinch)

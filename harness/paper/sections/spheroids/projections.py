@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from polhode.harness.paper.drawing import BLACK, BOUND, CYCLE, common_legend, draw_broken, label, panels
-from polhode.harness.paper.item import Computed, Data, Grid, Parts
+from polhode.harness.paper.item import Computed, Data, Grid
 from polhode.harness.paper.planes import (
     distance_from_node,
     draw_point,
@@ -123,9 +123,3 @@ def figure_projections(data: Data) -> Figure:
     name_points(axes[0], {"stable node": "stable node"})
     common_legend(figure, axes[0])
     return figure
-
-
-PROJECTIONS = {
-    "spheroid-projections": Parts(compute_projections, figure_projections),
-    "spheroid-l-planes": Parts(compute_l_planes, figure_l_planes),
-}
