@@ -6,6 +6,7 @@ by the ratio of the tolerances, more or less. Averaged forms add the error of av
 """
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import inf, pi
 from time import perf_counter
@@ -37,9 +38,8 @@ TIGHTER, LOOSER, DEARER = 1e-2, 1e2, 2.5
 # Taylor's method errs by less than its tolerance: what looks at it is tighter still, as far as time allows: Verner's
 # method takes about so many steps a rotation at a tolerance, and is of this order.
 TIGHTER_THAN_TAYLOR, VERNER = 1e-4, (10.0, 1e-9, 8)
-# Seconds of a step, explicit and implicit, of compiled solvers; what a limit of time may be exceeded by, should that
-# machine be slower.
-STEP, PATIENCE = (4e-7, 3e-6), 3.0
+# Seconds of a step, explicit and implicit, of compiled solvers; share of the limit that a look is planned to take.
+STEP, PLANNED = (4e-7, 3e-6), 0.8
 TIGHTEST, LOOSEST = 1e-15, 1e-2
 # Tolerance below which Radau's fifth order takes too many steps to look at a stiff run; LSODA's errors are larger.
 LOW_ORDER = 1e-6
@@ -49,8 +49,8 @@ CERTAIN, SCALED, LOOSELY = 1.5, 6.0, 20.0
 # What the pieces of a run state over its error, in the median of random starts: 7.9 for an error asked for of 1e-6, 8.2
 # for 1e-8, 4.0 for 1e-4 (`polhode accuracy --order hybrid`).
 STATED_OVER = 8.0
-# Output times that a look compares, at most.
-MOST_TIMES = 501
+# Output times that a look compares, at most, and of forms whose states cost more to observe than to follow.
+MOST_TIMES, FEW_TIMES = 501, 51
 # Rounding along a run, in eps of what is measured, and how it grows with the rotations (`laws.ErrorLaw`).
 ROUNDING, GROWTH = 2.0, {"slow": 0.7, "orientation": 1.7}
 
@@ -182,15 +182,18 @@ def _solver_error(
     if method.closed_form:
         return _estimates(scene, form, observables, (0.0, 0.0), Look(method, 1.0, 1.0, 1.0)), "closed form: rounding"
     limit = max(LEAST, SHARE * found.seconds)
-    step = -(-len(found.times) // MOST_TIMES)
+    averaged = any(each.averaged for each in found.stages)
+    step = -(-len(found.times) // (FEW_TIMES if averaged or hasattr(form, "estimate") else MOST_TIMES))
     rows = np.append(np.arange(0, len(found.times) - 1, step), len(found.times) - 1)
     turns = 0.0 if form.averaged else _rotations(scene, observables)
-    for look in _looks(scene, method, found, turns, limit):
-        equations, problem = _takes(form, scene, found.problem, look.solver)
+    # A second run in pieces enters as many, and takes as long.
+    looks = () if averaged and found.seconds > limit else _looks(scene, method, found, turns, PLANNED * limit)
+    for look in looks:
+        equations, problem = _takes(form, scene, found, look)
         times = found.times[rows] * (problem.end / found.problem.end)
         # Counted in steps, a limit of milliseconds is the same on a busy machine.
         most = max(100, int(limit / STEP[look.solver.implicit])) if _compiled(look.solver) else UNLIMITED
-        run = solve(problem, look.solver, look.tolerance, times, max_seconds=PATIENCE * limit, max_steps=most)
+        run = solve(problem, look.solver, look.tolerance, times, max_seconds=limit, max_steps=most)
         if run.success:
             there = equations.observe(scene, run.states)
             here = observables.at(rows)
@@ -234,14 +237,18 @@ def _compiled(method: Solver) -> bool:
     return method.backends == ("compiled",) and not (method.many_periods or method.order_by_tolerance)
 
 
-def _takes(form: Form, scene: Scene, problem: Problem, other: Solver) -> tuple[Form, Problem]:
-    """The run's own problem, or that of a form that gives the same, where the other solver does not take it."""
-    try:
-        other.check(problem)
-    except SolverNotValidError:
-        form = pilot_form(scene)
-        return form, form.problem(scene)
-    return form, problem
+def _takes(form: Form, scene: Scene, found: Solution, look: Look) -> tuple[Form, Problem]:
+    """The run's own problem, or that of a form that gives the same, where the look's solver does not take it.
+
+    A tighter look at angles, whose equations are dearer, or at a run that took no averaged piece goes by such a form.
+    """
+    dear = form.angles or (found.stages and not any(each.averaged for each in found.stages))
+    if not (dear and look.larger < 1):
+        with suppress(SolverNotValidError):
+            look.solver.check(found.problem)
+            return form, found.problem
+    form = pilot_form(scene)
+    return form, form.problem(scene)
 
 
 def _apart(scene: Scene, here: Observables, there: Observables) -> tuple[float, float | None]:

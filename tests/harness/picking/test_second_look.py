@@ -10,6 +10,7 @@ from commandline import Run
 from polhode import solve
 from polhode.harness.api import plan
 from polhode.harness.common.timing import with_processor
+from polhode.harness.picking import second_look
 from polhode.harness.picking.second_look import LEAST, SHARE, UNKNOWN, run_error
 from polhode.harness.references.errors import errors
 from polhode.models.scenes import named_scene
@@ -117,3 +118,20 @@ def test_an_orientation_that_is_lost_is_off_by_a_half_turn_at_most():
     found = solve(replace(named_scene("jeffery"), time=1e12), solver="exact", samples=3)
     assert found.error.orientation is not None
     assert found.error.orientation.high == np.pi
+
+
+def test_dear_equations_are_looked_at_by_cheaper_ones(monkeypatch):
+    """A tighter look at angles goes by the quaternion form; few rows of a form whose states are dear to observe."""
+    seen = []
+
+    def watched(problem, solver, tolerance, times, **limits):
+        seen.append((problem.name, len(times)))
+        return run(problem, solver, tolerance, times, **limits)
+
+    monkeypatch.setattr(second_look, "solve", watched)
+    for scene, form in (
+        (named_scene("paper"), "euler-angles"),
+        (replace(named_scene("spheroid"), stokes=1e6, time=1e5), "averaged-second-order"),
+    ):
+        assert plan(scene, form, "cyrk-vern8", 1e-8, 1e-6, "slow", 501).run().error.slow is not None
+    assert seen == [("quaternion", 501), ("averaged-second-order", 51)]
