@@ -11,7 +11,7 @@ from tqdm import tqdm
 from polhode.harness.common.machine import machine, versions
 from polhode.harness.common.plain_json import digest
 from polhode.harness.common.store import Record, Store
-from polhode.harness.common.worker import Worker
+from polhode.harness.common.worker import Failure, KilledFromOutsideError, Worker
 from polhode.harness.work_precision import WorkPrecision
 from polhode.models.problems.catalogue import PROBLEMS
 from polhode.models.problems.classical import Classical
@@ -68,6 +68,8 @@ def run_problems(
             if key in known:
                 continue
             reply = worker.run(measured, case["problem"], case["solver"], *settings.values(), limit=limit)
+            if reply.failure is Failure.LOST:
+                raise KilledFromOutsideError(f"{case['problem']} by {case['solver']}: {reply.message}")
             failed = [{"solver": case["solver"], "tolerance": None, "status": "crashed", "message": reply.message}]
             rows = reply.value if reply.failure is None else failed
             store.put(key, {"problem": case["problem"]}, {"rows": rows, "machine": machine(), "versions": versions()})

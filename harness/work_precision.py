@@ -2,14 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
 from polhode.harness.common.progress import Progress
-from polhode.harness.common.timing import time_runs
+from polhode.harness.common.timing import time_runs, within
 from polhode.harness.pages.figures.work_precision import work_precision
 from polhode.harness.references.extended import extended_run
 from polhode.harness.references.uncertainty import least_known
@@ -17,7 +17,7 @@ from polhode.models.problem import Problem
 from polhode.solvers.catalogue import SOLVERS
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.compile import check_field
-from polhode.solvers.contract import Solver, SolverNotValidError
+from polhode.solvers.contract import Solver, SolverNotValidError, Status
 from polhode.solvers.solve import Solution, solve
 
 if TYPE_CHECKING:
@@ -109,10 +109,12 @@ class WorkPrecision:
         return [method for method in methods if _accepts(method, self.problem)]
 
     def _measure(self, method: Solver, tolerance: float, exact: np.ndarray) -> dict[str, Any]:
-        def run(*, count: bool = False) -> Solution:
-            return solve(self.problem, method, tolerance, self.times, count=count, max_seconds=self.max_seconds)
+        def run(limit: float = self.max_seconds, *, count: bool = False) -> Solution:
+            return solve(self.problem, method, tolerance, self.times, count=count, max_seconds=limit)
 
-        solution = run(count=True)
+        solution, _ = within(
+            self.max_seconds, partial(run, count=True), lambda found: found.status is Status.TIME_LIMIT
+        )
         timing = time_runs(run) if solution.success else None
         return {
             "solver": method.name,

@@ -201,6 +201,22 @@ class Victim(_Liar):
         os.kill(os.getpid(), signal.SIGKILL)
 
 
+class Doomed(Taylor):
+    """Comes to its end once, and is killed when it is timed."""
+
+    name = "planted:Doomed"
+
+    def prepare(self, problem: Problem, settings: Settings) -> Integrator:
+        exact = super().prepare(problem, settings)
+
+        def integrate(record: Record) -> Outcome:
+            if record.times[-1] > 1e-3 and not settings.count:
+                os.kill(os.getpid(), signal.SIGKILL)
+            return exact(record)
+
+        return integrate
+
+
 class Raiser(_Liar):
     """Raises in the middle of a run."""
 

@@ -92,18 +92,20 @@ class Runner:
             for case in timed:
                 reply = self._worker.run(time_once, case, limit=case.max_seconds + COMPILATION)
                 timings.setdefault(case, Timing(()))
-                if reply.failure is None:
+                if reply.failure is Failure.LOST:
+                    self._lost += 1
+                    del records[case]
+                elif reply.failure is None:
                     timings[case] = timings[case].and_one(*reply.value)
-            timed = [case for case in timed if timings[case].runs and timings[case].wants_more]
+            timed = [case for case in timed if case in records and timings[case].runs and timings[case].wants_more]
         for case, timing in timings.items():
-            if not timing.runs:
-                continue
-            records[case] |= {
-                "seconds": timing.seconds,
-                "seconds_spread": timing.spread,
-                "seconds_runs": list(timing.runs),
-                "disturbed": timing.disturbed or self._patience.busy(steadiness),
-            }
+            if timing.runs and case in records:
+                records[case] |= {
+                    "seconds": timing.seconds,
+                    "seconds_spread": timing.spread,
+                    "seconds_runs": list(timing.runs),
+                    "disturbed": timing.disturbed or self._patience.busy(steadiness),
+                }
         return [(case, {**record, "sentinel_seconds": steadiness}) for case, record in records.items()]
 
     def _sentinel(self) -> float:

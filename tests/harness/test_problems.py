@@ -7,6 +7,7 @@ import pytest
 from commandline import Run
 
 from polhode.harness.common.store import Store
+from polhode.harness.common.worker import KilledFromOutsideError
 from polhode.harness.problems import measured, run_problems
 
 
@@ -36,6 +37,14 @@ def test_what_is_in_the_store_is_not_run_again(folder: Path, monkeypatch: pytest
         assert len(rows) == 9
         monkeypatch.setattr("polhode.harness.problems.Worker.run", None)
         assert run_problems(store, *wanted, quick=True, quiet=True) == rows
+
+
+def test_a_kill_from_outside_is_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("polhode.harness.common.worker.ATTEMPTS", 1)
+    with Store(tmp_path / "store.sqlite") as store:
+        with pytest.raises(KilledFromOutsideError, match="lorenz by planted:Victim: crashed with SIGKILL"):
+            run_problems(store, ("lorenz",), ("planted:Victim",), quick=True, quiet=True)
+        assert not store.keys()
 
 
 def test_the_page(here: Run, folder: Path):

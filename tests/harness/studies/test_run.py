@@ -157,9 +157,9 @@ def test_a_slow_back_end_says_nothing_of_the_others(study: Study, tmp_path: Path
 def test_a_kill_from_outside_is_no_fact_about_a_library(study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     # Once is enough here: each costs a process.
     monkeypatch.setattr("polhode.harness.common.worker.ATTEMPTS", 1)
-    some = replace(study, solvers=("planted:Victim", "planted:FirstOrder"), tolerances=(1e-1,))
+    some = replace(study, solvers=("planted:Victim", "planted:Doomed", "planted:FirstOrder"), tolerances=(1e-1,))
     with Store(tmp_path / "store.sqlite") as store:
-        with pytest.raises(KilledFromOutsideError, match="1 of 2 cases were killed from outside"):
+        with pytest.raises(KilledFromOutsideError, match="2 of 3 cases were killed from outside"):
             Runner(store, quiet=True).run(some)
         assert [record["solver"] for record in store] == ["planted:FirstOrder"]
 
