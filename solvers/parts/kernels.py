@@ -16,8 +16,10 @@ from polhode.solvers.parts.schemes import AVOIDED
 # A step follows the rate of the fast angle when that has changed by this factor; in between it stays, since what errs
 # to and fro within a turn adds up to nothing only while steps are equal.
 BAND = 1.05
+# Rows are reached backwards in time where the slow part relaxes by less than twice this in a step.
+BACKWARD = 0.05
 # Numbers in a law; times at which a check compares runs, in either part; what rounding makes of their difference.
-LAW, POINTS, ROUNDING = 6, 12, {float: 1e-13, np.longdouble: 5e-17}
+LAW, POINTS, ROUNDING = 7, 10, {float: 1e-13, np.longdouble: 5e-17}
 # More slow flows than a step of any scheme has.
 MOST_STAGES = 16
 # How a call of `kernel` ends.
@@ -34,11 +36,14 @@ class Kernels:
     """Compiled functions of one problem's parts; all arguments are arrays.
 
     A scheme holds the number of slow flows in a step, and the fast and the slow shares; a law the factor, the exponent
-    and the widest angle of a step, the square of the least rate that counts, and the rates between which it holds.
+    and the widest angle of a step, the square of the least rate that counts, the rates between which it holds, and 1 if
+    few flows lead to a row.
     """
 
-    # (scheme, law, p, state, clock, times, rows): steps until the rows are filled, or a limit in the clock is met, from
-    # which state and clock go on.
+    # (scheme, p, number, times, rows): move rows by a time of each one's own; `number` holds the rows, and the steps.
+    spread: Callable[..., None]
+    # (scheme, law, p, state, clock, times, rests, rows): steps until the rows are filled, or a limit in the clock is
+    # met, from which state and clock go on. `rests` is room for a number of each row.
     advance: Callable[..., None]
     # (scheme, laws, p, state, setting, out): two runs by one law each, to POINTS times at the beginning and at the end.
     # `setting` holds the time, the length of either part, that of the whole, and the rate. Of what the two runs differ
@@ -57,7 +62,7 @@ def kernels(parts: Parts, dimension: int, number: type = float) -> Kernels:
     """Compile those of splitting for a problem's parts, once in a process, over a type of numbers."""
     pieces = Pieces(parts, dimension)
     advance = _advance(pieces)
-    programs = pieces.prepare, pieces.compose, pieces.step, advance, _check(pieces, advance, ROUNDING[number])
+    programs = pieces.prepare, pieces.compose, pieces.spread, advance, _check(pieces, advance, ROUNDING[number])
     return Kernels(*compiled(*programs, number=number))
 
 
@@ -84,7 +89,7 @@ class Pieces:
         numbers = (0.5,) * 64, 0.5
         self.sizes = len(parts.fast.constants(*numbers)), len(parts.slow.constants(*numbers))
         self.prepare, self.compose = self._prepare(), self._compose()
-        self.step = self._step()
+        self.spread = self._spread()
 
     def constants(self, program: Program) -> Array:
         """Room for the constants of a step."""
@@ -127,23 +132,35 @@ class Pieces:
             self.slow_flow(y, self.row(constants, i) + self.sizes[0])
         return program
 
-    def _step(self) -> Program:
-        """A step by itself."""
-        program = Program("step", "constants y", "stages", "internal", "noinline")
-        constants, y, stages = program.arguments
-        at = program.room(self.dimension)
-        at.store(y.load(self.dimension))
-        program.call(self.compose, constants, at, 0.0, stages)
-        self.fast_flow(at, self.row(constants, stages))
-        y.store(at.load(self.dimension))
+    def _spread(self) -> Program:
+        """Two rows at once, which a processor computes side by side."""
+        program = Program("spread", "scheme p number times rows")
+        scheme, p, number, times, rows = program.arguments
+        stages, last, steps = scheme[0], number[0] - 1.0, number[1]
+        pair = [(self.constants(program), program.room(self.dimension)) for _ in range(2)]
+        with program.times(0.5 * number[0]) as i:
+            second = 2.0 * i + 1.0
+            places = 2.0 * i, where_positive(second - last, last, second)
+            for (constants, y), j in zip(pair, places, strict=True):
+                y.store((rows + j * float(self.dimension)).load(self.dimension))
+                program.call(self.prepare, scheme, p, constants, times[j] / steps)
+            with program.times(steps):
+                with program.times(stages) as k:
+                    for flow, shift in ((self.fast_flow, 0), (self.slow_flow, self.sizes[0])):
+                        for constants, y in pair:
+                            flow(y, self.row(constants, k) + shift)
+                for constants, y in pair:
+                    self.fast_flow(y, self.row(constants, stages))
+            for (_, y), j in zip(pair, places, strict=True):
+                (rows + j * float(self.dimension)).store(y.load(self.dimension))
         return program
 
 
 def _advance(pieces: Pieces) -> Program:
-    program = Program("advance", "scheme law p state clock times rows")
-    scheme, law, p, state, clock, times, rows = program.arguments
+    program = Program("advance", "scheme law p state clock times rests rows")
+    scheme, law, p, state, clock, times, rests, rows = program.arguments
     stages, dimension = scheme[0], pieces.dimension
-    constants, spare = (pieces.constants(program) for _ in range(2))
+    constants, number = pieces.constants(program), program.room(2)
     y, at = (program.room(dimension) for _ in range(2))
     y.store(state.load(dimension))
     # 1 while the state lacks the last fast flow of its step.
@@ -156,12 +173,6 @@ def _advance(pieces: Pieces) -> Program:
     program.call(pieces.prepare, scheme, p, constants, step[0])
     with program.repeat() as leave:
         leave(compare("oge", filled[0], clock[At.ROWS]))
-        for condition, reason in (
-            (compare("oge", steps[0], limit), Code.STEPS_DONE),
-            (compare("oge", begin[0] + since[0] * step[0], clock[At.UNTIL]), Code.PAUSED),
-        ):
-            code[0] = float(reason)
-            leave(condition)
         rate = pieces.rate(y, p)
         speed = sqrt(rate * rate + law[3])
         outside = program.cell(1.0)
@@ -184,25 +195,36 @@ def _advance(pieces: Pieces) -> Program:
             code[0] = float(Code.NO_STEP)
             leave(compare("ule", begin[0] + step[0], begin[0]))
             program.call(pieces.prepare, scheme, p, constants, step[0])
-        code[0] = float(Code.FINISHED)
-        now, end = begin[0] + since[0] * step[0], begin[0] + (since[0] + 1.0) * step[0]
-        with program.when(compare("ole", times[filled[0]], end)):
+        now = begin[0] + since[0] * step[0]
+        # Rows are reached from the nearer end of a step, except back in time where the slow part is strong.
+        near = now + where_positive(BACKWARD - law[3] * step[0], 0.5, 1.0) * step[0]
+        with program.when(compare("ole", times[filled[0]], near)):
             at.store(y.load(dimension))
             with program.when(compare("ogt", open_[0], 0.0)):
                 pieces.fast_flow(at, pieces.row(constants, stages))
             with program.repeat() as done:
                 done(compare("oge", filled[0], clock[At.ROWS]))
-                done(compare("ogt", times[filled[0]], end))
-                row = rows + filled[0] * float(dimension)
-                row.store(at.load(dimension))
-                program.call(pieces.prepare, scheme, p, spare, times[filled[0]] - now)
-                program.call(pieces.step, spare, row, stages)
+                done(compare("ogt", times[filled[0]], near))
+                (rows + filled[0] * float(dimension)).store(at.load(dimension))
+                rests[filled[0]] = times[filled[0]] - now
                 filled[0] = filled[0] + 1.0
+        for condition, reason in (
+            (compare("oge", filled[0], clock[At.ROWS]), Code.FINISHED),
+            (compare("oge", steps[0], limit), Code.STEPS_DONE),
+            (compare("oge", now, clock[At.UNTIL]), Code.PAUSED),
+        ):
+            code[0] = float(reason)
+            leave(condition)
+        code[0] = float(Code.FINISHED)
         program.call(pieces.compose, constants, y, open_[0] * (stages + 1.0), stages)
         open_[0], since[0], steps[0] = 1.0, since[0] + 1.0, steps[0] + 1.0
     with program.when(compare("ogt", open_[0], 0.0)):
         pieces.fast_flow(y, pieces.row(constants, stages))
     state.store(y.load(dimension))
+    first = clock[At.FILLED]
+    within = scheme + where_positive(law[6], 2.0 * stages + 2.0, 0.0)
+    number.store([filled[0] - first, 1.0])
+    program.call(pieces.spread, within, p, number, rests + first, rows + first * float(dimension))
     clock.store([each[0] for each in (begin, step, low, high, since, filled, steps, code)])
     return program
 
@@ -211,7 +233,8 @@ def _check(pieces: Pieces, advance: Program, rounding: float) -> Program:
     program = Program("check", "scheme laws p state setting out")
     scheme, laws, p, state, setting, out = program.arguments
     dimension, moving, points = pieces.dimension, range(*pieces.parts.moving), float(POINTS)
-    rows, times, y = program.room((4 * POINTS + 2) * dimension), program.room(2 * POINTS + 1), program.room(dimension)
+    rows, y = program.room((4 * POINTS + 2) * dimension), program.room(dimension)
+    times, rests = (program.room(2 * POINTS + 1) for _ in range(2))
     now, span, whole, rate = setting.load(4)
     times[0] = now
     with program.times(points) as k:
@@ -222,9 +245,8 @@ def _check(pieces: Pieces, advance: Program, rounding: float) -> Program:
         clock = program.room(len(At))
         clock.store([now, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0, 0.0, inf, inf, 2 * points + 1])
         y.store(state.load(dimension))
-        program.call(
-            advance, scheme, laws + run * float(LAW), p, y, clock, times, rows + run * (2 * points + 1) * dimension
-        )
+        own = rows + run * (2 * points + 1) * dimension
+        program.call(advance, scheme, laws + run * float(LAW), p, y, clock, times, rests, own)
         out[5], out[6] = out[5] + clock[At.STEPS], out[6] + clock[At.CODE]
     size = len(pieces.parts.slow_quantities(y))
     before = program.room(size)

@@ -1,6 +1,6 @@
 """Compositions of the flows of two parts, and how large their steps may be."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -36,10 +36,9 @@ class Scheme:
 
     @cached_property
     def numbers(self) -> dict[type, np.ndarray]:
-        """What machine code receives, by the type of its numbers: stages and shares."""
-        shares = [(self.fast, self.stages + 1), (self.slow, self.stages)]
+        """What machine code receives, by the type of its numbers: stages and shares, and those that lead to a row."""
         return {
-            number: np.concatenate([np.array([self.stages], number), *(_mirrored(*each, number) for each in shares)])
+            number: np.concatenate([_listed(*each, number) for each in ((self.fast, self.slow, self.stages), WITHIN)])
             for number in (float, np.longdouble)
         }
 
@@ -47,6 +46,19 @@ class Scheme:
     def addresses(self) -> dict[type, int]:
         """Where machine code finds these numbers."""
         return {number: array.ctypes.data for number, array in self.numbers.items()}
+
+    def repeated(self, times: int) -> "Scheme":
+        """So many steps in one."""
+        (first, *inner, _), slow = ((each / times).tolist() for each in self.shares)
+        fast, slow = [first, *([*inner, 2 * first] * times)[:-1], first], slow * times
+        return replace(
+            self,
+            fast=tuple(fast[: (len(fast) + 1) // 2]),
+            slow=tuple(slow[: (len(slow) + 1) // 2]),
+            stages=len(slow),
+            coefficient=self.coefficient / times**self.order,
+            widest=self.widest * times,
+        )
 
     def factor(self, error: float) -> float:
         """The number H of ``step``, at which the law promises an error over γ."""
@@ -67,6 +79,12 @@ class Scheme:
         return (AVOIDED[0] if AVOIDED[0] < angle < AVOIDED[1] else angle) / rate
 
 
+def _listed(fast: tuple[float, ...], slow: tuple[float, ...], stages: int, number: type) -> np.ndarray:
+    """Stages and all shares."""
+    shares = [_mirrored(*each, number) for each in ((fast, stages + 1), (slow, stages))]
+    return np.concatenate([np.array([stages], number), *shares])
+
+
 def _mirrored(half: tuple[float, ...], length: int, number: type = float) -> np.ndarray:
     """All shares; the middle takes up what rounding of the others leaves, since a sum beside 1 changes the clock."""
     shares = np.array([*half, *half[: length - len(half)][::-1]], number)
@@ -75,11 +93,15 @@ def _mirrored(half: tuple[float, ...], length: int, number: type = float) -> np.
     return shares
 
 
+# How rows are reached from an end of a step where the slow part is weak: SABA3 errs less in half a step than any scheme
+# below in the whole run.
+WITHIN = (0.1127016653792583, 0.3872983346207417), (0.2777777777777778, 0.4444444444444444), 3
+
 # Blanes, Casas, Farrés, Laskar, Makazaga and Murua, Appl. Numer. Math. 68 (2013) 58; SABA2 is Laskar and Robutel's of
 # 2001, S2 Strang's. On random spheroids SABA3 and ABA(8,4) gained over none of these at any error.
 SCHEMES = (
-    Scheme("S2", (0.5,), (1.0,), 1, 2, 1.0, 0.05, 1.5),
-    Scheme("SABA2", (0.2113248654051871, 0.5773502691896258), (0.5,), 2, 2, 1.0, 0.01, 3.45),
+    Scheme("S2", (0.5,), (1.0,), 1, 2, 1.0, 0.2, 1.5),
+    Scheme("SABA2", (0.2113248654051871, 0.5773502691896258), (0.5,), 2, 2, 1.0, 0.015, 2.8),
     Scheme(
         "ABA(8,6,4)",
         (0.07113342649822312, 0.24115342795664010, 0.52141176177281479, -0.33369861622767801),
@@ -90,6 +112,6 @@ SCHEMES = (
         "ABA(10,6,4)",
         (0.038094497422412195, 0.14529871611691371, 0.20762769572554125, 0.43590970365152616, -0.65386122583278671),
         (0.095858880837075211, 0.20444615314299878, 0.21707034797899110, -0.017375381959065093),
-        *(8, 6, 2.0, 1e-6, 2.8),
+        *(8, 6, 2.0, 1e-6, 5.15),
     ),
 )

@@ -99,9 +99,10 @@ class Split:
 
     def advance(self, scheme: Scheme, law: np.ndarray, *arrays: np.ndarray, limit: int = UNLIMITED) -> int:
         """Advance state and clock until rows at times are filled, or a limit is met; says which."""
-        _, own, times, _ = arrays
+        state, own, times, rows = arrays
         own[At.LIMIT], own[At.ROWS] = limit, len(times)
-        self.kernels.advance(scheme.addresses[self.number], self.numbers(law), self.address, *arrays)
+        law, rests = self.numbers(law), np.empty_like(times)
+        self.kernels.advance(scheme.addresses[self.number], law, self.address, state, own, times, rests, rows)
         return int(own[At.CODE])
 
     def free(self, record: Record) -> Outcome:

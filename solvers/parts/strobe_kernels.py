@@ -18,7 +18,7 @@ MOST_TURNS, TABLE = 3, 16
 class StrobeKernels:
     """Those of stroboscopic averaging; a point is a state with its time behind it."""
 
-    # (scheme, p, number, times, rows): move each row by a time of its own; `number` holds rows, then the steps of each.
+    # As of `Kernels`.
     spread: Callable[..., None]
     # (scheme, p, setting, weights, point, out): weighted sums, a row of weights each, of differences of the map of 1,
     # 2, ... turns: the averaged field, per turn. `setting` holds the steps of a turn, the turns, the rows.
@@ -34,20 +34,7 @@ def strobe_kernels(parts: Parts, dimension: int) -> StrobeKernels:
     pieces = Pieces(parts, dimension)
     turn = _turn(pieces)
     mean = _mean(pieces, turn)
-    parts_of_all = pieces.prepare, pieces.compose, pieces.step, turn
-    return StrobeKernels(*compiled(*parts_of_all, _spread(pieces), mean, _macro(dimension, mean)))
-
-
-def _spread(pieces: Pieces) -> Program:
-    program = Program("spread", "scheme p number times rows")
-    scheme, p, number, times, rows = program.arguments
-    constants = pieces.constants(program)
-    with program.times(number[0]) as j:
-        steps = number[j + 1.0]
-        program.call(pieces.prepare, scheme, p, constants, times[j] / steps)
-        with program.times(steps):
-            program.call(pieces.step, constants, rows + j * float(pieces.dimension), scheme[0])
-    return program
+    return StrobeKernels(*compiled(pieces.prepare, turn, pieces.spread, mean, _macro(dimension, mean)))
 
 
 def _turn(pieces: Pieces) -> Program:

@@ -169,9 +169,8 @@ class Strobe:
                 break
             whole += np.rint(off)
             at, rest, off = reached(whole)
-        pieces = np.concatenate([[len(times)], 1 + np.floor(np.abs(off) * micro)])
-        rows = np.ascontiguousarray(at[:, :-1])
-        self.kernels.spread(self.scheme, self.p, pieces, rest, rows)
+        rows, steps = np.ascontiguousarray(at[:, :-1]), 1.0 + int(np.max(np.abs(off)) * micro)
+        self.kernels.spread(self.scheme, self.p, np.array([len(times), steps]), rest, rows)
         return rows
 
     def fields(self, point: np.ndarray, setting: Setting, horizon: np.ndarray) -> np.ndarray:

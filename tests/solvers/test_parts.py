@@ -120,7 +120,7 @@ def test_a_scheme_is_a_quadrature_in_the_slow_part(scheme: Scheme):
 
 def end_state(each: Problem, scheme: Scheme, steps: int) -> np.ndarray:
     rows = np.array([each.start, each.start])
-    law = np.array([each.end / steps, 0.0, inf, 0.0, 0.0, inf])
+    law = np.array([each.end / steps, 0.0, inf, 0.0, 0.0, inf, 0.0])
     split = Split(each, TOLERANCE)
     assert split.advance(scheme, law, rows[0].copy(), clock(0.0), np.array([0.0, each.end]), rows) == Code.FINISHED
     return rows[1]
@@ -146,6 +146,18 @@ def test_order_at_fixed_steps(name: str, stokes: float, end: float, order: int, 
     exact = solve(each, "taylor", TIGHT).states[-1]
     errors = [np.abs(end_state(each, scheme, n) - exact)[:3].max() for n in steps]
     assert -np.polyfit(np.log(steps), np.log(errors), 1)[0] == pytest.approx(order, abs=0.35)
+
+
+@pytest.mark.parametrize("scheme", SCHEMES, ids=lambda scheme: scheme.name)
+def test_steps_in_one(scheme: Scheme):
+    each = problem(20.0, 6.0)
+    assert end_state(each, scheme.repeated(2), 6) == pytest.approx(end_state(each, scheme, 12), abs=1e-13)
+
+
+def test_tolerances_below_rounding_ask_for_no_end_of_steps():
+    each = problem(1e5, 2000.0)
+    steps = [solve(each, "splitting", tolerance).work.steps or 0 for tolerance in (1e-11, 1e-15)]
+    assert steps[1] < 10 * steps[0]
 
 
 @pytest.mark.parametrize("name", NAMES)
