@@ -12,6 +12,7 @@ steps, each starting from the step at which the last one stopped. While it runs,
 import ctypes
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -74,6 +75,7 @@ class CyrkSolver(Solver):
         return lambda: call.library.c_free(call(0.0, end, start, wanted, 10**9))
 
 
+@cache
 def method_number(name: str) -> int:
     """The library's number of a method."""
     load_cyrk()
@@ -122,11 +124,11 @@ def _run(call: Call, record: Record) -> Outcome:
             if size:
                 record.put(_array(library.c_get_y_ptr(result), size * dimension).reshape(size, dimension))
             time = record.now = library.c_get_t_now(result)
+            if code > 0:
+                return Status.REACHED_END, ""
             state = _array(library.c_get_y_now(result), dimension)
         finally:
             library.c_free(result)
-        if code > 0:
-            return Status.REACHED_END, ""
         if not np.isfinite(state).all():
             return Status.NON_FINITE, f"code {code}"
         if code not in _STEPS_EXCEEDED:

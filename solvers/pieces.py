@@ -55,7 +55,7 @@ class Run:
                 self.status, self.message = Status.TIME_LIMIT, f"after {self.work.steps} steps"
                 return
             piece = course(self.now, self.state, self.settings.tolerance)
-            piece, course = replace(piece, end=self._aligned(piece.end)), piece.then or course
+            course, end = piece.then or course, self._aligned(piece.end)
             try:
                 integrate = self._integrator(piece)
             except ValueError:  # Problem or setting are refused.
@@ -63,23 +63,26 @@ class Run:
             except Exception as error:
                 self.status, self.message = _crash(error, self.method.name)
                 return
-            record = self._record(piece, self.began + seconds, steps_left)
+            record = self._record(piece, end, self.began + seconds, steps_left)
             if watch:
                 watch(record)
             try:
                 self.status, message = _outcome(integrate, record, self.method.name)
             finally:
-                self._keep(piece, record)
-            # The solver knows the steps of its own piece alone.
-            message = message.replace(f"{record.work.steps} steps", f"{self.work.steps} steps")
-            self.message = "" if self.status.success else message
-            if record.filled < len(record.times) or not np.isfinite(self.state).all():
+                self._keep(piece, end, record)
+            if not self.status.success:
+                # The solver knows the steps of its own piece alone.
+                self.message = message.replace(f"{record.work.steps} steps", f"{self.work.steps} steps")
+            if record.filled < len(record.times) or (end < self.times[-1] and not np.isfinite(self.state).all()):
                 return
 
     def _aligned(self, end: float) -> float:
         """The end of a piece: a requested time, if it lies so near one that a solver could not step between them."""
-        close, end = CLOSE * self.times[-1], min(end, float(self.times[-1]))
-        near = float(self.times[np.searchsorted(self.times, end - close)])
+        last = float(self.times[-1])
+        if end >= last:
+            return last
+        close = CLOSE * last
+        near = float(self.times[self.times.searchsorted(end - close)])
         return near if near <= end + close else end
 
     def _integrator(self, piece: Piece) -> Integrator:
@@ -87,37 +90,39 @@ class Run:
         tolerance, before = piece.tolerance or self.settings.tolerance, perf_counter()
         if self.prepared and self.prepared[0] is piece.problem and self.prepared[1] == tolerance:
             return self.prepared[2]
+        settings = replace(self.settings, tolerance=tolerance) if piece.tolerance else self.settings
         with spent_on("compilation"):
-            integrate = self.method.prepare(piece.problem, replace(self.settings, tolerance=tolerance))
+            integrate = self.method.prepare(piece.problem, settings)
         self.prepared = piece.problem, tolerance, integrate
         self.began += perf_counter() - before
         return integrate
 
-    def _record(self, piece: Piece, deadline: float, steps: int) -> Record:
+    def _record(self, piece: Piece, end: float, deadline: float, steps: int) -> Record:
         """Where the solver writes: among the run's rows where the piece's are those, else in rows of its own."""
-        first, last = self.done - 1, int(np.searchsorted(self.times, piece.end, side="right")) - 1
+        first, last = self.done - 1, int(self.times.searchsorted(end, side="right")) - 1
         unit = piece.problem.time_unit / self.problem.time_unit
-        if piece.problem is self.problem and self.now == self.times[first] and piece.end == self.times[last]:
+        if piece.problem is self.problem and self.now == self.times[first] and end == self.times[last]:
             return Record(self.times[first : last + 1], self.rows[first : last + 1], deadline, steps)
-        beyond = [piece.end] if self.times[last] < piece.end < self.times[-1] else []
+        beyond = [end] if self.times[last] < end < self.times[-1] else []
         times = np.concatenate([[self.now], self.times[first + 1 : last + 1], beyond]) / unit
         rows = np.empty((len(times), piece.problem.dimension))
         rows[0] = piece.problem.start
         return Record(times, rows, deadline, steps, unit=unit)
 
-    def _keep(self, piece: Piece, record: Record) -> None:
+    def _keep(self, piece: Piece, end: float, record: Record) -> None:
         """Take over what a piece has finished, whether it reached its end or not."""
         found = piece.states(record.rows[: record.filled]) if piece.states else record.rows[: record.filled]
         # Its end need not be among the requested times.
-        wanted = int(np.searchsorted(self.times, piece.end, side="right")) - self.done
+        wanted = int(self.times.searchsorted(end, side="right")) - self.done
         new = found[1 : wanted + 1]
-        self.rows[self.done : self.done + len(new)] = new
+        if piece.states or record.rows.base is not self.rows:
+            self.rows[self.done : self.done + len(new)] = new
         self.done, self.state = self.done + len(new), found[-1]
         if self.stages:
             self.work.add(record.work)
         else:
             self.work = record.work
-        begin, self.now = self.now, min(record.reached, piece.end) if record.filled < len(record.times) else piece.end
+        begin, self.now = self.now, min(record.reached, end) if record.filled < len(record.times) else end
         own = piece.reason, piece.error, record.work.steps, piece.angle, piece.averaged
         self.stages.append(Stage(begin, self.now, *own))
 
@@ -150,8 +155,8 @@ def wrapped(problem: Problem, times: np.ndarray) -> Course:
         return states
 
     def course(time: float, state: np.ndarray, tolerance: float) -> Piece:
-        after = int(np.searchsorted(times, time, side="right"))
-        last = max(after, int(np.searchsorted(times, time + most)))
+        after = int(times.searchsorted(time, side="right"))
+        last = max(after, int(times.searchsorted(time + most)))
         return Piece(problem, float(times[min(last, len(times) - 1)]), wrap)
 
     return course

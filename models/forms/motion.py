@@ -109,4 +109,4 @@ def quaternion_rates(ops: Operations) -> Callable:
 
 def norm_drift(states: np.ndarray) -> np.ndarray:
     """|q|² - 1 of states, shape (n, d), that begin with a quaternion."""
-    return np.sum(states[:, :4] ** 2, axis=1) - 1
+    return np.einsum("ij,ij->i", states[:, :4], states[:, :4]) - 1
