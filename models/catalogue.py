@@ -28,6 +28,11 @@ FORMS: "Catalogue[Form]" = Catalogue(
 form = FORMS.find
 
 
+def reference_form(scene: "Scene") -> str:
+    """Name of the full form that gives the orientation of every scene: pilots and references follow it."""
+    return "jeffery" if scene.stokes == 0 else "quaternion"
+
+
 def full_form(scene: "Scene") -> str:
     """Name of the form of the full equations to run where nothing speaks for another one."""
     if scene.stokes == 0:

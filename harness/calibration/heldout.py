@@ -24,11 +24,12 @@ from polhode.harness.picking.laws import Laws
 from polhode.harness.picking.pilot import PilotFailedError, pilot
 from polhode.harness.picking.ranking import NotAttainableError, pick
 from polhode.harness.references.extended import ReferenceFailedError
-from polhode.harness.references.reference import reference, reference_form
+from polhode.harness.references.reference import reference
 from polhode.harness.references.two_methods import MOST
 from polhode.harness.studies.case import Case
 from polhode.harness.studies.runner import Runner
 from polhode.harness.studies.study import Study
+from polhode.models.catalogue import reference_form
 from polhode.models.spent import SPENT
 from polhode.solvers.contract import Status
 

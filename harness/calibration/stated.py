@@ -16,8 +16,9 @@ from polhode.harness.common.store import Record, Store
 from polhode.harness.picking.pilot import pilot
 from polhode.harness.picking.second_look import LEAST, SHARE
 from polhode.harness.references.errors import errors
-from polhode.harness.references.reference import reference, reference_form
+from polhode.harness.references.reference import reference
 from polhode.models.catalogue import form as find_form
+from polhode.models.catalogue import reference_form
 from polhode.solvers.catalogue import SOLVERS
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import SolverNotValidError

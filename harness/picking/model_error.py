@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 
 from polhode.harness.picking.laws import WANTS, Interval
-from polhode.harness.picking.pilot import Pilot, PilotFailedError, follow, form_ladder, pilot_form, samples_of
+from polhode.harness.picking.pilot import Pilot, PilotFailedError, follow, form_ladder, samples_of
 from polhode.harness.picking.refusals import apart
 from polhode.harness.references.errors import Errors, errors
+from polhode.models.catalogue import form as find_form
+from polhode.models.catalogue import reference_form
 from polhode.models.form import Form
 from polhode.models.observables import Observables
 from polhode.models.scene import Scene
@@ -144,7 +146,7 @@ def _interval(want: str, near: Errors, far: Errors, gap: float) -> Interval | No
 
 @cache
 def _tight(scene: Scene) -> Observables:
-    form = pilot_form(scene)
+    form = find_form(reference_form(scene))
     solution = follow(form, scene, 1e-8)
     if not solution.success:
         raise PilotFailedError(f"pilot: St = {scene.stokes:g} ended with {solution.status}")

@@ -18,6 +18,7 @@ from polhode.harness.picking.laws import STIFF, Sensitivity
 from polhode.harness.references.errors import Errors, errors
 from polhode.harness.references.rotations import rotations
 from polhode.models.catalogue import form as find_form
+from polhode.models.catalogue import reference_form
 from polhode.models.form import Form
 from polhode.models.observables import Observables, angular_velocity
 from polhode.models.problem import PlannedPiece
@@ -115,7 +116,7 @@ class Pilot:
             return start_from(self.scene.ellipsoid, self.observables.at(slice(row, row + 1)))
         if share * self.rotations > MOST_ROTATIONS:
             return None
-        form, begun = pilot_form(self.scene), replace(self.scene, time=time)
+        form, begun = find_form(reference_form(self.scene)), replace(self.scene, time=time)
         seen = form.observe(begun, follow(form, begun, BEGUN).states)
         return start_from(self.scene.ellipsoid, seen.at(slice(len(seen.energy) - 1, None)))
 
@@ -130,11 +131,6 @@ def damping_times(scene: Scene) -> float:
     if scene.stokes == 0 or isinf(scene.stokes):
         return 0.0
     return scene.time * max(scene.ellipsoid.damping) / scene.stokes
-
-
-def pilot_form(scene: Scene) -> Form:
-    """The form whose pilot stands for all full forms: with an orientation, whatever the shape."""
-    return find_form("jeffery" if scene.stokes == 0 else "quaternion")
 
 
 def oriented(scene: Scene) -> Scene:
@@ -175,7 +171,7 @@ def pilot(scene: Scene) -> Pilot:
     except ValueError as error:
         raise PilotFailedError(f"pilot: {error}") from None
     followed = _within_reach(whole, count)
-    found = _ladder(pilot_form(followed), followed)
+    found = _ladder(find_form(reference_form(followed)), followed)
     own = _grown(gains(followed.ellipsoid, found), whole.time / followed.time)
     return Pilot(whole, followed, count, found[-1][1], own)
 
@@ -269,7 +265,7 @@ def form_sensitivity(form: Form, pilot: Pilot, solver: str = "") -> dict[str, Se
         # An error of L turns into one of the angle with every rotation.
         turned = {"slow": 1.0, "orientation": 1.0 + pilot.rotations}
         own = {want: Gain(WHOLE_RUN_TOLERANCE, WHOLE_RUN_TOLERANCE * turned[want]) for want in own}
-    elif not form.angles and form.name != pilot_form(scene).name and form.problem(scene).parameters is not None:
+    elif not form.angles and form.name != reference_form(scene) and form.problem(scene).parameters is not None:
         found = form_ladder(form, scene)
         own, observables = _grown(gains(scene.ellipsoid, found), pilot.scene.time / scene.time), found[-1][1]
     turns = 0.0 if form.averaged else pilot.rotations

@@ -17,9 +17,11 @@ import numpy as np
 from polhode.harness.common.text import in_two_digits, scientific, short
 from polhode.harness.picking.laws import EPS, STIFF, Interval
 from polhode.harness.picking.model_error import NotApplicableError, model_errors, own_estimate
-from polhode.harness.picking.pilot import SATURATED, PilotFailedError, damping_times, pilot, pilot_form
+from polhode.harness.picking.pilot import SATURATED, PilotFailedError, damping_times, pilot
 from polhode.harness.picking.refusals import one_digit
 from polhode.harness.references.errors import orientation_difference
+from polhode.models.catalogue import form as find_form
+from polhode.models.catalogue import reference_form
 from polhode.models.form import Form, FormNotValidError
 from polhode.models.observables import Observables
 from polhode.models.problem import Problem
@@ -108,7 +110,7 @@ class RunError:
             return self
         sure = "was missed" if stated.predicted > error else "may have been missed"
         if form.averaged:
-            what = f"--form {pilot_form(scene).name}, whose error its tolerance alone sets"
+            what = f"--form {reference_form(scene)}, whose error its tolerance alone sets"
         else:
             tighter = one_digit(tolerance * error / stated.high / 2)
             what = f"--tolerance {short(tighter)}" if tighter >= TIGHTEST else "nothing: double precision holds no more"
@@ -247,7 +249,7 @@ def _takes(form: Form, scene: Scene, found: Solution, look: Look) -> tuple[Form,
         with suppress(SolverNotValidError):
             look.solver.check(found.problem)
             return form, found.problem
-    form = pilot_form(scene)
+    form = find_form(reference_form(scene))
     return form, form.problem(scene)
 
 

@@ -24,6 +24,7 @@ from polhode.harness.references.errors import errors, statistics_distance
 from polhode.harness.references.extended import ReferenceFailedError, extended_integrator, extended_run
 from polhode.harness.references.rotations import rotations
 from polhode.models.catalogue import form as find_form
+from polhode.models.catalogue import reference_form
 from polhode.models.form import Form
 from polhode.models.observables import Observables
 from polhode.models.problem import Problem
@@ -130,11 +131,6 @@ def _tried_less(arrays: dict[str, np.ndarray], seconds: float) -> bool:
     """Whether what is kept is a failure that says nothing of a trial of so many seconds."""
     judged = "failure" not in arrays or int(arrays.get("certificates", 0)) == CERTIFICATES
     return not judged or float(arrays.get("seconds", inf)) < seconds
-
-
-def reference_form(scene: Scene) -> str:
-    """The form whose reference all full forms of a scene are compared with."""
-    return "jeffery" if scene.stokes == 0 else "quaternion"
 
 
 def _compute(scene: Scene, form: Form, problem: Problem, samples: int, deadline: float) -> dict[str, np.ndarray]:

@@ -30,7 +30,7 @@ from polhode.harness.picking.model_error import NotApplicableError, causes, mode
 from polhode.harness.picking.pilot import form_sensitivity, oriented, pilot
 from polhode.harness.references import rotations
 from polhode.harness.references.errors import errors
-from polhode.models.catalogue import form
+from polhode.models.catalogue import form, reference_form
 from polhode.models.files.scene_file import scene_table
 from polhode.models.forms.quaternion import Quaternion
 from polhode.models.problem import PlannedPiece
@@ -198,7 +198,7 @@ def test_pilot_knows_its_own_error(name):
     scene = named_scene(name)
     found = pilot(scene)
     assert found.direct
-    which = laws_pilot.pilot_form(scene)
+    which = form(reference_form(scene))
     times = np.linspace(0, scene.time, laws_pilot.SAMPLES)
     exact = solve(which.problem(scene), "cyrk-radau" if name == "tumbler" else "taylor", 1e-13, times)
     loose = laws_pilot.follow(which, scene, found.gains["slow"].tolerance)

@@ -4,7 +4,8 @@ import pytest
 
 from polhode.harness.references import two_methods
 from polhode.harness.references.errors import errors
-from polhode.harness.references.reference import ReferenceFailedError, reference, reference_form
+from polhode.harness.references.reference import ReferenceFailedError, reference
+from polhode.models.catalogue import reference_form
 from polhode.models.scenes import named_scene
 
 
