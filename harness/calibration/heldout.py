@@ -18,7 +18,7 @@ from polhode.harness.calibration.scenes import (
     questions,
 )
 from polhode.harness.calibration.selection import CUTOFF, decade, runs_of
-from polhode.harness.calibration.training import REFERENCE_SECONDS, CaseGroups, methods_for, study
+from polhode.harness.calibration.training import REFERENCE_SECONDS, batches_of, methods_for, study
 from polhode.harness.common.store import Record, Store
 from polhode.harness.picking.laws import Laws
 from polhode.harness.picking.pilot import PilotFailedError, pilot
@@ -60,8 +60,8 @@ def evaluate(
             drawn = affordable(each, -(-count // 2), stratum, left_out)
             answers += [ask(question, laws, stratum) for question in drawn]
     runner = Runner(store, quiet)
-    records = runner.run(CaseGroups.of("held-out", (each for answer in answers for each in studies(answer))))
-    last = runner.run(CaseGroups("finals", tuple(finalists(answer, records) for answer in answers)))
+    records = runner.run_batches("held-out", batches_of(each for answer in answers for each in studies(answer)))
+    last = runner.run_batches("finals", [finalists(answer, records) for answer in answers])
     finals = [[record for record in last if record["scene_name"] == answer.question.name + FINAL] for answer in answers]
     chosen = []
     for answer in answers:

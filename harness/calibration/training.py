@@ -1,9 +1,8 @@
 """What is measured to fit the laws: random scenes, by every form that accepts them and every solver, as studies."""
 
 from collections.abc import Collection, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import log10
-from typing import Self
 
 import numpy as np
 
@@ -144,24 +143,12 @@ def study(question: Question, form: str, solvers: list[str], tolerances: tuple[f
     )
 
 
-@dataclass(frozen=True)
-class CaseGroups:
-    """Cases in batches, those of a batch measured in turns."""
-
-    name: str
-    groups: tuple[list[Case], ...]
-
-    @classmethod
-    def of(cls, name: str, studies: Iterable[Study]) -> Self:
-        """The batches of several studies."""
-        return cls(name, tuple(batch for study in studies for batch in study.batches()))
-
-    def batches(self) -> Iterator[list[Case]]:
-        """The groups."""
-        return iter(self.groups)
+def batches_of(studies: Iterable[Study]) -> list[list[Case]]:
+    """Cases of several studies in batches, those of a batch measured in turns."""
+    return [batch for study in studies for batch in study.batches()]
 
 
-def training(count: int = TRAINING_SCENES, base: Laws | None = None) -> CaseGroups:
+def training(count: int = TRAINING_SCENES, base: Laws | None = None) -> list[list[Case]]:
     """All that is measured of the training scenes, or what laws lack of it, and of half as many long ones."""
     parts: list[Study] = []
     for stratum, scenes in zip(STRATA, (count, count // LONG_SHARE), strict=True):
@@ -170,7 +157,7 @@ def training(count: int = TRAINING_SCENES, base: Laws | None = None) -> CaseGrou
                 known = base if stratum == "short" else None
                 solvers = (name for name in each.solvers if known is None or lacking(known, each.forms[0], name))
                 parts.append(replace(each, solvers=tuple(solvers)))
-    return CaseGroups.of("training", parts)
+    return batches_of(parts)
 
 
 def without(store: Store, base: Laws | None, names: Collection[str]) -> Laws | None:
@@ -181,4 +168,4 @@ def without(store: Store, base: Laws | None, names: Collection[str]) -> Laws | N
 
 def train(store: Store, count: int = TRAINING_SCENES, quiet: bool = False, base: Laws | None = None) -> list[Record]:
     """Records of the training scenes, measured into a store where it does not hold them."""
-    return Runner(store, quiet).run(training(count, base))
+    return Runner(store, quiet).run_batches("training", training(count, base))

@@ -1,10 +1,9 @@
 """Running a study into a store: batch by batch, so that an interrupted run is taken up where it stopped."""
 
 import gc
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import inf
-from typing import Protocol
 
 from tqdm import tqdm
 
@@ -13,6 +12,7 @@ from polhode.harness.common.store import Record, Store
 from polhode.harness.common.timing import Patience, Timing, sentinel
 from polhode.harness.common.worker import ATTEMPTS, Failure, KilledFromOutsideError, Worker
 from polhode.harness.studies.case import Attempt, Case, attempt, judge, missing, time_once
+from polhode.harness.studies.study import Study
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Backend, Jacobian, Status
 
@@ -22,15 +22,6 @@ COMPILATION = 60.0
 SANE_ERROR = 1.0
 
 Group = tuple[str, float, str, str, Backend | None, Jacobian | None]
-
-
-class Batches(Protocol):
-    """What can be run into a store: a study, or several in one go. Each batch is timed in interleaved order."""
-
-    @property
-    def name(self) -> str: ...  # noqa: D102
-
-    def batches(self) -> Iterator[list[Case]]: ...  # noqa: D102
 
 
 @dataclass
@@ -50,14 +41,17 @@ class Runner:
     def __post_init__(self) -> None:
         self._patience = Patience(self._sentinel)
 
-    def run(self, study: Batches) -> list[Record]:
+    def run(self, study: Study) -> list[Record]:
         """Run what the store does not hold yet and return the records of the whole study."""
-        batches = list(study.batches())
+        return self.run_batches(study.name, list(study.batches()))
+
+    def run_batches(self, name: str, batches: list[list[Case]]) -> list[Record]:
+        """The same of cases in batches, each of which is timed in interleaved order."""
         known, wanted = self.store.keys(), [case.key for batch in batches for case in batch]
         surroundings = {"machine": machine(), "versions": versions()}
         with (
             self._worker,
-            tqdm(total=len(wanted), disable=self.quiet or None, unit="case", desc=study.name, leave=False) as progress,
+            tqdm(total=len(wanted), disable=self.quiet or None, unit="case", desc=name, leave=False) as progress,
         ):
             for batch in batches:
                 fresh = [case for case in batch if case.key not in known]

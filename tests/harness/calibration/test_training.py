@@ -12,7 +12,7 @@ from polhode.solvers.catalogue import solver
 
 def measured(base: Laws | None) -> set[tuple[str, str]]:
     """Methods measured of the first short scene, by laws that are to be added to."""
-    return {(case.form, case.solver) for batch in training(1, base).batches() for case in batch}
+    return {(case.form, case.solver) for batch in training(1, base) for case in batch}
 
 
 def test_only_what_laws_lack_is_measured():

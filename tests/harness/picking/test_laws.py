@@ -10,7 +10,7 @@ import pytest
 from polhode.harness.calibration.fit import fit_cost, fit_error, fit_errors, refit
 from polhode.harness.calibration.samples import Sample
 from polhode.harness.calibration.scenes import HELD_OUT_SEED, TRAINING_SEED, questions
-from polhode.harness.calibration.training import CaseGroups, fast_solvers, forms_for, solvers_for, training
+from polhode.harness.calibration.training import fast_solvers, forms_for, solvers_for, training
 from polhode.harness.common.files import write_file
 from polhode.harness.picking import pilot as laws_pilot
 from polhode.harness.picking.laws import (
@@ -381,12 +381,11 @@ def test_training_measures_what_makes_sense():
     assert "cyrk-radau" in solvers_for(stiff, 0)
     assert "averaged" in forms_for(paper, 40.0)
     assert "averaged" not in forms_for(stiff, 3.0)
-    cases = [case for batch in training(2).batches() for case in batch]
+    cases = [case for batch in training(2) for case in batch]
     names = [f"random-{TRAINING_SEED}-0", f"random-{TRAINING_SEED}-1", f"long-{TRAINING_SEED}-0"]
     assert list(dict.fromkeys(case.scene_name for case in cases)) == names
     assert len({case.key for case in cases}) == len(cases)
     assert {case.solver for case in cases} <= set(SOLVERS)
-    assert list(CaseGroups("nothing", ()).batches()) == []
 
 
 def test_intervals_overlap_or_do_not():
