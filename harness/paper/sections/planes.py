@@ -6,18 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
+from polhode.harness.paper import planes
 from polhode.harness.paper.drawing import AVERAGED, BLUE, common_legend, draw_broken, label, panels
 from polhode.harness.paper.item import Columns, Computed, Data, Grid
-from polhode.harness.paper.planes import (
-    ABOVE_PINCH,
-    aligned_scene,
-    distance_from_node,
-    draw_frame,
-    energy_at,
-    name_lines,
-    name_points,
-    plane_path,
-)
 from polhode.harness.paper.runs import axes_of, full_run, graded
 from polhode.harness.paper.tables import by, columns, groups, path_table, stacked
 from polhode.models.shape import Ellipsoid
@@ -45,10 +36,10 @@ def plane_tables(
     paths, ends = [], []
     for number, (momentum, share) in enumerate(starts):
         times = slow_times[slow_times <= on_edge] if share == 1.0 else slow_times
-        run = plane_path(body, momentum, energy_at(body, momentum, min(share, INSIDE)), times)
+        run = planes.plane_path(body, momentum, planes.energy_at(body, momentum, min(share, INSIDE)), times)
         chosen = kept(run.slow)
         paths.append((number, run.times[chosen], run.slow[chosen]))
-        last = float(distance_from_node(body, run.slow[-1]))
+        last = float(planes.distance_from_node(body, run.slow[-1]))
         # By L_z/(4π min X) a trajectory with L_z > 0 has reached the pinch point.
         bound = momentum * max(body.inertia) / (4 * np.pi * min(body.resistance))
         ends.append((number, momentum, share, last, run.times[-1], bound))
@@ -75,12 +66,12 @@ class Planes:
             # Eight relaxation times of the slowest rotation.
             slow_times = graded(8.0 / min(body.damping), 4 * (points - 1) + 1)
             for path, (momentum, theta) in enumerate(STARTS):
-                slow = aligned_scene(body, 1.0, momentum, theta, 1.0).initial.slow[0] / max(body.inertia)
-                averaged = plane_path(body, momentum, float(slow[3]), slow_times).slow
-                before = averaged[:, 2] < 0 if momentum < 0 else averaged[:, 2] > ABOVE_PINCH
+                slow = planes.aligned_scene(body, 1.0, momentum, theta, 1.0).initial.slow[0] / max(body.inertia)
+                averaged = planes.plane_path(body, momentum, float(slow[3]), slow_times).slow
+                before = averaged[:, 2] < 0 if momentum < 0 else averaged[:, 2] > planes.ABOVE_PINCH
                 runs = [(np.inf, averaged)]
                 for stokes in STOKES:
-                    scene = aligned_scene(body, stokes, momentum, theta, float(slow_times[-1]))
+                    scene = planes.aligned_scene(body, stokes, momentum, theta, float(slow_times[-1]))
                     full = full_run(scene, stokes * slow_times).slow
                     runs.append((stokes, full))
                     difference = np.abs(full[: len(averaged)][before] - averaged[before])
@@ -97,7 +88,9 @@ class Planes:
         widest = max(worst, key=lambda name: worst[name])
         part = by(data[""], "body")[widest]
         for own, stokes in zip(axes, STOKES, strict=False):
-            draw_frame(own, self.bodies[widest], -0.8, 0.8, title=f"{name_of(self.bodies[widest])}, St = {stokes:g}")
+            planes.draw_frame(
+                own, self.bodies[widest], -0.8, 0.8, title=f"{name_of(self.bodies[widest])}, St = {stokes:g}"
+            )
             for wanted, style in (
                 (stokes, {"color": BLUE, "label": "full"}),
                 (np.inf, {"color": AVERAGED, "label": "averaged"}),
@@ -112,8 +105,8 @@ class Planes:
             )
             label(own, "body, one bar per start", "largest difference$/I_{max}$", f"St = {stokes:g}")
         first = self.bodies[widest]
-        name_points(axes[0], {point.stability: NAMES[point.stability] for point in fixed_points(first)})
-        name_lines(axes[0], first, "bounds of $L_z^2/2E$")
+        planes.name_points(axes[0], {point.stability: NAMES[point.stability] for point in fixed_points(first)})
+        planes.name_lines(axes[0], first, "bounds of $L_z^2/2E$")
         common_legend(figure, axes[0])
         return figure
 

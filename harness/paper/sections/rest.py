@@ -10,23 +10,8 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from scipy.signal import find_peaks
 
 from polhode.harness.pages.figures.style import power
-from polhode.harness.paper.drawing import (
-    BLACK,
-    BLUE,
-    CYCLE,
-    GREEN,
-    NODE,
-    ORANGE,
-    PURPLE,
-    VERMILLION,
-    draw_groups,
-    draw_law,
-    draw_on_sphere,
-    label,
-    legend_in,
-    panels,
-    unit_sphere,
-)
+from polhode.harness.paper import drawing
+from polhode.harness.paper.drawing import draw_groups, draw_law, draw_on_sphere, label, legend_in, panels, unit_sphere
 from polhode.harness.paper.item import Computed, Data, Grid, Table
 from polhode.harness.paper.runs import Run, full_run
 from polhode.harness.paper.sections.slow_motion import NAMES
@@ -35,7 +20,7 @@ from polhode.models.scene import EulerStart, Scene
 from polhode.models.shape import Ellipsoid
 
 # Of four Stokes numbers, beside the green of the Jeffery orbit.
-COLORS = (BLUE, ORANGE, VERMILLION, PURPLE)
+COLORS = (drawing.BLUE, drawing.ORANGE, drawing.VERMILLION, drawing.PURPLE)
 # Distance, in rad, at which a path counts as off the Jeffery orbit.
 APART = 0.1
 # Rotation, in rad, of a particle since its start that marks the onset of inertia.
@@ -80,8 +65,8 @@ def _sphere_beside() -> tuple[Figure, Axes, Axes]:
 
 def _draw_start(sphere: Axes, orbit: Table) -> None:
     """Draw the Jeffery orbit, and its first point, where all paths start."""
-    draw_on_sphere(sphere, orbit, color=GREEN, linestyle="--", linewidth=1.3, zorder=4, label="Jeffery orbit")
-    draw_on_sphere(sphere, orbit[:1], marker="o", color=BLACK, markersize=4, zorder=5)
+    draw_on_sphere(sphere, orbit, color=drawing.GREEN, linestyle="--", linewidth=1.3, zorder=4, label="Jeffery orbit")
+    draw_on_sphere(sphere, orbit[:1], marker="o", color=drawing.BLACK, markersize=4, zorder=5)
 
 
 def turns(path: Table) -> np.ndarray:
@@ -122,12 +107,15 @@ class Sphere:
         figure, sphere, axes = _sphere_beside()
         table, onset = data[""], onset_of(data[""])
         before, after = table[table.t <= onset], table[table.t >= onset]
-        for part, color, width, text in ((before, BLUE, 1.8, "before the onset"), (after, ORANGE, 0.9, "after it")):
+        for part, color, width, text in (
+            (before, drawing.BLUE, 1.8, "before the onset"),
+            (after, drawing.ORANGE, 0.9, "after it"),
+        ):
             draw_on_sphere(sphere, part[part.t <= 3 * onset], color=color, linewidth=width, zorder=1 + width)
             axes.plot(part.t, part.z, color=color, linewidth=1.1, label=text)
         _draw_start(sphere, data["jeffery"])
-        axes.axvline(onset, color=NODE, linestyle=":", label="onset: gyroscopic terms exceed viscous ones")
-        axes.plot([], [], color=GREEN, linestyle="--", label="Jeffery orbit (left)")
+        axes.axvline(onset, color=drawing.NODE, linestyle=":", label="onset: gyroscopic terms exceed viscous ones")
+        axes.plot([], [], color=drawing.GREEN, linestyle="--", label="Jeffery orbit (left)")
         label(axes, "time $t\\dot\\gamma$", "z component of the axis", ylim=(-1.05, 1.05)).legend(loc="upper right")
         return figure
 
@@ -158,7 +146,7 @@ class Short:
             draw_on_sphere(sphere, part, color=color, linewidth=1.4, label=f"St = {power(stokes)}")
         _draw_start(sphere, data["jeffery"])
         sphere.legend(loc="upper left", fontsize=7)
-        axes.plot(data["length"].stokes, data["length"].length, "o-", color=BLUE)
+        axes.plot(data["length"].stokes, data["length"].length, "o-", color=drawing.BLUE)
         label(axes, "Stokes number St", "path length until $t = \\mathrm{St}^{1/2}$, rad", log="x").set_ylim(bottom=0.0)
         return figure
 
@@ -196,7 +184,9 @@ class Transient:
             root = "\\mathrm{St}\\," if name == "E" else "\\mathrm{St}^{1/2}\\,"
             self._draw(own, early, name, f"${root}" + NAMES[name][1:], (onset, wiggle), exponent_)
         found, place = data["onset"], axes[2]
-        for style, color, name, text in zip("os", (BLUE, NODE), ("turned", "wiggle"), MARKS, strict=True):
+        for style, color, name, text in zip(
+            "os", (drawing.BLUE, drawing.NODE), ("turned", "wiggle"), MARKS, strict=True
+        ):
             place.plot(found.stokes, found[name] * found.stokes**0.5, style, color=color, label=text)
         draw_law(place, found.stokes, onset * found.stokes[-1] ** 0.5, 0.5)
         label(place, "Stokes number St", "onset time $t\\dot\\gamma$", log="xy").legend()
@@ -206,7 +196,7 @@ class Transient:
     def _draw(
         self, axes: Axes, table: Table, name: str, text: str, onset: tuple[float, float], scaling: float = 0.0
     ) -> None:
-        colors = CYCLE[self.stokes.index(min(table.stokes)) :]
+        colors = drawing.CYCLE[self.stokes.index(min(table.stokes)) :]
 
         def curve(part: Table) -> tuple[np.ndarray, np.ndarray]:
             return part.scaled, part[name] * part.stokes**scaling

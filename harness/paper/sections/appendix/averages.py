@@ -7,18 +7,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.integrate import cumulative_simpson
 
-from polhode.harness.paper.drawing import (
-    AVERAGED,
-    BLUE,
-    CYCLE,
-    ORANGE,
-    SKY,
-    VERMILLION,
-    common_legend,
-    draw_law,
-    label,
-    panels,
-)
+from polhode.harness.paper import drawing
+from polhode.harness.paper.drawing import common_legend, draw_law, label, panels
 from polhode.harness.paper.item import Computed, Data, Grid
 from polhode.harness.paper.planes import aligned_scene
 from polhode.harness.paper.runs import averaged_run, full_run, run_form, spheroid
@@ -114,7 +104,7 @@ def figure_averages(data: Data) -> Figure:
     for number, own in enumerate(axes):
         chosen = table[number * count : (number + 1) * count]
         place = -np.arange(len(chosen))
-        for name, marker, color, size in (("corrected", "o", BLUE, 4), ("printed", "x", VERMILLION, 5)):
+        for name, marker, color, size in (("corrected", "o", drawing.BLUE, 4), ("printed", "x", drawing.VERMILLION, 5)):
             own.plot(np.maximum(chosen[name], floor), place, marker, color=color, markersize=size, label=name)
         own.set_yticks(place, chosen.entry.tolist(), fontsize=6.5 if parts > 1 else 8)
         limits = {"ylim": (-count + 0.3, 0.7), "xlim": (floor, 10)}
@@ -164,11 +154,15 @@ def figure_first_order(data: Data) -> Figure:
     """L_z in time, and errors against St."""
     figure, (left, right) = panels(1, 2, 4.0, 3.1)
     table, found = data[""], data["errors"]
-    left.plot(table.t2, table.full, color=CYCLE[0], linewidth=2.0, label="full")
-    left.plot(table.t2, table.averaged, color=AVERAGED, label="averaged")
-    left.plot(table.t2, table.corrected, color=ORANGE, linestyle="--", label="with first-order correction")
+    left.plot(table.t2, table.full, color=drawing.CYCLE[0], linewidth=2.0, label="full")
+    left.plot(table.t2, table.averaged, color=drawing.AVERAGED, label="averaged")
+    left.plot(table.t2, table.corrected, color=drawing.ORANGE, linestyle="--", label="with first-order correction")
     label(left, "slow time $t_2$", "$L_z/I_e$", f"St = {SHOWN:g}").legend()
-    for name, color, slope in (("averaged", AVERAGED, -1), ("printed", SKY, -1), ("corrected", ORANGE, -2)):
+    for name, color, slope in (
+        ("averaged", drawing.AVERAGED, -1),
+        ("printed", drawing.SKY, -1),
+        ("corrected", drawing.ORANGE, -2),
+    ):
         right.plot(found.stokes, found[name], "o-", color=color, markersize=3.5, label=name)
         draw_law(right, found.stokes, found[name][-1], slope, color=color)
     label(right, "Stokes number St", "largest error of $L_z/I_e$", log="xy").legend()

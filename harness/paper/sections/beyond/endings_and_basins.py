@@ -7,17 +7,8 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
 from polhode.harness.pages.figures.style import power
-from polhode.harness.paper.drawing import (
-    AVERAGED,
-    BLUE,
-    CYCLE,
-    GREEN,
-    ORANGE,
-    VERMILLION,
-    YELLOW,
-    label,
-    panels,
-)
+from polhode.harness.paper import drawing
+from polhode.harness.paper.drawing import label, panels
 from polhode.harness.paper.item import Computed, Data, Grid, Table
 from polhode.harness.paper.planes import distance_from_node, energy_at
 from polhode.harness.paper.runs import averaged_run, full_run, graded, slow_run
@@ -75,21 +66,27 @@ def figure_endings(data: Data) -> Figure:
     """Arrival times against each other, and the shares."""
     figure, (left, right) = panels(1, 2, 3.9, 3.4)
     ends = [0.9 * min(data[""].averaged), 1.1 * max(data[""].full)]
-    left.plot(ends, ends, color=AVERAGED, linewidth=0.8, label="equal")
-    for color, (stokes, part) in zip(CYCLE, groups(data[""], "stokes"), strict=False):
+    left.plot(ends, ends, color=drawing.AVERAGED, linewidth=0.8, label="equal")
+    for color, (stokes, part) in zip(drawing.CYCLE, groups(data[""], "stokes"), strict=False):
         left.plot(part.averaged, part.full, ".", color=color, markersize=4, label=f"St = {power(stokes)}")
     label(left, "arrival of the averaged run, slow time", "arrival of the full run, slow time", log="xy").legend()
     for axis in (left.xaxis, left.yaxis):
         axis.set_ticks([0.2, 0.5, 1.0], ["0.2", "0.5", "1"])
         axis.set_ticks([], minor=True)
-    for color, (near, part) in zip((BLUE, GREEN, VERMILLION), groups(data[""], "near"), strict=True):
+    for color, (near, part) in zip(
+        (drawing.BLUE, drawing.GREEN, drawing.VERMILLION), groups(data[""], "near"), strict=True
+    ):
         off = late(part)
         right.plot(
             list(off), list(off.values()), "o-", color=color, label=f"arrival off by a fifth, {near:g} from the saddle"
         )
     flipped = flips(data[""])
     right.plot(
-        list(flipped), list(flipped.values()), "s--", color=ORANGE, label="end of $z'$ changes with the fast phase"
+        list(flipped),
+        list(flipped.values()),
+        "s--",
+        color=drawing.ORANGE,
+        label="end of $z'$ changes with the fast phase",
     )
     label(right, "Stokes number St", "share of starts", log="x", ylim=(-0.03, 1.03))
     right.legend(loc="center right", bbox_to_anchor=(1.0, 0.3), fontsize=7)
@@ -147,7 +144,7 @@ def figure_basins(data: Data) -> Figure:
     times = left.pcolormesh(cosine, height, slow_times.T, cmap="cividis", rasterized=True)
     figure.colorbar(times, ax=left, label="slow time to the node")
     label(left, "$L_z/|L|$", "share of $E$ between its bounds")
-    both = ListedColormap((BLUE, YELLOW))
+    both = ListedColormap((drawing.BLUE, drawing.YELLOW))
     theta, psi, up = map_of(data["ends"], "theta psi z")
     ends = right.pcolormesh(psi, theta, up, cmap=both, vmin=-1, vmax=1, rasterized=True)
     bar = figure.colorbar(ends, ax=right, label="$z'$ at the end, along the vorticity axis $z$", ticks=(-0.5, 0.5))

@@ -5,18 +5,9 @@ from math import sqrt
 import numpy as np
 from matplotlib.figure import Figure
 
+from polhode.harness.paper import planes
 from polhode.harness.paper.drawing import BLACK, BLUE, BOUND, NODE, ORANGE, VERMILLION, common_legend, panels
 from polhode.harness.paper.item import Computed, Data, Grid, Table
-from polhode.harness.paper.planes import (
-    draw_frame,
-    draw_paths,
-    energy_at,
-    fixed_point,
-    name_lines,
-    name_points,
-    place_of,
-    plane_steps,
-)
 from polhode.harness.paper.runs import graded, slow_run
 from polhode.harness.paper.sections.ellipsoids.motion import ELLIPSOID, critical_after, critical_before
 from polhode.harness.paper.sections.planes import NAMES, plane_tables
@@ -46,8 +37,8 @@ def compute_plane(grid: Grid) -> Computed:
 
 def _kept(slow: np.ndarray) -> np.ndarray:
     """Indices of points at even steps, and of all in the magnified view of the singular point, or next to it."""
-    inside = np.abs(slow[:, 2:] - fixed_point(ELLIPSOID, "singular")) < 1.2 * np.array(WINDOW)
-    return np.union1d(plane_steps(slow, 250), np.flatnonzero(np.all(inside, axis=1)))
+    inside = np.abs(slow[:, 2:] - planes.fixed_point(ELLIPSOID, "singular")) < 1.2 * np.array(WINDOW)
+    return np.union1d(planes.plane_steps(slow, 250), np.flatnonzero(np.all(inside, axis=1)))
 
 
 def _local() -> list[tuple[dict, dict]]:
@@ -74,10 +65,10 @@ def _averaged() -> list[tuple[dict, dict]]:
 def figure_plane(data: Data) -> Figure:
     """The plane, and the neighbourhood of the singular point."""
     figure, (left, right) = panels(1, 2, 4.6, 4.4)
-    x, y = fixed_point(ELLIPSOID, "singular")
+    x, y = planes.fixed_point(ELLIPSOID, "singular")
     for own in (left, right):
-        draw_frame(own, ELLIPSOID, -1.0, 1.0)
-        draw_paths(own, data[""], (0.6, 0.2, 0.1))
+        planes.draw_frame(own, ELLIPSOID, -1.0, 1.0)
+        planes.draw_paths(own, data[""], (0.6, 0.2, 0.1))
         for kind, line in groups(data["critical"], "kind"):
             style = {"color": (ORANGE, VERMILLION)[int(kind)], "linestyle": ("--", "-")[int(kind)]}
             for _, part in groups(line, "side"):
@@ -86,8 +77,8 @@ def figure_plane(data: Data) -> Figure:
     right.set(xlim=(x - WINDOW[0], x + WINDOW[0]), ylim=(y - WINDOW[1], y + WINDOW[1]))
     right.locator_params(axis="x", nbins=5)
     right.set_title("around the singular point")
-    name_points(left, NAMES)
-    name_lines(left, ELLIPSOID, "$L_z^2 = 2EI_1, 2EI_3$")
+    planes.name_points(left, NAMES)
+    planes.name_lines(left, ELLIPSOID, "$L_z^2 = 2EI_1, 2EI_3$")
     left.plot([], [], color=VERMILLION, lw=2, label="critical, averaged")
     left.plot([], [], color=ORANGE, lw=2, linestyle="--", label="critical, local solution")
     common_legend(figure, left)
@@ -121,7 +112,7 @@ def compute_space(grid: Grid) -> Computed:
     slow_times = graded(1.0, grid.of(401, 101))
     paths = []
     for zero in (1, 0):
-        slow = np.array([0.0, 0.0, -0.2, energy_at(ELLIPSOID, 1.0, 0.7)])
+        slow = np.array([0.0, 0.0, -0.2, planes.energy_at(ELLIPSOID, 1.0, 0.7)])
         slow[1 - zero] = sqrt(1 - 0.2**2)
         paths.append((zero, slow_times, slow_run(ELLIPSOID, slow.tolist(), slow_times).slow))
     return {"": path_table(paths)}
@@ -140,7 +131,7 @@ def figure_space(data: Data) -> Figure:
         for projection in ((across, along, bound), (0 * across, along, energy), (across, wall, energy)):
             own.plot(*projection, color=BLACK, linewidth=0.8)
         for point in fixed_points(ELLIPSOID):
-            own.scatter(0.0, *place_of(ELLIPSOID, point), color=NODE, edgecolor=BLACK, s=25)
+            own.scatter(0.0, *planes.place_of(ELLIPSOID, point), color=NODE, edgecolor=BLACK, s=25)
         own.set(xlabel=f"$L_{name[1]}/I_{{max}}$", ylabel="$L_z/I_{max}$", zlabel="$E/I_{max}$", ylim=(-0.6, 0.6))
         own.set_title(f"$L_{'xy'[int(zero)]} = 0$", y=1.0)
         own.view_init(22, 35)

@@ -11,13 +11,7 @@ from matplotlib.figure import Figure
 from polhode.harness.common.text import in_two_digits
 from polhode.harness.paper.drawing import BLACK, BLUE, VERMILLION, label, panels
 from polhode.harness.paper.item import Columns, Computed, Data, Grid, Table
-from polhode.harness.paper.sections.limits.poincare import (
-    chaos_border,
-    half_turn,
-    measure_layer,
-    saddle_growth,
-    stretched_orbit,
-)
+from polhode.harness.paper.sections.limits import poincare
 from polhode.harness.paper.tables import columns
 from polhode.models.shape import Ellipsoid
 
@@ -62,12 +56,12 @@ class Sections:
         """Section points and stretching of every start; the width of the layer of chaos."""
         body = self.ellipsoid
         turns = grid.of(self.sections, self.sections // 6)
-        duration = turns * half_turn(body)
+        duration = turns * poincare.half_turn(body)
         counts = grid.of((200, 800), (100,)) if self.layered else ()
-        layers = [measure_layer(body, count) for count in counts]
+        layers = [poincare.measure_layer(body, count) for count in counts]
         parts, close, rows = [], [], []
         for number, (kind, theta, psi) in enumerate(self.starts(grid, layers)):
-            found, stretch = stretched_orbit(body, theta, psi, duration)
+            found, stretch = poincare.stretched_orbit(body, theta, psi, duration)
             points = [(number, *point) for point in zip(*found, strict=True)]
             parts += points if kind != ABOUT else []
             close += [point for point in points if self._is_close(*point[1:])]
@@ -76,13 +70,13 @@ class Sections:
         tables: dict[str, Columns] = {
             "": _thinned(parts, grid.of(9000, 2000)),
             "close": _thinned(close, grid.of(6000, 1000)),
-            "orbits": {**orbits, "chaotic": (orbits["stretch"] > chaos_border(turns)).astype(float)},
+            "orbits": {**orbits, "chaotic": (orbits["stretch"] > poincare.chaos_border(turns)).astype(float)},
             "settings": {"duration": np.array([duration]), "turns": np.array([float(turns)])},
         }
         if layers:
             rows = [(count, low, high, high - low) for count, (low, high) in zip(counts, layers, strict=True)]
             tables["layer"] = columns("turns librating circulating width", rows)
-            tables["saddle"] = {"growth": np.array([saddle_growth(body)])}
+            tables["saddle"] = {"growth": np.array([poincare.saddle_growth(body)])}
         return tables
 
     def _is_close(self, theta: float, psi: float) -> bool:

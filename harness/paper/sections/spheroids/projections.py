@@ -6,17 +6,9 @@ from math import sqrt
 import numpy as np
 from matplotlib.figure import Figure
 
+from polhode.harness.paper import planes
 from polhode.harness.paper.drawing import BLACK, BOUND, CYCLE, common_legend, draw_broken, label, panels
 from polhode.harness.paper.item import Computed, Data, Grid
-from polhode.harness.paper.planes import (
-    distance_from_node,
-    draw_point,
-    energy_at,
-    even_steps,
-    fixed_point,
-    name_points,
-    place_of,
-)
 from polhode.harness.paper.runs import graded, slow_run, spheroid
 from polhode.harness.paper.tables import columns, groups, stacked
 from polhode.models.theory.fixed_points import fixed_points
@@ -31,13 +23,13 @@ def compute_l_planes(grid: Grid) -> Computed:
     parts, ends = [], []
     shares = grid.of((0.05, 0.3, 0.6, 0.9), (0.3, 0.9))
     for zero, ratio, sign, share in product((0, 1), RATIOS, (-1.0, 1.0), shares):
-        start = np.array([0.0, 0.0, sign / sqrt(1 + ratio**2), energy_at(PROLATE, 1.0, share)])
+        start = np.array([0.0, 0.0, sign / sqrt(1 + ratio**2), planes.energy_at(PROLATE, 1.0, share)])
         start[1 - zero] = ratio / sqrt(1 + ratio**2)
         slow = slow_run(PROLATE, start.tolist(), slow_times).slow
         labels = {"zero": zero, "ratio": sign * ratio, "path": len(ends)}
         momentum = np.linalg.norm(slow[:, :3], axis=1)
         parts.append((labels, _thinned({"L": momentum, "E": slow[:, 3]})))
-        ends.append((zero, sign * ratio, share, float(distance_from_node(PROLATE, slow[-1])), momentum.min()))
+        ends.append((zero, sign * ratio, share, float(planes.distance_from_node(PROLATE, slow[-1])), momentum.min()))
     return {"": stacked(parts), "ends": columns("zero ratio share distance smallest", ends)}
 
 
@@ -55,20 +47,20 @@ def figure_l_planes(data: Data) -> Figure:
             starts = [[path.L[0], path.E[0]] for _, path in groups(chosen, "path")]
             own.plot(*np.transpose(starts), "o", color=color, markersize=3)
         for point in fixed_points(PROLATE):
-            along, energy = place_of(PROLATE, point)
-            draw_point(own, point.stability, (abs(along), (2 * energy / along**2 - 1) / (most - 1)))
+            along, energy = planes.place_of(PROLATE, point)
+            planes.draw_point(own, point.stability, (abs(along), (2 * energy / along**2 - 1) / (most - 1)))
         own.set(xlim=(0.0, 1.02), ylim=(-0.05, 1.05))
         label(
             own, "$|L|/I_{max}$", "E, share between bounds", f"$L_{'xy'[int(zero)]} = 0$, from $L_z {'<>'[sign > 0]} 0$"
         )
-    name_points(axes[0], {"stable node": "stable node", "saddle": "saddle"})
+    planes.name_points(axes[0], {"stable node": "stable node", "saddle": "saddle"})
     common_legend(figure, axes[0], 3)
     return figure
 
 
 def _thinned(values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """A path at even steps, so that few points draw it smoothly."""
-    index = even_steps(np.stack(list(values.values()), axis=1), 90)
+    index = planes.even_steps(np.stack(list(values.values()), axis=1), 90)
     return {name: column[index] for name, column in values.items()}
 
 
@@ -91,7 +83,7 @@ def compute_projections(grid: Grid) -> Computed:
                 found.append(np.linalg.norm(slow[:, :2], axis=1))
                 values = {"Lz": slow[:, 2], "Lxy": found[-1], "E": slow[:, 3]}
                 parts.append(({"E0": energy, "azimuth": azimuth, "path": len(ends)}, _thinned(values)))
-                ends.append((energy, cosine, azimuth, float(distance_from_node(PROLATE, slow[-1]))))
+                ends.append((energy, cosine, azimuth, float(planes.distance_from_node(PROLATE, slow[-1]))))
             low, middle, high = found
             outside = np.maximum(np.minimum(low, high) - middle, middle - np.maximum(low, high))
             # Up to rounding.
@@ -114,12 +106,12 @@ def figure_projections(data: Data) -> Figure:
             text = {0.0: "$L_{x0} = 0$", 45.0: "$L_{x0} = L_{y0}$", 90.0: "$L_{y0} = 0$"}[azimuth]
             for axes_, name in ((left, "E"), (right, "Lxy")):
                 draw_broken(axes_, own, "Lz", name, color=color, linewidth=0.8, label=text)
-        momentum_, energy_ = fixed_point(PROLATE, "stable node")
-        draw_point(left, "stable node", (momentum_, energy_))
-        draw_point(right, "stable node", (momentum_, 0.0))
+        momentum_, energy_ = planes.fixed_point(PROLATE, "stable node")
+        planes.draw_point(left, "stable node", (momentum_, energy_))
+        planes.draw_point(right, "stable node", (momentum_, 0.0))
         left.set_ylim(0.0, 1.1 * energy)
         label(left, "$L_z/I_{max}$", "$E/I_{max}$", f"$E_0/I_e$ = {energy:.3f}")
         label(right, "$L_z/I_{max}$", r"$\sqrt{L_x^2+L_y^2}/I_{max}$")
-    name_points(axes[0], {"stable node": "stable node"})
+    planes.name_points(axes[0], {"stable node": "stable node"})
     common_legend(figure, axes[0])
     return figure
