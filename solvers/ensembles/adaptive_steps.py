@@ -70,7 +70,7 @@ def run_adaptive(
     # Particle by particle in memory: a step fills rows that lie side by side.
     states = np.full((n, len(times), d), np.nan)
     states[:, 0] = starts
-    statuses = np.full(n, str(Status.REACHED_END), dtype=object)
+    statuses = np.array([str(Status.REACHED_END)], dtype=object).repeat(n)
     due, tried = np.ones(n), np.zeros(n)
     index, rows, begun = np.arange(0), fresh[:0], 0
     while begun < n or len(index):

@@ -99,17 +99,18 @@ def run(
     by, steps, (times, pieces) = method(chosen.method, problem), chosen.steps, _in_pieces(times)
     found = _march(by, starts, times, steps)
     doubtful = np.flatnonzero(~(_doubt(by, starts, times, steps, found) <= chosen.apart))
-    states = by_particle(found, len(starts)).swapaxes(0, 1)
+    states = by_particle(found[:, ::pieces], len(starts)).swapaxes(0, 1)
+    group, lane = np.divmod(doubtful, found.shape[3])
+    before = found[group, :, :, lane]
     for _ in range(HALVINGS):
         if not len(doubtful):
             break
         steps *= 2
-        finer = _march(by, starts[doubtful], times, steps)
-        apart = _doubt(by, starts[doubtful], times, steps, finer)
-        states[:, doubtful] = by_particle(finer, len(doubtful)).swapaxes(0, 1)
-        doubtful = doubtful[~(apart <= tolerance * by.sure)]
-    states = states[::pieces]
-    statuses = np.full(len(starts), str(Status.REACHED_END), dtype=object)
+        finer = by_particle(_march(by, starts[doubtful], times, steps), len(doubtful))
+        states[:, doubtful] = finer[:, ::pieces].swapaxes(0, 1)
+        still = ~(_apart(finer[..., None], before[..., None]) <= tolerance * by.sure)
+        doubtful, before = doubtful[still], finer[still]
+    statuses = np.array([str(Status.REACHED_END)], dtype=object).repeat(len(starts))
     if len(doubtful):
         states[:, doubtful], statuses[doubtful] = run_batches(
             problem, starts[doubtful], times[::pieces], tolerance * TAYLOR
