@@ -16,6 +16,7 @@ from polhode.harness.paper.item import Computed, Data, Grid, Table
 from polhode.harness.paper.runs import Run, full_run
 from polhode.harness.paper.sections.slow_motion import NAMES
 from polhode.harness.paper.tables import columns, groups, stacked
+from polhode.models.observables import angular_velocity
 from polhode.models.scene import EulerStart, Scene
 from polhode.models.shape import Ellipsoid
 
@@ -212,20 +213,9 @@ def _onset_of(run: Run, scaled: np.ndarray) -> tuple[float, float, float]:
 
     L_z falls from 0; it wiggles first where the torque that drives it down is weakest for the first time.
     """
-    speed = angular_speed(run)
+    speed = np.linalg.norm(angular_velocity(run.scene.ellipsoid, run.observables), axis=1)
     steps = np.diff(run.times) * (speed[1:] + speed[:-1]) / 2
     turned = float(np.interp(ONSET, np.concatenate([[0.0], np.cumsum(steps)]), scaled))
     torque = np.gradient(run.observables.angular_momentum[:, 2], run.times)
     weakest, _ = find_peaks(torque, prominence=WIGGLE * np.max(np.abs(torque)))
     return turned, float(scaled[weakest[0]]), float(np.interp(1.0, scaled, speed))
-
-
-def angular_speed(run: Run) -> np.ndarray:
-    """|ω| in units of the shear rate, shape (n,), from L and the orientation; a spheroid's axis is enough."""
-    momentum, rotation = run.observables.angular_momentum, run.observables.rotation
-    inertia = np.array(run.scene.ellipsoid.inertia)
-    axial = np.einsum("nj,nj->n", rotation[:, 2], momentum)
-    if run.scene.ellipsoid.kind == "triaxial":
-        return np.linalg.norm(np.einsum("nij,nj->ni", rotation, momentum) / inertia, axis=1)
-    across = np.linalg.norm(momentum - axial[:, None] * rotation[:, 2], axis=1)
-    return np.hypot(axial / inertia[2], across / inertia[0])

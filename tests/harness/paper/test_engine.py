@@ -100,7 +100,7 @@ def test_data_depend_on_every_module_that_computes_them():
     (item,) = find_items(("ellipsoid-plane",))
     names = {f"{path.parent.name}/{path.stem}" for path in store.code_of(item)}
     assert names >= {"ellipsoids/planes", "ellipsoids/motion", "paper/planes", "paper/runs", "sections/slow_motion"}
-    assert not names & {"paper/drawing", "paper/pages", "paper/engine", "limits/jeffery_top"}
+    assert not names & {"paper/drawing", "paper/pages", "paper/engine", "limits/poincare"}
 
 
 def test_the_key_follows_code_alone(tmp_path):

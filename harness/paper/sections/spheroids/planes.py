@@ -1,5 +1,6 @@
-"""Section "Spheroids" away from the L_z–E plane: L–E planes, and projections for finite L_x and L_y."""
+"""Slow motion of a spheroid: the L_z–E plane, L–E planes, and projections for finite L_x and L_y."""
 
+from functools import partial
 from itertools import product
 from math import sqrt
 
@@ -10,6 +11,7 @@ from polhode.harness.paper import planes
 from polhode.harness.paper.drawing import BLACK, BOUND, CYCLE, common_legend, draw_broken, label, panels
 from polhode.harness.paper.item import Computed, Data, Grid
 from polhode.harness.paper.runs import graded, slow_run, spheroid
+from polhode.harness.paper.sections.planes import plane_tables
 from polhode.harness.paper.tables import columns, groups, stacked
 from polhode.models.theory.fixed_points import fixed_points
 
@@ -114,4 +116,27 @@ def figure_projections(data: Data) -> Figure:
         label(right, "$L_z/I_{max}$", r"$\sqrt{L_x^2+L_y^2}/I_{max}$")
     planes.name_points(axes[0], {"stable node": "stable node"})
     common_legend(figure, axes[0])
+    return figure
+
+
+ON_EDGE = 0.16
+
+
+def compute_plane(grid: Grid) -> Computed:
+    """Slow trajectories from both edges of the plane, and from close to the pinch point."""
+    shares = (0.001, 0.05, 0.15, 0.3, 0.5, 0.7, 0.85, 0.95, 0.999)
+    starts = [(momentum, share) for momentum in (-1.1, -0.06, 1.1) for share in shares[:: grid.of(1, 4)]]
+    starts += [(-1.1, 1.0), (-0.06, 1.0)]
+    return plane_tables(PROLATE, starts, grid.of(2001, 601), ON_EDGE, partial(planes.plane_steps, count=150))
+
+
+def figure_plane(data: Data) -> Figure:
+    """The plane with all its trajectories."""
+    figure, (axes,) = panels(1, 1, 6.0, 4.2)
+    planes.draw_frame(axes, PROLATE, -1.0, 1.0)
+    planes.draw_paths(axes, data[""], (0.6, 0.2))
+    axes.set_ylim(0.0, 0.8)
+    planes.name_points(axes, {"stable node": "stable node (tumbling)", "saddle": "saddle (spinning)"})
+    planes.name_lines(axes, PROLATE, "$L_z^2 = 2EI_a$ and $L_z^2 = 2EI_e$")
+    axes.legend(loc="upper center")
     return figure
