@@ -14,7 +14,7 @@ from polhode.harness.common.store import Record, export
 from polhode.harness.common.text import duration, markdown, short
 from polhode.harness.pages.figures.profiles import profile_lines
 from polhode.harness.pages.figures.work_precision import save, work_precision_panels
-from polhode.harness.pages.tables import table
+from polhode.harness.pages.tables import bullets, fill, table
 from polhode.harness.pages.verdict import averaged_costs, verdict
 from polhode.harness.references.uncertainty import least_known, uncertainty_of
 from polhode.harness.studies.study import Study
@@ -61,47 +61,26 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
                 save(work_precision_panels(own, error, before + label), folder, file)
                 scenes += [f"By {label.replace('$I_{max}$', 'I_max')}:", "", _winners(own, error)]
                 scenes += [f"![{before}Wall time against {name} error, one panel per St]({file}.png)", ""]
-    write_file(folder / "README.md", "\n".join(_lines(study, runs, records, scenes, folder, command)))
+    known = where(runs, runs["slow_uncertainty"].notna()).groupby(["scene_name", "stokes"], sort=False).first()
+    text = fill(
+        "bench",
+        header=header(study.title, command, records),
+        verdict=bullets([*verdict(runs), *averaged_costs(runs)] or [NOTHING]),
+        tie=100 * (TIE - 1),
+        scenes=scenes,
+        profiles=profile_lines(runs, folder),
+        described=table(_scenes(runs), {name: f"{{{name}}}" for name in SCENES}, left=len(SCENES)),
+        samples=study.samples,
+        uncertainties=table(known.reset_index().to_dict("records"), UNCERTAINTIES),
+    )
+    write_file(folder / "README.md", text)
     return folder / "README.md"
 
 
-def _lines(
-    study: Study, runs: pd.DataFrame, records: Sequence[Record], scenes: Sequence[str], folder: Path, command: str
-) -> list[str]:
-    return [
-        *header(study.title, command, records),
-        "## Verdict",
-        "",
-        *(f"- {sentence}" for sentence in [*verdict(runs), *averaged_costs(runs)] or [NOTHING]),
-        "",
-        "The tables below show the cheapest run that meets an error: form, solver, tolerance and time, then = and the "
-        f"methods within {100 * (TIE - 1):.0f} % of it. Every run: [runs.csv](runs.csv), in full "
-        "[records.jsonl](records.jsonl).",
-        "",
-        *scenes,
-        *profile_lines(runs, folder),
-        *_scenes(runs),
-        f"Times are the minimum of up to five warm runs in interleaved order, over {study.samples} samples; errors are "
-        "maxima along the run. *unknown*: at or below what the reference resolves; *none*: no run measured gets there.",
-        "",
-        _uncertainties(runs),
-    ]
-
-
-def _scenes(runs: pd.DataFrame) -> list[str]:
+def _scenes(runs: pd.DataFrame) -> list[dict[str, str]]:
     """Semi-axes, St, duration, samples and forms of each scene."""
-    rows = [
-        {name: _listed(own[column]) for name, column in SCENES.items()}
-        for _, own in runs.groupby("scene_name", sort=False)
-    ]
-    return [
-        "## The scenes",
-        "",
-        table(rows, {name: f"{{{name}}}" for name in SCENES}, left=len(SCENES)),
-        "Semi-axes along the body's axes x', y', z', in any common unit; t in inverse shear rates, one for "
-        "each St; starts stand in the study's file, or in what `polhode scenes NAME` prints.",
-        "",
-    ]
+    groups = [own for _, own in runs.groupby("scene_name", sort=False)]
+    return [{name: _listed(own[column]) for name, column in SCENES.items()} for own in groups]
 
 
 def _listed(values: Iterable[Any]) -> str:
@@ -128,9 +107,3 @@ def _winner(runs: pd.DataFrame, target: float, error: str) -> str:
     more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
     tied = f" = {', '.join(names[:SHOWN])}{more}" if names else ""
     return f"{best['form']}, {best['solver']}, {short(best['tolerance'])}: {duration(best['seconds'])}{tied}"
-
-
-def _uncertainties(runs: pd.DataFrame) -> str:
-    known = where(runs, runs["slow_uncertainty"].notna()).groupby(["scene_name", "stokes"], sort=False).first()
-    text = "Uncertainty of the references (long double Taylor runs; not less than what half an ulp in the start makes):"
-    return f"{text}\n\n{table(known.reset_index().to_dict('records'), UNCERTAINTIES)}"

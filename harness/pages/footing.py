@@ -16,6 +16,7 @@ from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record, export
 from polhode.harness.common.text import duration, in_two_digits, markdown, scientific, short
 from polhode.harness.pages.figures.work_precision import save, work_precision_panels
+from polhode.harness.pages.tables import fill
 from polhode.harness.studies.cost import STARTS, FirstRun
 from polhode.harness.studies.overhead import Overhead
 from polhode.solvers.catalogue import SOLVERS
@@ -51,56 +52,24 @@ def write_page(measured: Measured, folder: Path, command: str) -> Path:
     records = [*measured.solvers, *measured.spheroid, *measured.backends]
     rhs = ", ".join(f"{duration(cost)} ({WAYS[name]})" for name, cost in measured.rhs_costs.items())
     claims, worth = _worth(solvers)
-    sections = {
-        "What each library is worth": (
-            "The interpreter out of the way: field, Jacobian and the loop over rows in machine code. Each library's "
-            f"fastest method at equal slow error, in the quaternion form.\n\n{worth}"
-        ),
-        "What the interpreter costs": (
-            "The same algorithm at tolerance 1e-6 with the right-hand side in plain Python, with a compiled one that "
-            "Python calls, and in machine code alone: SciPy's methods beside their twins in CyRK, with Jacobians by "
-            "finite differences; SUNDIALS' with exact ones, through scikit-sundae and without. One right-hand side "
-            f"alone takes {rhs}.\n\n{_interpreter(backends)}"
-        ),
-        "Where Taylor's and Verner's method cross": (
-            "Taylor's method adapts its order to the tolerance, and a step costs the square of the order; Verner's has "
-            "a fixed order, so that its steps shrink as the error falls. Below the error named here Taylor's method is "
-            f"the faster one.\n\n{_crossings(solvers)}"
-        ),
-        "What the form is worth": (
-            "The prolate spheroid (0.5, 0.5, 1) by Taylor's method: time in the quaternion form over time in the form "
-            f"(L, p̂), at equal slow error.\n\n{_forms(spheroid)}"
-        ),
-        "What `solve` adds to the bare library call": (
-            "The paper's ellipsoid at St = 1000, 201 samples, tolerance 1e-8, everything compiled; bare call and "
-            "`solve` in turns, the minimum of each. Allowed: 5 % or 50 µs, whichever is more.\n\n"
-            f"{_overheads(measured.overheads)}"
-        ),
-        "What a first run costs": (
-            "The paper's ellipsoid in processes of their own: importing the library, compiling with an empty cache "
-            "(cold) and with the cache of the process before (warm). heyoka alone keeps compiled code on disk.\n\n"
-            f"{_first_runs(measured.first_runs)}\n"
-            f"`polhode --help` takes {duration(measured.startup)}, the minimum of {STARTS} starts.\n"
-        ),
-    }
-    details = {
-        "Time at equal slow error": _times(solvers),
-        "What the Jacobian costs": (
-            "Implicit methods at tolerance 1e-6, by exact Jacobians and by finite differences: times, and right-hand "
-            f"sides as far as the library counts them.\n\n{_jacobians(backends)}"
-        ),
-    }
-    figure = "![Wall time against slow error, one panel per St](slow.png)"
-    how = (
-        "Times are minima of warm runs in interleaved order; at a named error they are interpolated between a method's "
-        "own runs. Every solver's times, and what exact Jacobians are worth: [times.md](times.md).\n"
+    text = fill(
+        "footing",
+        header=header("Every solver on equal footing", command, records),
+        claims=claims,
+        worth=worth,
+        rhs=rhs,
+        interpreter=_interpreter(backends),
+        crossings=_crossings(solvers),
+        forms=_forms(spheroid),
+        overheads=_overheads(measured.overheads),
+        first_runs=_first_runs(measured.first_runs),
+        startup=measured.startup,
+        starts=STARTS,
     )
-    for name, title, lines, own in (
-        ("README", "Every solver on equal footing", [*claims, "", figure, "", how], sections),
-        ("times", "Every solver at equal error", [], details),
-    ):
-        text = [*header(title, command, records), *lines, *(f"## {head}\n\n{body}" for head, body in own.items())]
-        write_file(folder / f"{name}.md", "\n".join(text))
+    write_file(folder / "README.md", text)
+    top = header("Every solver at equal error", command, records)
+    times = fill("footing-times", header=top, times=_times(solvers), jacobians=_jacobians(backends))
+    write_file(folder / "times.md", times)
     return folder / "README.md"
 
 

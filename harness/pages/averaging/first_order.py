@@ -15,10 +15,10 @@ from polhode.harness.averaging.measure import SAMPLES, SOLVER, TOLERANCE
 from polhode.harness.averaging.orders import FITTED_FROM, LEAST_POINTS, SAME_HORIZON, TARGETS, Law, first_order, laws
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
-from polhode.harness.common.text import aligned, in_two_digits, scientific, short
+from polhode.harness.common.text import aligned, in_two_digits, short
 from polhode.harness.pages.figures.averaging import Line, against_stokes
 from polhode.harness.pages.figures.work_precision import save
-from polhode.harness.pages.tables import cells, table
+from polhode.harness.pages.tables import bullets, cells, fill, table
 
 # Errors of which the page says from which St on they are met.
 SHOWN = (1e-2, 1e-4)
@@ -59,7 +59,7 @@ def write_page(study: PaperStudy, folder: Path, command: str) -> None:
     write_file(folder / "laws.csv", pd.DataFrame(law_rows(study.errors)).to_csv(index=False), summed=True)
     lines = {title: _drawn(study.errors, family) for family, title in PANELS.items()}
     save(against_stokes(lines, "error of L and E over $I_{max}$"), folder, "errors")
-    write_file(folder / "README.md", "\n".join(_lines(study, command)))
+    write_file(folder / "README.md", _page(study, command))
 
 
 def _drawn(rows: Sequence[AveragingErrors], family: str) -> list[Line]:
@@ -97,46 +97,25 @@ def case_rows(rows: Sequence[AveragingErrors]) -> list[dict[str, str]]:
 _FIELDS = [text.strip("{}") for text in COLUMNS.values()]
 
 
-def _lines(study: PaperStudy, command: str) -> list[str]:
+def _page(study: PaperStudy, command: str) -> str:
     rows = study.errors
-    return [
-        *header("How accurate the averaged equations are", command, list(study.timed.values())),
-        *(f"- {sentence}" for sentence in statements(rows)),
-        "",
-        "*St for* an error: from which on the slow error stays below it. p: exponent of the slow error's 1/St^p, with "
-        "its 95 % interval.",
-        "",
-        table(case_rows(rows), COLUMNS),
-        f"`<`: already at the smallest St measured; `~`: beyond the largest, by the fitted law; –: fewer than "
-        f"{LEAST_POINTS} St to fit, or none measured.",
-        "",
-        "![Error of first and second order against St, for spheroids and ellipsoids](errors.png)",
-        "",
-        "## How to read it",
-        "",
-        f"- Errors are maxima over {SAMPLES} equispaced samples up to the slow time t₂ = t/St = 0.5, divided by the "
-        "largest moment of inertia; the *slow error* is the largest of those of L_x, L_y, L_z and E.",
-        "- First order is the paper's: `averaged` for triaxial ellipsoids, `averaged-spheroid` for spheroids. Second "
-        "order, `averaged-second-order`, follows a triaxial ellipsoid to just short of L² = 2EI₂ alone: its errors are "
-        "those of a shorter run, and not to be held against first order's. On its way there it passes resonances of "
-        "polhode and precession, and [leaves out](../../docs/second-order.md) the kick of O(St^-1/2) times its "
-        "strength that each gives: where one is met, the error falls no faster at large St. The form `hybrid` follows "
-        "them. Orders away from resonances stand in [their own study](../second-order/README.md).",
-        "- An error is that of the averaged equations' exact solution. Solved as a user would, by "
-        f"`{SOLVER}` at tolerance {short(TOLERANCE)}, they are off by at most "
-        f"{scientific(max(row.solver_error for row in rows))} more.",
-        f"- Every full solution is a certified reference: confirmed on at least {min(row.pieces for row in rows)} "
-        "pieces by another form and method, uncertain by at most "
-        f"{scientific(max(row.uncertainty for row in rows))}.",
-        f"- p is fitted from St = {FITTED_FROM:g} on, over the runs that reach {100 * SAME_HORIZON:g} % of the longest "
-        "one's slow time, because shorter runs err less.",
-        "",
-        "Every error, by variable: [errors.csv](errors.csv). Every law: [laws.csv](laws.csv). Where there is none "
-        f"({len(study.absent)} of {len(study.absent) + len(rows)}), with the reason: [absent.csv](absent.csv).",
-        "",
-        "The cases, the paper's and one start of each phase plane: [cases.py](../../harness/averaging/cases.py).",
-        "",
-    ]
+    return fill(
+        "accuracy",
+        header=header("How accurate the averaged equations are", command, list(study.timed.values())),
+        findings=bullets(statements(rows)),
+        cases=table(case_rows(rows), COLUMNS),
+        points=LEAST_POINTS,
+        samples=SAMPLES,
+        solver=SOLVER,
+        tolerance=TOLERANCE,
+        solver_error=max(row.solver_error for row in rows),
+        pieces=min(row.pieces for row in rows),
+        uncertainty=max(row.uncertainty for row in rows),
+        fitted_from=FITTED_FROM,
+        same=100 * SAME_HORIZON,
+        absent=len(study.absent),
+        all=len(study.absent) + len(rows),
+    )
 
 
 def _order(law: Law) -> str:

@@ -16,7 +16,7 @@ from polhode.harness.common.machine import header
 from polhode.harness.common.text import in_two_digits, short
 from polhode.harness.pages.figures.averaging import errors_and_speed
 from polhode.harness.pages.figures.work_precision import save
-from polhode.harness.pages.tables import table
+from polhode.harness.pages.tables import bullets, fill, table
 
 ERRORS = {
     "St": "{stokes:short}",
@@ -37,14 +37,6 @@ SPEEDS = {
     "in full": "{full_share:two}",
     "times as fast": "{gain:two}",
 }
-SPEED = (
-    "## Speed",
-    "",
-    f"Random starts, t₂ = {hybrid.FAST_SLOW_TIME:g}, error {short(hybrid.FAST_ERROR)}, {hybrid.SAMPLES} samples; "
-    "medians; observables and planning are within the times, tables and compilation are not. *Times as fast*: as "
-    f"the faster one of {' and '.join(hybrid.FULL_SOLVERS)} at the loosest tolerance that meets the error.",
-    "",
-)
 
 
 def write_page(study: Study, folder: Path, command: str) -> None:
@@ -57,27 +49,21 @@ def write_page(study: Study, folder: Path, command: str) -> None:
 def page(study: Study, command: str) -> str:
     """The report as Markdown."""
     timed = [study.timed.get(part, {}) for part in hybrid.PARTS if getattr(study, part)]
-    return "\n".join(
-        [
-            *header("Form hybrid: errors and speed", command, timed),
-            *(f"- {sentence}" for sentence in findings(study)),
-            "",
-            "![Error measured against the one asked for; speed against a full solution](errors.png)",
-            "",
-            "How the form works: [docs](../../docs/second-order.md). Data: [errors](errors.csv), [speed](speed.csv).",
-            "",
-            "## Errors by St and error asked for",
-            "",
-            f"Random starts, half of them triaxial, by `{hybrid.SOLVER}`; slow errors are the largest over "
-            f"{hybrid.SAMPLES} samples, over I_max. *Within*: runs within the error asked for, or within the truth's "
-            "uncertainty. *Bounded*: of the runs that state an error, those below it; *over*: median of estimate over "
-            "error, or the uncertainty if that is larger. *In full*: median share of the time that the full equations "
-            "follow.",
-            "",
-            table(_errors(_judged(study.errors)), ERRORS, left=0),
-            *([*SPEED, table(_speeds(study.speed), SPEEDS, left=0)] if study.speed else []),
-        ]
+    return fill(
+        "hybrid",
+        header=header("Form hybrid: errors and speed", command, timed),
+        findings=bullets(findings(study)),
+        solver=hybrid.SOLVER,
+        samples=hybrid.SAMPLES,
+        errors=table(_errors(_judged(study.errors)), ERRORS, left=0),
+        speed=_speed(study.speed) if study.speed else "",
     )
+
+
+def _speed(rows: Sequence[Speed]) -> str:
+    solvers = " and ".join(hybrid.FULL_SOLVERS)
+    run = {"slow_time": hybrid.FAST_SLOW_TIME, "error": hybrid.FAST_ERROR, "samples": hybrid.SAMPLES}
+    return fill("hybrid-speed", solvers=solvers, speeds=table(_speeds(rows), SPEEDS, left=0), **run)
 
 
 def findings(study: Study) -> list[str]:
