@@ -93,6 +93,8 @@ class Work:
     jacobians: int | None = None
     # Of the iteration matrix.
     factorizations: int | None = None
+    # Of methods whose steps are made of others: so many.
+    inner: int | None = None
 
     def add(self, other: "Work") -> None:
         """Add the work of a further piece of the run; a count that is None in one of them stays None."""

@@ -4,8 +4,9 @@ Near a pole angles take many steps, a body that has settled takes few, and a sol
 takes fewer than one that cannot. Pilot runs of the form itself count them, by a solver of each kind.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
+from itertools import pairwise
 from math import exp, log, sqrt
 
 import numpy as np
@@ -54,9 +55,9 @@ BOTH = Gauge("cyrk-lsoda", 1e-9, 36.0, 21.0, 7e-4, 8.5)
 # Accuracy asks explicit methods for ever more steps as the tolerance falls, stability does not: runs so much looser and
 # tighter than the gauge's tolerance separate the two, at the gauge's order.
 LOOSER, TIGHTER, ORDER = 1e4, 1e-2, 8
-# A solver that plans its steps over many periods shows its plan by so many of them, at times from this share of the
-# run on.
-PLANNED, BEGINNING, ROWS = 5000, 1e-6, 200
+# A solver that plans its steps over many periods shows its plans, which it makes at these shares of a run or near them,
+# by so many steps, at times from this share of the run on.
+PLANS, PLANNED, BEGINNING, ROWS = (0.0, 0.1, 0.4, 0.7, 1.0), 5000, 1e-6, 200
 
 
 def gauge_of(solver: str) -> Gauge:
@@ -69,12 +70,13 @@ def load_of(form: Form, solver: str, pilot: Pilot, samples: int, tolerance: floa
     """Load of a run of a form by a solver.
 
     Rotations, the flow's own time and damping times count by the steps that they cost, as against the usual. Averaged
-    forms know nothing of rotations, and count by their steps, as do solvers that plan theirs over many periods. Raises
-    PilotFailedError if the form's own pilot fails.
+    forms know nothing of rotations, and count by their steps, as do solvers that plan theirs over many periods, steps
+    within steps in the place of F. Raises PilotFailedError if the form's own pilot fails.
     """
     scene, damped, gauge = pilot.scene, pilot.damping_times, gauge_of(solver)
     if find_solver(solver).many_periods:
-        return Load(_planned(form, pilot, solver, tolerance), 0.0, 0.0, samples)
+        count, inner = _planned(form, pilot, solver, tolerance).tolist()
+        return Load(count, inner, 0.0, samples)
     if isinstance(form, InPieces):
         return _in_pieces(form, solver, pilot, samples, tolerance)
     if form.averaged:
@@ -164,24 +166,35 @@ def steps(form: Form, scene: Scene, gauge: Gauge) -> tuple[float, float]:
     return sqrt((loose - stability) * (tight - stability) / (few * many)), stability
 
 
-def _planned(form: Form, pilot: Pilot, solver: str, tolerance: float) -> float:
-    """Steps by a solver that plans them over many periods, those of its checks included.
+def _planned(form: Form, pilot: Pilot, solver: str, tolerance: float) -> np.ndarray:
+    """Steps by a solver that plans them over many periods, those of its checks included, and those within its steps.
 
-    From a run's beginning: beyond it they grow like the angle turned.
+    From its first ones at some shares of the run, where it plans anew: between them they grow like the angle turned.
     """
-    taken, checks, reached = _beginning(form, pilot.scene, solver, tolerance)
-    return taken / pilot.turned(reached) + checks
+    scene, count, per_turn = pilot.scene, np.zeros(2), np.zeros(2)
+    for share, until in pairwise(PLANS):
+        start = pilot.start_at(share * scene.time) if share else scene.start
+        if start:
+            rest = replace(scene, start=start, time=(1 - share) * scene.time)
+            taken, checks, reached = _beginning(form, rest, solver, tolerance)
+            count[0] += checks
+            if not share and reached == 1:
+                return count + taken
+            per_turn = np.array(taken) / (pilot.turned(share + reached * (1 - share)) - pilot.turned(share))
+        count += per_turn * (pilot.turned(until) - pilot.turned(share))
+    return count
 
 
 @cache
-def _beginning(form: Form, scene: Scene, solver: str, tolerance: float) -> tuple[int, int, float]:
-    """Steps and checks of a solver in the beginning of a run, and what share of its time that is."""
+def _beginning(form: Form, scene: Scene, solver: str, tolerance: float) -> tuple[tuple[int, int], int, float]:
+    """Steps of a solver in the beginning of a run and those within them, checks, and what share of its time that is."""
     problem = form.problem(scene)
     times = np.append(0.0, np.geomspace(BEGINNING * problem.end, problem.end, ROWS))
     run = solve(problem, solver, tolerance, times, max_steps=PLANNED)
     if not run.work.steps or len(run.times) < 2:
         raise PilotFailedError(f"pilot: {form.name!r} by {solver!r} ended with {run.status.value}")
-    return run.work.steps, run.work.rejected or 0, float(run.times[-1] / problem.end)
+    taken = run.work.steps, run.work.inner or 0
+    return taken, run.work.rejected or 0, float(run.times[-1] / problem.end)
 
 
 def _count(form: Form, scene: Scene, solver: str, tolerance: float) -> float:

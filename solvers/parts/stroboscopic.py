@@ -66,6 +66,7 @@ class Strobe:
         assert problem.parts is not None
         self.split, self.tolerance = Split(problem, tolerance), tolerance
         self.p, self.scheme, self.table = self.split.p, SCHEMES[-1].numbers[float], dop853()
+        self.inner = 0
         # Either machine code is compiled beforehand if it is the one needed, and else where it turns out to be.
         _ = self.kernels if self.pays(np.array(problem.start), problem.end) else self.split.kernels
 
@@ -85,7 +86,7 @@ class Strobe:
         if not self.pays(record.start, end - begin):
             return self.split.run(record)
         point, setting = np.append(record.start, begin), Setting()
-        record.work.steps = record.work.rejected = 0
+        record.work.steps = record.work.rejected = self.inner = 0
         while record.filled < len(record.times):
             if record.work.steps >= record.max_steps:
                 return Status.STEP_LIMIT, f"{record.work.steps} steps"
@@ -134,7 +135,7 @@ class Strobe:
             record.work.rejected = (record.work.rejected or 0) + 1
             turns *= max(SHRINK, factor) if np.isfinite(error) else SHRINK
         setting.turns = turns * min(GROW, factor)
-        record.work.steps = (record.work.steps or 0) + 1
+        record.work.steps, record.work.inner = (record.work.steps or 0) + 1, self.inner
         last = int(np.searchsorted(record.times, end[-1], side="right"))
         if last > record.filled:
             numbers[3:5] = N, len(stages)
@@ -192,10 +193,12 @@ class Strobe:
     def stages(self, numbers: np.ndarray, point: np.ndarray, stages: np.ndarray, end: np.ndarray) -> None:
         """Stages of a macro-step; `end` is the point of the last one."""
         weights = WEIGHTS[int(numbers[1]) - 1]
+        self.inner += int(2 * numbers[0] * numbers[1] * (numbers[4] - numbers[3]))
         self.kernels.macro(self.scheme, self.p, numbers, weights, point, self.table.A, stages, end)
 
     def mean(self, point: np.ndarray, micro: int, out: np.ndarray) -> None:
         """Averaged fields of all orders by so many micro-steps."""
+        self.inner += 2 * micro * len(ORDERS)
         setting = np.array([micro, len(ORDERS), len(ORDERS)], dtype=float)
         self.kernels.mean(self.scheme, self.p, setting, WEIGHTS, point, out)
 
@@ -225,6 +228,7 @@ class Strobe:
         piece.rows[0] = point[:-1]
         status, message = self.split.run(piece)
         record.work.add(piece.work)
+        record.work.inner = self.inner
         done = min(piece.filled - 1, len(inner))
         record.put(piece.rows[1 : 1 + done])
         if at_end or not status.success:

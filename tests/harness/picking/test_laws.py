@@ -225,6 +225,18 @@ def test_a_form_in_pieces_costs_what_its_windows_do():
     assert not held_back(Pieces(), "cyrk-vern8", found)
 
 
+@pytest.mark.parametrize(("method", "tolerance"), [("splitting", 1e-8), ("stroboscopic", 1e-5), ("stroboscopic", 1e-9)])
+def test_steps_over_many_periods_are_foreseen(method, tolerance):
+    scene = replace(named_scene("spheroid"), stokes=1e5, time=4e4)
+    problem = form("spheroid-axis").problem(scene)
+    done = solve(problem, method, tolerance, np.linspace(0.0, problem.end, 51)).work
+    load = load_of(form("spheroid-axis"), method, pilot(scene), 51, tolerance)
+    assert done.steps is not None
+    assert load.rotations == pytest.approx(done.steps + (done.rejected or 0), rel=0.4)
+    assert load.following == pytest.approx(done.inner or 0, rel=0.4)
+    assert bool(done.inner) == (method == "stroboscopic")
+
+
 def test_where_a_run_stands_is_known_from_its_pilot_or_from_its_beginning(monkeypatch):
     scene = named_scene("paper")
     states = solve(form("quaternion").problem(scene), "taylor", 1e-12, np.array([0.0, 0.25, 1.0]) * scene.time).states
