@@ -34,7 +34,7 @@ PSI = 1e-9
 # Halvings down to the last digit.
 HALVINGS = 52
 # Distance, in rad, from the saddle at which its growth is measured.
-BESIDE = 1e-4
+TINY = 1e-4
 # Where a start lies: uniform over the section's area element; next to the saddle; about the separatrix, at ψ = 0.
 ISOTROPIC, BESIDE, ABOUT = 0.0, 1.0, 2.0
 # Distances from the separatrix, over its own from θ = π/2, of the starts about it.
@@ -147,8 +147,8 @@ def saddle_growth(ellipsoid: Ellipsoid) -> float:
 
     The map next to it has determinant one and, by the reversal φ → -φ, equal diagonal elements cosh λ.
     """
-    _, psi = orbit(ellipsoid, pi / 2, pi / 2 - BESIDE, 1.5 * half_turn(ellipsoid))
-    return acosh((pi / 2 - abs(psi[0])) / BESIDE)
+    _, psi = orbit(ellipsoid, pi / 2, pi / 2 - TINY, 1.5 * half_turn(ellipsoid))
+    return acosh((pi / 2 - abs(psi[0])) / TINY)
 
 
 @dataclass(frozen=True)
