@@ -38,54 +38,67 @@ def strobe_kernels(parts: Parts, dimension: int) -> StrobeKernels:
 
 
 def _turn(pieces: Pieces) -> Program:
-    """One turn of the fast angle, forth or back as the step is, in so many steps and two short ones that close it."""
-    program = Program("turn", "scheme p constants point", "steps h", "internal")
-    scheme, p, constants, point, steps, h = program.arguments
-    fast, slow, dimension = pieces.parts.fast, pieces.parts.slow, pieces.dimension
-    y, ends, angle, passed = program.room(dimension), pieces.constants(program), program.cell(0.0), program.cell(0.0)
-    y.store(point.load(dimension))
+    """One turn of the fast angle forth, of the first point, and back, of the second, side by side.
 
-    def fast_flow(row: Array, share: Number) -> None:
+    Each takes so many steps, and two short ones that close it.
+    """
+    program = Program("turn", "scheme p forth back points", "steps h", "internal")
+    scheme, p, forth, back, points, steps, h = program.arguments
+    fast, slow, dimension = pieces.parts.fast, pieces.parts.slow, pieces.dimension
+    size = dimension + 1
+    sides = [
+        (y, constants, sign * h, sign * 2 * pi, program.cell(0.0), points + i * size)
+        for i, (constants, sign) in enumerate(((forth, 1.0), (back, -1.0)))
+        for y in [program.room(dimension)]
+    ]
+    ends = pieces.constants(program)
+    for y, *_, point in sides:
+        y.store(point.load(dimension))
+
+    def fast_flow(y: Array, angle: Array, row: Array, share: Number) -> None:
         angle[0] = angle[0] + pieces.rate(y, p) * share
         pieces.fast_flow(y, row)
 
     with program.times(steps):
         with program.times(scheme[0]) as i:
-            fast_flow(pieces.row(constants, i), h * scheme[i + 1.0])
-            pieces.slow_flow(y, pieces.row(constants, i) + pieces.sizes[0])
-        fast_flow(pieces.row(constants, scheme[0]), h * scheme[scheme[0] + 1.0])
-    passed[0] = steps * h
-    full = OPERATIONS.where_positive(h, 2 * pi, -2 * pi)
-    for _ in range(2):
-        rest = (full - angle[0]) / pieces.rate(y, p)
-        for part, size, share in ((fast, 0, 0.5), (slow, pieces.sizes[0], 1.0)):
-            (ends + size).store(part.constants(p, share * rest, OPERATIONS))
-        fast_flow(ends, 0.5 * rest)
-        pieces.slow_flow(y, ends + pieces.sizes[0])
-        fast_flow(ends, 0.5 * rest)
-        passed[0] = passed[0] + rest
-    point.store([*y.load(dimension), point[dimension] + passed[0]])
+            for y, constants, step, _, angle, _ in sides:
+                fast_flow(y, angle, pieces.row(constants, i), step * scheme[i + 1.0])
+            for y, constants, *_ in sides:
+                pieces.slow_flow(y, pieces.row(constants, i) + pieces.sizes[0])
+        for y, constants, step, _, angle, _ in sides:
+            fast_flow(y, angle, pieces.row(constants, scheme[0]), step * scheme[scheme[0] + 1.0])
+    for y, _, step, full, angle, point in sides:
+        passed = steps * step
+        for _ in range(2):
+            rest = (full - angle[0]) / pieces.rate(y, p)
+            for part, shift, share in ((fast, 0, 0.5), (slow, pieces.sizes[0], 1.0)):
+                (ends + shift).store(part.constants(p, share * rest, OPERATIONS))
+            fast_flow(y, angle, ends, 0.5 * rest)
+            pieces.slow_flow(y, ends + pieces.sizes[0])
+            fast_flow(y, angle, ends, 0.5 * rest)
+            passed = passed + rest
+        point.store([*y.load(dimension), point[dimension] + passed])
     return program
 
 
 def _mean(pieces: Pieces, turn: Program) -> Program:
     program = Program("mean", "scheme p setting weights point out")
     scheme, p, setting, weights, point, out = program.arguments
-    constants, dimension = pieces.constants(program), pieces.dimension
-    moved, (steps, turns, rows) = program.room(dimension + 1), setting.load(3)
-    with program.times(rows * float(dimension + 1)) as i:
+    dimension, sides = pieces.dimension, [pieces.constants(program) for _ in range(2)]
+    size = dimension + 1
+    moved, (steps, turns, rows) = program.room(2 * size), setting.load(3)
+    with program.times(rows * float(size)) as i:
         out[i] = 0.0
-    with program.times(2.0) as back:
-        sign = 1.0 - 2.0 * back
-        h = sign * 2 * pi / (pieces.rate(point, p) * steps)
-        program.call(pieces.prepare, scheme, p, constants, h)
-        moved.store([*point.load(dimension), 0.0])
-        with program.times(turns) as k:
-            program.call(turn, scheme, p, constants, moved, steps, h)
-            with program.times(rows) as row:
-                weight, into = sign * weights[row * float(MOST_TURNS) + k], out + row * float(dimension + 1)
-                for i in range(dimension + 1):
-                    into[i] = into[i] + weight * (moved[i] - (point[i] if i < dimension else 0.0))
+    h = 2 * pi / (pieces.rate(point, p) * steps)
+    for i, (constants, sign) in enumerate(zip(sides, (1.0, -1.0), strict=True)):
+        program.call(pieces.prepare, scheme, p, constants, sign * h)
+        (moved + i * size).store([*point.load(dimension), 0.0])
+    with program.times(turns) as k:
+        program.call(turn, scheme, p, *sides, moved, steps, h)
+        with program.times(rows) as row:
+            weight, into = weights[row * float(MOST_TURNS) + k], out + row * float(size)
+            for i in range(size):
+                into[i] = into[i] + weight * (moved[i] - moved[size + i])
     return program
 
 

@@ -22,7 +22,7 @@ from polhode.solvers.parts.strobe_kernels import StrobeKernels, strobe_kernels
 # so many times its order: it costs fifteen times its order. A stretch is doubled so often while that fails.
 LEAST_TURNS, PAYING, STRETCH, LONGEST = 1000, 20.0, 600.0, 4
 # Shares of the tolerance: error of a macro-step (rows within it err more), of the averaging, of the micro-steps.
-MACRO, AVERAGING, MICRO = 0.03, 0.1, 0.1
+MACRO, AVERAGING, MICRO = 0.1, 0.1, 0.1
 # Micro-steps per turn: at first, at least, at most.
 FIRST, FEWEST, MOST = 6, 4, 24
 # Share of the error allowed below which fewer are tried.
@@ -31,12 +31,14 @@ EASY = 0.1
 ORDERS, ROUNDING = (2, 4, 6), 3e-15
 # Weights of (Φ^k - Φ^-k) in the central differences, Φ the map of a turn.
 WEIGHTS = np.array([[1 / 2, 0.0, 0.0], [2 / 3, -1 / 12, 0.0], [3 / 4, -3 / 20, 1 / 60]])
+# Addresses of its rows, by the turns of their differences.
+ROWS = {1 + i: row.ctypes.data for i, row in enumerate(WEIGHTS)}
 # Turns between a row and the point of whole turns from which it is reached, at most.
 NEAR = 0.505
 # Stages of a macro-step, the field at its end included.
 N = 13
 # Of the macro-steps: order of the error estimate, safety, bounds of a change.
-EXPONENT, SAFETY, SHRINK, GROW = 1 / 8, 0.9, 0.2, 5.0
+EXPONENT, SAFETY, SHRINK, GROW = 1 / 8, 0.85, 0.2, 5.0
 # The first one, in times of relaxation.
 FIRST_STEP = 0.3
 
@@ -65,8 +67,9 @@ class Strobe:
     def __init__(self, problem: Problem, tolerance: float) -> None:
         assert problem.parts is not None
         self.split, self.tolerance = Split(problem, tolerance), tolerance
-        self.p, self.scheme, self.table = self.split.p, SCHEMES[-1].numbers[float], dop853()
-        self.inner = 0
+        self.p, self.scheme, self.table = self.split.address, SCHEMES[-1].addresses[float], dop853()
+        # Machine code takes addresses in less time than arrays.
+        self.nodes, self.inner = self.table.A.ctypes.data, 0
         # Either machine code is compiled beforehand if it is the one needed, and else where it turns out to be.
         _ = self.kernels if self.pays(np.array(problem.start), problem.end) else self.split.kernels
 
@@ -149,19 +152,18 @@ class Strobe:
         """Rows within a macro-step: from the end of a whole turn next to them by a part of a turn."""
         change = end - point
         terms = [change, turns * stages[0] - change, 2 * change - turns * (stages[N - 1] + stages[0])]
-        terms += list(turns * (self.table.D @ stages))
+        terms = np.array([*terms, *(turns * (self.table.D @ stages))])
 
         def value(x: np.ndarray) -> np.ndarray:
-            result = np.zeros((len(x), len(point)))
-            for k, term in enumerate(reversed(terms)):
-                result = (result + term) * (x if k % 2 == 0 else 1 - x)[:, None]
-            return point + result
+            factors = np.empty((len(terms), len(x)))
+            factors[::2], factors[1::2] = x, 1 - x
+            return point + np.cumprod(factors, axis=0).T @ terms
 
         def reached(whole: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
             """Points after so many turns; how much time is left to the rows, and how many turns."""
             at = value(whole / turns)
             rest = times - at[:, -1]
-            return at, rest, rest * self.split.parts.rate(numpy_operations())(at.T, self.p) / (2 * pi)
+            return at, rest, rest * self.split.parts.rate(numpy_operations())(at.T, self.split.p) / (2 * pi)
 
         whole = np.rint(turns * (times - point[-1]) / change[-1])
         at, rest, off = reached(whole)
@@ -176,31 +178,31 @@ class Strobe:
 
     def fields(self, point: np.ndarray, setting: Setting, horizon: np.ndarray) -> np.ndarray:
         """Averaged fields of all orders, with as many micro-steps as their error allows."""
-        fields, others = np.empty((2, len(ORDERS), len(point)))
+        fields, finer = np.empty((len(ORDERS), len(point))), np.empty((1, len(point)))
         if setting.easy:
             setting.micro = max(FEWEST, setting.micro - 1)
-        self.mean(point, setting.micro, fields)
         while True:
-            finer = min(MOST, setting.micro + 2)
-            self.mean(point, finer, others)
-            off = np.max(np.maximum(np.abs(fields[-1] - others[-1]) - ROUNDING, 0.0) * horizon) / MICRO
+            self.mean(point, setting.micro, fields)
+            more = min(MOST, setting.micro + 2)
+            # Differences of single turns show what smaller steps change.
+            self.mean(point, more, finer)
+            off = np.max(np.maximum(np.abs(fields[0] - finer[0]) - ROUNDING, 0.0) * horizon) / MICRO
             if not off > 1 or setting.micro >= MOST:
                 break
-            setting.micro, fields, others = finer, others, fields
+            setting.micro = more
         setting.easy = off < EASY
         return fields
 
     def stages(self, numbers: np.ndarray, point: np.ndarray, stages: np.ndarray, end: np.ndarray) -> None:
         """Stages of a macro-step; `end` is the point of the last one."""
-        weights = WEIGHTS[int(numbers[1]) - 1]
         self.inner += int(2 * numbers[0] * numbers[1] * (numbers[4] - numbers[3]))
-        self.kernels.macro(self.scheme, self.p, numbers, weights, point, self.table.A, stages, end)
+        self.kernels.macro(self.scheme, self.p, numbers, ROWS[int(numbers[1])], point, self.nodes, stages, end)
 
     def mean(self, point: np.ndarray, micro: int, out: np.ndarray) -> None:
-        """Averaged fields of all orders by so many micro-steps."""
-        self.inner += 2 * micro * len(ORDERS)
-        setting = np.array([micro, len(ORDERS), len(ORDERS)], dtype=float)
-        self.kernels.mean(self.scheme, self.p, setting, WEIGHTS, point, out)
+        """Averaged fields of so many orders, from the second on, by so many micro-steps."""
+        self.inner += 2 * micro * len(out)
+        setting = np.array([micro, len(out), len(out)], dtype=float)
+        self.kernels.mean(self.scheme, self.p, setting, ROWS[1], point, out)
 
     def order(self, fields: np.ndarray, horizon: np.ndarray) -> int | None:
         """The lowest order whose difference errs little enough, by comparison with the next one."""
