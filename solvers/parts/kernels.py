@@ -11,7 +11,6 @@ import numpy as np
 from polhode.models.problem import Parts
 from polhode.solvers.machine_code.program import Array, Program, compare, compiled
 from polhode.solvers.machine_code.tracing import OPERATIONS, Number
-from polhode.solvers.parts.schemes import AVOIDED
 
 # A step follows the rate of the fast angle when that has changed by this factor; in between it stays, since what errs
 # to and fro within a turn adds up to nothing only while steps are equal.
@@ -185,8 +184,7 @@ def _advance(pieces: Pieces) -> Program:
             begin[0], since[0] = begin[0] + since[0] * step[0], 0.0
             low[0], high[0] = speed / BAND, speed * BAND
             free = law[0] * speed ** (1.0 - law[1])
-            wide = where_positive(law[2] - free, free, law[2])
-            step[0] = where_positive((wide - AVOIDED[0]) * (AVOIDED[1] - wide), AVOIDED[0], wide) / speed
+            step[0] = where_positive(law[2] - free, free, law[2]) / speed
             code[0] = float(Code.NOT_FINITE)
             leave(compare("uge", speed, inf))
             code[0] = float(Code.OUTSIDE)

@@ -22,10 +22,10 @@ from polhode.solvers.contract import (
 from polhode.solvers.machine_code.underflow import FlushedToZero
 from polhode.solvers.parts.kernels import ROUNDING, At, Code, Kernels, clock, kernels
 from polhode.solvers.parts.planning import Planner
-from polhode.solvers.parts.schemes import Scheme
+from polhode.solvers.parts.schemes import BEST, Scheme
 
-# Deadline and Ctrl-C are looked at once per this many slow flows, some 20 ms.
-CHUNK = 1_000_000
+# Deadline and Ctrl-C are looked at once per this many steps, some 20 ms.
+CHUNK = 120_000
 # The least rate that counts: L grows from rest as fast as the shear makes it, in half a unit of it.
 SHEAR = 0.5
 # Plans are made anew after these shares of a run, if that is so many turns at least.
@@ -85,8 +85,8 @@ class Split:
                 own[At.UNTIL] = next((mark for mark in marks if mark > now), inf)
                 # Ever wider, so that a rate that goes to and fro asks for few plans.
                 law, width = plan.law(between=(rate / width, rate * width)), width * WIDER
-            limit = min(CHUNK // plan.scheme.stages, record.max_steps - int(own[At.STEPS]))
-            code = self.advance(plan.scheme, law, state, own, times, rows, limit=limit)
+            limit = min(CHUNK, record.max_steps - int(own[At.STEPS]))
+            code = self.advance(BEST, law, state, own, times, rows, limit=limit)
             record.put(rows[record.filled : int(own[At.FILLED])])
             work.steps, record.now = int(own[At.STEPS]), float(now_of(own))
             if code == Code.STEPS_DONE and work.steps >= record.max_steps:
@@ -146,11 +146,11 @@ class PartsSolver(Solver):
 
 
 class Splitting(PartsSolver):
-    """Exact rotation and exact relaxation in turns: schemes of order (2), (4, 2), (8, 6, 4) and (10, 6, 4).
+    """Exact rotation and exact relaxation in turns, by a scheme of order (10, 6, 4).
 
-    Class: palindromic compositions for nearly integrable systems; torque-free motion is exact at any step. Scheme and
-    step follow from the tolerance by a law, and from checks by two step sizes at the beginning and, on longer runs,
-    where the rate has changed and at shares of the run.
+    Class: palindromic composition for nearly integrable systems; torque-free motion is exact at any step. The step
+    follows from the tolerance by a law, and from checks by two step sizes at the beginning and, on longer runs, where
+    the rate has changed and at shares of the run.
     Stability: unconditional in the relaxation but for short backward ones; the step is bound by the angle, so that at
     small St, where relaxation outpaces the rotation, steps are as short as those of an explicit method.
     Tolerance: error of L/I_e over the whole run, however long; orientation errs by that times the angle turned.

@@ -14,7 +14,7 @@ from polhode.models.operations import numpy_operations
 from polhode.models.problem import Problem
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Status
 from polhode.solvers.machine_code.underflow import FlushedToZero
-from polhode.solvers.parts.schemes import SCHEMES
+from polhode.solvers.parts.schemes import BEST
 from polhode.solvers.parts.splitting import PartsSolver, Split
 from polhode.solvers.parts.strobe_kernels import StrobeKernels, strobe_kernels
 
@@ -67,7 +67,7 @@ class Strobe:
     def __init__(self, problem: Problem, tolerance: float) -> None:
         assert problem.parts is not None
         self.split, self.tolerance = Split(problem, tolerance), tolerance
-        self.p, self.scheme, self.table = self.split.address, SCHEMES[-1].addresses[float], dop853()
+        self.p, self.scheme, self.table = self.split.address, BEST.addresses[float], dop853()
         # Machine code takes addresses in less time than arrays.
         self.nodes, self.inner = self.table.A.ctypes.data, 0
         # Either machine code is compiled beforehand if it is the one needed, and else where it turns out to be.

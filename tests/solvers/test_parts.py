@@ -148,12 +148,6 @@ def test_order_at_fixed_steps(name: str, stokes: float, end: float, order: int, 
     assert -np.polyfit(np.log(steps), np.log(errors), 1)[0] == pytest.approx(order, abs=0.35)
 
 
-@pytest.mark.parametrize("scheme", SCHEMES, ids=lambda scheme: scheme.name)
-def test_steps_in_one(scheme: Scheme):
-    each = problem(20.0, 6.0)
-    assert end_state(each, scheme.repeated(2), 6) == pytest.approx(end_state(each, scheme, 12), abs=1e-13)
-
-
 def test_tolerances_below_rounding_ask_for_no_end_of_steps():
     each = problem(1e5, 2000.0)
     steps = [solve(each, "splitting", tolerance).work.steps or 0 for tolerance in (1e-11, 1e-15)]
