@@ -200,19 +200,26 @@ def follow(form: Form, scene: Scene, tolerance: float, solver: str | None = None
 
 def gains(ellipsoid: Ellipsoid, found: list[tuple[float, Observables]]) -> dict[str, Gain]:
     """Gains of what is wanted from runs at several tolerances, the loosest first."""
-    largest = float(np.max(np.abs(found[-1][1].slow))) / max(ellipsoid.inertia)
+    largest = _largest(ellipsoid, found[-1][1])
     pairs = [(tolerance, errors(ellipsoid, loose, tight)) for (tolerance, loose), (_, tight) in pairwise(found)]
     limits = {"slow": SATURATED * max(largest, 1e-300), "orientation": SATURATED * pi}
     known = [want for want in limits if getattr(pairs[-1][1], want) is not None]
-    return {want: _first_below(pairs, want, limits[want]) for want in known}
+    # Tolerances are relative: errors of a large L are so much larger.
+    sizes = {"slow": max(1.0, largest), "orientation": 1.0}
+    return {want: _first_below(pairs, want, limits[want], LUCKY * sizes[want]) for want in known}
 
 
-def _first_below(pairs: list[tuple[float, Errors]], name: str, limit: float) -> Gain:
+def _largest(ellipsoid: Ellipsoid, seen: Observables) -> float:
+    """The largest |L|, E over I_max."""
+    return float(np.max(np.abs(seen.slow))) / max(ellipsoid.inertia)
+
+
+def _first_below(pairs: list[tuple[float, Errors]], name: str, limit: float, lucky: float) -> Gain:
     # The loosest pair of all is left out: its error follows no law.
     for tolerance, error in pairs[1:]:
         value = getattr(error, name)
         if value < limit:
-            return Gain(tolerance, max(value, LUCKY * tolerance))
+            return Gain(tolerance, max(value, lucky * tolerance))
     return Gain(pairs[-1][0], inf)
 
 
@@ -262,8 +269,8 @@ def form_sensitivity(form: Form, pilot: Pilot, solver: str = "") -> dict[str, Se
     own, observables = pilot.gains, pilot.observables
     scene = pilot.scene if form.averaged else pilot.followed
     if over_whole_run(form, solver):
-        # An error of L turns into one of the angle with every rotation.
-        turned = {"slow": 1.0, "orientation": 1.0 + pilot.rotations}
+        # An error of L, which is relative where L is large, turns into one of the angle with every rotation.
+        turned = {"slow": max(1.0, _largest(scene.ellipsoid, observables)), "orientation": 1.0 + pilot.rotations}
         own = {want: Gain(WHOLE_RUN_TOLERANCE, WHOLE_RUN_TOLERANCE * turned[want]) for want in own}
     elif not form.angles and form.name != reference_form(scene) and form.problem(scene).parameters is not None:
         found = form_ladder(form, scene)
@@ -271,5 +278,5 @@ def form_sensitivity(form: Form, pilot: Pilot, solver: str = "") -> dict[str, Se
     turns = 0.0 if form.averaged else pilot.rotations
     stiffness = 0.0 if form.averaged else pilot.damping_times / pilot.scene.time
     stiff = not form.averaged and pilot.damping_times > STIFF
-    largest = {"slow": float(np.max(np.abs(observables.slow))) / max(pilot.scene.ellipsoid.inertia), "orientation": 1.0}
+    largest = {"slow": _largest(scene.ellipsoid, observables), "orientation": 1.0}
     return {want: Sensitivity(*gain, turns, stiffness, largest[want], stiff) for want, gain in own.items()}
