@@ -1,17 +1,20 @@
 """Orientation of the body axes: zxz Euler angles, unit quaternions, the matrix t_ij (`tiju`)."""
 
 from math import atan2, cos, hypot, sin
+from typing import Any
 
 import numpy as np
 
+from polhode.models.operations import FLOAT, Operations
 from polhode.models.shape import Triple
 
 Array = np.ndarray
 Quaternion = tuple[float, float, float, float]
 
 
-def quaternion_from_euler(angles: Triple) -> Quaternion:
+def quaternion_from_euler(angles: Any, ops: Operations = FLOAT) -> Any:
     """Unit quaternion of the zxz Euler angles (θ, φ, ψ) in rad; rows of its matrix are the body axes (`tiju`)."""
+    cos, sin = ops.cos, ops.sin
     theta, phi, psi = angles
     c, s = cos(theta / 2), sin(theta / 2)
     plus, minus = (phi + psi) / 2, (phi - psi) / 2
@@ -29,8 +32,9 @@ def euler_from_quaternion(q: Quaternion) -> Triple:
     return 2 * atan2(s, c), plus + minus, plus - minus
 
 
-def angular_velocity_from_euler(angles: Triple, rates: Triple) -> Triple:
+def angular_velocity_from_euler(angles: Any, rates: Any, ops: Operations = FLOAT) -> tuple[Any, Any, Any]:
     """Body angular velocity (ω₁, ω₂, ω₃) of Euler angles and their rates (θ̇, φ̇, ψ̇) (`omg1def`–`omg3def`)."""
+    cos, sin = ops.cos, ops.sin
     theta, _, psi = angles
     dtheta, dphi, dpsi = rates
     return (

@@ -7,9 +7,9 @@ import numpy as np
 from polhode.models.form import Form
 from polhode.models.forms.motion import angular_acceleration, body_parameters, full_problem
 from polhode.models.observables import Observables, observe_body
-from polhode.models.operations import Field, Operations
+from polhode.models.operations import Field, Operations, numpy_operations
 from polhode.models.problem import Problem
-from polhode.models.rotation import euler_rates_from_angular_velocity, matrix_from_euler
+from polhode.models.rotation import angular_velocity_from_euler, euler_rates_from_angular_velocity, matrix_from_euler
 from polhode.models.scene import EulerStart, Scene
 
 # A passage at this distance costs 1e-10 rad (median of random tops), at most 1e-9, whatever the tolerance.
@@ -99,11 +99,5 @@ class EulerAngles(Form):
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         """Observables."""
-        theta, _, psi, dtheta, dphi, dpsi = states.T
-        across = dphi * np.sin(theta)
-        omega = [
-            across * np.sin(psi) + dtheta * np.cos(psi),
-            across * np.cos(psi) - dtheta * np.sin(psi),
-            dphi * np.cos(theta) + dpsi,
-        ]
+        omega = angular_velocity_from_euler(states[:, :3].T, states[:, 3:].T, numpy_operations())
         return observe_body(scene.ellipsoid, matrix_from_euler(states[:, :3]), np.stack(omega, axis=1))

@@ -15,7 +15,7 @@ from polhode.models.free_top.elliptic import PI
 from polhode.models.observables import Observables, observe_body
 from polhode.models.operations import Field, Operations, numpy_operations
 from polhode.models.problem import Problem
-from polhode.models.rotation import Quaternion, make_third, matrix_from_quaternion
+from polhode.models.rotation import Quaternion, make_third, matrix_from_quaternion, quaternion_from_euler
 from polhode.models.scene import Scene
 
 
@@ -83,7 +83,8 @@ class JefferyOrbit:
         sine, cosine = np.sin(rest), np.cos(rest)
         phi = -(turns * pi + np.arctan2(kappa * sine, cosine))
         theta = np.arctan2(s * np.hypot(kappa * sine, cosine), z)
-        q = _quaternions(theta, phi, self._spin(turns, sine, cosine))
+        angles = theta, phi, self._spin(turns, sine, cosine)
+        q = np.stack(quaternion_from_euler(angles, numpy_operations()), axis=1)
         given = np.array(make_third(self.quaternion, self.axis))
         q = _turned_about_third(q, given)[1:]
         if self.axis == 2:
@@ -107,12 +108,6 @@ def _spin_integral(sine: np.ndarray, cosine: np.ndarray, n: float, modulus: floa
 
     x, y, weight = cosine**2, 1 - modulus * sine**2, 1 - n * sine**2
     return sine * elliprf(x, y, 1.0) - 2 * (1 - n) / 3 * sine**3 * elliprj(x, y, 1.0, weight)
-
-
-def _quaternions(theta: np.ndarray, phi: np.ndarray, psi: np.ndarray) -> np.ndarray:
-    c, s = np.cos(theta / 2), np.sin(theta / 2)
-    plus, minus = (phi + psi) / 2, (phi - psi) / 2
-    return np.stack([c * np.cos(plus), s * np.cos(minus), s * np.sin(minus), c * np.sin(plus)], axis=1)
 
 
 def _turned_about_third(q: np.ndarray, given: np.ndarray) -> np.ndarray:

@@ -11,6 +11,7 @@ from polhode.models.forms.motion import full_problem
 from polhode.models.observables import Observables
 from polhode.models.operations import Field, Operations
 from polhode.models.problem import Problem
+from polhode.models.rotation import matrix_from_euler
 from polhode.models.scene import Scene
 
 # Roundoff of a start meant to be planar, such as cos(π/2), stays below; whatever is larger is taken for meant.
@@ -71,10 +72,8 @@ class Tumbling(Form):
         """Observables: the start turned about z."""
         plane = self._plane(scene)
         turn = states[:, 0] - plane.angle
-        c, s, zero = np.cos(turn), np.sin(turn), np.zeros_like(turn)
-        turned = np.stack(
-            [np.stack([c, s, zero], 1), np.stack([-s, c, zero], 1), np.stack([zero, zero, zero + 1], 1)], 1
-        )
+        zero = np.zeros_like(turn)
+        turned = matrix_from_euler(np.stack([zero, turn, zero], axis=1))
         momentum = plane.inertia * states[:, 1]
         return Observables(
             angular_momentum=np.stack([zero, zero, momentum], axis=1),

@@ -18,7 +18,7 @@ from polhode.models.forms.averaged import mean_squares
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.free_top.torque_free import TorqueFree
 from polhode.models.operations import FLOAT
-from polhode.models.rotation import matrix_from_quaternion
+from polhode.models.rotation import matrix_from_euler, matrix_from_quaternion
 from polhode.models.scenes import PAPER_ELLIPSOID
 from polhode.models.shape import Ellipsoid
 from polhode.models.theory.spheroid_correction import CorrectedSpheroid
@@ -48,9 +48,7 @@ def ensemble(ellipsoid: Ellipsoid, momentum: np.ndarray, omega: np.ndarray, node
     body = matrix_from_quaternion(quaternion)
     start = np.array(ellipsoid.inertia) * omega
     aligned = body @ frame(start)
-    angles = 2 * pi * np.arange(8) / 8
-    c, s, zero = np.cos(angles), np.sin(angles), np.zeros(8)
-    turns = np.stack([np.stack([c, s, zero], 1), np.stack([-s, c, zero], 1), np.stack([zero, zero, zero + 1], 1)], 1)
+    turns = matrix_from_euler(np.outer(2 * pi * np.arange(8) / 8, (0, 1, 0)))
     return np.einsum("nij,pjk,lk->npil", aligned, turns, frame(momentum)).reshape(-1, 3, 3)
 
 
