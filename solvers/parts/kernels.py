@@ -61,7 +61,7 @@ def kernels(parts: Parts, dimension: int, number: type = float) -> Kernels:
     """Compile those of splitting for a problem's parts, once in a process, over a type of numbers."""
     pieces = Pieces(parts, dimension)
     advance = _advance(pieces)
-    programs = pieces.prepare, pieces.compose, pieces.spread, advance, _check(pieces, advance, ROUNDING[number])
+    programs = pieces.prepare, pieces.spread, advance, _check(pieces, advance, ROUNDING[number])
     return Kernels(*compiled(*programs, number=number))
 
 
@@ -76,10 +76,10 @@ def length(vector: Sequence[Number]) -> Number:
 
 
 class Pieces:
-    """What the kernels are made of: `prepare` computes the constants of a step's flows, `compose` makes the step.
+    """What the kernels are made of: `prepare` computes the constants of a step's flows, `spread` moves rows by a step.
 
     Constants of stage i, a fast flow and a slow one, are row i of an array; then come those of the last fast flow, and
-    those of the last one and the first one of the next step together. `compose` leaves the last fast flow out.
+    those of the last one and the first one of the next step together.
     """
 
     def __init__(self, parts: Parts, dimension: int) -> None:
@@ -87,7 +87,7 @@ class Pieces:
         self.fast, self.slow = parts.fast.flow(OPERATIONS), parts.slow.flow(OPERATIONS)
         numbers = (0.5,) * 64, 0.5
         self.sizes = len(parts.fast.constants(*numbers)), len(parts.slow.constants(*numbers))
-        self.prepare, self.compose = self._prepare(), self._compose()
+        self.prepare = self._prepare()
         self.spread = self._spread()
 
     def constants(self, program: Program) -> Array:
@@ -108,7 +108,7 @@ class Pieces:
 
     def slow_flow(self, y: Array, constants: Array) -> None:
         """Advance a state."""
-        y.store(self.slow(y.load(self.dimension), constants.load(self.sizes[1])))
+        y.store(self.slow(y.load(self.dimension), (constants + self.sizes[0]).load(self.sizes[1])))
 
     def _prepare(self) -> Program:
         program = Program("prepare", "scheme p constants", "h", "internal", "noinline")
@@ -121,14 +121,6 @@ class Pieces:
             made = slow.constants(p, scheme[stages + i + 2.0] * h, OPERATIONS)
             for row in (i, stages - 1.0 - i):
                 (self.row(constants, row) + self.sizes[0]).store(made)
-        return program
-
-    def _compose(self) -> Program:
-        program = Program("compose", "constants y", "first stages", "internal", "alwaysinline")
-        constants, y, first, stages = program.arguments
-        with program.times(stages) as i:
-            self.fast_flow(y, self.row(constants, where_positive(i, i, first)))
-            self.slow_flow(y, self.row(constants, i) + self.sizes[0])
         return program
 
     def _spread(self) -> Program:
@@ -145,9 +137,9 @@ class Pieces:
                 program.call(self.prepare, scheme, p, constants, times[j] / steps)
             with program.times(steps):
                 with program.times(stages) as k:
-                    for flow, shift in ((self.fast_flow, 0), (self.slow_flow, self.sizes[0])):
+                    for flow in (self.fast_flow, self.slow_flow):
                         for constants, y in pair:
-                            flow(y, self.row(constants, k) + shift)
+                            flow(y, self.row(constants, k))
                 for constants, y in pair:
                     self.fast_flow(y, self.row(constants, stages))
             for (_, y), j in zip(pair, places, strict=True):
@@ -163,11 +155,8 @@ def _advance(pieces: Pieces) -> Program:
     y, at = (program.room(dimension) for _ in range(2))
     y.store(state.load(dimension))
     # 1 while the state lacks the last fast flow of its step.
-    open_, code, limit = (
-        program.cell(0.0),
-        program.cell(float(Code.FINISHED)),
-        clock[At.STEPS] + clock[At.LIMIT],
-    )
+    open_, code = program.cell(0.0), program.cell(float(Code.FINISHED))
+    limit = clock[At.STEPS] + clock[At.LIMIT]
     begin, step, low, high, since, filled, steps = (program.cell(clock[i]) for i in range(At.CODE))
     program.call(pieces.prepare, scheme, p, constants, step[0])
     with program.repeat() as leave:
@@ -214,15 +203,18 @@ def _advance(pieces: Pieces) -> Program:
             code[0] = float(reason)
             leave(condition)
         code[0] = float(Code.FINISHED)
-        program.call(pieces.compose, constants, y, open_[0] * (stages + 1.0), stages)
+        first = open_[0] * (stages + 1.0)
+        with program.times(stages) as i:
+            pieces.fast_flow(y, pieces.row(constants, where_positive(i, i, first)))
+            pieces.slow_flow(y, pieces.row(constants, i))
         open_[0], since[0], steps[0] = 1.0, since[0] + 1.0, steps[0] + 1.0
     with program.when(compare("ogt", open_[0], 0.0)):
         pieces.fast_flow(y, pieces.row(constants, stages))
     state.store(y.load(dimension))
-    first = clock[At.FILLED]
+    before = clock[At.FILLED]
     within = scheme + where_positive(law[6], 2.0 * stages + 2.0, 0.0)
-    number.store([filled[0] - first, 1.0])
-    program.call(pieces.spread, within, p, number, rests + first, rows + first * float(dimension))
+    number.store([filled[0] - before, 1.0])
+    program.call(pieces.spread, within, p, number, rests + before, rows + before * float(dimension))
     clock.store([each[0] for each in (begin, step, low, high, since, filled, steps, code)])
     return program
 

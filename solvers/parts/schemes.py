@@ -17,11 +17,6 @@ class Scheme:
     stages: int
 
     @cached_property
-    def shares(self) -> tuple[np.ndarray, np.ndarray]:
-        """All shares of a step, of the fast flows, shape (stages + 1,), and of the slow ones, shape (stages,)."""
-        return _mirrored(self.fast, self.stages + 1), _mirrored(self.slow, self.stages)
-
-    @cached_property
     def numbers(self) -> dict[type, np.ndarray]:
         """What machine code receives, by the type of its numbers: stages and shares, and those that lead to a row."""
         return {

@@ -64,7 +64,7 @@ def _turn(pieces: Pieces) -> Program:
             for y, constants, step, _, angle, _ in sides:
                 fast_flow(y, angle, pieces.row(constants, i), step * scheme[i + 1.0])
             for y, constants, *_ in sides:
-                pieces.slow_flow(y, pieces.row(constants, i) + pieces.sizes[0])
+                pieces.slow_flow(y, pieces.row(constants, i))
         for y, constants, step, _, angle, _ in sides:
             fast_flow(y, angle, pieces.row(constants, scheme[0]), step * scheme[scheme[0] + 1.0])
     for y, _, step, full, angle, point in sides:
@@ -74,7 +74,7 @@ def _turn(pieces: Pieces) -> Program:
             for part, shift, share in ((fast, 0, 0.5), (slow, pieces.sizes[0], 1.0)):
                 (ends + shift).store(part.constants(p, share * rest, OPERATIONS))
             fast_flow(y, angle, ends, 0.5 * rest)
-            pieces.slow_flow(y, ends + pieces.sizes[0])
+            pieces.slow_flow(y, ends)
             fast_flow(y, angle, ends, 0.5 * rest)
             passed = passed + rest
         point.store([*y.load(dimension), point[dimension] + passed])

@@ -110,7 +110,7 @@ QUADRATURE = {"S2": 2, "SABA2": 4, "ABA(8,6,4)": 8, "ABA(10,6,4)": 10}
 @pytest.mark.parametrize("scheme", SCHEMES, ids=lambda scheme: scheme.name)
 def test_a_scheme_is_a_quadrature_in_the_slow_part(scheme: Scheme):
     """To first order in the slow part: its nodes are where the fast flows before them end."""
-    fast, slow = scheme.shares
+    fast, slow = np.split(scheme.numbers[float][1 : 2 * scheme.stages + 2], [scheme.stages + 1])
     assert np.array_equal(fast, fast[::-1])
     assert np.array_equal(slow, slow[::-1])
     nodes = np.cumsum(fast)[:-1]
