@@ -72,7 +72,8 @@ def page(found: Found) -> str:
             f"{settings['long_error']:g}.\n",
             table(found["long"], LONG),
             f"## Ensembles at tolerance {settings['tolerance']:g}, particles per second and core\n",
-            "By what is kept of a particle: its end, 101 samples, statistics of these at 11 snapshots.\n",
+            "By what is kept of a particle: its end, 101 samples, statistics of these at 11 snapshots. Errors are of "
+            f"{settings['known']} ends against {settings['judge']}.\n",
             table(found["tasks"], TASKS),
             f"## What large sweeps to t₂ = {settings['slow_time']:g} take, in tasks of up to {BLOCK:,} particles\n",
             _plan(found),

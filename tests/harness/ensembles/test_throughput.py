@@ -51,6 +51,8 @@ def test_the_page_shows_what_was_measured():
             "task_seconds": 1.0,
             "long_stokes": 1e6,
             "long_error": 1e-4,
+            "judge": "a solver",
+            "known": 5,
         },
         "date": "2026-11-22T00:00:00Z",
         "machine": {"processor": "P", "cores": 2, "system": "S", "python": "3"},
