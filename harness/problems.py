@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from tqdm import tqdm
@@ -18,7 +17,6 @@ from polhode.models.problems.classical import Classical
 from polhode.models.registry import hint
 from polhode.solvers.catalogue import SOLVERS
 from polhode.solvers.catalogue import solver as find_solver
-from polhode.solvers.contract import SolverNotValidError
 
 # Seconds for compilation, beyond the runs.
 COMPILATION = 60.0
@@ -84,9 +82,5 @@ _KEPT = ("problem", "machine", "versions", "date")
 
 
 def _takes(name: str, solver: str) -> bool:
-    method: Any = find_solver(solver)
-    try:
-        method.check(PROBLEMS[name].problem)
-    except SolverNotValidError:
-        return False
-    return method.available and solver not in PROBLEMS[name].hopeless
+    one, method = PROBLEMS[name], find_solver(solver)
+    return method.available and solver not in one.hopeless and method.takes(one.problem)

@@ -17,7 +17,7 @@ from polhode.models.problem import Problem
 from polhode.solvers.catalogue import SOLVERS
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.compile import check_field
-from polhode.solvers.contract import Solver, SolverNotValidError, Status
+from polhode.solvers.contract import Solver, Status
 from polhode.solvers.solve import Solution, solve
 
 if TYPE_CHECKING:
@@ -106,7 +106,7 @@ class WorkPrecision:
         methods = [find_solver(name) for name in self.solvers or SOLVERS]
         if self.solvers is not None:
             return methods
-        return [method for method in methods if _accepts(method, self.problem)]
+        return [method for method in methods if method.available and method.takes(self.problem)]
 
     def _measure(self, method: Solver, tolerance: float, exact: np.ndarray) -> dict[str, Any]:
         def run(limit: float = self.max_seconds, *, count: bool = False) -> Solution:
@@ -127,11 +127,3 @@ class WorkPrecision:
             "implicit": method.implicit,
             **vars(solution.work),
         }
-
-
-def _accepts(method: Solver, problem: Problem) -> bool:
-    try:
-        method.check(problem)
-    except SolverNotValidError:
-        return False
-    return method.available

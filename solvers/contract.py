@@ -282,6 +282,14 @@ class Solver(ABC):
                 f"{problem.name!r} has no explicit form at St = 0; use solver 'ida' or form 'jeffery'", self.name
             )
 
+    def takes(self, problem: Problem) -> bool:
+        """Whether this solver can solve a problem."""
+        try:
+            self.check(problem)
+        except SolverNotValidError:
+            return False
+        return True
+
     @abstractmethod
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         """Compile what is needed for a problem and return the integrator."""

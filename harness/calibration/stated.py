@@ -1,6 +1,5 @@
 """What `solve` states of its own error, held against references: random scenes, each by a random way to run it."""
 
-from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,6 @@ from polhode.models.catalogue import form as find_form
 from polhode.models.catalogue import reference_form
 from polhode.solvers.catalogue import SOLVERS
 from polhode.solvers.catalogue import solver as find_solver
-from polhode.solvers.contract import SolverNotValidError
 
 # Rotations up to which solvers with Python in the loop are run.
 ASIDE_ROTATIONS = 300.0
@@ -97,10 +95,8 @@ def _ways(question: Question, rotations: float) -> list[tuple[str, str]]:
     aside = [name for name in SOLVERS if name not in fast_solvers()] if rotations < ASIDE_ROTATIONS else []
     for name in forms_for(question.scene, rotations):
         problem = find_form(name).problem(question.scene)
-        for solver in (*solvers_for(question.scene, 0), *aside):
-            with suppress(SolverNotValidError):
-                find_solver(solver).check(problem)
-                found.append((name, solver))
+        solvers = (*solvers_for(question.scene, 0), *aside)
+        found += [(name, solver) for solver in solvers if find_solver(solver).takes(problem)]
     return found
 
 

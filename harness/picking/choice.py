@@ -14,7 +14,6 @@ from polhode.models.form import FormNotValidError
 from polhode.models.scene import Scene
 from polhode.solvers.catalogue import SOLVERS
 from polhode.solvers.catalogue import solver as find_solver
-from polhode.solvers.contract import SolverNotValidError
 
 if TYPE_CHECKING:
     from polhode.models.problem import Problem
@@ -134,10 +133,8 @@ def _first_solver(problem: "Problem") -> str:
     if problem.closed_form is not None:
         return "exact"
     for name in SOLVERS:
-        with suppress(SolverNotValidError):
-            find_solver(name).check(problem)
-            if find_solver(name).available:
-                return name
+        if find_solver(name).available and find_solver(name).takes(problem):
+            return name
     return next(iter(SOLVERS))
 
 

@@ -6,7 +6,6 @@ by the ratio of the tolerances, more or less. Averaged forms add the error of av
 """
 
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import inf, pi
 from time import perf_counter
@@ -28,7 +27,7 @@ from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 from polhode.models.spent import SPENT
 from polhode.solvers.catalogue import solver as find_solver
-from polhode.solvers.contract import UNLIMITED, Solver, SolverNotValidError
+from polhode.solvers.contract import UNLIMITED, Solver
 from polhode.solvers.solve import Solution, solve
 
 # A look takes no longer than this, in seconds, or than this share of the run.
@@ -245,10 +244,8 @@ def _takes(form: Form, scene: Scene, found: Solution, look: Look) -> tuple[Form,
     A tighter look at angles, whose equations are dearer, or at a run that took no averaged piece goes by such a form.
     """
     dear = form.angles or (found.stages and not any(each.averaged for each in found.stages))
-    if not (dear and look.larger < 1):
-        with suppress(SolverNotValidError):
-            look.solver.check(found.problem)
-            return form, found.problem
+    if not (dear and look.larger < 1) and look.solver.takes(found.problem):
+        return form, found.problem
     form = find_form(reference_form(scene))
     return form, form.problem(scene)
 

@@ -5,7 +5,7 @@ same callbacks: `propagate_grid`, `solve_ivp(…, t_eval=…)`, ``CVODE(…).sol
 """
 
 from dataclasses import dataclass
-from math import inf, pi
+from math import inf
 from time import perf_counter
 
 import numpy as np
@@ -13,8 +13,7 @@ import numpy as np
 from polhode.harness.common.timing import seconds_of
 from polhode.models.catalogue import form
 from polhode.models.problem import Problem
-from polhode.models.scene import EulerStart, Scene
-from polhode.models.shape import Ellipsoid
+from polhode.models.scenes import named_scene
 from polhode.solvers.catalogue import SOLVERS
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.solve import solve
@@ -45,8 +44,7 @@ class Overhead:
 
 def paper_problem() -> Problem:
     """The paper's ellipsoid at St = 1e3, 500 units of time, quaternion form."""
-    start = EulerStart((pi / 3, pi / 6, 0.0), (1.0, 1.0, -1.0))
-    return form("quaternion").problem(Scene(Ellipsoid((1.0, 0.8, 0.5)), 1e3, start, 500.0))
+    return form("quaternion").problem(named_scene("paper"))
 
 
 def measure(

@@ -8,10 +8,9 @@ from typing import Literal
 from polhode.harness.studies.case import Case
 from polhode.models.catalogue import form as find_form
 from polhode.models.form import FormNotValidError
-from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 from polhode.solvers.catalogue import solver as find_solver
-from polhode.solvers.contract import Backend, Jacobian, SolverNotValidError
+from polhode.solvers.contract import Backend, Jacobian
 
 QUICK_SECONDS = 0.2
 Page = Literal["costs", "outcomes", "known-stokes"]
@@ -70,7 +69,7 @@ class Study:
                 except FormNotValidError:
                     continue
                 wanted = (name for name in self.solvers if choice.solvers is None or name in choice.solvers)
-                accepted = [name for name in wanted if _accepts(name, problem)]
+                accepted = [name for name in wanted if find_solver(name).takes(problem)]
                 for tolerance in sorted(self.tolerances, reverse=True):
                     limits = tolerance, self.samples, choice.max_seconds or self.max_seconds
                     others = choice.tags, self.reference_seconds, self.counted
@@ -136,14 +135,6 @@ class Study:
         if self.backends is None:
             backends = [None]
         return [(backend, jacobian) for backend in backends for jacobian in jacobians or [None]]
-
-
-def _accepts(solver_name: str, problem: Problem) -> bool:
-    try:
-        find_solver(solver_name).check(problem)
-    except SolverNotValidError:
-        return False
-    return True
 
 
 def _known(kind: str, names: Iterable[str], known: Iterable[str]) -> set[str]:

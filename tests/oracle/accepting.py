@@ -2,7 +2,6 @@
 
 from polhode.models.problem import Problem
 from polhode.solvers.catalogue import SOLVERS, solver
-from polhode.solvers.contract import SolverNotValidError
 
 
 def accepting(problem: Problem) -> list[str]:
@@ -11,8 +10,4 @@ def accepting(problem: Problem) -> list[str]:
 
 
 def takes(name: str, problem: Problem) -> bool:
-    try:
-        solver(name).check(problem)
-    except SolverNotValidError:
-        return False
-    return True
+    return solver(name).takes(problem)
