@@ -91,6 +91,13 @@ def matrix_from_quaternion(q: Array) -> Array:
 
 def quaternion_from_matrix(matrices: Array) -> Array:
     """Unit quaternions, shape (..., 4), of matrices t_ij, shape (..., 3, 3), each of either sign."""
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_matrix(np.swapaxes(matrices, -1, -2)).as_quat(scalar_first=True)
+    t = np.moveaxis(np.asarray(matrices), (-2, -1), (0, 1))
+    a, b, c = t[0, 0], t[1, 1], t[2, 2]
+    x, y, z = t[1, 2] - t[2, 1], t[2, 0] - t[0, 2], t[0, 1] - t[1, 0]
+    u, v, w = t[1, 2] + t[2, 1], t[2, 0] + t[0, 2], t[0, 1] + t[1, 0]
+    # 4 q_i q_j: the row of the largest component is the quaternion but for its size.
+    rows = [[1 + a + b + c, x, y, z], [x, 1 + a - b - c, w, v], [y, w, 1 - a + b - c, u], [z, v, u, 1 - a - b + c]]
+    products = np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+    largest = np.argmax(np.einsum("...ii->...i", products), axis=-1)[..., None, None]
+    found = np.take_along_axis(products, largest, axis=-2)[..., 0, :]
+    return found / np.linalg.norm(found, axis=-1, keepdims=True)

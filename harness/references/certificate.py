@@ -10,6 +10,7 @@ from polhode.models.catalogue import form as find_form
 from polhode.models.form import Form, FormNotValidError
 from polhode.models.observables import Observables
 from polhode.models.problem import Problem
+from polhode.models.rotation import quaternion_from_matrix
 from polhode.models.scene import BodyStart, Scene
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.solve import solve
@@ -116,13 +117,10 @@ def opposite(scene: Scene, form: Form) -> tuple[str, str]:
 
 def restart(scene: Scene, observables: Observables, ulps: np.ndarray) -> BodyStart:
     """Start from observables at one time; `ulps`, shape (4,), moves quaternion and L by so many ulps."""
-    from scipy.spatial.transform import Rotation
-
     rotation, ulp = observables.rotation[0].astype(float), np.finfo(float).eps * ulps
     momentum = observables.angular_momentum[0].astype(float) * (1 + ulp[1:])
     w1, w2, w3 = (rotation @ momentum / np.array(scene.ellipsoid.inertia)).tolist()
-    quaternion = Rotation.from_matrix(rotation.T).as_quat(scalar_first=True)
-    q0, q1, q2, q3 = (quaternion + 0.5 * ulp).tolist()
+    q0, q1, q2, q3 = (quaternion_from_matrix(rotation) + 0.5 * ulp).tolist()
     return BodyStart((q0, q1, q2, q3), (w1, w2, w3))
 
 

@@ -19,6 +19,7 @@ from polhode.models.rotation import (
     matrix_from_euler,
     matrix_from_quaternion,
     quaternion_from_euler,
+    quaternion_from_matrix,
 )
 from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart
 from polhode.models.scenes import SCENES, named_scene
@@ -146,3 +147,16 @@ def test_scenes_are_as_hard_as_they_say():
     for name in SCENES:
         if name.startswith("rest-"):
             assert not np.any(named_scene(name).initial.slow)
+
+
+def test_a_quaternion_comes_back_from_its_matrix_but_for_its_sign():
+    random = np.random.default_rng(7)
+    # Any, about half turns about any axis and about the three of the body, and next to none.
+    some = random.normal(size=(300, 4)) * 10 ** random.uniform(-9, 0, (300, 4))
+    q = np.concatenate([random.normal(size=(100, 4)), some, np.eye(4), np.eye(4) + 1e-9 * random.normal(size=(4, 4))])
+    q /= np.linalg.norm(q, axis=1, keepdims=True)
+    found = quaternion_from_matrix(matrix_from_quaternion(q))
+    assert found.shape == q.shape
+    np.testing.assert_allclose(np.abs(np.sum(found * q, axis=1)), 1.0, rtol=1e-15)
+    np.testing.assert_allclose(found * np.sign(np.sum(found * q, axis=1, keepdims=True)), q, atol=3e-16)
+    np.testing.assert_allclose(quaternion_from_matrix(matrix_from_quaternion(q[0])), found[0], atol=1e-16)
