@@ -39,8 +39,6 @@ class Kernels:
     few flows lead to a row.
     """
 
-    # (scheme, p, number, times, rows): move rows by a time of each one's own; `number` holds the rows, and the steps.
-    spread: Callable[..., None]
     # (scheme, law, p, state, clock, times, rests, rows): steps until the rows are filled, or a limit in the clock is
     # met, from which state and clock go on. `rests` is room for a number of each row.
     advance: Callable[..., None]
@@ -124,8 +122,11 @@ class Pieces:
         return program
 
     def _spread(self) -> Program:
-        """Two rows at once, which a processor computes side by side."""
-        program = Program("spread", "scheme p number times rows")
+        """Move rows by a time of each one's own, two at once, which a processor computes side by side.
+
+        `number` holds the rows, and the steps of each.
+        """
+        program = Program("spread", "scheme p number times rows", linkage="internal")
         scheme, p, number, times, rows = program.arguments
         stages, last, steps = scheme[0], number[0] - 1.0, number[1]
         pair = [(self.constants(program), program.room(self.dimension)) for _ in range(2)]

@@ -10,6 +10,10 @@ from polhode.solvers.machine_code.program import Array, Program, compare, compil
 from polhode.solvers.machine_code.tracing import OPERATIONS, Number
 from polhode.solvers.parts.kernels import Pieces
 
+# Turns between a row and the point of whole turns from which it is reached, at most; trials to find that point.
+NEAR, TRIALS = 0.505, 20.0
+# Terms of DOP853's interpolant; a number beside which others are rounded to whole ones.
+TERMS, WHOLE = 7, 1.5 * 2.0**52
 # Turns of which the averaged field takes differences, at most; stages in a row of a Runge-Kutta table.
 MOST_TURNS, TABLE = 3, 16
 
@@ -18,14 +22,16 @@ MOST_TURNS, TABLE = 3, 16
 class StrobeKernels:
     """Those of stroboscopic averaging; a point is a state with its time behind it."""
 
-    # As of `Kernels`.
-    spread: Callable[..., None]
     # (scheme, p, setting, weights, point, out): weighted sums, a row of weights each, of differences of the map of 1,
     # 2, ... turns: the averaged field, per turn. `setting` holds the steps of a turn, the turns, the rows.
     mean: Callable[..., None]
     # (scheme, p, setting, weights, point, table, stages, ends): stages of a Runge-Kutta step by the averaged field, the
     # last one taken at `ends`; `setting` holds besides the first stage, the one behind the last, the turns in the step.
     macro: Callable[..., None]
+    # (scheme, p, setting, terms, point, times, rests, rows): rows at times within a macro-step from `point` on, whose
+    # points are those of an interpolant, from the end of a whole turn next to each by a part of a turn. `setting` holds
+    # the rows, the steps to each, the turns in the step; `rests` is room for a number of each row.
+    rows: Callable[..., None]
 
 
 @cache
@@ -34,7 +40,8 @@ def strobe_kernels(parts: Parts, dimension: int) -> StrobeKernels:
     pieces = Pieces(parts, dimension)
     turn = _turn(pieces)
     mean = _mean(pieces, turn)
-    return StrobeKernels(*compiled(pieces.prepare, turn, pieces.spread, mean, _macro(dimension, mean)))
+    programs = pieces.prepare, turn, pieces.spread, mean, _macro(dimension, mean), _rows(pieces)
+    return StrobeKernels(*compiled(*programs))
 
 
 def _turn(pieces: Pieces) -> Program:
@@ -116,4 +123,29 @@ def _macro(dimension: int, mean: Program) -> Program:
                 ends[i] = ends[i] + weight * stages[j * size + float(i)]
         program.call(mean, scheme, p, setting, weights, ends, stages + s * size)
         stage[0] = s + 1.0
+    return program
+
+
+def _rows(pieces: Pieces) -> Program:
+    program = Program("rows", "scheme p setting terms point times rests rows")
+    scheme, p, setting, terms, point, times, rests, rows = program.arguments
+    dimension, turns, at = pieces.dimension, setting[2], program.room(pieces.dimension + 1)
+    size, whole, off, tried = dimension + 1, program.cell(0.0), program.cell(0.0), program.cell(0.0)
+    with program.times(setting[0]) as j:
+        off[0] = turns * (times[j] - point[dimension]) / terms[dimension]
+        whole[0] = tried[0] = 0.0
+        with program.repeat() as leave:
+            whole[0] = whole[0] + ((off[0] + WHOLE) - WHOLE)
+            x = whole[0] / turns
+            for i in range(size):
+                value = 0.0
+                for k in reversed(range(TERMS)):
+                    value = (value + terms[k * size + i]) * (1.0 - x if k % 2 else x)
+                at[i] = point[i] + value
+            rests[j] = times[j] - at[dimension]
+            off[0], tried[0] = rests[j] * pieces.rate(at, p) / (2 * pi), tried[0] + 1.0
+            leave(compare("ole", off[0] * off[0], NEAR**2))
+            leave(compare("oge", tried[0], TRIALS))
+        (rows + j * float(dimension)).store(at.load(dimension))
+    program.call(pieces.spread, scheme, p, setting, rests, rows)
     return program

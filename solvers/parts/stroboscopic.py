@@ -10,13 +10,12 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from polhode.models.operations import numpy_operations
 from polhode.models.problem import Problem
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Status
 from polhode.solvers.machine_code.underflow import FlushedToZero
 from polhode.solvers.parts.schemes import BEST
 from polhode.solvers.parts.splitting import PartsSolver, Split
-from polhode.solvers.parts.strobe_kernels import StrobeKernels, strobe_kernels
+from polhode.solvers.parts.strobe_kernels import NEAR, StrobeKernels, strobe_kernels
 
 # Runs of fewer turns are left to splitting, and so is a stretch of turns wherever a macro-step would be of fewer than
 # so many times its order: it costs fifteen times its order. A stretch is doubled so often while that fails.
@@ -33,8 +32,6 @@ ORDERS, ROUNDING = (2, 4, 6), 3e-15
 WEIGHTS = np.array([[1 / 2, 0.0, 0.0], [2 / 3, -1 / 12, 0.0], [3 / 4, -3 / 20, 1 / 60]])
 # Addresses of its rows, by the turns of their differences.
 ROWS = {1 + i: row.ctypes.data for i, row in enumerate(WEIGHTS)}
-# Turns between a row and the point of whole turns from which it is reached, at most.
-NEAR = 0.505
 # Stages of a macro-step, the field at its end included.
 N = 13
 # Of the macro-steps: order of the error estimate, safety, bounds of a change.
@@ -59,6 +56,16 @@ def dop853() -> SimpleNamespace:
     scipy = find_spec("scipy")
     folder = Path((scipy and scipy.origin) or "scipy is not installed").parent
     return SimpleNamespace(**run_path(str(folder / "integrate" / "_ivp" / "dop853_coefficients.py")))
+
+
+@cache
+def interpolant() -> np.ndarray:
+    """Its terms between two points, of their difference and the stages in between."""
+    table = dop853()
+    terms = np.zeros((3 + len(table.D), 1 + len(table.A)))
+    terms[:3, 0], terms[1, 1], terms[2, [1, N]] = (1.0, -1.0, 2.0), 1.0, -1.0
+    terms[3:, 1:] = table.D
+    return terms
 
 
 class Strobe:
@@ -149,31 +156,11 @@ class Strobe:
     def rows(
         self, point: np.ndarray, end: np.ndarray, stages: np.ndarray, turns: float, micro: int, times: np.ndarray
     ) -> np.ndarray:
-        """Rows within a macro-step: from the end of a whole turn next to them by a part of a turn."""
-        change = end - point
-        terms = [change, turns * stages[0] - change, 2 * change - turns * (stages[N - 1] + stages[0])]
-        terms = np.array([*terms, *(turns * (self.table.D @ stages))])
-
-        def value(x: np.ndarray) -> np.ndarray:
-            factors = np.empty((len(terms), len(x)))
-            factors[::2], factors[1::2] = x, 1 - x
-            return point + np.cumprod(factors, axis=0).T @ terms
-
-        def reached(whole: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-            """Points after so many turns; how much time is left to the rows, and how many turns."""
-            at = value(whole / turns)
-            rest = times - at[:, -1]
-            return at, rest, rest * self.split.parts.rate(numpy_operations())(at.T, self.split.p) / (2 * pi)
-
-        whole = np.rint(turns * (times - point[-1]) / change[-1])
-        at, rest, off = reached(whole)
-        for _ in range(20):
-            if not np.max(np.abs(off)) > NEAR:
-                break
-            whole += np.rint(off)
-            at, rest, off = reached(whole)
-        rows, steps = np.ascontiguousarray(at[:, :-1]), 1.0 + int(np.max(np.abs(off)) * micro)
-        self.kernels.spread(self.scheme, self.p, np.array([len(times), steps]), rest, rows)
+        """Rows within a macro-step."""
+        rows, rests = np.empty((len(times), len(point) - 1)), np.empty(len(times))
+        terms = interpolant() @ np.vstack([end - point, turns * stages])
+        setting = np.array([len(times), 1.0 + int(NEAR * micro), turns])
+        self.kernels.rows(self.scheme, self.p, setting, terms, point, times, rests, rows)
         return rows
 
     def fields(self, point: np.ndarray, setting: Setting, horizon: np.ndarray) -> np.ndarray:
