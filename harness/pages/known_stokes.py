@@ -15,6 +15,7 @@ from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record, export
 from polhode.harness.common.text import duration, markdown, short
 from polhode.harness.common.timing import seconds_of
+from polhode.harness.pages.tables import bullets, fill
 from polhode.harness.studies.study import Study
 from polhode.models.catalogue import form as find_form
 from polhode.models.problem import Problem
@@ -42,15 +43,15 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     export(list(records), folder / "records.jsonl")
     table, page = frame(records), folder / "README.md"
     rows, met = _splitting(table)
-    lines = [
-        *header(study.title, command, records),
-        f"- `splitting` meets {met.count(True)} of the {len(met)} ratios asked for.",
-        *(f"- {sentence}" for sentence in _stroboscopic(study, table)),
-        "\nTime of the fastest solver that does not know St, in brackets, over that of `splitting`, at equal slow "
-        "error, interpolated between each solver's own runs. ✓ and ✕: met or not, with the ratio asked for.\n",
-        markdown(["scene", "St", *map(short, ERRORS)], rows, right=range(1, 2 + len(ERRORS))),
-    ]
-    write_file(page, "\n".join(lines))
+    text = fill(
+        "known-stokes",
+        header=header(study.title, command, records),
+        met=met.count(True),
+        asked=len(met),
+        stroboscopic=bullets(_stroboscopic(study, table)),
+        ratios=markdown(["scene", "St", *map(short, ERRORS)], rows, right=range(1, 2 + len(ERRORS))),
+    )
+    write_file(page, text)
     return page
 
 

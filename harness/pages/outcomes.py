@@ -13,10 +13,10 @@ from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record, export
 from polhode.harness.common.text import duration, markdown, short
+from polhode.harness.pages.tables import bullets, fill
 from polhode.harness.studies.study import Study
 from polhode.models.scenes import SCENES
 
-BEYOND = f"off by more than {short(INACCURATE)} of the largest slow variable at the start, or of I_max if larger"
 # Solvers that take at least this share of the cases that anybody takes are compared as to who never fails.
 MOST = 0.9
 # What the shared records leave out, for there are thousands: `polhode export` writes all.
@@ -83,7 +83,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     found = endings(table, limits(records))
     endings_csv = pd.DataFrame(found).to_csv(index=False, float_format="%.12g")
     write_file(folder / "outcomes.csv", endings_csv, summed=True)
-    write_file(folder / "README.md", "\n".join(_lines(study, table, records, found, command)))
+    write_file(folder / "README.md", _page(study, table, records, found, command))
     return folder / "README.md"
 
 
@@ -92,31 +92,21 @@ def _shared(record: Record) -> Record:
     return {name: value for name, value in record.items() if value is not None and name not in LEFT_OUT}
 
 
-def _lines(
+def _page(
     study: Study, table: pd.DataFrame, records: Sequence[Record], endings: Sequence[Mapping[str, Any]], command: str
-) -> list[str]:
-    stopped = limit(table)
-    by_solver = _counts(endings, columns(table))
-    return [
-        *header(study.title, command, records),
-        *(f"- {sentence}" for sentence in sentences(endings, stopped)),
-        "",
-        _table(by_solver),
-        f"*inaccurate*: {BEYOND}. *unknown*: with an error no reference knows. *stopped*: at the limit of {stopped}. "
-        "Errors are slow errors over I_max against the exact solution of the same form. Every run with its reason: "
-        "[outcomes.csv](outcomes.csv); with its times and work: [records.jsonl](records.jsonl).",
-        "",
-        "## Case by case",
-        "",
-        "Runs that reached the end accurately, of all runs of a solver on a scene, at every St, form and tolerance; ✓ "
-        "where that is all of them, · where the solver takes none.",
-        "",
-        _by_scene(endings, columns(table)),
-        "## What is hard about them",
-        "",
-        *(f"- {scene}: {about(scene)}" for scene in dict.fromkeys(row["scene"] for row in endings) if about(scene)),
-        "",
-    ]
+) -> str:
+    stopped, solvers = limit(table), columns(table)
+    scenes = dict.fromkeys(row["scene"] for row in endings)
+    return fill(
+        "outcomes",
+        header=header(study.title, command, records),
+        sentences=bullets(sentences(endings, stopped)),
+        counts=_table(_counts(endings, solvers)),
+        inaccurate=INACCURATE,
+        stopped=stopped,
+        scenes=_by_scene(endings, solvers),
+        hard=bullets(f"{scene}: {about(scene)}" for scene in scenes if about(scene)),
+    )
 
 
 def _counts(endings: Sequence[Mapping[str, Any]], solvers: Sequence[str]) -> dict[str, Counter[str]]:

@@ -13,7 +13,7 @@ from polhode.harness.common.store import Record
 from polhode.harness.common.text import duration, in_two_digits, markdown, short
 from polhode.harness.pages.figures.profiles import profiles, sentence
 from polhode.harness.pages.figures.work_precision import panels, save
-from polhode.harness.pages.tables import table
+from polhode.harness.pages.tables import bullets, fill, table
 from polhode.models.problems.catalogue import PROBLEMS
 
 TARGETS, PROFILED = (1e-3, 1e-6, 1e-9), 1e-6
@@ -30,7 +30,7 @@ def write_page(rows: Sequence[Record], folder: Path, command: str) -> Path:
     save(panels(groups, "slow_error", "error at the end", alike=False), folder, "work-precision")
     save(profiles(_times(runs, PROFILED)), folder, "profiles")
     page = folder / "README.md"
-    write_file(page, "\n".join([*header("Classical test problems", command, rows), *_body(runs)]) + "\n")
+    write_file(page, _page(runs, header("Classical test problems", command, rows)))
     return page
 
 
@@ -43,32 +43,21 @@ def _times(runs: pd.DataFrame, target: float) -> pd.DataFrame:
     return pd.DataFrame.from_dict(found, orient="index").dropna(how="all")
 
 
-def _body(runs: pd.DataFrame) -> list[str]:
+def _page(runs: pd.DataFrame, top: list[str]) -> str:
     names = [name for name in PROBLEMS if name in set(runs["problem"])]
     by_target = [_times(runs, target).T.to_dict() for target in TARGETS]
     fastest = [[name, *(_winner(times.get(name, {})) for times in by_target)] for name in names]
     status = runs["status"].astype(str)
-    failed = where(runs, (status != "reached_end") & (status != "time_limit"))
-    lines = [
-        f"- {sentence(_times(runs, PROFILED))} The error is {short(PROFILED)}.",
-        "",
-        markdown(["problem", *(f"fastest at {short(target)}" for target in TARGETS)], fastest),
-        "![Performance profiles](profiles.png)",
-        "",
-        f"Left: the share of the problems that a solver brings to {short(PROFILED)} within a factor of the fastest. "
-        "Right: within a time. Grey: neither fast nor sure.",
-        "",
-        "![Work and precision](work-precision.png)",
-        "",
-        "Every solver that takes a problem, at every tolerance; the error is that of the state at the end against the "
-        "published one: the largest of a component, relative where the component exceeds one in size. Relative and "
-        "absolute tolerance are the same. Times are those of the fastest warm run. Every run: [runs.csv](runs.csv).",
-        "",
-        *(f"- **{name}**: {PROBLEMS[name].source}." for name in names),
-    ]
-    if len(failed):
-        lines += ["", "## What failed", "", table(failed.to_dict("records"), FAILED, left=len(FAILED))]
-    return lines
+    failed = where(runs, (status != "reached_end") & (status != "time_limit")).to_dict("records")
+    return fill(
+        "problems",
+        header=top,
+        sentence=sentence(_times(runs, PROFILED)),
+        profiled=PROFILED,
+        fastest=markdown(["problem", *(f"fastest at {short(target)}" for target in TARGETS)], fastest),
+        sources=bullets(f"**{name}**: {PROBLEMS[name].source}." for name in names),
+        failed=f"\n## What failed\n\n{table(failed, FAILED, left=len(FAILED))}\n" if failed else "",
+    )
 
 
 def _winner(times: Mapping[str, float]) -> str:

@@ -20,7 +20,7 @@ from polhode.harness.common.text import in_two_digits, short
 from polhode.harness.pages.figures.map_picture import ERRORS, picture
 from polhode.harness.pages.figures.profiles import profile_lines
 from polhode.harness.pages.figures.work_precision import save
-from polhode.harness.pages.tables import table
+from polhode.harness.pages.tables import bullets, fill, table
 from polhode.harness.studies.study import Study
 from polhode.models.scene import Scene
 
@@ -52,7 +52,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         save(picture([maps[name, error] for error in ERRORS], times), folder, name)
     write_runs(runs, folder)
     _write_cells(maps, folder / "cells.csv")
-    write_file(folder / "README.md", "\n".join(_lines(study, runs, records, maps, folder, command)))
+    write_file(folder / "README.md", _page(study, runs, records, maps, folder, command))
     return folder / "README.md"
 
 
@@ -78,22 +78,31 @@ def read_cells(path: Path) -> Maps:
     return maps
 
 
-def _lines(
-    study: Study, runs: pd.DataFrame, records: Sequence[Record], maps: Maps, folder: Path, command: str
-) -> list[str]:
-    named = [(name, error, sentence(found, ERRORS[error][0])) for (name, error), found in maps.items()]
-    text = [*header(study.title, command, records), *(f"- The {name}, {words}" for name, _, words in named), ""]
+def _page(study: Study, runs: pd.DataFrame, records: Sequence[Record], maps: Maps, folder: Path, command: str) -> str:
+    particles = []
     for name in dict.fromkeys(name for name, _ in maps):
         scenes = [scene for own, scene in study.scenes if own == name]
         axes = ", ".join(f"{length:g}" for length in scenes[0].ellipsoid.semi_axes)
-        text += [f"## The {name} ({axes})", "", f"![Winners over St and error]({name}.png)", "", *horizon(scenes)]
-        text += [_methods(where(runs, runs["scene_name"] == name), name, maps)]
+        particles += [f"## The {name} ({axes})", "", f"![Winners over St and error]({name}.png)", "", *horizon(scenes)]
+        particles += [_methods(where(runs, runs["scene_name"] == name), name, maps)]
     far = [scene.stokes for _, scene in study.scenes if scene.time >= LONG]
     long = profile_lines(
         where(runs, runs["stokes"].isin(far)), folder, "profiles-long", f"The same over t ≥ {short(LONG)} alone"
     )
-    profiled = [*profile_lines(runs, folder), *long]
-    return [*text, *profiled, "## How to read it", "", _how(study), ""]
+    return fill(
+        "regimes",
+        header=header(study.title, command, records),
+        sentences=bullets(f"The {name}, {sentence(found, ERRORS[error][0])}" for (name, error), found in maps.items()),
+        particles=particles,
+        profiles=[*profile_lines(runs, folder), *long],
+        count=len(study.solvers),
+        solvers=", ".join(study.solvers),
+        forms=", ".join(study.forms),
+        samples=study.samples,
+        tolerances=tuple(study.tolerances),
+        tie=100 * (TIE - 1),
+        limit=study.max_seconds,
+    )
 
 
 def sentence(found: Sequence[Cell], what: str) -> str:
@@ -124,28 +133,8 @@ def horizon(scenes: Sequence[Scene]) -> list[str]:
     if not less:
         return []
     spans = ", ".join(f"{short(scene.slow_time)} at St = {short(scene.stokes)}" for scene in less)
-    longest = short(max(scene.time for scene in less))
-    return [
-        f"Beware at the right edge: there runs end after {longest} shear times, and with them the slow time, t₂ = "
-        f"{spans} instead of {short(usual)}. In less slow time an averaged form departs less from the full equations: "
-        f"these columns show who wins within {longest} shear times, and are no continuation of those at t₂ = "
-        f"{short(usual)}.",
-        "",
-    ]
-
-
-def _how(study: Study) -> str:
-    return (
-        f"Each cell shows the cheapest of {len(study.solvers)} solvers ({', '.join(study.solvers)}) in the forms "
-        f"{', '.join(study.forms)}, the time of a warm run with {study.samples} samples, interpolated between "
-        f"tolerances ({', '.join(short(value) for value in study.tolerances)}), and by what factor it leads over the "
-        f"next method of another colour; a corner shows who ties with it, within {100 * (TIE - 1):.0f} %. “Alone” "
-        "stands where no method of another colour has a run that gets to this error. White cells: no run measured "
-        f"gets there, at none of these tolerances within {study.max_seconds:g} s. Grey cells: below what the reference "
-        "resolves. × in the sentences: the median lead. Errors are maxima along the run against certified references. "
-        "Every run: [runs.csv](runs.csv); "
-        "every cell: [cells.csv](cells.csv)."
-    )
+    longest = max(scene.time for scene in less)
+    return [fill("regimes-horizon", longest=longest, spans=spans, usual=usual)]
 
 
 def _methods(runs: pd.DataFrame, name: str, maps: Maps) -> str:

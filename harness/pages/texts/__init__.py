@@ -1,0 +1,1 @@
+"""The prose of the pages: Markdown files with fields."""
