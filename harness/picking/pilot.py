@@ -126,6 +126,14 @@ class Pilot:
         return damping_times(self.scene)
 
 
+@lru_cache(maxsize=1000)
+def _end_of(scene: Scene) -> Start:
+    """Where a run ends, loosely followed."""
+    form = pilot_form(scene)
+    seen = form.observe(scene, follow(form, scene, BEGUN).states)
+    return start_from(scene.ellipsoid, seen.at(slice(len(seen.energy) - 1, None)))
+
+
 def damping_times(scene: Scene) -> float:
     """S = T max(8πX/I)/St: the duration in units of the shortest damping time; 0 without inertia or torque."""
     if scene.stokes == 0 or isinf(scene.stokes):
