@@ -116,9 +116,7 @@ class Pilot:
             return start_from(self.scene.ellipsoid, self.observables.at(slice(row, row + 1)))
         if share * self.rotations > MOST_ROTATIONS:
             return None
-        form, begun = find_form(reference_form(self.scene)), replace(self.scene, time=time)
-        seen = form.observe(begun, follow(form, begun, BEGUN).states)
-        return start_from(self.scene.ellipsoid, seen.at(slice(len(seen.energy) - 1, None)))
+        return _end_of(replace(self.scene, time=time))
 
     @cached_property
     def damping_times(self) -> float:
@@ -129,7 +127,7 @@ class Pilot:
 @lru_cache(maxsize=1000)
 def _end_of(scene: Scene) -> Start:
     """Where a run ends, loosely followed."""
-    form = pilot_form(scene)
+    form = find_form(reference_form(scene))
     seen = form.observe(scene, follow(form, scene, BEGUN).states)
     return start_from(scene.ellipsoid, seen.at(slice(len(seen.energy) - 1, None)))
 
