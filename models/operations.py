@@ -31,6 +31,23 @@ class Operations:
         return factory(self)
 
 
+@dataclass(frozen=True)
+class WithRate:
+    """The factory of a field with one more rate behind its own; compiled, it brings the field's own code along."""
+
+    field: Callable[[Operations], Field]
+    rate: Callable[[Operations], Callable[[Any, Any], Any]]
+
+    def __call__(self, ops: Operations) -> Field:
+        """The field of both."""
+        rates, rate = ops.use(self.field), ops.use(self.rate)
+
+        def rhs(y, p):
+            return *rates(y, p), rate(y, p)
+
+        return rhs
+
+
 FLOAT = Operations(math.sin, math.cos, math.sqrt, lambda x, a, b: a if x > 0 else b)
 
 

@@ -5,13 +5,14 @@ Every function here keeps what it compiled, under the field's factory, for the l
 
 import atexit
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
 import numpy as np
 
 from polhode.models.files.kept import cache_folder
-from polhode.models.operations import FLOAT, Field, Operations
+from polhode.models.operations import FLOAT, Field, Operations, WithRate
 from polhode.models.problem import Problem
 from polhode.models.spent import spent_on
 from polhode.solvers.contract import Backend
@@ -19,7 +20,7 @@ from polhode.solvers.machine_code import kept_code
 from polhode.solvers.machine_code.array_function import array_function
 from polhode.solvers.machine_code.derivatives import trace_jacobian
 from polhode.solvers.machine_code.llvm import CALLBACK, MachineCode, compile_lines, counting
-from polhode.solvers.machine_code.tracing import FieldFactory, trace
+from polhode.solvers.machine_code.tracing import OPERATIONS, FieldFactory, read, trace, written
 
 Callback = Callable[[np.ndarray, Any, np.ndarray], None]
 
@@ -55,8 +56,31 @@ def c_callback(factory: FieldFactory, dimension: int, parameters: int, *, count:
 
     If it is to count its calls, the address of an integer stands behind the parameters, as eight bytes.
     """
+    if isinstance(factory, WithRate) and not count:
+        return _with_field(factory, dimension, parameters)
     signature = counting(CALLBACK, parameters) if count else CALLBACK
-    return compile_lines(signature, trace(factory, dimension, parameters))
+    known = None if count else _BROUGHT_ALONG.get((factory, dimension, parameters))
+    return known or compile_lines(signature, trace(factory, dimension, parameters))
+
+
+_BROUGHT_ALONG: dict[tuple[FieldFactory, int, int], MachineCode] = {}
+
+
+def _with_field(factory: WithRate, dimension: int, parameters: int) -> MachineCode:
+    """The code of both, of which the field's own serves its runs too: less than that of the two apart."""
+    own = trace(factory.field, dimension - 1, parameters)
+    helper = f"define void @field(ptr %out, double %t, ptr %y, ptr %p) noinline {{\n{own}\nret void\n}}"
+    numbers: dict[str, str] = {}
+    rate = factory.rate(OPERATIONS)(read(numbers, "y", dimension), read(numbers, "p", parameters))
+    lines = [
+        "call void @field(ptr %out, double %t, ptr %y, ptr %p)",
+        f"%last = getelementptr double, ptr %out, i64 {dimension - 1}",
+        written(numbers, [rate]).replace("ptr %out,", "ptr %last,"),
+    ]
+    both = compile_lines(replace(CALLBACK, helpers=helper), "\n".join(lines))
+    alone = MachineCode(both.engine.get_function_address("field"), both.engine)
+    _BROUGHT_ALONG[factory.field, dimension - 1, parameters] = alone
+    return both
 
 
 def array_callback(problem: Problem, backend: Backend, values: np.ndarray) -> tuple[Callback, Any]:

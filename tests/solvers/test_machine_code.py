@@ -14,7 +14,10 @@ from hypothesis import strategies as st
 
 from oracle.accepting import accepting
 from oracle.runs import Run, runs
+from polhode.models.forms.turning import JEFFERY_TURNING, TURNING
+from polhode.models.operations import WithRate
 from polhode.models.problem import Problem
+from polhode.solvers import compile as compilation
 from polhode.solvers.catalogue import solver
 from polhode.solvers.compile import c_callback, compiled_callback, plain_field
 from polhode.solvers.cyrk import Call, method_number
@@ -282,6 +285,27 @@ def test_any_c_signature_counting_or_not():
             assert function(0.0, vector.ctypes.data, slope.ctypes.data, p.ctypes.data) == 0
         assert calls[0] == expected
         assert out[0] == pytest.approx(math.sin(0.6) + math.sin(0.6) ** 2, rel=1e-15)
+
+
+@pytest.mark.parametrize(("turning", "d", "n"), [(TURNING, 7, 14), (JEFFERY_TURNING, 4, 6)])
+def test_a_field_with_one_more_rate_brings_the_same_code_along(turning: WithRate, d: int, n: int, monkeypatch):
+    random = np.random.default_rng(3)
+    monkeypatch.setattr(compilation, "_BROUGHT_ALONG", {})
+    codes = [
+        c_callback.__wrapped__(turning, d + 1, n),
+        c_callback.__wrapped__(turning.field, d, n),
+        compile_lines(CALLBACK, trace(turning.field, d, n)),
+    ]
+    assert codes[0].engine is codes[1].engine
+    y, p = random.normal(size=d + 1), random.uniform(0.5, 1.0, n)
+    found = np.full((3, d + 1), -1.0)
+    pointer = ctypes.c_void_p
+    for code, out in zip(codes, found, strict=True):
+        function = ctypes.CFUNCTYPE(None, pointer, ctypes.c_double, pointer, pointer)(code.address)
+        function(out.ctypes.data, 0.0, y.ctypes.data, p.ctypes.data)
+    assert found[:, :d].tobytes() == 3 * found[2, :d].tobytes()
+    assert found[0, d] == pytest.approx(plain_field(turning)(y.tolist(), p.tolist())[d], rel=1e-14)
+    assert found[1, d] == found[2, d] == -1.0
 
 
 @pytest.mark.parametrize("name", ["cyrk-vern8", "cyrk-radau"])
