@@ -278,9 +278,8 @@ class Solver(ABC):
             Naming the condition and what to use instead.
         """
         if problem.parameters is None:
-            raise SolverNotValidError(
-                f"{problem.name!r} has no explicit form at St = 0; use solver 'ida' or form 'jeffery'", self.name
-            )
+            condition = f"{problem.name!r} has no explicit form at St = 0; use solver 'ida' or form 'jeffery'"
+            raise SolverNotValidError(condition, self.name)
 
     def takes(self, problem: Problem) -> bool:
         """Whether this solver can solve a problem."""
@@ -295,8 +294,5 @@ class Solver(ABC):
         """Compile what is needed for a problem and return the integrator."""
 
     def bare_call(self, problem: Problem, settings: Settings, times: np.ndarray) -> Callable[[], object] | None:
-        """The shortest call of the library for the rows on these times, all else prepared; None where it is not known.
-
-        What `solve` costs is measured against it.
-        """
+        """The shortest call of the library for the same rows, all else prepared, to compare with; None if not known."""
         return None
