@@ -71,6 +71,8 @@ class Split:
 
     def run(self, record: Record) -> Outcome:
         """Fill the record's rows."""
+        if not self.strength > 0:
+            return self.free(record)
         work, marks = record.work, self.marks(record)
         width = WIDTH if marks else inf
         state, own = record.start.astype(self.number), clock(float(record.times[0]), self.number)
@@ -125,27 +127,7 @@ def now_of(own: np.ndarray) -> Any:
     return own[At.BEGIN] + own[At.SINCE] * own[At.STEP]
 
 
-class PartsSolver(Solver):
-    """What solvers share that need a problem's parts."""
-
-    accepts = "forms that state their parts: spheroid-axis"
-    library = "llvmlite"
-    package = "llvmlite"
-    family = "polhode"
-    many_periods = True
-    backends = ("compiled",)
-
-    def check(self, problem: Problem) -> None:
-        """Refuse a problem that states no parts."""
-        super().check(problem)
-        if problem.parts is None:
-            raise SolverNotValidError(
-                f"solver {self.name!r}: {problem.name!r} states no parts with exact flows; "
-                "use form 'spheroid-axis' or solver 'taylor'"
-            )
-
-
-class Splitting(PartsSolver):
+class Splitting(Solver):
     """Exact rotation and exact relaxation in turns, by a scheme of order (10, 6, 4).
 
     Class: palindromic composition for nearly integrable systems; torque-free motion is exact at any step. The step
@@ -161,17 +143,37 @@ class Splitting(PartsSolver):
 
     name = "splitting"
     summary = "exact rotation and exact relaxation in turns, for nearly torque-free spheroids"
+    accepts = "forms that state their parts: spheroid-axis"
+    library = "llvmlite"
+    package = "llvmlite"
+    family = "polhode"
+    many_periods = True
+    backends = ("compiled",)
     error_constant = 10.0
     number: ClassVar[type] = float
 
+    def check(self, problem: Problem) -> None:
+        """Refuse a problem that states no parts."""
+        super().check(problem)
+        if problem.parts is None:
+            raise SolverNotValidError(
+                f"solver {self.name!r}: {problem.name!r} states no parts with exact flows; "
+                "use form 'spheroid-axis' or solver 'taylor'"
+            )
+
+    def bound(self, problem: Problem, tolerance: float) -> Any:
+        """The problem bound to machine code, whose `run` fills a record."""
+        split = Split(problem, tolerance, self.number)
+        _ = split.kernels
+        return split
+
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         """Compile the kernels, once per parts."""
-        split = Split(problem, settings.tolerance, self.number)
-        _ = split.kernels
+        bound = self.bound(problem, settings.tolerance)
 
         def integrate(record: Record) -> Outcome:
             with FlushedToZero():
-                return split.run(record) if split.strength > 0 else split.free(record)
+                return bound.run(record)
 
         return integrate
 
@@ -179,8 +181,7 @@ class Splitting(PartsSolver):
 class SplittingExtended(Splitting):
     """`Splitting` in x86's long double: for orientations of long runs, tighter than rounding to double lets them be.
 
-    A flow takes some four times as long. Rows are rounded to double, which is how exactly
-    the start is known.
+    A flow takes some four times as long. Rows are rounded to double, which is how exactly the start is known.
     """
 
     name = "splitting-extended"

@@ -11,10 +11,9 @@ from types import SimpleNamespace
 import numpy as np
 
 from polhode.models.problem import Problem
-from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Status
-from polhode.solvers.machine_code.underflow import FlushedToZero
+from polhode.solvers.contract import Outcome, Record, Status
 from polhode.solvers.parts.schemes import BEST
-from polhode.solvers.parts.splitting import PartsSolver, Split
+from polhode.solvers.parts.splitting import Split, Splitting
 from polhode.solvers.parts.strobe_kernels import NEAR, StrobeKernels, strobe_kernels
 
 # Runs of fewer turns are left to splitting, and so is a stretch of turns wherever a macro-step would be of fewer than
@@ -86,9 +85,9 @@ class Strobe:
         return strobe_kernels(self.split.parts, self.split.dimension)
 
     def pays(self, start: np.ndarray, length: float) -> bool:
-        """Whether a run is long enough; no rate that is not finite passes."""
+        """Whether there is a torque, and a run is long enough; no rate that is not finite passes."""
         rate = self.split.rate(start)
-        return isfinite(rate) and length * rate >= 2 * pi * LEAST_TURNS
+        return self.split.strength > 0 and isfinite(rate) and length * rate >= 2 * pi * LEAST_TURNS
 
     def run(self, record: Record) -> Outcome:
         """Fill the record's rows."""
@@ -226,7 +225,7 @@ class Strobe:
         return None
 
 
-class Stroboscopic(PartsSolver):
+class Stroboscopic(Splitting):
     """Stroboscopic averaging of order 2, 4 or 6 in 1/St; its cost depends on the slow time alone, not on St.
 
     Class: heterogeneous multiscale. With the angle turned about L as the independent variable torque-free motion is
@@ -243,14 +242,7 @@ class Stroboscopic(PartsSolver):
 
     name = "stroboscopic"
     summary = "averaged equations from turns of the full ones, for nearly torque-free spheroids and long runs"
-    error_constant = 10.0
 
-    def prepare(self, problem: Problem, settings: Settings) -> Integrator:
-        """Compile the kernels, once per parts."""
-        strobe = Strobe(problem, settings.tolerance)
-
-        def integrate(record: Record) -> Outcome:
-            with FlushedToZero():
-                return strobe.run(record) if strobe.split.strength > 0 else strobe.split.free(record)
-
-        return integrate
+    def bound(self, problem: Problem, tolerance: float) -> Strobe:
+        """The problem bound to machine code."""
+        return Strobe(problem, tolerance)
