@@ -72,19 +72,10 @@ class Statistics:
     def empty(cls, layout: Layout) -> Self:
         """No particles yet."""
         times, axes, names = layout.snapshots, len(layout.axes), len(SLOW_NAMES)
-        return cls(
-            0,
-            {},
-            np.zeros((times, axes, len(SECOND))),
-            np.zeros((times, axes, len(FOURTH))),
-            np.zeros((times, axes, len(FOURTH))),
-            np.zeros((times, axes, len(RATES))),
-            np.zeros((times, axes, len(RATES))),
-            np.zeros((times, names)),
-            np.zeros((times, names)),
-            np.zeros((times, names, layout.bins + 2), dtype=np.int64),
-            np.zeros((layout.attractors, layout.samples), dtype=np.int64),
-        )
+        of_axes = (np.zeros((times, axes, len(each))) for each in (SECOND, FOURTH, FOURTH, RATES, RATES))
+        of_slow = (np.zeros((times, names)) for _ in range(2))
+        counts = (times, names, layout.bins + 2), (layout.attractors, layout.samples)
+        return cls(0, {}, *of_axes, *of_slow, *(np.zeros(shape, dtype=np.int64) for shape in counts))
 
     @property
     def finished(self) -> int:

@@ -22,7 +22,6 @@ from polhode.harness.ensembles.ensemble import SAMPLE, Ensemble, Task, run_task
 from polhode.harness.ensembles.starts import Starts
 from polhode.models.catalogue import form as find_form
 from polhode.models.problem import Problem
-from polhode.models.scene import Scene
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.ensembles.equal_steps import PIECES, Plan, plan, run
 from polhode.solvers.ensembles.taylor_batch import run_batches
@@ -71,7 +70,7 @@ def measure() -> dict[str, Any]:
 
 def full_throughput(name: str, shape: Ellipsoid, target: float, particles: int = 2048) -> dict[str, Any]:
     """Particles per second by Taylor's lanes and by equal steps, whose largest errors at the end are both below one."""
-    _, problem, starts = _problem(shape, "full", particles)
+    problem, starts = _problem(shape, "full", particles)
     times = np.array([0.0, problem.end])
     exact = run_batches(problem, starts, times, 1e-15)[0][-1]
 
@@ -160,7 +159,7 @@ def ensemble_throughput(name: str, equations: Any, particles: int = 20_000) -> d
 
     With the end alone, with 101 samples, and in whole tasks, statistics at 101 samples and 11 snapshots included.
     """
-    _, problem, starts = _problem(SHAPES[name], equations, particles)
+    problem, starts = _problem(SHAPES[name], equations, particles)
     two, samples, random = np.array([0.0, problem.end]), np.linspace(0.0, problem.end, 101), np.random.default_rng(1)
     ensemble = _ensemble(SHAPES[name], equations, particles)
     (end, (states, _)), (sampled, _), (task, record) = _alternate(
@@ -239,11 +238,9 @@ def _ensemble(shape: Ellipsoid, equations: Any, particles: int) -> Ensemble:
     return Ensemble(shape, STOKES, SLOW_TIME * STOKES, STARTS, **options)
 
 
-def _problem(shape: Ellipsoid, equations: Any, particles: int) -> tuple[Scene, Problem, np.ndarray]:
-    ensemble = _ensemble(shape, equations, 1)
-    drawn = STARTS.draw(shape, np.random.SeedSequence(1), particles)
-    scene = ensemble.first_scene(drawn)
-    return scene, find_form(ensemble.form).problem(scene), drawn.states(ensemble.form, shape)
+def _problem(shape: Ellipsoid, equations: Any, particles: int) -> tuple[Problem, np.ndarray]:
+    ensemble, drawn = _ensemble(shape, equations, 1), STARTS.draw(shape, np.random.SeedSequence(1), particles)
+    return ensemble.problem(ensemble.first_scene(drawn)), drawn.states(ensemble.form, shape)
 
 
 def _alternate(*functions: Callable[[], Any], rounds: int | None = None) -> list[tuple[float, Any]]:

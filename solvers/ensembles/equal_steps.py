@@ -123,20 +123,8 @@ def _march(by: Method, starts: np.ndarray, times: np.ndarray, steps: int) -> np.
     return by.lanes.march(starts, len(times), by.constants(_step(times, steps)), steps)
 
 
-def _wider(by: Method, starts: np.ndarray, times: np.ndarray, steps: int) -> np.ndarray:
-    """States in lanes at some of the times by steps twice as wide."""
-    stride = _stride(times)
-    rows = 1 + (len(times) - 1) // stride
-    return by.lanes.march(starts, rows, by.constants(2 * _step(times, steps)), steps * stride // 2)
-
-
 def _step(times: np.ndarray, steps: int) -> float:
     return float(times[-1]) / (len(times) - 1) / steps
-
-
-def _stride(times: np.ndarray) -> int:
-    """Times from one check to the next, an even number."""
-    return 2 * -(-(len(times) - 1) // (2 * PIECES))
 
 
 def _apart(states: np.ndarray, others: np.ndarray, stride: int = 1) -> np.ndarray:
@@ -149,7 +137,10 @@ def _apart(states: np.ndarray, others: np.ndarray, stride: int = 1) -> np.ndarra
 
 def _doubt(by: Method, starts: np.ndarray, times: np.ndarray, steps: int, states: np.ndarray) -> np.ndarray:
     """Difference of each particle's states from those by steps twice as wide, shape (n,)."""
-    return _apart(states, _wider(by, starts, times, steps), _stride(times))[: len(starts)]
+    # An even number of times lies from one check to the next.
+    stride = 2 * -(-(len(times) - 1) // (2 * PIECES))
+    rows, wide = 1 + (len(times) - 1) // stride, by.constants(2 * _step(times, steps))
+    return _apart(states, by.lanes.march(starts, rows, wide, steps * stride // 2), stride)[: len(starts)]
 
 
 def _in_pieces(times: np.ndarray) -> tuple[np.ndarray, int]:

@@ -48,24 +48,18 @@ def names(problem: Problem) -> tuple[str, ...]:
 
 def method(name: str, problem: Problem) -> Method:
     """A method for a problem; its machine code is made once in the life of the process."""
-    p = [float(value) for value in problem.parameters or ()]
+    p, parts = [float(value) for value in problem.parameters or ()], problem.parts
     if name == RUNGE_KUTTA:
         code, stages = _runge_kutta(problem.field, problem.dimension, len(p))
         return Method(name, code, lambda h: np.array([h, *p]), EVALUATION * stages, 2.0**6.5)
     (scheme,) = (each for each in SCHEMES if each.name == name)
-    parts = problem.parts
     assert parts is not None
-    constants = _splitting_constants(parts, scheme, p)
-    code = _splitting(parts, scheme, problem.dimension)
-    return Method(name, code, constants, scheme.stages, 2.0**5)
+    shares = *((parts.fast, share) for share in _fast_shares(scheme)), *((parts.slow, share) for share in scheme.slow)
 
-
-def _splitting_constants(parts: Parts, scheme: Scheme, p: Sequence[float]) -> Callable[[float], np.ndarray]:
     def constants(h: float) -> np.ndarray:
-        fast = [value for share in _fast_shares(scheme) for value in parts.fast.constants(p, share * h)]
-        return np.array([*fast, *(value for share in scheme.slow for value in parts.slow.constants(p, share * h))])
+        return np.concatenate([part.constants(p, share * h) for part, share in shares])
 
-    return constants
+    return Method(name, _splitting(parts, scheme, problem.dimension), constants, scheme.stages, 2.0**5)
 
 
 def _fast_shares(scheme: Scheme) -> tuple[float, ...]:
