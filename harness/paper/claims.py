@@ -3,23 +3,19 @@
 import sys
 import tomllib
 from collections.abc import Iterator, Mapping
-from functools import cache, partial
+from functools import cache
 from importlib import import_module
 from importlib.resources import files
 from math import inf
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 
-from polhode.harness.common.text import Wording
-from polhode.harness.paper import planes, runs, tables
+from polhode.harness.paper.expressions import evaluated, names_of, worded
+from polhode.harness.paper.figures import drawn
 from polhode.harness.paper.item import Data, Item, Number, Parts, Section, Verdict, Word
-from polhode.models import scenes
 
 SECTIONS = "polhode.harness.paper.sections"
-# Modules whose names all expressions may use.
-SHARED = (scenes, tables, runs, planes)
 # What a row of numbers may say, the last two together.
 BOUNDS, NEAR = {"value", "what", "each", "low", "high", "unit"}, {"near", "within"}
 
@@ -53,42 +49,36 @@ def _item(name: str, entry: Mapping[str, Any]) -> Item:
     """An item whose experiment is given as "module: expression", of a module of the sections and in its names."""
     module, _, expression = entry["experiment"].partition(": ")
     place = import_module(f"{SECTIONS}.{module}")
-    experiment = evaluated(expression, _names(*SHARED, place) | {"Parts": Parts})
+    experiment = evaluated(expression, names_of(place) | {"Parts": Parts})
+    kinds = [sys.modules[kind.__module__] for kind in reversed(type(experiment).__mro__)]
+
+    def facts(data: Data) -> dict[str, Any]:
+        rows = {table or "table": rows for table, rows in data.items()}
+        return facts_of(entry, names_of(*kinds, place) | vars(experiment) | rows | {"self": experiment})
+
+    described = entry.get("figure")
+    figure = (lambda data: drawn(described, facts(data))) if described else experiment.figure
 
     def verdict(data: Data) -> Verdict:
-        rows = {table or "table": rows for table, rows in data.items()}
-        kinds = [sys.modules[kind.__module__] for kind in reversed(type(experiment).__mro__)]
-        return judged(entry, _names(*SHARED, *kinds, place) | vars(experiment) | rows | {"self": experiment})
+        return judged(entry, facts(data))
 
-    return Item(name, entry["title"], entry["claim"], experiment.compute, experiment.figure, verdict)
+    return Item(name, entry["title"], entry["claim"], experiment.compute, figure, verdict)
 
 
-def _names(*modules: ModuleType) -> dict[str, Any]:
-    return {name: value for module in modules for name, value in vars(module).items()}
-
-
-def judged(entry: Mapping[str, Any], names: Mapping[str, Any]) -> Verdict:
-    """The verdict of an item's entry; its facts are expressions over the names, each of which may use those before."""
+def facts_of(entry: Mapping[str, Any], names: Mapping[str, Any]) -> dict[str, Any]:
+    """The names, and an item's facts, which are expressions over them, each of which may use those before."""
     facts = dict(names)
     for name, expression in entry["facts"].items():
         facts[name] = evaluated(expression, facts)
-    say = partial(_Words().vformat, args=(), kwargs=facts)
+    return facts
+
+
+def judged(entry: Mapping[str, Any], facts: dict[str, Any]) -> Verdict:
+    """The verdict of an item's entry."""
     numbers = [number for row in entry["numbers"] for number in _numbers(row, facts)]
     # What an item says beside the sentences that it shares with those that are `like` it.
     found = f"{entry['found']} {entry.get('also', '')}".rstrip()
-    return Verdict(Word(entry["verdict"]), say(found), say(entry["caption"]), *numbers)
-
-
-def evaluated(expression: str, names: dict[str, Any]) -> Any:
-    """The value of an expression of a section's file, which belongs to this package."""
-    return eval(expression, names)
-
-
-class _Words(Wording):
-    """Fields of texts are expressions."""
-
-    def get_field(self, field_name: str, args: Any, kwargs: Any) -> tuple[Any, str]:
-        return evaluated(field_name, kwargs), field_name
+    return Verdict(Word(entry["verdict"]), worded(found, facts), worded(entry["caption"], facts), *numbers)
 
 
 def _numbers(row: Mapping[str, Any], facts: dict[str, Any]) -> Iterator[Number]:
@@ -103,10 +93,10 @@ def _numbers(row: Mapping[str, Any], facts: dict[str, Any]) -> Iterator[Number]:
     for place in places:
 
         def fact(expression: Any, place: int | None = place) -> Any:
-            found = evaluated(expression, facts) if isinstance(expression, str) else expression
+            found = evaluated(expression, facts)
             return found if place is None or not isinstance(found, list | tuple | np.ndarray) else found[place]
 
-        what = _Words().vformat(row["what"], (), {**facts, "each": fact(row.get("each"))})
+        what = worded(row["what"], {**facts, "each": fact(row.get("each"))})
         low, high = (fact(row.get(bound, default)) for bound, default in (("low", -inf), ("high", inf)))
         if "near" in row:
             middle = fact(row["near"])

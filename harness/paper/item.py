@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from math import inf
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
     import numpy as np
@@ -85,19 +85,12 @@ class Verdict:
         return self.earned if all(number.holds for number in self.numbers) else Word.NOT_CONFIRMED
 
 
-class Experiment(Protocol):
-    """What computes and draws; its fields, and the names of its module, are those of the item's expressions."""
-
-    def compute(self, grid: Grid, /) -> Computed: ...  # noqa: D102
-    def figure(self, data: Data, /) -> "Figure": ...  # noqa: D102
-
-
 @dataclass(frozen=True)
 class Parts:
-    """An experiment of two functions."""
+    """An experiment of one function, or of two where the section's file does not describe the figure."""
 
     compute: Callable[[Grid], Computed]
-    figure: "Callable[[Data], Figure]"
+    figure: "Callable[[Data], Figure] | None" = None
 
 
 @dataclass(frozen=True)

@@ -4,13 +4,11 @@ from itertools import product
 from math import pi
 
 import numpy as np
-from matplotlib.figure import Figure
 from scipy.interpolate import CubicHermiteSpline
 
-from polhode.harness.paper.drawing import BLACK, CYCLE, common_legend, draw_groups, label, panels
-from polhode.harness.paper.item import Computed, Data, Grid, Table
+from polhode.harness.paper.item import Computed, Grid, Table
 from polhode.harness.paper.runs import run_form, spheroid
-from polhode.harness.paper.tables import columns, groups
+from polhode.harness.paper.tables import columns
 from polhode.models.forms.tumbling import Tumbling
 from polhode.models.scene import BodyStart, Scene
 from polhode.models.theory.tumbling_period import tumbling_period, weak_inertia_period_change
@@ -38,24 +36,6 @@ def compute_change(grid: Grid) -> Computed:
         for kappa, number in zip(table["kappa"], table["stokes"], strict=True)
     ]
     return {"": {**table, "printed": np.array(printed)}}
-
-
-def _name(kappa: float) -> str:
-    return f"$\\kappa$ = {kappa:g}"
-
-
-def figure_change(data: Data) -> Figure:
-    """-ΔT against St."""
-    figure, (left, right) = panels(1, 2, 3.9, 3.2)
-    table = data[""]
-    draw_groups(left, table, "kappa", lambda part: (part.stokes, -part.change), _name)
-    draw_groups(left, table, "kappa", lambda part: (part.stokes, -part.printed), linestyle=":")
-    draw_groups(right, table, "kappa", lambda part: (part.stokes / part.kappa**2, part.change / part.printed))
-    left.plot([], [], color=BLACK, linestyle=":", label="law of order St$^2$")
-    decrease = "decrease of the period, $-\\Delta T\\,\\dot\\gamma$"
-    label(left, "Stokes number St", decrease, log="xy", ylim=(1e-9, 1e3), xlim=(1e-2, 1e4)).legend()
-    label(right, "St / $\\kappa^2$", "$\\Delta T$ over the law of order St$^2$", log="x", xlim=(1e-4, 1e2))
-    return figure
 
 
 def validity(part: Table) -> float:
@@ -86,20 +66,3 @@ def _integrated_period(kappa: float, stokes: float) -> float:
     goals = angle[0] - 2 * pi * np.arange(1, 1 + int((angle[0] - angle[-1]) / (2 * pi)))
     passed = [CubicHermiteSpline(times[1:], angle - goal, rate).roots(extrapolate=False)[0] for goal in goals]
     return float(np.mean(np.diff(passed)))
-
-
-def figure_period(data: Data) -> Figure:
-    """T against St."""
-    figure, (axes,) = panels(1, 1, 5.2, 3.6)
-    draw_groups(axes, data[""], "kappa", lambda part: (part.stokes, part.period), _name)
-    for color, (_, part) in zip(CYCLE, groups(data[""], "kappa"), strict=False):
-        axes.axhline(part.jeffery[0], color=color, linestyle=":", linewidth=0.8)
-    found = data["integrated"]
-    axes.plot(found.stokes, found.period, "k+", zorder=4, label="integrated in time")
-    axes.axhline(4 * pi, color=BLACK, linestyle="--", linewidth=0.8, label="$4\\pi$ (free top)")
-    axes.plot([], [], color=BLACK, linestyle=":", label="$2\\pi(\\kappa+1/\\kappa)$ (Jeffery)")
-    label(axes, "Stokes number St", "period $T\\dot\\gamma$", log="xy")
-    axes.set_yticks([n * pi for n in (4, 8, 16, 32)], [f"${n}\\pi$" for n in (4, 8, 16, 32)])
-    axes.minorticks_off()
-    common_legend(figure, axes, 3)
-    return figure

@@ -6,7 +6,8 @@ from scipy import stats
 
 from polhode.harness.common.text import WORDING
 from polhode.harness.paper import claims
-from polhode.harness.paper.claims import judged
+from polhode.harness.paper.claims import facts_of, judged
+from polhode.harness.paper.figures import drawn
 from polhode.harness.paper.item import Word
 from polhode.harness.paper.sections.beyond.crossings import SPREAD, fitted_level, law
 from polhode.harness.paper.sections.limits.weak_inertia import turns
@@ -31,8 +32,12 @@ FACTS = {
 }
 
 
+def verdict_on(entry, names):
+    return judged(entry, facts_of(entry, names))
+
+
 def test_words_and_numbers_of_an_entry():
-    verdict = judged(ENTRY, FACTS)
+    verdict = verdict_on(ENTRY, FACTS)
     assert verdict.word is Word.CONFIRMED
     assert verdict.sentence == "κ = 2, 3, error 1e-7, in bounds."
     first, second, third = verdict.numbers
@@ -43,19 +48,19 @@ def test_words_and_numbers_of_an_entry():
 
 
 def test_a_fact_out_of_bounds_takes_the_verdict_away():
-    assert judged(ENTRY, {**FACTS, "slope": [1.0, 2.3]}).word is Word.NOT_CONFIRMED
-    assert judged(ENTRY, {**FACTS, "bound": 1e-8}).word is Word.NOT_CONFIRMED
+    assert verdict_on(ENTRY, {**FACTS, "slope": [1.0, 2.3]}).word is Word.NOT_CONFIRMED
+    assert verdict_on(ENTRY, {**FACTS, "bound": 1e-8}).word is Word.NOT_CONFIRMED
 
 
 def test_missing_facts_are_errors():
     with pytest.raises(NameError):
-        judged(ENTRY, {"kappas": (), "bound": 1.0})
+        verdict_on(ENTRY, {"kappas": (), "bound": 1.0})
 
 
 @pytest.mark.parametrize("wrong", [{"hihg": 1.0}, {"near": "expected"}, {"within": 0.1}])
 def test_misspelt_bounds_are_errors(wrong):
     with pytest.raises(ValueError, match=f"numbers: got {next(iter(wrong))}, expected"):
-        judged({**ENTRY, "numbers": [{"value": "error", "what": "error", **wrong}]}, FACTS)
+        verdict_on({**ENTRY, "numbers": [{"value": "error", "what": "error", **wrong}]}, FACTS)
 
 
 def test_an_item_like_none_is_an_error(monkeypatch, tmp_path):
@@ -88,3 +93,22 @@ def test_turning_ends_at_the_printed_threshold(alpha, expected):
     """κ = 2 without inertia in closed form, and with little inertia in time."""
     assert turns(2.0, alpha, 0.0) is expected
     assert turns(2.0, alpha, 0.5) is expected
+
+
+def test_curves_of_a_described_figure():
+    """One for each value of a key, in the colours of the cycle; a law ends at its last value."""
+    table = np.rec.fromarrays([[1.0, 1.0, 2.0], [1.0, 10.0, 1.0], [4.0, 5.0, 6.0]], names="kappa,x,y")
+    curves = [
+        {"by": "kappa", "x": "x", "y": "shift + y", "label": "$\\kappa$ = {kappa:g}"},
+        {"x": "x[:2]", "y": "y[1]", "slope": -1, "color": "ORANGE"},
+        {"by": "kappa", "level": "y[0]", "color": "0.4"},
+    ]
+    entry = {"panels": [1, 1], "axes": [{"x": "x", "y": "y", "log": "x", "title": "{shift:g}", "curves": curves}]}
+    (axes,) = drawn(entry, {"table": table, "shift": 0.5}).axes
+    first, second, law, *levels = axes.lines
+    assert [line.get_label() for line in (first, second)] == ["$\\kappa$ = 1", "$\\kappa$ = 2"]
+    assert (first.get_ydata().tolist(), second.get_ydata().tolist()) == ([4.5, 5.5], [6.5])
+    assert first.get_color() != second.get_color()
+    assert (law.get_ydata().tolist(), law.get_color()) == ([50.0, 5.0], "#E69F00")
+    assert [line.get_ydata()[0] for line in levels] == [4.0, 6.0]
+    assert (axes.get_xscale(), axes.get_yscale(), axes.get_title()) == ("log", "linear", "0.5")

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from scipy.integrate import cumulative_simpson
 
 from polhode.harness.paper import drawing
-from polhode.harness.paper.drawing import common_legend, draw_law, label, panels
+from polhode.harness.paper.drawing import common_legend, label, panels
 from polhode.harness.paper.item import Computed, Data, Grid
 from polhode.harness.paper.planes import aligned_scene
 from polhode.harness.paper.runs import averaged_run, full_run, run_form, spheroid
@@ -146,22 +146,3 @@ def _first_order(stokes: float, points: int) -> tuple[np.ndarray, ...]:
     amplitude = shape.equatorial_damping * shape.anisotropy * (1 - (shape.inertia_ratio * spin / lz) ** 2) / 4
     printed = lz - amplitude / mean * np.sin(2 * (stokes * phase + PHI)) / stokes
     return full_run(scene, stokes * slow_times).slow[:, 2], averaged.slow[:, 2], printed, corrected
-
-
-def figure_first_order(data: Data) -> Figure:
-    """L_z in time, and errors against St."""
-    figure, (left, right) = panels(1, 2, 4.0, 3.1)
-    table, found = data[""], data["errors"]
-    left.plot(table.t2, table.full, color=drawing.CYCLE[0], linewidth=2.0, label="full")
-    left.plot(table.t2, table.averaged, color=drawing.AVERAGED, label="averaged")
-    left.plot(table.t2, table.corrected, color=drawing.ORANGE, linestyle="--", label="with first-order correction")
-    label(left, "slow time $t_2$", "$L_z/I_e$", f"St = {SHOWN:g}").legend()
-    for name, color, slope in (
-        ("averaged", drawing.AVERAGED, -1),
-        ("printed", drawing.SKY, -1),
-        ("corrected", drawing.ORANGE, -2),
-    ):
-        right.plot(found.stokes, found[name], "o-", color=color, markersize=3.5, label=name)
-        draw_law(right, found.stokes, found[name][-1], slope, color=color)
-    label(right, "Stokes number St", "largest error of $L_z/I_e$", log="xy").legend()
-    return figure

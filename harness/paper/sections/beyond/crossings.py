@@ -3,11 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 from scipy import stats
 
-from polhode.harness.paper.drawing import AVERAGED, BLUE, GREEN, SKY, VERMILLION, draw_broken, draw_law, label, panels
-from polhode.harness.paper.item import Computed, Data, Grid, Table
+from polhode.harness.paper.item import Computed, Grid, Table
 from polhode.harness.paper.runs import averaged_run, full_run
 from polhode.harness.paper.tables import SLOW, Estimate, columns, exponent, groups, mean, root_mean_squares, stacked
 from polhode.models.free_top.torque_free import TorqueFree
@@ -71,21 +69,6 @@ def _crosses(slow: np.ndarray) -> bool:
     """Whether a run that starts with L² < 2EI₂ ends with L² > 2EI₂."""
     middle = sorted(ELLIPSOID.inertia)[1] / max(ELLIPSOID.inertia)
     return bool(np.sum(slow[-1, :3] ** 2) > 2 * slow[-1, 3] * middle)
-
-
-def figure_order(data: Data) -> Figure:
-    """Errors against St, without and with a crossing: every start thin, their root mean square thick."""
-    figure, axes = panels(1, 2, 3.8, 3.1, sharey=True)
-    for own, (side, part) in zip(axes, groups(data[""], "side"), strict=True):
-        draw_broken(own, part, "stokes", "error", "start", color=SKY, linewidth=0.5, label="single starts")
-        stokes, size = root_mean_squares(part, "stokes", "error")
-        own.plot(stokes, size, "o-", color=BLUE, markersize=4, linewidth=2.0, label="root mean square")
-        draw_law(own, stokes, size[0] * (stokes[-1] / stokes[0]) ** -1, -1)
-        bound = np.log(stokes) / np.sqrt(stokes)
-        own.plot(stokes, bound * size[-1] / bound[-1], "--", color=VERMILLION, label=r"$\mathrm{St}^{-1/2}\,\ln\,$St")
-        title = ("no crossing of $L^2 = 2EI_2$", "crossing $L^2 = 2EI_2$")[int(side)]
-        label(own, "Stokes number St", "largest slow error$/I_{max}$", title, log="xy").legend()
-    return figure
 
 
 def start_exponents(part: Table) -> np.ndarray:
@@ -168,22 +151,3 @@ def _scatter(part: Table) -> Scatter:
 def by_stokes(table: Table, after: float) -> dict[float, Scatter]:
     """Of the deviations before (0) or after (1) the crossing."""
     return {stokes: _scatter(part) for stokes, part in groups(table[table.after == after], "stokes")}
-
-
-def figure_jumps(data: Data) -> Figure:
-    """Distribution at the smallest St; scatter against St."""
-    figure, (left, right) = panels(1, 2, 3.8, 3.1)
-    before, after = (by_stokes(data[""], which) for which in (0.0, 1.0))
-    stokes = np.array(list(after))
-    first = np.sort(after[stokes[0]].along)
-    shares = (np.arange(len(first)) + 0.5) / len(first)
-    left.step(first, shares, where="mid", color=BLUE, linewidth=2.0, label="measured")
-    grid = np.linspace(-2.0, 5.0, 401)
-    left.plot(grid, law(grid), color=VERMILLION, label=r"$-\ln(2\,\sin\,\pi\xi)$")
-    left.plot(grid, stats.norm.cdf(grid), color=AVERAGED, linestyle=":", label="normal")
-    label(left, "deviation over its standard deviation", "share of starts below", f"St = {stokes[0]:g}").legend()
-    for color, name, found in ((BLUE, "after the crossing", after), (GREEN, "before it", before)):
-        right.plot(stokes, [one.size for one in found.values()], "o-", color=color, label=name)
-    draw_law(right, stokes, after[stokes[0]].size * stokes[0] / stokes[-1], -1)
-    label(right, "Stokes number St", "scatter of the deviation$/I_{max}$", log="xy").legend()
-    return figure

@@ -6,7 +6,6 @@ import numpy as np
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
-from polhode.harness.pages.figures.style import power
 from polhode.harness.paper import drawing
 from polhode.harness.paper.drawing import label, panels
 from polhode.harness.paper.item import Computed, Data, Grid, Table
@@ -21,6 +20,8 @@ from polhode.models.scenes import PAPER_START
 # Some averaged runs graze L² = 2EI₂, where a Taylor series hardly converges.
 GRAZING = "cyrk-vern8"
 ENDING_TIME = 1.5
+# Of the figure of arrivals.
+TICKS = [0.2, 0.5, 1.0], ["0.2", "0.5", "1"]
 ARRIVED = 0.06
 ENDING_STOKES = (3e2, 5e2, 1e3, 3e3, 1e4)
 # How near to the saddle the starts are: standard deviation of their tilts, in rad, and of their angular velocities.
@@ -60,37 +61,6 @@ def _arrival(slow_times: np.ndarray, slow: np.ndarray, near: float = ARRIVED) ->
     """Slow time from which on L and E stay close to the node; the end if they do not."""
     away = np.flatnonzero(distance_from_node(ELLIPSOID, slow) > near)
     return float(slow_times[min(int(away[-1]) + 1, len(slow_times) - 1)]) if len(away) else 0.0
-
-
-def figure_endings(data: Data) -> Figure:
-    """Arrival times against each other, and the shares."""
-    figure, (left, right) = panels(1, 2, 3.9, 3.4)
-    ends = [0.9 * min(data[""].averaged), 1.1 * max(data[""].full)]
-    left.plot(ends, ends, color=drawing.AVERAGED, linewidth=0.8, label="equal")
-    for color, (stokes, part) in zip(drawing.CYCLE, groups(data[""], "stokes"), strict=False):
-        left.plot(part.averaged, part.full, ".", color=color, markersize=4, label=f"St = {power(stokes)}")
-    label(left, "arrival of the averaged run, slow time", "arrival of the full run, slow time", log="xy").legend()
-    for axis in (left.xaxis, left.yaxis):
-        axis.set_ticks([0.2, 0.5, 1.0], ["0.2", "0.5", "1"])
-        axis.set_ticks([], minor=True)
-    for color, (near, part) in zip(
-        (drawing.BLUE, drawing.GREEN, drawing.VERMILLION), groups(data[""], "near"), strict=True
-    ):
-        off = late(part)
-        right.plot(
-            list(off), list(off.values()), "o-", color=color, label=f"arrival off by a fifth, {near:g} from the saddle"
-        )
-    flipped = flips(data[""])
-    right.plot(
-        list(flipped),
-        list(flipped.values()),
-        "s--",
-        color=drawing.ORANGE,
-        label="end of $z'$ changes with the fast phase",
-    )
-    label(right, "Stokes number St", "share of starts", log="x", ylim=(-0.03, 1.03))
-    right.legend(loc="center right", bbox_to_anchor=(1.0, 0.3), fontsize=7)
-    return figure
 
 
 def late(table: Table) -> dict[float, Estimate]:

@@ -1,12 +1,8 @@
 """Section "Triaxial ellipsoids" in time: slow variables of the paper's two starts, and the singular fixed point."""
 
-from functools import partial
-
 import numpy as np
-from matplotlib.figure import Figure
 
-from polhode.harness.paper.drawing import AVERAGED, BLACK, draw_groups, label, panels
-from polhode.harness.paper.item import Computed, Data, Grid, Table
+from polhode.harness.paper.item import Computed, Grid
 from polhode.harness.paper.runs import full_run, slow_run, slow_scene, spheroid
 from polhode.harness.paper.sections import slow_motion
 from polhode.harness.paper.tables import columns, stacked
@@ -118,32 +114,6 @@ def _passage(local: Separatrix, number: int, points: int) -> tuple[dict, dict]:
         "averaged_shift": slow[:, 2] + sorted(ELLIPSOID.inertia)[1] / (2 * unit),
     }
     return {"side": number}, found
-
-
-def figure_singular(data: Data) -> Figure:
-    """Passage in time, and rates against y."""
-    figure, axes = panels(2, 2, 3.9, 2.7)
-    sizes = data["rates"].copy()
-    for name in sizes.dtype.names:
-        sizes[name] = np.abs(sizes[name])
-    for x, table, both in (("t2", data["trajectory"], axes[:2]), ("y", sizes, axes[2:])):
-        for own, name in zip(both, ("y", "shift"), strict=True):
-            averaged, local = (partial(_curve, x, f"{kind}_{name}") for kind in ("averaged", "local"))
-            draw_groups(own, table, "side", averaged, lambda side: f"averaged, $L^2 {'<>'[int(side)]} 2EI_2$")
-            draw_groups(own, table, "side", local, color=BLACK, linestyle=":", lw=1.6)
-    axes[0].plot([], [], color=AVERAGED, linestyle=":", label="local solution")
-    label(axes[0], "slow time from the singular point", r"$y = \mu'\delta$").legend()
-    label(axes[1], "slow time from the singular point", "$L_z'/I_{max}$")
-    for own in axes[:2]:
-        own.locator_params(nbins=5)
-    axes[1].ticklabel_format(axis="y", style="sci", scilimits=(-2, 2), useMathText=True)
-    label(axes[2], r"$y = \mu'\delta$", "$|dy/dt_2|$", log="x")
-    label(axes[3], r"$y = \mu'\delta$", "$|dL_z'/dt_2|/I_{max}$", log="x")
-    return figure
-
-
-def _curve(x: str, y: str, part: Table) -> tuple[np.ndarray, np.ndarray]:
-    return part[x], part[y]
 
 
 class FirstStart(slow_motion.SlowMotion):

@@ -3,13 +3,11 @@
 from math import pi
 
 import numpy as np
-from matplotlib.figure import Figure
 from scipy.integrate import solve_ivp
 
-from polhode.harness.paper.drawing import draw_groups, draw_law, label, panels
-from polhode.harness.paper.item import Computed, Data, Grid, Table
+from polhode.harness.paper.item import Computed, Grid, Table
 from polhode.harness.paper.runs import full_run, spheroid
-from polhode.harness.paper.tables import by, columns, exponent, groups
+from polhode.harness.paper.tables import columns, exponent
 from polhode.models.catalogue import form as find_form
 from polhode.models.forms.spheroid_axis import field
 from polhode.models.rotation import quaternion_from_euler
@@ -50,20 +48,6 @@ def compute_drift(grid: Grid) -> Computed:
     rows = [(kappa, stokes, growth(kappa, stokes)) for kappa in KAPPAS for stokes in numbers]
     runs = [(kappa, growth(kappa, FOLLOWED), followed(kappa, FOLLOWED)) for kappa in KAPPAS]
     return {"": columns("kappa stokes growth", rows), "runs": columns("kappa growth followed", runs)}
-
-
-def figure_drift(data: Data) -> Figure:
-    """Growth and decay against St, with the laws of either end."""
-    figure, (axes,) = panels(1, 1, 5.2, 3.6)
-    table, fates = data[""], ("decays", "grows")
-    draw_groups(axes, table, "kappa", _size, lambda kappa: f"$\\kappa$ = {kappa:g}, {fates[kappa > 1]}")
-    last = by(table, "kappa")[KAPPAS[-1]]
-    for chosen, slope, line in ((last.stokes < 1e-1, 1, ":"), (last.stokes > 1e3, -1, "--")):
-        stokes, size = _size(last[chosen])
-        draw_law(axes, stokes, 2 * size[-1], slope, line)
-    rate = r"rate of the tilt from the vorticity, $|\lambda|/\dot\gamma$"
-    label(axes, "Stokes number St", rate, log="xy").legend()
-    return figure
 
 
 def _size(table: Table) -> tuple[np.ndarray, np.ndarray]:
@@ -127,14 +111,3 @@ def compute_planar(grid: Grid) -> Computed:
                 low, high = (middle, high) if turns(kappa, middle, stokes) else (low, middle)
             rows.append((kappa, stokes, (low + high) / 2, min(kappa, 1 / kappa) ** 2))
     return {"": columns("kappa stokes threshold printed", rows)}
-
-
-def figure_planar(data: Data) -> Figure:
-    """Thresholds against St."""
-    figure, (axes,) = panels(1, 1, 5.2, 3.4)
-    table, name = data[""], "$\\kappa$ = {:g}".format
-    draw_groups(axes, table, "kappa", lambda part: (part.stokes + 0.1, part.threshold), name, marker="o")
-    for _, part in groups(table, "kappa"):
-        axes.axhline(part.printed[0], color="0.4", linestyle=":", linewidth=0.8)
-    label(axes, "0.1 + Stokes number St", "largest $\\alpha$ of turning", log="x", ylim=(0.0, 1.0)).legend()
-    return figure

@@ -4,14 +4,14 @@ from collections.abc import Iterator
 from math import pi
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 from scipy.signal import find_peaks
 
-from polhode.harness.paper.drawing import BLUE, CYCLE, VERMILLION, draw_groups, label, panels
+from polhode.harness.paper.drawing import CYCLE, label, panels
 from polhode.harness.paper.item import Computed, Data, Grid, Table
 from polhode.harness.paper.runs import Run, axes_of, full_run, spheroid
-from polhode.harness.paper.sections.slow_motion import NAMES
 from polhode.harness.paper.tables import columns, groups, path_table, stacked
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.rotation import quaternion_from_euler
@@ -81,27 +81,12 @@ def _from_large(grid: Grid) -> Iterator[tuple[dict[str, float], dict[str, np.nda
         yield {"kappa": kappa}, values
 
 
-def figure_decay(data: Data) -> Figure:
-    """Measured against printed rates; L² about and across the axis from large L."""
-    figure, (left, right) = panels(1, 2, 3.8, 3.1)
-    table, names = data[""], ("$L_x$", "$L_y$", "$L_z$", "wobble")
-    style = {"linestyle": "none", "marker": "o"}
-    draw_groups(
-        left, table, "mode", lambda part: (-part.printed, -part.measured), lambda mode: names[int(mode)], **style
-    )
-    ends = [0.8 * min(-table.printed), 1.2 * max(-table.printed)]
-    left.plot(ends, ends, color="0.5", linewidth=0.8, zorder=0)
-    label(left, "printed rate, per slow time", "rate of full runs", log="xy").legend()
-    for axis in (left.xaxis, left.yaxis):
+def few_ticks(axes: Axes) -> None:
+    """Ticks of two logarithmic axes at 1, 2 and 5 times powers of ten, as plain numbers."""
+    for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter(NullFormatter())
-    for line, (kappa, part) in zip(("-", "--"), groups(data["large"], "kappa"), strict=True):
-        for color, name in ((BLUE, "axial"), (VERMILLION, "transverse")):
-            style = {"color": color, "linestyle": line, "label": rf"$L^2$, {name}, $\kappa$ = {kappa:g}"}
-            right.plot(part.t2, part[name] / part[name][0], **style)
-    label(right, "slow time $t_2$", "over its start", log="y").legend()
-    return figure
 
 
 def figure_clock(data: Data) -> Figure:
@@ -168,18 +153,6 @@ def compute_collapse(grid: Grid) -> Computed:
         rate = -eigenvalues(ellipsoid, int(np.argmax(ellipsoid.inertia)))[2]
         rows.append((kappa, stokes, rate, rate * STOKES_STAR / stokes))
     return {"": path_table(paths, ("Lz", "E")), "rates": columns("kappa stokes t2 star", rows)}
-
-
-def figure_collapse(data: Data) -> Figure:
-    """L_z and E against t/St*."""
-    figure, axes = panels(1, 2, 3.8, 3.0)
-    stokes = dict(zip(data["rates"].kappa, data["rates"].stokes, strict=True))
-    for own, name in zip(axes, ("Lz", "E"), strict=True):
-        for color, (kappa, part) in zip(CYCLE, groups(data[""], "path"), strict=False):
-            own.plot(part.t2, part[name], color=color, label=f"$\\kappa$ = {kappa:g}, St = {stokes[kappa]:.0f}")
-        label(own, "$t\\dot\\gamma/\\mathrm{St}^*$", NAMES[name])
-    axes[0].legend()
-    return figure
 
 
 def frequency(run: Table) -> float:

@@ -1,0 +1,52 @@
+"""Figures from their descriptions in the sections' files: panels with axes and curves, whose values are expressions."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from polhode.harness.paper import drawing
+from polhode.harness.paper.expressions import evaluated, worded
+from polhode.harness.paper.tables import groups
+
+# What a curve says beside its style.
+CURVE = {"table", "by", "x", "y", "label", "slope", "level", "broken"}
+
+
+def drawn(entry: Mapping[str, Any], names: dict[str, Any]) -> Figure:
+    """The figure of an entry: its size, one table for each of its axes, and a legend below all if it has `columns`."""
+    figure, axes = drawing.panels(*entry["panels"], **entry.get("options", {}))
+    for own, panel in zip(axes, entry["axes"], strict=True):
+        for curve in panel["curves"]:
+            _draw(own, curve, names)
+        title, log = worded(panel.get("title", ""), names), panel.get("log", "")
+        drawing.label(own, panel["x"], panel["y"], title, log, **panel.get("limits", {}))
+        for call in panel.get("also", ()):
+            evaluated(call, {**names, "axes": own})
+        if "legend" in panel:
+            own.legend(**panel["legend"])
+    if "columns" in entry:
+        drawing.common_legend(figure, axes[0], entry["columns"])
+    return figure
+
+
+def _draw(axes: Axes, curve: Mapping[str, Any], names: dict[str, Any]) -> None:
+    """Draw a curve of a table, or one for each value of a column `by`, in its rows, whose columns x and y may name."""
+    style = {key: value for key, value in curve.items() if key not in CURVE}
+    style["color"] = getattr(drawing, style.get("color", ""), style.get("color"))
+    table = evaluated(curve.get("table", "table"), names)
+    parts = groups(table, curve["by"]) if "by" in curve else [(None, table)]
+    for color, (value, part) in zip(drawing.CYCLE, parts, strict=False):
+        own = {**names, **{name: part[name] for name in part.dtype.names}, "part": part, curve.get("by", "part"): value}
+        text = worded(curve["label"], own) if "by" in curve and "label" in curve else curve.get("label")
+        chosen = {**style, "label": text, "color": style["color"] or (color if "by" in curve else None)}
+        x, y, slope = (evaluated(curve.get(key), own) for key in ("x", "y", "slope"))
+        if "slope" in curve:
+            drawing.draw_law(axes, x, y, slope, **{key: each for key, each in chosen.items() if each is not None})
+        elif "level" in curve:
+            axes.axhline(evaluated(curve["level"], own), **chosen)
+        elif "broken" in curve:
+            drawing.draw_broken(axes, part, curve["x"], curve["y"], curve["broken"], **chosen)
+        else:
+            axes.plot(x, y, **chosen)
