@@ -113,7 +113,8 @@ def killed(seed: int, count: int, folder: Path, jobs: tuple[str, ...] = tuple(JO
     """Complaints about so many kills, the commands in turn."""
     random, complaints = Random(seed), []
     for number, name in enumerate(jobs):
-        job, share = JOBS[name], (count + number) // len(jobs)
+        job, share, before = JOBS[name], (count + number) // len(jobs), len(complaints)
+        print(f"  {name}: {share} kills", end="", flush=True)
         _afresh(folder)
         began = time.monotonic()
         complaints += _finished(job, folder, f"{name}: undisturbed")
@@ -133,6 +134,7 @@ def killed(seed: int, count: int, folder: Path, jobs: tuple[str, ...] = tuple(JO
             complaints += _finished(job, folder, f"{name}: taken up")
             if job.outcome(folder / "o") != true:
                 complaints.append(f"{name}: other results than those of an undisturbed run")
+        print(f", {len(complaints) - before} complaints", flush=True)
     return complaints
 
 
@@ -140,7 +142,8 @@ def filled(seed: int, count: int, folder: Path, jobs: tuple[str, ...] = tuple(JO
     """Complaints about so many runs of each command with no room for larger files, as on a full disk, each taken up."""
     random, complaints = Random(seed), []
     for name in jobs:
-        job = JOBS[name]
+        job, before = JOBS[name], len(complaints)
+        print(f"  {name}: {count} full disks", end="", flush=True)
         _afresh(folder)
         complaints += _finished(job, folder, f"{name}: undisturbed")
         true = job.outcome(folder / "o")
@@ -157,6 +160,7 @@ def filled(seed: int, count: int, folder: Path, jobs: tuple[str, ...] = tuple(JO
             complaints += _finished(job, folder, f"{name}: taken up")
             if job.outcome(folder / "o") != true:
                 complaints.append(f"{name}: after room for {room} bytes other results")
+        print(f", {len(complaints) - before} complaints", flush=True)
     return complaints
 
 
