@@ -19,6 +19,8 @@ from polhode.solvers.contract import Status
 SANE = 0.1
 # An error of this share of the tolerance is as good as none: how much smaller it is would only pull the law off.
 LUCKY = 1e-3
+# An uncertainty of more eps than this is that of a reference in double precision, below which nothing is known.
+UNKNOWN = 1e4
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,8 @@ def _error(record: Record, want: str, at: Sensitivity) -> float | None:
     error = record.get(f"solver_{want}_error")
     if error is None or not error < SANE * at.largest or at.error == inf:
         return None
-    uncertainty = record.get(f"solver_{want}_uncertainty", record.get(f"{want}_uncertainty"))
+    uncertainty = record.get(f"solver_{want}_uncertainty", record.get(f"{want}_uncertainty")) or 0.0
+    if error < uncertainty > UNKNOWN * EPS * at.largest:
+        return None
     # Below the reference's uncertainty, below rounding, and far below the tolerance all errors are alike.
-    return max(error, uncertainty or 0.0, EPS * at.largest / 10, LUCKY * record["tolerance"])
+    return max(error, uncertainty, EPS * at.largest / 10, LUCKY * record["tolerance"])
