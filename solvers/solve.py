@@ -10,16 +10,7 @@ import numpy as np
 
 from polhode.models.problem import Problem
 from polhode.solvers.catalogue import solver as find_solver
-from polhode.solvers.contract import (
-    UNLIMITED,
-    Backend,
-    Jacobian,
-    Record,
-    Settings,
-    Solver,
-    Status,
-    Work,
-)
+from polhode.solvers.contract import UNLIMITED, Backend, Jacobian, Record, Settings, Solver, Status, Work
 from polhode.solvers.dense_output import LikeSolveIvp, states_at
 from polhode.solvers.pieces import Run, Stage, wrapped
 

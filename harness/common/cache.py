@@ -27,10 +27,7 @@ def load(key: str) -> dict[str, np.ndarray] | None:
         return None
     checksum, payload = content[:CHECKSUM], content[CHECKSUM:]
     if _checksum(key, payload) != checksum:
-        print(
-            f"polhode: {path}: damaged, or another one renamed; computed anew",
-            file=sys.stderr,
-        )
+        print(f"polhode: {path}: damaged, or another one renamed; computed anew", file=sys.stderr)
         with suppress(OSError):
             path.unlink()
         return None

@@ -10,15 +10,7 @@ from scipy.special import bdtrik
 
 from polhode.harness.common.fits import COVERAGE, wilson
 from polhode.harness.ensembles.ensemble import Ensemble
-from polhode.harness.ensembles.statistics import (
-    FOURTH,
-    FOURTH_OF_VOIGT,
-    RATES,
-    SECOND,
-    SLOW_NAMES,
-    VOIGT,
-    Statistics,
-)
+from polhode.harness.ensembles.statistics import FOURTH, FOURTH_OF_VOIGT, RATES, SECOND, SLOW_NAMES, VOIGT, Statistics
 
 QUANTILES = (0.1, 0.5, 0.9)
 

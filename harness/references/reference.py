@@ -11,14 +11,7 @@ from polhode.harness.common import cache
 from polhode.harness.common.plain_json import digest
 from polhode.harness.common.timing import within
 from polhode.harness.references import two_methods
-from polhode.harness.references.certificate import (
-    Certificate,
-    Flow,
-    UncertifiedError,
-    certify,
-    expected_times,
-    observe,
-)
+from polhode.harness.references.certificate import Certificate, Flow, UncertifiedError, certify, expected_times, observe
 from polhode.harness.references.chaos import Growth, growth
 from polhode.harness.references.errors import errors, statistics_distance
 from polhode.harness.references.extended import ReferenceFailedError, extended_integrator, extended_run

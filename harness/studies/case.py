@@ -239,37 +239,28 @@ def _error_columns(total: Errors, full: Reference) -> Record:
     }
 
 
+# Of the solver and of the model.
+_PARTS = (
+    *("solver_slow_error", "solver_orientation_error", "solver_slow_uncertainty"),
+    *("model_slow_error", "model_orientation_error"),
+)
+
+
 def _undivided(total: Errors, full: Reference) -> Record:
     """A full form's error is its solver's."""
-    return {
-        "solver_slow_error": total.slow,
-        "solver_orientation_error": total.orientation,
-        "solver_slow_uncertainty": full.slow_uncertainty,
-        "model_slow_error": 0.0,
-        "model_orientation_error": 0.0,
-    }
+    return dict(zip(_PARTS, (total.slow, total.orientation, full.slow_uncertainty, 0.0, 0.0), strict=True))
 
 
 def _parted(case: Case, found: Observables, truth: Observables, exact: Reference | None) -> Record:
     """An averaged form's error, parted by its own exact solution, if that is known."""
     if exact is None:
-        parts = ("slow_error", "orientation_error")
-        return {f"{whose}_{part}": None for whose in ("solver", "model") for part in parts}
+        return {part: None for part in _PARTS if part.endswith("error")}
     own_truth = exact.observables.first(len(truth.slow))
     own, model = (errors(case.scene.ellipsoid, *pair) for pair in ((found, own_truth), (own_truth, truth)))
-    return {
-        "solver_slow_error": own.slow,
-        "solver_orientation_error": own.orientation,
-        "solver_slow_uncertainty": exact.slow_uncertainty,
-        "model_slow_error": model.slow,
-        "model_orientation_error": model.orientation,
-    }
+    values = own.slow, own.orientation, exact.slow_uncertainty, model.slow, model.orientation
+    return dict(zip(_PARTS, values, strict=True))
 
 
 def missing(case: Case) -> Record:
     """Record of a case whose library is not installed."""
-    return {
-        "status": str(Status.ADAPTER_MISSING),
-        "message": find_solver(case.solver).why_not,
-        "inferred": True,
-    }
+    return {"status": str(Status.ADAPTER_MISSING), "message": find_solver(case.solver).why_not, "inferred": True}

@@ -11,13 +11,7 @@ import pytest
 from polhode.harness.analysis.frames import frame
 from polhode.harness.analysis.pareto import pareto_front
 from polhode.harness.pages.figures.style import GREY, power
-from polhode.harness.pages.figures.work_precision import (
-    BEHIND,
-    UNKNOWN,
-    save,
-    work_precision,
-    work_precision_panels,
-)
+from polhode.harness.pages.figures.work_precision import BEHIND, UNKNOWN, save, work_precision, work_precision_panels
 from polhode.solvers.catalogue import SOLVERS
 
 mpl.use("Agg")

@@ -7,14 +7,7 @@ import pytest
 from mpmath import mp
 from scipy.special import ellipj, ellipk
 
-from oracle.first_principles import (
-    aligned_frame,
-    body,
-    integrate,
-    momentum_and_energy,
-    polhode,
-    rotation_from_euler,
-)
+from oracle.first_principles import aligned_frame, body, integrate, momentum_and_energy, polhode, rotation_from_euler
 from oracle.verdict import assert_misprint, assert_right, deviation
 
 SHAPE = body((1.0, 0.8, 0.5))
