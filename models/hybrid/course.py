@@ -25,6 +25,8 @@ Array = np.ndarray
 ERROR_PER_TOLERANCE, WINDOWS = 100.0, 0.2
 # Error of L and E over the tolerance of the full equations, per radian that the body turns; by trial, for every solver.
 PER_RADIAN = 1.5e-2
+# Tolerance below which rounding makes the error, not the tolerance.
+ROUNDING = 1e-13
 # Tolerance of averaged pieces, which cost nothing, and those of windows: some solvers compile for each one anew.
 AVERAGED_TOLERANCE, FULL = 1e-12, (1e-8, 1e-10, 1e-12, 1e-14)
 # A run of so few turns costs less than to look ahead.
@@ -70,7 +72,7 @@ class HybridCourse:
             later = replace(self, stretches=())
         full = find_form(full_form(scene)).problem(scene)
         own = full_tolerance((stretch, *rest), stokes, tolerance)
-        cost = PER_RADIAN * own * stretch.turned * stokes
+        cost = PER_RADIAN * max(own, ROUNDING) * stretch.turned * stokes
         angle, later = self.angle(end - time, cost), replace(later, spent=self.spent + cost)
         return Piece(replace(full, start=tuple(state.tolist())), end, None, reason, cost, angle, own, later)
 

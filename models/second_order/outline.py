@@ -71,17 +71,18 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
     """Outline of a run with orientation and 0 < St < inf; windows as the error asked for demands."""
     path, share = path_of(scene), SHARE * budget
     strong, weight = strong_kicks(path, budget)
-    if strong:
-        # A window may be narrower than the path's steps.
+    if path.kicks:
+        # A window may be narrower than the path's steps, and on the finer path further kicks may get one.
         shares = np.concatenate([[-1.01], np.linspace(-1, 1, 9) * (1 - 1e-9), [1.01]])
-        path = path.at(np.concatenate([each.time + each.window(ONE * budget) * shares for each in strong]))
+        halves = [strong.get(each, each.width) for each in path.kicks]
+        path = path.at(np.concatenate([each.time + h * shares for each, h in zip(path.kicks, halves, strict=True)]))
         strong, weight = strong_kicks(path, budget)
     times, reasons, sudden = path.times, _reasons(path, budget), np.zeros(len(path.times))
     swing, second = (np.where(reasons == "", each, 0) for each in (path.swing, path.second))
     local = MARGIN * swing**2 * path.size
     for each in path.kicks:
         if each in strong:
-            reasons[np.abs(times - each.time) <= each.window(ONE * budget)] = f"resonance {each.mode}"
+            reasons[np.abs(times - each.time) <= strong[each]] = f"resonance {each.mode}"
             local = local + each.missed(times)
         else:
             at = np.searchsorted(times, each.time)
@@ -106,13 +107,14 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
     return Outline(times, path.slow, stretches, path.kicks, float(orientation))
 
 
-def strong_kicks(path: Path, budget: float) -> tuple[list[Kick], Array]:
-    """Kicks that get a window, and by how much later kicks amplify an error made at the path's times.
+def strong_kicks(path: Path, budget: float) -> tuple[dict[Kick, float], Array]:
+    """Half widths of kicks' windows, and by how much later kicks amplify an error made at the path's times.
 
     An error (z, φ) of (|L|, E) and of (α, β) turns the phase of a kick by k·φ, and so the kick. At random phases the
     square of what comes of it is zᵀAz + 2zᵀXφ + φᵀFφ in the mean, counted from the end of the run backwards.
     """
-    weight, left, strong, last = np.ones(len(path.times)), 0.0, [], path.turned[-1]
+    weight, left, last = np.ones(len(path.times)), 0.0, path.turned[-1]
+    strong: dict[Kick, float] = {}
     a, x, f = np.eye(2), np.zeros((2, 2)), np.zeros((2, 2))
     for kick in sorted((*path.kicks, *path.crossings()), key=lambda each: -each.time):
         at = max(1, int(np.searchsorted(path.times, kick.time)))
@@ -125,12 +127,13 @@ def strong_kicks(path: Path, budget: float) -> tuple[list[Kick], Array]:
         if size <= ONE * budget and hypot(left, size) <= LEFT_OUT / RANDOM * budget:
             left = hypot(left, size)
         else:
-            strong += [kick] if kick.width else []
             a, x, last = a_here, x + b.T @ f, here
             f = f + square * np.outer(kick.mode, kick.mode)
             b = last - path.turned[:at]
             square = a + x @ b + np.swapaxes(x @ b, 1, 2) + np.swapaxes(b, 1, 2) @ f @ b
             weight[:at] = np.sqrt(np.maximum(0.5 * np.trace(square, axis1=1, axis2=2), 1))
+            if kick.width:
+                strong[kick] = kick.window(ONE * budget / weight[at - 1])
     return strong, weight
 
 

@@ -29,7 +29,7 @@ TINY = 1e-12
 # Depth a² at which tables end, less what a first-order path may be wrong by.
 DEEPEST = tables.MOST - 0.2
 # Of resonances, the least and the largest half width of a window, in √(|dD/dt|/St) of the divisor.
-WIDTHS = (5.0, 40.0)
+WIDTHS = (4.0, 40.0)
 # Least speed at which the shear turns a body.
 LEAST_SPEED = 0.5
 # What L² = 2EI₂ makes of a phase: E changes by ln(2 sin α)/(4K) of what a polhode takes, the mean square of cot α being
@@ -49,16 +49,20 @@ class Kick:
     mode: tuple[int, int]
     width: float  # time that the phase takes to turn by a radian there
     along: Array  # what it gives (|L|, E), over I_max, complex: the part of the phase that happens to be is real
+    bend: float  # by how much the mode changes dD/dt, over that
+    drift: float  # change of a² in its width
 
     def window(self, budget: float) -> float:
-        """Half width of the window outside which less than the budget is missed."""
+        """Half width of the window at whose ends less than the budget is missed."""
         least, largest = WIDTHS
-        return self.width * min(largest, max(least, 2.5 * (self.size / budget) ** (1 / 3)))
+        share = self.size / budget
+        wanted = (share * self.bend) ** (1 / 3), sqrt(2 * share * (1.5 * self.bend**2 + self.drift))
+        return self.width * min(largest, max(least, *wanted))
 
     def missed(self, times: Array) -> Array:
-        """What the averaged equations miss of it at times outside a window."""
-        away = np.abs(times - self.time)
-        return 2 * self.size * np.minimum(1, self.width / np.maximum(away, 1e-300)) ** 3
+        """What the transformation misses of it at times outside a window."""
+        near = np.minimum(1, self.width / np.maximum(np.abs(times - self.time), 1e-300))
+        return self.size * near**2 * (self.bend * near + 1.5 * self.bend**2 + self.drift)
 
 
 @dataclass(frozen=True)
@@ -138,7 +142,7 @@ class Path:
             nu1 = tables.evaluated(series, 2 * self.a2[at : at + 1] / tables.MOST - 1)[0, 0]
             taken = abs(rates[at]) * self.torque_factor * 2 * pi / (unit * self.size[at] * nu1)
             jump = np.array([0, sqrt(2 * SADDLE) * taken / (4 * pi)])
-            found.append(Kick(float(self.times[at]), inf, (1, 0), 0.0, jump))
+            found.append(Kick(float(self.times[at]), inf, (1, 0), 0.0, jump, 0.0, 0.0))
         return found
 
     def _kicks(self, side: bool, here: Array, table: tables.Table) -> list[Kick]:
@@ -160,8 +164,11 @@ class Path:
         energy = size * h * grown + 0.5 * size**2 * _range(self.ellipsoid, side)[1] * fall * (1 - fall) * risen
         modes = zip(k1.astype(int).tolist(), k2.astype(int).tolist(), strict=True)
         along = np.stack([grown, energy], axis=1)
-        numbers = when.tolist(), strength.tolist(), modes, width.tolist(), along
-        return [Kick(*each) for each in zip(*numbers, strict=True)]
+        rates = self.rates[at] + share[:, None, None] * (self.rates[at + 1] - self.rates[at])
+        turned = np.einsum("ki,kij,kj->k", np.stack([k1, k2], axis=1), rates, along)
+        bend = np.abs(turned) * width / (sqrt(2 * pi) * self.torque_factor)
+        times, sizes, widths, *rest = (each.tolist() for each in (when, strength, width, bend, drift * width))
+        return [Kick(*each) for each in zip(times, sizes, modes, widths, along, *rest, strict=True)]
 
     def may_cross(self, error: float) -> Array:
         """Where an error of L and E over I_max carries the run to the end of the tables or across L² = 2EI₂."""
@@ -175,6 +182,11 @@ class Path:
     @cached_property
     def turned(self) -> Array:
         """(α, β) turned until each time per lasting error of (|L|, E) over I_max, shape (m, 2, 2)."""
+        return self.summed(self.rates) / self.torque_factor
+
+    @cached_property
+    def rates(self) -> Array:
+        """Change of the rates of (α, β), over St, per change of (|L|, E) over I_max, shape (m, 2, 2)."""
         unit, size, energy = max(self.ellipsoid.inertia), self.size, self.slow[:, 3] / max(self.ellipsoid.inertia)
         rates = np.zeros((len(self.times), 2, 2))
         for side, here, table in _sides(self.ellipsoid, self.a2, self.longest):
@@ -184,7 +196,7 @@ class Path:
             steep = 2 * np.exp(self.a2[here]) / (unit * size[here] ** 2 * width)
             rise, fall = unit * (size[here] * steep)[:, None] * rise, -2 * energy[here] / size[here]
             rates[here] = np.stack([unit * nu + fall[:, None] * rise, rise], axis=2)
-        return self.summed(rates) / self.torque_factor
+        return rates
 
     @cached_property
     def speed(self) -> Array:

@@ -8,12 +8,12 @@ they are wanted. `polhode.models.second_order.torus` has the same generator over
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from math import pi, sqrt
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 
 from polhode.models.files import kept
-from polhode.models.second_order.field import regular
 from polhode.models.second_order.polhodes import Polhodes, SidedBody
 from polhode.models.second_order.torus import least_rotation
 from polhode.models.shape import Ellipsoid
@@ -39,6 +39,8 @@ ORDERS = 2 * np.arange(TERMS)[:, None] - (TERMS - 1) + HARMONICS % 2
 ORDERS = np.take_along_axis(ORDERS, np.argsort(np.abs(ORDERS), axis=0, kind="stable"), axis=0)
 # Terms are left out below this share of the largest times St: over St they are rounding. Bounds of that share.
 FAINT, LEAST_FAINT, MOST_FAINT = 1e-14, 1e-11, 1e-6
+# Change of a divisor over its square above which it matters, and above which the asymptotic series does not hold.
+BENT, CLOSE = 1e-5, 0.01
 
 
 @dataclass(frozen=True)
@@ -87,7 +89,7 @@ class Swing:
         wide, orders = (slice(None), None, None), ORDERS[:terms]
         divisor = orders * nu1[wide] + HARMONICS * nu2[wide]
         change = orders * rise1[wide] + HARMONICS * rise2[wide]
-        twice, once = regular(divisor, (self.torque_factor * rise)[wide] * change)
+        twice, once = tails(divisor, (self.torque_factor * rise)[wide] * change)
         turns = powers(self.alpha, int(orders.max()))
         waves = np.concatenate([turns[:, :0:-1].conj(), turns], axis=1)[:, orders + turns.shape[1] - 1]
         waves *= np.exp(1j * HARMONICS * self.beta[:, None])[:, None]
@@ -144,6 +146,30 @@ class Series:
         found = (_levels(a2) @ self.shape).view(complex).reshape(len(a2), 5, -1)
         waves = powers(alpha, found.shape[2] - 1)
         return np.matmul(found, waves[:, :, None])[..., 0].real
+
+
+def tails(x: Array, q: Array) -> tuple[Array, Array]:
+    """What stands for 1/x² and 1/x of a divisor x that changes by q while the phase turns by a radian.
+
+    The integral of the mode from long before its resonance, behind it to long after, and the integral of that: their
+    asymptotic series in q/x² or, near the resonance, what these belong to, Faddeeva's function.
+    """
+    from scipy.special import wofz
+
+    over = np.divide(1, x, out=np.zeros_like(x), where=x != 0)
+    bent = np.where(x == 0, np.inf, np.abs(q) * over**2)
+    once, twice = over.astype(complex), (over**2).astype(complex)
+    some = (bent > BENT) & (q != 0)
+    u = -1j * (q * over**2)[some]
+    once[some] *= 1 + u * (1 + u * (3 + u * 15))
+    twice[some] *= 1 + u * (3 + u * (15 + u * 105))
+    close = some & (bent > CLOSE)
+    root, sign = np.sqrt(-0.5j * q[close]), np.where(x[close] * q[close] > 0, -1, 1)
+    z = -sign * x[close] / (2 * root)
+    found = wofz(z)
+    once[close] = sign * 0.5j * sqrt(pi) / root * found
+    twice[close] = -0.5 / root**2 * (1 + 1j * sqrt(pi) * z * found)
+    return twice, once
 
 
 def powers(alpha: Array, most: int) -> Array:

@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import simpson
 
+from polhode.models.second_order import swing as swing_module
 from polhode.models.second_order import tables
 from polhode.models.second_order.averages import phases
 from polhode.models.second_order.polhodes import Polhodes
-from polhode.models.second_order.swing import Swing, frame_of, modes_at, series_for
+from polhode.models.second_order.swing import Swing, frame_of, modes_at, series_for, tails
 from polhode.models.second_order.torus import Torus
 from polhode.models.shape import Ellipsoid
 
@@ -15,7 +17,10 @@ MANY = 12
 
 @pytest.mark.parametrize("longest", [True, False])
 @pytest.mark.parametrize("axes", [(1.0, 0.8, 0.5), (0.3, 1.0, 0.9), (0.2, 0.19, 1.0)])
-def test_pose_and_generator_are_those_of_the_torus(axes: tuple[float, float, float], longest: bool):
+def test_pose_and_generator_are_those_of_the_torus(
+    axes: tuple[float, float, float], longest: bool, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(swing_module, "MOST_FAINT", swing_module.LEAST_FAINT)
     series, draw = series_for(Ellipsoid(axes), longest), np.random.default_rng(3)
     # From rotation about a principal axis to near L² = 2EI₂.
     for least, most, tolerance in ((1e-8, 1e-6, 1e-9), (0.01, 1.0, 1e-7), (3.0, 5.0, 1e-4)):
@@ -24,13 +29,26 @@ def test_pose_and_generator_are_those_of_the_torus(axes: tuple[float, float, flo
         frames = np.linalg.qr(draw.normal(size=(MANY, 3, 3)))[0]
         frames *= np.linalg.det(frames)[:, None, None]
         flow, gradient, y = frames[:, 0], frames[:, 1], tables.level(a2)
-        swing = Swing(series, a2, alpha, beta, size, flow, gradient, 1e-3)
+        swing = Swing(series, a2, alpha, beta, size, flow, gradient, 1e-12)
         polhode = Polhodes(series.side, y, alpha, phases(series.side, float(y.max())))
-        torus = Torus(polhode, size, beta, flow, gradient, 1e-3)
+        torus = Torus(polhode, size, beta, flow, gradient)
         assert np.abs(swing.body[0] - torus.rotation[:, 0, 0]).max() < 1e-12
         for found, whole in zip(swing.generator, torus.ambient, strict=True):
             exact = whole[:, 0, 0]
             assert np.abs(found - exact).max() < tolerance * np.abs(exact).max()
+
+
+def test_a_mode_near_its_resonance_is_its_integral_from_afar():
+    r = np.linspace(0, 60, 60001)
+    for q in (1.0, -0.3):
+        for x in (-30.0, -6.0, -5.0, -1.0, -1e-9, 1e-9, 0.4, 7.0):
+            # Along σ = ∓r e^(iπ/4), where exp i(xσ + qσ²/2) falls like a Gaussian.
+            way = (1 if x * q > 0 else -1) * np.exp(0.25j * np.pi * np.sign(q))
+            wave = np.exp(1j * (x * way * r + q * (way * r) ** 2 / 2))
+            once, twice = (-1j * way * simpson(each, x=r) for each in (wave, 1j * way * r * wave))
+            found = tails(np.array([x]), np.array([q]))
+            assert found[1][0] == pytest.approx(once, rel=1e-5)
+            assert found[0][0] == pytest.approx(-twice, rel=1e-5)
 
 
 @pytest.mark.parametrize("longest", [True, False])
