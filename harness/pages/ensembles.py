@@ -8,7 +8,7 @@ from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.text import markdown
 from polhode.harness.pages.figures.work_precision import save
-from polhode.harness.pages.tables import table
+from polhode.harness.pages.tables import fill, table
 
 PAGE = "throughput.md"
 # Sweeps whose cost is laid out: shape, equations, particles, St.
@@ -54,34 +54,19 @@ def picture(rows: list[Found]) -> Any:
 
 def page(found: Found) -> str:
     """The measured figures as a page."""
-    settings = found["settings"]
     places = {"machine": found["machine"], "versions": found["versions"], "date": found.get("date")}
-    return "\n".join(
-        [
-            *header("What ensembles cost", "polhode throughput", [places]),
-            f"St = {settings['stokes']:g}, t₂ = {settings['slow_time']:g}, isotropic starts of |L| = 0.7 I_max; "
-            "the numbers are in [throughput.json](throughput.json). Processor time, the least of "
-            f"{settings['rounds']} runs in turns, one process at a time.\n",
-            "## Full equations: equal steps against Taylor's lanes, from the same starts to the end\n",
-            "Both errors, the largest of any component of the state over all particles, are below the one asked for. "
-            "Particles of like speed share Taylor's lanes.\n",
-            table(found["full"], FULL),
-            "![Particles per second against the largest error](throughput.png)\n",
-            f"## Long runs: St = {settings['long_stokes']:g}, t₂ = 0.5, 1 : 0.8 : 0.5\n",
-            f"Errors in L and E over I_max against full equations, of 32 particles all the way; the error asked for is "
-            f"{settings['long_error']:g}.\n",
-            table(found["long"], LONG),
-            f"## Ensembles at tolerance {settings['tolerance']:g}, particles per second and core\n",
-            "By what is kept of a particle: its end, 101 samples, statistics of these at 11 snapshots. Errors are of "
-            f"{settings['known']} ends against {settings['judge']}.\n",
-            table(found["tasks"], TASKS),
-            f"## What large sweeps to t₂ = {settings['slow_time']:g} take, in tasks of up to {BLOCK:,} particles\n",
-            _plan(found),
-            f"## What an engine adds to tasks of {settings['task_seconds']:g} s\n",
-            table(found["overhead"], ENGINES),
-            "## Memory and processes\n",
-            _memory(found),
-        ]
+    return fill(
+        "throughput",
+        header=header("What ensembles cost", "polhode throughput", [places]),
+        full=table(found["full"], FULL),
+        long=table(found["long"], LONG),
+        tasks=table(found["tasks"], TASKS),
+        block=BLOCK,
+        plan=_plan(found),
+        overhead=table(found["overhead"], ENGINES),
+        mib=(found["memory"]["bytes"] or 0) / 2**20,
+        cores=found["machine"]["cores"],
+        **{name: found[name] for name in ("settings", "memory", "two_processes")},
     )
 
 
@@ -131,13 +116,3 @@ def _plan(found: Found) -> str:
         numbers = f"{particles:,}", f"{stokes:g}", f"{count:,}", f"{mib:,.1f} MiB", f"{hours:,.2f}"
         rows.append((shape, equations, *numbers))
     return markdown(("shape", "equations", "particles", "St", "tasks", "store", "core hours"), rows, right=range(2, 7))
-
-
-def _memory(found: Found) -> str:
-    two, used = found["two_processes"], found["memory"]
-    return (
-        f"- {used['particles']:,} particles of the full equations: at most "
-        f"{(used['bytes'] or 0) / 2**20:.0f} MiB in the process that runs them, {used['seconds']:.1f} s.\n"
-        f"- Two processes against one on {found['machine']['cores']} cores, {two['particles']:,} particles: "
-        f"{two['ratio']:.2f} times as fast ({two['one_seconds']:.1f} s and {two['two_seconds']:.1f} s).\n"
-    )

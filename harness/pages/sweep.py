@@ -22,6 +22,7 @@ from polhode.harness.ensembles.summary import (
 from polhode.harness.ensembles.sweep import NO_TIMES, Sweep, gather
 from polhode.harness.pages.figures.ensembles import picture
 from polhode.harness.pages.figures.work_precision import save
+from polhode.harness.pages.tables import bullets, fill
 
 PAGE = "README.md"
 FILES = {
@@ -76,19 +77,13 @@ def _page(sweep: Sweep, ensembles: list[dict[str, Any]], names: list[str], pictu
         )
         for row in ensembles
     ]
-    table = markdown(columns, lines, right=(1, 3, 4))
-    files = "\n".join(f"- [{name}]({name}): {FILES[name][1]}" for name in names)
-    shown = "\n".join(f"## {shape}\n\n![Moments, L_z and arrivals]({name}.png)\n" for name, shape in pictures)
-    top = header(sweep.title, "polhode sweep", [here()])
-    return (
-        "\n".join([*top, table]) + "\n"
-        "Times are in units of the inverse shear rate, L and E over the largest moment of inertia. Failed particles "
-        "are left out of every statistic.\n"
-        "A particle has arrived when its L and E stay close to an attractor's up to the end of the run; `later` is "
-        "after that end. No attractor is named (–) at St = 0 and ∞, where there is none, and at small St or for shapes "
-        "close to a sphere, where the next fixed point is too near. Averaged equations have no orientation moments: "
-        "their pictures show the means of L instead. Bands hold 95 %.\n\n"
-        f"{shown}\n\n{files}\n\nEvery task's record says: {NO_TIMES}.\n"
+    return fill(
+        "sweep",
+        header=header(sweep.title, "polhode sweep", [here()]),
+        ensembles=markdown(columns, lines, right=(1, 3, 4)),
+        shown=[f"## {shape}\n\n![Moments, L_z and arrivals]({name}.png)\n" for name, shape in pictures],
+        files=bullets(f"[{name}]({name}): {FILES[name][1]}" for name in names),
+        no_times=NO_TIMES,
     )
 
 

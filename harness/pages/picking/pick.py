@@ -13,28 +13,46 @@ from polhode.harness.calibration.evaluation import CHEAP, FACTOR, MEETS, PREDICT
 from polhode.harness.calibration.selection import CUTOFF, PENALTY, PICK, pays_from, scores, write_aslib
 from polhode.harness.calibration.stated import judged
 from polhode.harness.common.files import write_file
-from polhode.harness.common.text import duration, markdown
+from polhode.harness.common.text import duration
 from polhode.harness.pages.figures.work_precision import save
+from polhode.harness.pages.tables import bullets, fill, table
 from polhode.harness.picking.laws import Laws
 from polhode.harness.picking.second_look import BOUNDED, LEAST, SHARE
 
 COLOURS = {"short": "#0072B2", "long": "#D55E00"}
-SCORES = {"scenes": "d", "par10": ".2f", "solved": ".1%", "within": ".1%", "above": ".1%", "gap_closed": ".3f"}
-SCORES_HEADER = ["stratum", "way", "scenes", "PAR10", "solved", "within 1.5", "above 5", "gap closed"]
+SCORES = {
+    "stratum": "{stratum}",
+    "way": "{way}",
+    "scenes": "{scenes}",
+    "PAR10": "{par10:.2f}",
+    "solved": "{solved:.1%}",
+    "within 1.5": "{within:.1%}",
+    "above 5": "{above:.1%}",
+    "gap closed": "{gap_closed:.3f}",
+}
+STATED = {
+    "stratum": "{stratum}",
+    "solver": "{solver}",
+    "runs": "{runs}",
+    "stated": "{stated:.1%}",
+    "bounded": "{bounded:.1%}",
+    "in time": "{cheap:.1%}",
+    "stated over true, median": "{factor:.2g}",
+}
 
 
 def write_pages(folder: Path, laws: Laws, evaluation: Evaluation, command: str) -> Path:
     """Write the page, its figures and its tables into a folder and return the page's path."""
     folder.mkdir(parents=True, exist_ok=True)
     tables = {"laws": _law_frame(laws), "scenes": evaluation.scenes, "runs": evaluation.runs, "ways": evaluation.ways}
-    for name, table in tables.items():
-        if table is not None:
-            write_file(folder / f"{name}.csv", table.to_csv(index=False, float_format="%.4g"), summed=True)
+    for name, rows in tables.items():
+        if rows is not None:
+            write_file(folder / f"{name}.csv", rows.to_csv(index=False, float_format="%.4g"), summed=True)
     if evaluation.ways is not None:
         write_aslib(folder / "aslib", evaluation.questions, evaluation.ways)
     _write_figures(folder, evaluation)
     page = folder / "README.md"
-    write_file(page, "\n".join(_lines(laws, evaluation, command)))
+    write_file(page, _page(laws, evaluation, command))
     return page
 
 
@@ -71,65 +89,33 @@ def _counted(reasons: Iterable[str]) -> str:
     return "; ".join(f"{count} × {reason}" for reason, count in Counter(reasons).most_common())
 
 
-def _lines(laws: Laws, evaluation: Evaluation, command: str) -> list[str]:
-    source = laws.source
-    missed = [f"- {each['scene']}: {each['miss']}." for each in evaluation.scenes.to_dict("records") if each["miss"]]
-    return [
-        "# How good `pick` is on scenes that it has not seen",
-        "",
-        f"Made by `{command}`. Do not edit: the next run overwrites this page.",
-        "",
-        *(f"- {sentence}" for sentence in summary(evaluation)),
-        "",
-        *_selection(evaluation),
-        "## Misses",
-        "",
-        *(missed or ["None."]),
-        "",
-        "## Each scene, each run",
-        "",
-        "![Error and cost of the first choice on each held-out scene](choices.png)",
-        "",
-        "![Measured over predicted times and errors of the held-out runs](predicted.png)",
-        "",
-        f"The laws were fitted on {source['records']} runs of {source['scenes']} random scenes, on "
-        f"{source.get('machine', {}).get('processor', 'an unnamed processor')}; these scenes are from other seeds. The "
-        "best measured choice is the cheapest of all runs that met the error: compiled solvers on every form that "
-        "accepts the scene, at tolerances by tens, and the first choice itself, except combinations that cannot win. "
-        "The five cheapest and the first choice were then timed once more, in turns; these times are compared. "
-        "A fixed piece of arithmetic, timed before every batch of runs, measures the machine's speed.",
-        "",
-        "[scenes.csv](scenes.csv) holds a row for each scene, [runs.csv](runs.csv) for each run that the laws "
-        "predicted, [ways.csv](ways.csv) for each way of each scene, [laws.csv](laws.csv) the laws' parameters with "
-        "95 % intervals (`harness/picking/laws.py` says what each means).",
-        "",
-    ]
+def _page(laws: Laws, evaluation: Evaluation, command: str) -> str:
+    missed = [f"{each['scene']}: {each['miss']}." for each in evaluation.scenes.to_dict("records") if each["miss"]]
+    return fill(
+        "pick",
+        command=command,
+        summary=bullets(summary(evaluation)),
+        selection=_selection(evaluation),
+        missed=bullets(missed) or "None.",
+        source=laws.source,
+        processor=laws.source.get("machine", {}).get("processor", "an unnamed processor"),
+    )
 
 
-def _selection(evaluation: Evaluation) -> list[str]:
+def _selection(evaluation: Evaluation) -> str:
     """`pick` beside the virtual best, the single best and simple rules, per stratum."""
     if evaluation.ways is None:
-        return []
-    rows = [
-        [row["stratum"], row["way"], *(format(row[name], style) for name, style in SCORES.items())]
-        for row in scores(evaluation.ways).to_dict("records")
-    ]
+        return ""
     scenes: Any = evaluation.scenes
     pays = pays_from(scenes, evaluation.ways)
-    from_which = f"for runs that take the single best {duration(pays)} or more" if pays < inf else "for no run here"
-    return [
-        "## Against the best, the single best and simple rules",
-        "",
-        markdown(SCORES_HEADER, rows, right=range(2, 8)),
-        "Times over that of the virtual best, the quickest way measured that met the error on a scene; a way that "
-        f"missed it, or took more than {CUTOFF:g} times as long, counts {PENALTY * CUTOFF:g} (PAR10). The single best "
-        "is the form, solver and power of ten from the error to the tolerance with the least PAR10; the gap closed is "
-        "0 for it and 1 for the virtual best. [aslib/](aslib/) holds the scenario in ASlib's format.",
-        "",
-        f"Asking `pick` takes {duration(scenes['pick_seconds'].median())} in the median, with everything compiled. "
-        f"That pays {from_which}.",
-        "",
-    ]
+    return fill(
+        "pick-selection",
+        scores=table(scores(evaluation.ways).to_dict("records"), SCORES, left=2),
+        cutoff=CUTOFF,
+        counts=PENALTY * CUTOFF,
+        asking=scenes["pick_seconds"].median(),
+        pays=f"for runs that take the single best {duration(pays)} or more" if pays < inf else "for no run here",
+    )
 
 
 def _law_frame(laws: Laws) -> pd.DataFrame:
@@ -178,30 +164,20 @@ def _write_figures(folder: Path, evaluation: Evaluation) -> None:
 def write_stated(folder: Path, runs: pd.DataFrame, command: str) -> Path:
     """Write the page of the errors that `solve` states, and its table."""
     write_file(folder / "stated.csv", runs.to_csv(index=False, float_format="%.4g"), summed=True)
-    rows = []
-    for (stratum, solver), mine in [
+    groups = [
         *(((stratum, "all"), mine) for stratum, mine in runs.groupby("stratum")),
         *((("both", solver), mine) for solver, mine in runs.groupby("solver")),
-    ]:
-        found = judged(mine)
-        shares = [f"{found[name]:.1%}" for name in ("stated", "bounded", "cheap")]
-        rows.append([stratum, solver, found["runs"], *shares, f"{found['factor']:.2g}"])
-    header = ["stratum", "solver", "runs", "stated", "bounded", "in time", "stated over true, median"]
-    lines = [
-        "# The error that `solve` states",
-        "",
-        f"Made by `{command}`. Do not edit: the next run overwrites this page.",
-        "",
-        *(f"- {sentence}" for sentence in stated_summary(runs)),
-        "",
-        "Each run is a random scene by a random form, solver and tolerance, with a certified reference. Others "
-        f"were left out: {_counted(runs.attrs['left_out']) or 'none'}. *In time*: the second look took no more than "
-        "its share of the run, or than it may on a short one. Every run is in [stated.csv](stated.csv).",
-        "",
-        markdown(header, rows, right=range(2, 7)),
     ]
+    rows = [judged(mine) | {"stratum": stratum, "solver": solver} for (stratum, solver), mine in groups]
+    text = fill(
+        "pick-stated",
+        command=command,
+        summary=bullets(stated_summary(runs)),
+        left_out=_counted(runs.attrs["left_out"]) or "none",
+        runs=table(rows, STATED, left=2),
+    )
     page = folder / "stated.md"
-    write_file(page, "\n".join(lines))
+    write_file(page, text)
     return page
 
 
