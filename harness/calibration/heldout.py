@@ -17,7 +17,7 @@ from polhode.harness.calibration.scenes import (
     Stratum,
     questions,
 )
-from polhode.harness.calibration.selection import CUTOFF, decade, runs_of
+from polhode.harness.calibration.selection import CUTOFF, decade, rules, runs_of
 from polhode.harness.calibration.training import REFERENCE_SECONDS, batches_of, methods_for, study
 from polhode.harness.common.store import Record, Store
 from polhode.harness.picking.laws import Laws
@@ -128,11 +128,18 @@ def studies(answer: Answer) -> list[Study]:
         parts.append(study(question, first.form, [first.solver], (first.tolerance,), rotations))
         # What takes much longer than the first choice, counting included, is not the best.
         most = max(SHORTEST_LIMIT, CUTOFF * first.seconds.high)
+    wanted: dict[tuple[int, str], list[str]] = {}
     for power in sorted({min(LOOSEST, max(TIGHTEST, decade(question) + shift)) for shift in DECADES}, reverse=True):
-        tolerance = float(f"1e{power}")
-        for form, solvers in methods_for(known, tolerance, answer.stratum == "short", True):
-            part = study(question, form, solvers, (tolerance,), rotations)
-            parts.append(replace(part, max_seconds=min(most, part.max_seconds)))
+        for form, solvers in methods_for(known, float(f"1e{power}"), answer.stratum == "short", True):
+            wanted[power, form] = list(solvers)
+    for form, solver, shift in (way.split("/") for way in rules(question)):
+        # Simple rules are measured too where their method is none that may win.
+        solvers = wanted.get((decade(question) + int(shift), form), [solver])
+        if solver not in solvers:
+            solvers.append(solver)
+    for (power, form), solvers in wanted.items():
+        part = study(question, form, solvers, (float(f"1e{power}"),), rotations)
+        parts.append(replace(part, max_seconds=min(most, part.max_seconds)))
     return parts
 
 
@@ -144,4 +151,7 @@ def finalists(answer: Answer, records: Sequence[Record]) -> list[Case]:
     first = answer.first_choice(mine)
     chosen = good[:FINALISTS] if first is None else [first, *(r for r in good[:FINALISTS] if r is not first)]
     names = "form", "solver", "tolerance", "samples", "max_seconds"
-    return [Case(question.name + FINAL, question.scene, *(record[name] for name in names)) for record in chosen]
+    limits = {"reference_seconds": REFERENCE_SECONDS, "counted": False}
+    return [
+        Case(question.name + FINAL, question.scene, *(record[name] for name in names), **limits) for record in chosen
+    ]

@@ -1,7 +1,7 @@
 """How good `pick` is held to be: outcomes of scenes held out, their judgement, and the page about them."""
 
 from dataclasses import replace
-from math import inf
+from math import inf, log10
 
 import pandas as pd
 import pytest
@@ -16,9 +16,12 @@ from polhode.harness.calibration.scenes import (
     TRAINING_SCENES,
     questions,
 )
+from polhode.harness.calibration.selection import decade, rules
+from polhode.harness.calibration.training import EVERY_LONG
 from polhode.harness.commands.calibrate import calibrate, validate
 from polhode.harness.pages.picking.pick import summary, write_pages
 from polhode.harness.picking.laws import Interval, load_laws
+from polhode.harness.picking.pilot import pilot
 from polhode.harness.picking.recommendation import Excluded, Recommendation, Way
 
 
@@ -121,6 +124,19 @@ def test_held_out_scene_is_measured_by_the_first_choice_and_by_tens():
     tolerances = [study.tolerances[0] for study in others]
     assert tolerances == sorted(tolerances, reverse=True)
     assert all(tolerance == float(f"{tolerance:.0e}") for tolerance in tolerances)
+
+
+def test_a_long_run_is_measured_by_simple_rules_too_and_its_reference_has_a_limit():
+    question = next(each for each in questions(HELD_OUT_SEED, 8, "long") if pilot(each.scene).rotations > EVERY_LONG)
+    told = Answer(question, None, "refused", "long")
+    measured = {
+        f"{part.forms[0]}/{solver}/{round(log10(part.tolerances[0])) - decade(question):+d}"
+        for part in held_out_studies(told)
+        for solver in part.solvers
+    }
+    assert rules(question).keys() <= measured
+    record = a_record(question, "taylor", 1e-9, 1.0, question.error) | {"samples": 51, "max_seconds": 1.0}
+    assert all(case.reference_seconds < inf for case in finalists(told, [record]))
 
 
 def test_the_first_choice_and_the_cheapest_that_meet_the_error_go_into_the_finals():
