@@ -9,10 +9,10 @@ from tqdm import tqdm
 from polhode.harness.api import SceneSolution, plan
 from polhode.harness.calibration.heldout import no_reference
 from polhode.harness.calibration.scenes import STRATA, Question, questions
-from polhode.harness.calibration.training import REFERENCE_SECONDS, fast_solvers, forms_for, solvers_for
+from polhode.harness.calibration.training import REFERENCE_SECONDS, fast_solvers, methods_for
 from polhode.harness.common.plain_json import digest
 from polhode.harness.common.store import Record, Store
-from polhode.harness.picking.pilot import pilot
+from polhode.harness.picking.pilot import Pilot, pilot
 from polhode.harness.picking.second_look import LEAST, SHARE
 from polhode.harness.references.errors import errors
 from polhode.harness.references.reference import reference
@@ -59,10 +59,11 @@ def _row(question: Question, random: np.random.Generator) -> Record:
     scene = question.scene
     if reason := no_reference(question):
         return {"left_out": reason}
-    rotations = pilot(scene).rotations
-    ways = _ways(question, rotations)
-    name, solver = ways[random.integers(len(ways))]
+    known = pilot(scene)
+    rotations = known.rotations
     tolerance = float(f"{10 ** random.uniform(*TOLERANCES):.0e}")
+    ways = _ways(known, tolerance)
+    name, solver = ways[random.integers(len(ways))]
     solution, seconds = _timed(question, name, solver, tolerance)
     if not solution.success:
         return {"left_out": str(solution.status)}
@@ -89,15 +90,15 @@ def _row(question: Question, random: np.random.Generator) -> Record:
     }
 
 
-def _ways(question: Question, rotations: float) -> list[tuple[str, str]]:
+def _ways(known: Pilot, tolerance: float) -> list[tuple[str, str]]:
     """Forms and solvers that take a scene and do not take for ever."""
-    found = []
-    aside = [name for name in SOLVERS if name not in fast_solvers()] if rotations < ASIDE_ROTATIONS else []
-    for name in forms_for(question.scene, rotations):
-        problem = find_form(name).problem(question.scene)
-        solvers = (*solvers_for(question.scene, 0), *aside)
-        found += [(name, solver) for solver in solvers if find_solver(solver).takes(problem)]
-    return found
+    aside = [name for name in SOLVERS if name not in fast_solvers()] if known.rotations < ASIDE_ROTATIONS else []
+    return [
+        (name, solver)
+        for name, solvers in methods_for(known, tolerance, True, True)
+        for solver in (*solvers, *aside)
+        if find_solver(solver).takes(find_form(name).problem(known.scene))
+    ]
 
 
 def _timed(question: Question, name: str, solver: str, tolerance: float) -> tuple[SceneSolution, float]:
