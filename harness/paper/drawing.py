@@ -1,6 +1,6 @@
 """How the figures of the reproduction look: one style, one palette, panels with labels and units."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
@@ -102,20 +102,6 @@ def unit_sphere(axes: Axes) -> Axes:
 def draw_on_sphere(axes: Axes, path: Table, **style: Any) -> None:
     """Draw a path with columns x, y, z."""
     axes.plot(*(path[name] for name in "xyz"), **style)
-
-
-def draw_groups(
-    axes: Axes,
-    table: Table,
-    key: str,
-    curve: Callable[[Table], tuple[np.ndarray, np.ndarray]],
-    name: Callable[[float], str] | None = None,
-    colors: Sequence[str] = CYCLE,
-    **style: Any,
-) -> None:
-    """Draw a curve for each value of a key, from the rows that have it; `name` makes the legend's text."""
-    for color, (value, part) in zip(colors, groups(table, key), strict=False):
-        axes.plot(*curve(part), **{"color": color, "label": name(value) if name else None, **style})
 
 
 def styled_runs(

@@ -36,14 +36,16 @@ def _draw(axes: Axes, curve: Mapping[str, Any], names: dict[str, Any]) -> None:
     style = {key: value for key, value in curve.items() if key not in CURVE}
     style["color"] = getattr(drawing, style.get("color", ""), style.get("color"))
     table = evaluated(curve.get("table", "table"), names)
-    parts = groups(table, curve["by"]) if "by" in curve else [(None, table)]
+    key, text = curve.get("by"), curve.get("label")
+    parts = groups(table, key) if key else [(None, table)]
     for color, (value, part) in zip(drawing.CYCLE, parts, strict=False):
-        own = {**names, **{name: part[name] for name in part.dtype.names}, "part": part, curve.get("by", "part"): value}
-        text = worded(curve["label"], own) if "by" in curve and "label" in curve else curve.get("label")
-        chosen = {**style, "label": text, "color": style["color"] or (color if "by" in curve else None)}
-        x, y, slope = (evaluated(curve.get(key), own) for key in ("x", "y", "slope"))
+        own, chosen = {**names, **{name: part[name] for name in part.dtype.names}}, {**style, "label": text}
+        if key:
+            own[key] = value
+            chosen |= {"label": text and worded(text, own), "color": style["color"] or color}
+        x, y, slope = (evaluated(curve.get(name), own) for name in ("x", "y", "slope"))
         if "slope" in curve:
-            drawing.draw_law(axes, x, y, slope, **{key: each for key, each in chosen.items() if each is not None})
+            drawing.draw_law(axes, x, y, slope, **{name: each for name, each in chosen.items() if each is not None})
         elif "level" in curve:
             axes.axhline(evaluated(curve["level"], own), **chosen)
         elif "broken" in curve:

@@ -11,7 +11,7 @@ from scipy.signal import find_peaks
 
 from polhode.harness.pages.figures.style import power
 from polhode.harness.paper import drawing
-from polhode.harness.paper.drawing import draw_groups, draw_law, draw_on_sphere, label, legend_in, panels, unit_sphere
+from polhode.harness.paper.drawing import draw_law, draw_on_sphere, label, legend_in, panels, unit_sphere
 from polhode.harness.paper.item import Computed, Data, Grid, Table
 from polhode.harness.paper.runs import Run, full_run
 from polhode.harness.paper.sections.slow_motion import NAMES
@@ -198,11 +198,9 @@ class Transient:
         self, axes: Axes, table: Table, name: str, text: str, onset: tuple[float, float], scaling: float = 0.0
     ) -> None:
         colors = drawing.CYCLE[self.stokes.index(min(table.stokes)) :]
-
-        def curve(part: Table) -> tuple[np.ndarray, np.ndarray]:
-            return part.scaled, part[name] * part.stokes**scaling
-
-        draw_groups(axes, table, "stokes", curve, lambda stokes: f"St = {power(stokes)}", colors, linewidth=0.8)
+        for color, (stokes, part) in zip(colors, groups(table, "stokes"), strict=False):
+            value, run = part[name] * part.stokes**scaling, f"St = {power(stokes)}"
+            axes.plot(part.scaled, value, color=color, label=run, linewidth=0.8)
         for time, line, own in zip(onset, (":", "--"), MARKS, strict=True):
             axes.axvline(time, color="0.4", linestyle=line, linewidth=0.9, label=own)
         label(axes, "$t\\dot\\gamma/\\mathrm{St}^{1/2}$", text)

@@ -5,13 +5,11 @@ from math import pi
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 from scipy.signal import find_peaks
 
-from polhode.harness.paper.drawing import CYCLE, label, panels
-from polhode.harness.paper.item import Computed, Data, Grid, Table
-from polhode.harness.paper.runs import Run, axes_of, full_run, spheroid
+from polhode.harness.paper.item import Computed, Grid, Table
+from polhode.harness.paper.runs import Run, full_run, spheroid
 from polhode.harness.paper.tables import columns, groups, path_table, stacked
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.rotation import quaternion_from_euler
@@ -89,16 +87,6 @@ def few_ticks(axes: Axes) -> None:
         axis.set_minor_formatter(NullFormatter())
 
 
-def figure_clock(data: Data) -> Figure:
-    """Relaxation rates of L_z on three clocks."""
-    figure, (axes,) = panels(1, 1, 5.6, 3.2)
-    for color, (name, rates) in zip(CYCLE, on_clocks(data[""]).items(), strict=False):
-        axes.plot(np.arange(len(rates)), rates / rates.mean(), "o-", color=color, label=name)
-    axes.set_xticks(np.arange(len(BODIES)), [axes_of(body) for body in BODIES])
-    label(axes, "semi-axes", "relaxation rate of $L_z$ over its mean").legend()
-    return figure
-
-
 def large_decay(large: Table) -> list[float]:
     """Decay of L² from large L along and across the axis, over the printed rate, less one."""
     found = []
@@ -110,13 +98,13 @@ def large_decay(large: Table) -> list[float]:
     return found
 
 
-def on_clocks(table: Table) -> dict[str, np.ndarray]:
+def on_clocks(table: Table) -> tuple[np.ndarray, ...]:
     """Rates of L_z per St, per St* of the longest axis, and per that of the axis turned about."""
     chosen = table[table.mode == 2]
     rate, clock = -chosen.measured, chosen.clock
     longest = [max(zip(b.semi_axes, b.inertia, b.resistance, strict=True)) for b in BODIES]
     other = np.array([inertia / (8 * pi * resistance) for _, inertia, resistance in longest])
-    return {"per St": rate, "per St* of the longest axis": rate * other, "per St* of the axis along $z$": rate * clock}
+    return rate, rate * other, rate * clock
 
 
 # Effective Stokes number, and L_z and E over I_max, of the figure on the collapse.
