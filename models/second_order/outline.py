@@ -70,13 +70,13 @@ class Outline:
 def outline(scene: Scene, budget: float = inf) -> Outline:
     """Outline of a run with orientation and 0 < St < inf; windows as the error asked for demands."""
     path, share = path_of(scene), SHARE * budget
-    strong, weight = strong_kicks(path, budget)
+    strong, weight, left = strong_kicks(path, budget)
     if path.kicks:
         # A window may be narrower than the path's steps, and on the finer path further kicks may get one.
         shares = np.concatenate([[-1.01], np.linspace(-1, 1, 9) * (1 - 1e-9), [1.01]])
         halves = [strong.get(each, each.width) for each in path.kicks]
         path = path.at(np.concatenate([each.time + h * shares for each, h in zip(path.kicks, halves, strict=True)]))
-        strong, weight = strong_kicks(path, budget)
+        strong, weight, left = strong_kicks(path, budget)
     times, reasons, sudden = path.times, _reasons(path, budget), np.zeros(len(path.times))
     swing, second = (np.where(reasons == "", each, 0) for each in (path.swing, path.second))
     local = MARGIN * swing**2 * path.size
@@ -86,7 +86,7 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
             local = local + each.missed(times)
         else:
             at = np.searchsorted(times, each.time)
-            sudden[at] = hypot(sudden[at], each.size * weight[at])
+            sudden[at] = hypot(sudden[at], left[each])
     sudden = RANDOM * np.sqrt(np.cumsum(np.where(reasons == "", sudden, 0) ** 2))
     held = np.where(reasons == "", MARGIN * second * swing, 0) * np.gradient(times) * weight
     late = np.tril(np.exp(-np.maximum(FADING * min(scene.ellipsoid.damping) * (times[:, None] - times), 0)))
@@ -107,14 +107,15 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
     return Outline(times, path.slow, stretches, path.kicks, float(orientation))
 
 
-def strong_kicks(path: Path, budget: float) -> tuple[dict[Kick, float], Array]:
+def strong_kicks(path: Path, budget: float) -> tuple[dict[Kick, float], Array, dict[Kick, float]]:
     """Half widths of kicks' windows, and by how much later kicks amplify an error made at the path's times.
 
-    An error (z, φ) of (|L|, E) and of (α, β) turns the phase of a kick by k·φ, and so the kick. At random phases the
-    square of what comes of it is zᵀAz + 2zᵀXφ + φᵀFφ in the mean, counted from the end of the run backwards.
+    Last what comes of the kicks that are left out. An error (z, φ) of (|L|, E) and of (α, β) turns the phase of a kick
+    by k·φ, and so the kick. At random phases the square of what comes of it is zᵀAz + 2zᵀXφ + φᵀFφ in the mean, counted
+    from the end of the run backwards.
     """
-    weight, left, last = np.ones(len(path.times)), 0.0, path.turned[-1]
-    strong: dict[Kick, float] = {}
+    weight, together, last = np.ones(len(path.times)), 0.0, path.turned[-1]
+    strong, left = dict[Kick, float](), dict[Kick, float]()
     a, x, f = np.eye(2), np.zeros((2, 2)), np.zeros((2, 2))
     for kick in sorted((*path.kicks, *path.crossings()), key=lambda each: -each.time):
         at = max(1, int(np.searchsorted(path.times, kick.time)))
@@ -124,8 +125,8 @@ def strong_kicks(path: Path, budget: float) -> tuple[dict[Kick, float], Array]:
         a_here = a + x @ b + b.T @ x.T + b.T @ f @ b
         square = 0.5 * (kick.along.conj() @ a_here @ kick.along).real
         size = max(kick.size, sqrt(square))
-        if size <= ONE * budget and hypot(left, size) <= LEFT_OUT / RANDOM * budget:
-            left = hypot(left, size)
+        if size <= ONE * budget and hypot(together, size) <= LEFT_OUT / RANDOM * budget:
+            left[kick], together = size, hypot(together, size)
         else:
             a, x, last = a_here, x + b.T @ f, here
             f = f + square * np.outer(kick.mode, kick.mode)
@@ -134,7 +135,7 @@ def strong_kicks(path: Path, budget: float) -> tuple[dict[Kick, float], Array]:
             weight[:at] = np.sqrt(np.maximum(0.5 * np.trace(square, axis1=1, axis2=2), 1))
             if kick.width:
                 strong[kick] = kick.window(ONE * budget / weight[at - 1])
-    return strong, weight
+    return strong, weight, left
 
 
 def _reasons(path: Path, budget: float) -> Array:
