@@ -63,6 +63,7 @@ class HybridCourse:
                 problem, states = second_order(here)
             except NotAveragedError as refusal:
                 end, reason, later = time + 2 * np.pi * MORE / speed(here), str(refusal), replace(self, stretches=())
+                stretch = replace(stretch, second_order=False, turned=2 * np.pi * MORE / stokes)
             else:
                 angle = self.angle(end - time, stretch.error) + stretch.swing
                 later = replace(later, spent=self.spent + stretch.error)
