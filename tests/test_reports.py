@@ -13,10 +13,11 @@ from polhode.harness.analysis.frames import frame
 from polhode.harness.averaging.data import PaperStudy, SecondOrderStudy, read_study
 from polhode.harness.averaging.findings import findings, statements
 from polhode.harness.averaging.hybrid import Study as HybridStudy
+from polhode.harness.averaging.orders import slopes
 from polhode.harness.calibration.evaluation import Evaluation
 from polhode.harness.common.store import read_export
 from polhode.harness.pages import ensembles
-from polhode.harness.pages.averaging import hybrid
+from polhode.harness.pages.averaging import first_order, hybrid, second_order
 from polhode.harness.pages.outcomes import limit, sentences
 from polhode.harness.pages.picking.pick import summary
 from polhode.harness.pages.regimes import ERRORS, read_cells, sentence
@@ -82,6 +83,17 @@ def test_first_lines_follow_from_the_data(page: str):
 
 def test_what_ensembles_cost_follows_from_the_data():
     assert text("sweep/throughput.md") == ensembles.page(json.loads(text("sweep/throughput.json")))
+
+
+def test_pages_on_averaging_follow_from_the_data():
+    second = read_study(SecondOrderStudy, REPORTS / "second-order")
+    command = "polhode accuracy"
+    made = {
+        "accuracy": first_order.page(read_study(PaperStudy, REPORTS / "accuracy"), command),
+        "second-order": second_order.page(second, slopes(second.orders), f"{command} --order 2"),
+        "hybrid": hybrid.page(read_study(HybridStudy, REPORTS / "hybrid"), f"{command} --order hybrid"),
+    }
+    assert {name: text(f"{name}/README.md") for name in made} == made
 
 
 def test_readme_says_what_there_is():

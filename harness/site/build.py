@@ -13,11 +13,12 @@ from PIL import Image
 
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import machine, versions
+from polhode.harness.pages.tables import fill
 from polhode.harness.site.cost import cost_page
 from polhode.harness.site.markdown import FIGURES, page_name, render, section
 from polhode.harness.site.markup import Page, document, missing, prose
 from polhode.harness.site.motion import motion_page
-from polhode.harness.site.verdict import LEAD, TITLE, question
+from polhode.harness.site.verdict import TITLE, question
 from polhode.models.scene import Scene
 from polhode.models.scenes import SCENES
 
@@ -69,7 +70,10 @@ def build(reports: Path, out: Path, scenes: dict[str, Scene], say: Callable[[str
         write_file(out / f"{name}.html", document(name, page, menu, foot))
 
     asked, data = question(reports / "regimes", _first(texts.get("hard-cases", "")))
-    write("index", Page(TITLE, LEAD, asked + _verdict(files, texts, known), data, ("tables.js", "verdict.js")))
+    write(
+        "index",
+        Page(TITLE, fill("site-question"), asked + _verdict(files, texts, known), data, ("tables.js", "verdict.js")),
+    )
     write("cost", cost_page(reports))
     write("motion", motion_page(scenes, say))
     for name, found in rendered.items():

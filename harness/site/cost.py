@@ -11,6 +11,7 @@ import pandas as pd
 from polhode.harness.analysis.frames import by_stokes, where
 from polhode.harness.pages.figures.style import is_averaged, looks
 from polhode.harness.pages.figures.work_precision import LARGEST_ERROR
+from polhode.harness.pages.tables import fill
 from polhode.harness.site.markup import Page, missing
 from polhode.harness.site.sources import read_studies
 from polhode.solvers.catalogue import SOLVERS
@@ -23,14 +24,6 @@ WORDS = ("form", "solver", "status", "message")
 COLUMNS = ("slow_error", "orientation_error", "seconds", "work.rhs_calls", "work.steps", "model_slow_error")
 # What else a record says of a run.
 MARKS = ("stokes", "backend", "jacobian", "inferred", "tags")
-CAPTION = (
-    "Lower is cheaper, right is more accurate. A line joins the runs of one form and solver at different tolerances; "
-    "stars are averaged forms, by any solver, and the dotted lines the error that those forms make by themselves. The "
-    "grey steps are the front: no run is both cheaper and more accurate. Runs that gave no result stand hollow, side "
-    "by side, in the strip above, at the tolerance they were asked for, those left out as hopeless not among them; "
-    "other hollow points lie beyond the axis. Point at a run, or take the arrow keys, to see it in numbers; a double "
-    "click, or Enter, shows its line alone, and all again. Machine, versions and command stand on each study's page."
-)
 
 
 def cost_page(reports: Path) -> Page:
@@ -42,7 +35,7 @@ def cost_page(reports: Path) -> Page:
         return Page(TITLE, LEAD, missing("Measured runs are", "polhode bench") + lost)
     body = (
         '<form class="filters" id="filters" aria-label="Filters"></form><p id="finding" role="status"></p>'
-        f'<figure class="chart" id="cost-chart"><figcaption>{CAPTION}</figcaption></figure>'
+        f'<figure class="chart" id="cost-chart"><figcaption>{fill("site-cost")}</figcaption></figure>'
         f'<h2>Runs without a result</h2><div id="failures"></div>{lost}'
     )
     groups, rows = [], []

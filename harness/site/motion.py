@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from polhode.harness.api import solve
+from polhode.harness.pages.tables import fill
 from polhode.harness.picking.choice import simplest
 from polhode.harness.references.rotations import rotations
 from polhode.harness.site.markup import Page, missing, prose
@@ -18,18 +19,6 @@ from polhode.models.scene import BodyStart, Scene
 from polhode.models.scenes import named_scene
 from polhode.solvers.contract import SolverNotValidError
 
-LEAD = (
-    "The particle in the shear flow, its axis and its angular momentum on the unit sphere, and the slow path in the "
-    "plane of L_z and E. Play, or move through time with the slider; turn the view by dragging or with the arrow keys."
-)
-NOTE = (
-    "Arrows: the flow, along x, growing with y. Black: L̂, and the path of its tip. Orange: the axis now and its path, "
-    "darker where it has just been. Blue: the path that the axis would take from here on without torque, for a "
-    "spheroid the Euler cone. In the plane: the full equations in blue, the averaged ones in pink; E never falls below "
-    "the dotted parabola, L_z² over twice the largest moment of inertia; dashed: over twice the smallest one. Times in "
-    "inverse shear rates, L and E over the largest moment of inertia. `polhode report --scene ice.toml` adds a scene "
-    "of your own."
-)
 # Samples per rotation that make a smooth path, and the fewest and most samples of a page of moderate size.
 PER_ROTATION, FEWEST, MOST = 80, 400, 3000
 # The torque-free path, from so many moments, over so many turns, each of so many points.
@@ -64,9 +53,9 @@ def motion_page(own: dict[str, Scene], say: Callable[[str], None]) -> Page:
         for each in motions
         if "why" in each
     )
-    body = f'<div id="motion" class="motion"></div><p class=note>{prose(NOTE)}</p>{lost}'
+    body = f'<div id="motion" class="motion"></div><p class=note>{prose(fill("site-motion-note"))}</p>{lost}'
     scripts = ("tables.js", "chart.js", "motion.js")
-    return Page("See it move", LEAD, body, {"motion-data": shown}, scripts)
+    return Page("See it move", fill("site-motion"), body, {"motion-data": shown}, scripts)
 
 
 def motion(scene: Scene) -> dict[str, Any]:

@@ -14,20 +14,12 @@ from polhode.harness.common.text import duration, factor, short
 from polhode.harness.pages.figures.map_picture import ERRORS, HEADINGS
 from polhode.harness.pages.figures.style import colour, is_averaged, rank
 from polhode.harness.pages.regimes import read_cells
+from polhode.harness.pages.tables import fill
 from polhode.harness.site.markup import prose, scroll
 from polhode.solvers.contract import Status
 
 TITLE = "What should I run?"
-LEAD = (
-    "A massive ellipsoid tumbles in simple shear flow. Its Stokes number St and the error you allow decide which form "
-    "of the equations and which solver is the cheapest."
-)
 OWN = "This is measured on the two particles of the map. For a scene of your own: `polhode pick scene.toml`."
-NOTE = (
-    "Each cell: the cheapest method, its time, and by what factor it leads; = names a method that ties with it. "
-    "Averaged forms stand under their own name, whichever solver runs them. “none”: no run measured gets there. "
-    "“unknown”: no reference is good enough. A cell leads to its answer."
-)
 # What the page calls the two kinds of error, and the word of `--want`.
 WANTS = {"slow_error": ("slow", "L and E"), "orientation_error": ("orientation", "orientation")}
 # Letters of a name that may be broken at its hyphens.
@@ -54,7 +46,7 @@ def question(folder: Path, sure: str = "") -> tuple[str, dict[str, Any]]:
     )
     body = (
         '<form class="filters ask" id="ask" aria-label="Question"></form><div id="answer" role="status"></div>'
-        f'<p class="note">{prose(OWN)}</p>{_sure(sure)}<h2>The map</h2><p class="note">{NOTE}</p>{sections}'
+        f'<p class="note">{prose(OWN)}</p>{_sure(sure)}<h2>The map</h2><p class="note">{fill("site-map")}</p>{sections}'
     )
     data = {"particles": particles, "wants": dict(WANTS.values()), "columns": _answers(found, reached)}
     return body, {"question-data": data}

@@ -59,7 +59,7 @@ def write_page(study: PaperStudy, folder: Path, command: str) -> None:
     write_file(folder / "laws.csv", pd.DataFrame(law_rows(study.errors)).to_csv(index=False), summed=True)
     lines = {title: _drawn(study.errors, family) for family, title in PANELS.items()}
     save(against_stokes(lines, "error of L and E over $I_{max}$"), folder, "errors")
-    write_file(folder / "README.md", _page(study, command))
+    write_file(folder / "README.md", page(study, command))
 
 
 def _drawn(rows: Sequence[AveragingErrors], family: str) -> list[Line]:
@@ -97,7 +97,8 @@ def case_rows(rows: Sequence[AveragingErrors]) -> list[dict[str, str]]:
 _FIELDS = [text.strip("{}") for text in COLUMNS.values()]
 
 
-def _page(study: PaperStudy, command: str) -> str:
+def page(study: PaperStudy, command: str) -> str:
+    """The report as Markdown."""
     rows = study.errors
     return fill(
         "accuracy",
