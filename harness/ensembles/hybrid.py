@@ -30,7 +30,7 @@ OPEN = 10.0
 # Particles that run both ways, out of so many, and the share that may miss the error: form `hybrid` keeps 97.5 %.
 SAMPLE, POOL, MISSED = 64, 4096, 0.025
 # Full equations last until |L| is so many times the least; in the time of one run of form `hybrid`, so long, by trial.
-CLEAR, FULL = 2.0, 3e5
+CLEAR, FULL = 1.25, 3e5
 # Their error of the whole state over that of L and E: by trial thousands, as the phases gather what L errs by.
 WHOLE = 100.0
 # Times at which |L| is looked at, at least.
@@ -89,17 +89,18 @@ def run_hybrid(
     path, statuses = averaged(scene, starts, grid, tolerance)
     states = np.concatenate([starts[None], posed(scene, starts, path[every::every], random)])
     between, failed = least_between(scene, path), statuses != str(Status.REACHED_END)
-    small = failed | (between.min(axis=0) < least)
+    small = np.flatnonzero(failed | (between.min(axis=0) < least))
     # The place in `grid` from which |L| is large again.
-    clear = len(between) - np.argmax((between < CLEAR * least)[::-1], axis=0)
-    lanes = np.flatnonzero(small & ~failed & (clear < len(between)) & (grid[clear] <= FULL))
+    clear = len(between) - np.argmax((between[:, small] < CLEAR * least)[::-1], axis=0)
+    soon = ~failed[small] & (clear < len(between)) & (grid[clear] <= FULL)
+    lanes, alone = small[soon], small[~soon]
     if len(lanes):
-        then = clear[lanes].max()
+        then = clear[soon].max()
         begun, _ = run_full(scene, starts[lanes], grid[: then + 1], tolerance)
         ended, statuses[lanes] = averaged(scene, begun[-1], grid[then:] - grid[then], tolerance)
         states[:, lanes] = np.concatenate([begun, posed(scene, begun[-1], ended[1:], random)])[::every]
-        small[lanes] = statuses[lanes] != str(Status.REACHED_END)
-    states[:, small], statuses[small] = run_alone(scene, starts[small], times, tolerance)
+        alone = np.append(alone, lanes[statuses[lanes] != str(Status.REACHED_END)])
+    states[:, alone], statuses[alone] = run_alone(scene, starts[alone], times, tolerance)
     return states, statuses
 
 
@@ -125,11 +126,13 @@ def averaged(scene: Scene, starts: Array, times: Array, tolerance: float) -> tup
 
 def least_between(scene: Scene, path: Array) -> Array:
     """The least |L| over I_max of averaged states, shape (m, n, 4), from time to time: straight, shape (m - 1, n)."""
-    body, here, way = scene.ellipsoid, path[:-1, :, :3], np.diff(path[..., :3], axis=0)
+    body, momentum = scene.ellipsoid, path[..., :3]
     unit = 1 if body.kind == "triaxial" else max(body.inertia) / Spheroid.of(body).equatorial_inertia
-    length = np.maximum(np.sum(way**2, axis=-1), 1e-300)
-    share = np.clip(-np.sum(here * way, axis=-1) / length, 0, 1)
-    return np.linalg.norm(here + share[..., None] * way, axis=-1) / unit
+    square, along = (np.einsum("mni,mni->mn", momentum[: len(each)], each) for each in (momentum, momentum[1:]))
+    back = square[:-1] - along
+    way = np.maximum(back + square[1:] - along, 1e-300)
+    share = np.clip(back / way, 0, 1)
+    return np.sqrt(np.maximum(square[:-1] - share * (2 * back - share * way), 0)) / unit
 
 
 def posed(scene: Scene, starts: Array, slow: Array, random: np.random.Generator) -> Array:
