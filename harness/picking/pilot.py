@@ -125,11 +125,11 @@ class Pilot:
 
 
 @lru_cache(maxsize=1000)
-def _end_of(scene: Scene) -> Start:
-    """Where a run ends, loosely followed."""
+def _end_of(scene: Scene) -> Start | None:
+    """Where a run ends, loosely followed; none if it cannot be."""
     form = find_form(reference_form(scene))
-    seen = form.observe(scene, follow(form, scene, BEGUN).states)
-    return start_from(scene.ellipsoid, seen.at(slice(len(seen.energy) - 1, None)))
+    found = follow(form, scene, BEGUN)
+    return start_from(scene.ellipsoid, form.observe(scene, found.states[-1:])) if found.success else None
 
 
 def damping_times(scene: Scene) -> float:
