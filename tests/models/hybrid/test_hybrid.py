@@ -14,11 +14,13 @@ from polhode.harness.picking.pilot import pilot
 from polhode.harness.references.errors import errors
 from polhode.models.catalogue import form, full_form
 from polhode.models.form import FormNotValidError
+from polhode.models.hybrid import course
 from polhode.models.hybrid.course import ERROR_PER_TOLERANCE, second_order
 from polhode.models.hybrid.form import Hybrid
 from polhode.models.scene import BodyStart, EulerStart, Scene
 from polhode.models.second_order.outline import strong_kicks
 from polhode.models.second_order.path import path_of
+from polhode.models.second_order.run import NotAveragedError
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.contract import Status
 from polhode.solvers.solve import Solution, solve
@@ -95,6 +97,18 @@ def test_everything_is_where_the_stokes_number_is_small(scene: Scene):
     assert not any(kinds(solution))
     true = form(full_form(small)).observe(small, full_run(small).states)
     assert errors(small.ellipsoid, Hybrid().observe(small, solution.states), true).slow < 1e-6
+
+
+def test_the_full_equations_take_over_where_no_slow_state_is_found(monkeypatch: pytest.MonkeyPatch):
+    def refused(scene: Scene) -> None:
+        raise NotAveragedError("nothing slow here")
+
+    monkeypatch.setattr(course, "second_order", refused)
+    gentle = Hybrid().problem(Scene(Ellipsoid((1.0, 1.0, 0.5)), 1e6, PAPER, 1e5))
+    assert gentle.course
+    piece = gentle.course(0.0, np.array(gentle.start), 1e-8)
+    assert (piece.averaged, piece.reason) == (False, "nothing slow here")
+    assert 0 < piece.end < 1e3
 
 
 def test_windows_narrow_as_the_stokes_number_grows():
