@@ -19,8 +19,10 @@ from polhode.harness.common.timing import Patience, collector_off, sentinel
 from polhode.harness.common.worker import Worker
 from polhode.harness.ensembles.engines import processes, serial
 from polhode.harness.ensembles.ensemble import SAMPLE, Ensemble, Task, run_task
+from polhode.harness.ensembles.hybrid import run_full
 from polhode.harness.ensembles.starts import Starts
 from polhode.models.catalogue import form as find_form
+from polhode.models.catalogue import full_form
 from polhode.models.problem import Problem
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.ensembles.equal_steps import PIECES, Plan, plan, run
@@ -30,6 +32,8 @@ from polhode.solvers.solve import solve
 STOKES, SLOW_TIME, TOLERANCE = 1e3, 0.2, 1e-6
 # Largest errors of the whole state; the St of long runs, and the error in L and E that these are to keep.
 TARGETS, LONG, LONG_ERROR = (1e-4, 1e-6, 1e-8), 1e6, 1e-4
+# Particles of long runs whose errors are known.
+LONG_KNOWN = 128
 SHAPES = {"1 : 0.8 : 0.5": Ellipsoid((1.0, 0.8, 0.5)), "1 : 1 : 2": Ellipsoid((1.0, 1.0, 2.0))}
 STARTS = Starts("momentum-isotropic", (0.0, 0.0, 0.7))
 ROUNDS = 21
@@ -52,6 +56,7 @@ def measure() -> dict[str, Any]:
             "task_seconds": TASK_SECONDS,
             "long_stokes": LONG,
             "long_error": LONG_ERROR,
+            "long_known": LONG_KNOWN,
             "judge": f"{JUDGE} at tolerance {JUDGED:g}",
             "known": KNOWN,
         },
@@ -114,36 +119,32 @@ def _below(largest: float) -> list[float]:
     return [largest * 10 ** (-k / 8) for k in range(48)]
 
 
-def long_runs(particles: int = 20_000, known: int = 32) -> list[dict[str, Any]]:
+def long_runs(particles: int = 20_000, known: int = LONG_KNOWN) -> list[dict[str, Any]]:
     """Averaged and hybrid equations at St = 10⁶ to t₂ = 0.5: particles per second, and errors in L and E of some."""
     shape, samples, random = SHAPES["1 : 0.8 : 0.5"], 51, np.random.default_rng(1)
     options: Any = {"stokes": LONG, "time": 0.5 * LONG, "samples": samples}
-    drawn = STARTS.draw(shape, np.random.SeedSequence(1), known)
-    exact, rows = np.empty(0), []
-    for equations, tolerance in (("full", LONG_ERROR / 10), ("averaged", LONG_ERROR / 1e4), ("hybrid", LONG_ERROR)):
-        ensemble = replace(_ensemble(shape, equations, particles), tolerance=tolerance, **options)
-        form, scene = find_form(ensemble.form), ensemble.first_scene(drawn)
-        problem, starts = ensemble.problem(scene), drawn.states(ensemble.form, shape)
+    drawn, rows = STARTS.draw(shape, np.random.SeedSequence(1), known), []
+    ensembles = [
+        replace(_ensemble(shape, equations, particles), tolerance=tolerance, **options)
+        for equations, tolerance in (("averaged", LONG_ERROR / 1e4), ("hybrid", LONG_ERROR))
+    ]
+    scene, full = ensembles[0].first_scene(drawn), find_form(full_form(ensembles[0].any_scene))
+    times = np.linspace(0.0, scene.time, samples)
+    states, _ = run_full(scene, drawn.states(full.name, shape), times, LONG_ERROR / 1000)
+    exact = full.observe(scene, states.reshape(samples * known, -1)).slow.reshape(samples, known, 4)
+    for ensemble in ensembles:
+        form, problem, starts = find_form(ensemble.form), ensemble.problem(scene), drawn.states(ensemble.form, shape)
         times = np.linspace(0.0, problem.end, samples)
         began = process_time()
-        if equations == "full":
-            # The sample of an ensemble would take longer than these few.
-            chosen = plan(problem, starts, times, tolerance)
-            assert chosen is not None
-            states, _ = run(problem, starts, times, tolerance, chosen)
-        else:
-            states, _ = ensemble.states(problem, starts, times, random)
+        states, _ = ensemble.states(problem, starts, times, random)
         spent = process_time() - began
         slow = form.observe(scene, states.reshape(-1, problem.dimension)).slow.reshape(samples, known, 4)
-        if equations == "full":
-            exact = slow
-            continue
         many = STARTS.draw(shape, np.random.SeedSequence(2), particles).states(ensemble.form, shape)
-        ((seconds, _),) = _alternate(partial(ensemble.states, problem, many, times[[0, -1]], random), rounds=2)
+        ((seconds, _),) = _alternate(partial(ensemble.states, problem, many, times[[0, -1]], random), rounds=5)
         errors = np.abs(slow - exact).max(axis=(0, 2)) / max(shape.inertia)
         rows.append(
             {
-                "equations": equations,
+                "equations": ensemble.equations,
                 "per_second": particles / seconds,
                 "within": float(np.mean(errors <= LONG_ERROR)),
                 "median_error": float(np.median(errors)),

@@ -89,7 +89,7 @@ LONG = {
     "within that error": "{within:.0%}",
     "median": "{median_error:error}",
     "largest": "{error:error}",
-    "seconds of the first 32, choice included": "{plan_seconds:.1f}",
+    "seconds of these, choice included": "{plan_seconds:.1f}",
 }
 TASKS = {
     "shape": "{shape}",

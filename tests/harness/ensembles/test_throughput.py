@@ -51,6 +51,7 @@ def test_the_page_shows_what_was_measured():
             "task_seconds": 1.0,
             "long_stokes": 1e6,
             "long_error": 1e-4,
+            "long_known": 7,
             "judge": "a solver",
             "known": 5,
         },
