@@ -22,7 +22,7 @@ CLOSE = 1e-12
 
 @dataclass(frozen=True)
 class Stage:
-    """A piece of a run that was run: when, why, the errors expected of it, slow and of angles, and its steps."""
+    """A piece of a run that was run: when, why, the errors expected, slow and of angles, its steps and tolerance."""
 
     begin: float
     end: float
@@ -31,6 +31,7 @@ class Stage:
     steps: int | None
     angle: float = 0.0
     averaged: bool = False
+    tolerance: float = 0.0
 
 
 class Run:
@@ -123,7 +124,8 @@ class Run:
         else:
             self.work = record.work
         begin, self.now = self.now, min(record.reached, end) if record.filled < len(record.times) else end
-        own = piece.reason, piece.error, record.work.steps, piece.angle, piece.averaged
+        tolerance = piece.tolerance or self.settings.tolerance
+        own = piece.reason, piece.error, record.work.steps, piece.angle, piece.averaged, tolerance
         self.stages.append(Stage(begin, self.now, *own))
 
 

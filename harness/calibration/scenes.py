@@ -15,7 +15,7 @@ Want = Literal["slow", "orientation"]
 Stratum = Literal["short", "long"]
 STRATA: tuple[Stratum, ...] = ("short", "long")
 
-TRAINING_SEED, TRAINING_SCENES = 1922, 160
+TRAINING_SEED, TRAINING_SCENES = 1922, 110
 HELD_OUT_SEED, HELD_OUT_SCENES, HELD_OUT_SEEDS = 1765, 16, 3
 
 # Shares of special scenes: enough of each for laws of the forms that only they have.

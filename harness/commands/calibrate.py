@@ -15,7 +15,7 @@ from polhode.solvers.catalogue import SOLVERS
 @click.option(
     "--to", type=click.Path(path_type=Path, dir_okay=False), help="File for the laws; by default this user's."
 )
-@click.option("--scenes", type=click.IntRange(min=3), default=160, help="Training scenes.")
+@click.option("--scenes", type=click.IntRange(min=3), default=110, help="Training scenes.")
 @click.option("--add", is_flag=True, help="Measure only what the file's laws lack, and keep them.")
 @click.option("--anew", multiple=True, metavar="NAME", help="A form or solver that has changed: measured again.")
 @click.option("--first-runs", is_flag=True, help="Measure first runs alone, and keep all else in the file.")

@@ -6,9 +6,9 @@ from typing import Any
 
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
-from polhode.harness.common.text import markdown
+from polhode.harness.common.text import markdown, short
 from polhode.harness.pages.figures.work_precision import save
-from polhode.harness.pages.tables import fill, table
+from polhode.harness.pages.tables import bullets, fill, table
 
 PAGE = "throughput.md"
 # Sweeps whose cost is laid out: shape, equations, particles, St.
@@ -58,6 +58,7 @@ def page(found: Found) -> str:
     return fill(
         "throughput",
         header=header("What ensembles cost", "polhode throughput", [places]),
+        findings=bullets(_findings(found)),
         full=table(found["full"], FULL),
         long=table(found["long"], LONG),
         tasks=table(found["tasks"], TASKS),
@@ -102,6 +103,22 @@ TASKS = {
     "bytes of a record": "{record_bytes:,}",
 }
 ENGINES = {"engine": "{engine}", "overhead": "{share:.2%}"}
+
+
+def _findings(found: Found) -> list[str]:
+    """Particles per second, in sentences."""
+    full = [
+        f"{row['shape']}, full equations, every state within {row['target']:g}: {row['per_second']:,.0f} particles a "
+        f"second and core, {row['speedup']:.1f} times as many as Taylor's lanes."
+        for row in found["full"]
+    ]
+    settings = found["settings"]
+    long = [
+        f"{row['equations']} equations up to St = {short(settings['long_stokes'])}: {row['per_second']:,.0f} a second "
+        f"and core; L and E are within {settings['long_error']:g} in {row['within']:.0%}."
+        for row in found["long"]
+    ]
+    return [*full, *long]
 
 
 def _plan(found: Found) -> str:

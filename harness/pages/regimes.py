@@ -121,7 +121,7 @@ def sentence(found: Sequence[Cell], what: str) -> str:
         parts.append(f"{subject} win {len(own)} cells {span} ({sum(cell.tied for cell in own)} ties{lead})")
     forms = Counter(cell.winner.form for cell in found if cell.winner and cell.winner.side != "averaged")
     counts = ", ".join(f"{form} {number}" for form, number in forms.most_common())
-    return f"{what}: {'; '.join(parts)}. Cells by full form: {counts or 'none'}."
+    return f"{what}: {'; '.join(parts)}. Cells by form: {counts or 'none'}."
 
 
 def horizon(scenes: Sequence[Scene]) -> list[str]:

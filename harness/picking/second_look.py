@@ -211,7 +211,9 @@ def _solver_error(
 
 def _looks(scene: Scene, method: Solver, found: Solution, turns: float, limit: float) -> Iterator[Look]:
     """Second runs worth trying, the most telling one first."""
-    tolerance, taylor = found.settings.tolerance, method.order_by_tolerance
+    # A run in pieces that took no averaged one is one of the full equations at the tolerance of these.
+    own = max(each.tolerance for each in found.stages) if _in_full(found) else found.settings.tolerance
+    tolerance, taylor = own, method.order_by_tolerance
     implicit = "cyrk-radau" if tolerance >= LOW_ORDER else "cyrk-lsoda"
     other = find_solver(implicit if damping_times(scene) > STIFF else "cyrk-vern8")
     explicit = _compiled(method) and not method.implicit
@@ -238,13 +240,18 @@ def _compiled(method: Solver) -> bool:
     return method.backends == ("compiled",) and not (method.many_periods or method.order_by_tolerance)
 
 
+def _in_full(found: Solution) -> bool:
+    """Whether a run in pieces took no averaged one."""
+    return bool(found.stages) and not any(each.averaged for each in found.stages)
+
+
 def _takes(form: Form, scene: Scene, found: Solution, look: Look) -> tuple[Form, Problem]:
     """The run's own problem, or that of a form that gives the same, where the look's solver does not take it.
 
-    A tighter look at angles, whose equations are dearer, or at a run that took no averaged piece goes by such a form.
+    So does a tighter look at angles, whose equations are dearer, and any look at a run that took no averaged piece.
     """
-    dear = form.angles or (found.stages and not any(each.averaged for each in found.stages))
-    if not (dear and look.larger < 1) and look.solver.takes(found.problem):
+    other = _in_full(found) or (form.angles and look.larger < 1)
+    if not other and look.solver.takes(found.problem):
         return form, found.problem
     form = find_form(reference_form(scene))
     return form, form.problem(scene)

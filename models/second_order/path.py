@@ -24,6 +24,8 @@ from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
 
+# Tolerances of a path: times of kicks are to be known to their widths; that of a spheroid has none.
+KICKED, SMOOTH = 1e-6, 1e-4
 # |L| over I_max below which a body does not rotate.
 TINY = 1e-12
 # Depth a² at which tables end, less what a first-order path may be wrong by.
@@ -88,7 +90,8 @@ class Path:
         with suppress(FormNotValidError):
             problem = form.problem(scene)
             rhs, p = problem.field(FLOAT), problem.parameters
-            times, states = slow_path(lambda y: rhs(y, p), problem.start, problem.end)
+            tolerance = KICKED if scene.ellipsoid.kind == "triaxial" else SMOOTH
+            times, states = slow_path(lambda y: rhs(y, p), problem.start, problem.end, tolerance)
             with np.errstate(all="ignore"):
                 slopes = np.stack(problem.field(numpy_operations())(states.T, p), axis=1)
             times, states = refined(times, states, np.nan_to_num(slopes))

@@ -9,7 +9,6 @@ import numpy as np
 Array = np.ndarray
 Floats = tuple[float, ...]
 
-TOLERANCE = 1e-6
 MOST_STEPS = 2000
 # The pair of Dormand and Prince (Hairer, Nørsett & Wanner, Solving Ordinary Differential Equations I, table II.5.2):
 # stages, of which the last row is the solution, and how it differs from that of fourth order.
@@ -26,11 +25,11 @@ DIFFERENCE = (71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525
 FINER, MANY = 4, 900
 
 
-def slow_path(rates: Callable[[Floats], Floats], start: Floats, end: float) -> tuple[Array, Array]:
+def slow_path(rates: Callable[[Floats], Floats], start: Floats, end: float, tolerance: float) -> tuple[Array, Array]:
     """Times, shape (m,), and states, shape (m, d), from 0 to `end`, or to where `MOST_STEPS` tried steps lead.
 
-    To a tolerance relative to the largest entry of the first three and of the others. Rates may be no numbers, or raise
-    ArithmeticError or ValueError, where there are none: the path ends there.
+    The tolerance is relative to the largest entry of the first three and of the others. Rates may be no numbers, or
+    raise ArithmeticError or ValueError, where there are none: the path ends there.
     """
     times, states = [0.0], [start]
     first, step = _rates(rates, start), end / 100
@@ -45,7 +44,7 @@ def slow_path(rates: Callable[[Floats], Floats], start: Floats, end: float) -> t
         error = [abs(sumprod(DIFFERENCE, each)) for each in zip(*slopes, strict=True)]
         sizes = max(*map(abs, new[:3]), 1e-300), max(*map(abs, new[3:]), 1e-300)
         # A sum, as the largest of numbers of which one is none is any.
-        worst = step / TOLERANCE * (sum(error[:3]) / sizes[0] + sum(error[3:]) / sizes[1])
+        worst = step / tolerance * (sum(error[:3]) / sizes[0] + sum(error[3:]) / sizes[1])
         if worst <= 1:
             times.append(end if step == end - times[-1] else times[-1] + step)
             states.append(new)

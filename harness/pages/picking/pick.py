@@ -60,10 +60,15 @@ def summary(evaluation: Evaluation) -> list[str]:
     """The evaluation in sentences, each with its target."""
     count, shares = len(evaluation.scenes), evaluation.shares
     refused = sum(scene["refusal"] != "" for scene in evaluation.scenes.to_dict("records"))
+    factors = evaluation.scenes["factor"]
+    useless, most = int((factors == inf).sum()), factors[factors < inf].max()
+    dearest = f"the dearest one that met the error cost {most:.2g} times the best"
+    if useless:
+        dearest += f", and {useless} gave nothing where another way did"
     lines = [
         f"The first choice met the error on {shares['met']:.1%} of {count} held-out scenes (target: {MEETS:.1%}).",
         f"It cost at most {FACTOR:g} times the best measured choice on {shares['cheap']:.1%} (target: {CHEAP:.0%}); "
-        f"the dearest one cost {evaluation.scenes['factor'].max():.2g} times the best (target: 5).",
+        f"{dearest} (target: at most 5).",
         f"The cost laws predicted {shares['predicted']:.1%} of {len(evaluation.runs)} held-out times "
         f"within a factor {FACTOR:g} (target: {PREDICTED:.0%}) after correcting for the machine's speed; "
         f"{shares['predicted as timed']:.1%} as timed.",
@@ -78,7 +83,7 @@ def summary(evaluation: Evaluation) -> list[str]:
         )
     if refused:
         lines.append(
-            f"{refused} requests were refused as not attainable; they count as met if no measured run met them."
+            f"Refused as not attainable: {refused} of the requests; they count as met if no measured run met them."
         )
     if evaluation.left_out:
         lines.append(f"Other scenes were drawn instead of some: {_counted(evaluation.left_out.values())}.")

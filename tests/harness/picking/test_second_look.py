@@ -43,6 +43,15 @@ def test_the_error_stated_bounds_the_true_one_closely(name, form, method, tolera
     assert not found.error.advice
 
 
+def test_a_run_in_full_pieces_is_looked_at_tighter_than_these_are():
+    scene = replace(named_scene("paper"), time=5e3)
+    found = solve(scene, form="hybrid", solver="cyrk-vern8", tolerance=1e-6, samples=51)
+    assert [piece.tolerance for piece in found.pieces] == [1e-8]
+    true = errors(scene.ellipsoid, found.observables, solve(scene, **TIGHT, samples=51).observables)
+    assert found.error.slow is not None
+    assert true.slow <= found.error.slow.high <= 10 * true.slow
+
+
 def test_a_long_run_is_looked_at_more_loosely_and_within_its_share():
     scene = replace(named_scene("paper"), stokes=1e5, time=2e4)
     what = plan(scene, "quaternion", "cyrk-dop853", 1e-8, 1e-6, "slow", 201)
