@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterable
-from math import inf
+from math import inf, nan
 from pathlib import Path
 from typing import Any
 
@@ -60,11 +60,11 @@ def summary(evaluation: Evaluation) -> list[str]:
     """The evaluation in sentences, each with its target."""
     count, shares = len(evaluation.scenes), evaluation.shares
     refused = sum(scene["refusal"] != "" for scene in evaluation.scenes.to_dict("records"))
-    factors = evaluation.scenes["factor"]
-    useless, most = int((factors == inf).sum()), factors[factors < inf].max()
-    dearest = f"the dearest one that met the error cost {most:.2g} times the best"
-    if useless:
-        dearest += f", and {useless} gave nothing where another way did"
+    factors = evaluation.scenes["factor"].to_numpy(float).tolist()
+    useful = [factor for factor in factors if factor < inf]
+    dearest = f"the dearest one that ended cost {max(useful, default=nan):.2g} times the best"
+    if len(useful) < len(factors):
+        dearest += f", and {len(factors) - len(useful)} gave nothing where another way did"
     lines = [
         f"The first choice met the error on {shares['met']:.1%} of {count} held-out scenes (target: {MEETS:.1%}).",
         f"It cost at most {FACTOR:g} times the best measured choice on {shares['cheap']:.1%} (target: {CHEAP:.0%}); "
