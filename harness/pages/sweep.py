@@ -67,7 +67,7 @@ def _page(sweep: Sweep, ensembles: list[dict[str, Any]], names: list[str], pictu
     columns = ("shape", "St", "equations", "particles", "failed", "arrived (95 %)", "median transient time (95 %)")
     lines = [
         (
-            f"{row['a']:g} : {row['b']:g} : {row['c']:g}",
+            _shape(row),
             f"{row['stokes']:g}",
             f"{row['equations']}, {row['method']}",
             row["particles"],
@@ -80,11 +80,32 @@ def _page(sweep: Sweep, ensembles: list[dict[str, Any]], names: list[str], pictu
     return fill(
         "sweep",
         header=header(sweep.title, "polhode sweep", [here()]),
+        findings=bullets(_findings(ensembles)),
         ensembles=markdown(columns, lines, right=(1, 3, 4)),
         shown=[f"## {shape}\n\n![Moments, L_z and arrivals]({name}.png)\n" for name, shape in pictures],
         files=bullets(f"[{name}]({name}): {FILES[name][1]}" for name in names),
         no_times=NO_TIMES,
     )
+
+
+def _shape(row: dict[str, Any]) -> str:
+    return f"{row['a']:g} : {row['b']:g} : {row['c']:g}"
+
+
+def _findings(ensembles: list[dict[str, Any]]) -> list[str]:
+    """How many failed, and about which axes those of each shape rotate in the end, in sentences."""
+    failed = sum(sum(row["failures"].values()) for row in ensembles)
+    found = [f"{failed} of {sum(row['particles'] for row in ensembles)} particles failed."]
+    for shape, same in groupby(ensembles, key=_shape):
+        ends = []
+        for row in same:
+            shares = [f"{100 * each['value']:.4g} % rotate about the {name}" for name, each in row["arrived"].items()]
+            median = row["transient_time"]["0.5"]["value"] if shares else None
+            by = "" if median is None else f", half of all by t = {median:g}"
+            ends += [f"at St = {row['stokes']:g}, {', '.join(shares)}{by}"] if shares else []
+        if ends:
+            found.append(f"{shape}, in the end: {'; '.join(ends)}.")
+    return found
 
 
 def _interval(interval: dict[str, float | None]) -> str:

@@ -276,6 +276,9 @@ def test_results_tell_what_the_store_holds(here: Run, sweep_file: Path, tmp_path
         (1.0, b, c, stokes) for b, c in ((1.0, 2.0), (1.0, 0.5)) for stokes in (200.0, 500.0)
     ]
     assert {row["particles"] for row in table} == {900}
+    assert "- 0 of 3600 particles failed.\n- 1 : 1 : 2, in the end: at St = 200, " in (
+        tmp_path / "out" / "README.md"
+    ).read_text(encoding="utf-8")
     sweep = read_sweep(sweep_file)
     with Store(tmp_path / "out" / "store.sqlite") as store:
         mean, _ = second_moments(gather(sweep.ensembles[0], store))
