@@ -11,7 +11,6 @@ import pytest
 
 from polhode.harness.analysis.frames import frame
 from polhode.harness.averaging.data import PaperStudy, SecondOrderStudy, read_study
-from polhode.harness.averaging.findings import findings, statements
 from polhode.harness.averaging.hybrid import Study as HybridStudy
 from polhode.harness.averaging.orders import slopes
 from polhode.harness.calibration.evaluation import Evaluation
@@ -63,9 +62,6 @@ PAGES: dict[str, Callable[[], Iterable[str]]] = {
     "hard-cases": hard_cases,
     "regimes": regimes,
     "pick": pick,
-    "accuracy": lambda: statements(read_study(PaperStudy, REPORTS / "accuracy").errors),
-    "second-order": lambda: findings(read_study(SecondOrderStudy, REPORTS / "second-order")),
-    "hybrid": lambda: hybrid.findings(read_study(HybridStudy, REPORTS / "hybrid")),
 }
 
 

@@ -44,6 +44,8 @@ FULL_SOLVERS, FULL_TOLERANCES = ("cyrk-vern8", "taylor"), (1e-8, 1e-9, 1e-10, 1e
 # A body has settled where its shortest axis (the symmetry axis of a spheroid) is so near the vorticity.
 SETTLED = 0.9
 PARTS = ("errors", "speed")
+# What is kept of a truth.
+NAMES = ("angular_momentum", "energy", "rotation")
 
 
 @dataclass(frozen=True)
@@ -84,15 +86,6 @@ class Speed:
     known_shape: float = 0.0  # and read from disk
 
 
-@dataclass(frozen=True)
-class Truth:
-    """Observables of the full equations, and how well they are known."""
-
-    observables: Observables
-    slow_uncertainty: float
-    orientation_uncertainty: float
-
-
 def random_scenes(count: int = RANDOM, seed: int = SEED) -> Iterator[Scene]:
     """Random starts, every other one triaxial, over all St and slow times.
 
@@ -111,8 +104,8 @@ def random_scenes(count: int = RANDOM, seed: int = SEED) -> Iterator[Scene]:
         )
 
 
-def truth(scene: Scene, samples: int = SAMPLES) -> Truth:
-    """The full equations' solution at equispaced times, from the cache or computed."""
+def truth(scene: Scene, samples: int = SAMPLES) -> tuple[Observables, float, float]:
+    """The full equations' solution at equispaced times, from the cache or computed, and how far it may be off."""
     form = find_form(full_form(scene))
     problem = form.problem(scene)
     values = (*problem.start, *(problem.parameters or ()), problem.end)
@@ -126,11 +119,10 @@ def truth(scene: Scene, samples: int = SAMPLES) -> Truth:
             runs = [solve(problem, solver, tolerance, times).states for solver, tolerance in DOUBLE]
         tight, other = (form.observe(scene, states) for states in runs)
         apart = errors(scene.ellipsoid, other, tight)
-        names = ("angular_momentum", "energy", "rotation")
-        found = {name: getattr(tight, name).astype(float) for name in names}
+        found = {name: getattr(tight, name).astype(float) for name in NAMES}
         found = cache.keep(key, found | {"uncertainty": np.array([apart.slow, apart.orientation])})
-    observables = Observables(found["angular_momentum"], found["energy"], found["rotation"])
-    return Truth(observables, *found["uncertainty"].tolist())
+    slow, orientation = found["uncertainty"].tolist()
+    return Observables(*(found[name] for name in NAMES)), slow, orientation
 
 
 def measure_errors(scenes: Sequence[Scene], quiet: bool = False) -> list[HybridError]:
@@ -139,24 +131,26 @@ def measure_errors(scenes: Sequence[Scene], quiet: bool = False) -> list[HybridE
     for i, scene in enumerate(tqdm(scenes, "errors", leave=False, disable=quiet or None)):
         if scene.time <= LONGEST:
             true = truth(scene)
-            rows += [_measured(i, scene, error, true) for error in ERRORS]
+            rows += [_measured(i, scene, error, *true) for error in ERRORS]
     return rows
 
 
-def _measured(start: int, scene: Scene, error: float, true: Truth) -> HybridError:
+def _measured(
+    start: int, scene: Scene, error: float, true: Observables, slow_off: float, orientation_off: float
+) -> HybridError:
     run = plan(scene, Hybrid.name, SOLVER, error / ERROR_PER_TOLERANCE, error, "slow", SAMPLES).run()
     slow = orientation = mirror = nan
     if run.success:
-        found = errors(scene.ellipsoid, run.observables, true.observables)
+        found = errors(scene.ellipsoid, run.observables, true)
         slow, orientation = found.slow, found.orientation or nan
         axis = scene.ellipsoid.symmetry_axis
         axis = scene.ellipsoid.order[2] if axis is None else axis
-        up = float(true.observables.rotation[-1, axis, 2])
-        if abs(up) > SETTLED and true.orientation_uncertainty < 1 - SETTLED:
+        up = float(true.rotation[-1, axis, 2])
+        if abs(up) > SETTLED and orientation_off < 1 - SETTLED:
             mirror = float(up * run.rotation[-1, axis, 2] > 0)
     return HybridError(
         *(start, scene.ellipsoid.kind, _axes(scene), scene.stokes, scene.slow_time, error, str(run.status)),
-        *(slow, orientation, run.error.slow.high if run.error.slow else nan, true.slow_uncertainty),
+        *(slow, orientation, run.error.slow.high if run.error.slow else nan, slow_off),
         *(_share(run.pieces, scene.slow_time), len(run.pieces), mirror),
     )
 
@@ -186,7 +180,7 @@ def _timed(start: int, scene: Scene) -> Speed:
     taken, few = (min(seconds(each) for _ in range(REPEATS)) for each in (times, times[:: SAMPLES // (FEW - 1)]))
     slow, best = nan, ("", nan, nan)
     if scene.time <= LONGEST:
-        true = truth(scene).observables
+        true, *_ = truth(scene)
         slow = errors(scene.ellipsoid, form.observe(scene, run.states), true).slow if run.success else nan
         best = _best_full(scene, times, true)
     share = _share(run.stages, scene.time)

@@ -37,7 +37,7 @@ def run(
             with style():
                 save(item.figure(data), own, item.name)
             word = item.verdict(data).word
-        except (ArithmeticError, RuntimeError, ValueError) as error:
+        except store.FAILURES as error:
             failed.append(item.name)
             report(f"[{number:2}/{len(items)}] {item.name:28} failed: {error}")
             continue

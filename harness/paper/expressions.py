@@ -23,7 +23,7 @@ def evaluated(expression: Any, names: dict[str, Any]) -> Any:
 
 
 class _Words(Wording):
-    """Fields of texts are expressions."""
+    """Fields of texts are expressions, which end at the first : or ! outside brackets."""
 
     def get_field(self, field_name: str, args: Any, kwargs: Any) -> tuple[Any, str]:
         return evaluated(field_name, kwargs), field_name

@@ -1,6 +1,7 @@
 """Figures from their descriptions in the sections' files: panels with axes and curves, whose values are expressions."""
 
 from collections.abc import Mapping
+from itertools import cycle
 from typing import Any
 
 from matplotlib.axes import Axes
@@ -32,14 +33,15 @@ def drawn(entry: Mapping[str, Any], names: dict[str, Any]) -> Figure:
 
 
 def _draw(axes: Axes, curve: Mapping[str, Any], names: dict[str, Any]) -> None:
-    """Draw a curve of a table, or one for each value of a column `by`, in its rows, whose columns x and y may name."""
+    """Draw a curve of a table, or one for each value of a column `by`; x and y may name its columns, and `part`."""
     style = {key: value for key, value in curve.items() if key not in CURVE}
     style["color"] = getattr(drawing, style.get("color", ""), style.get("color"))
     table = evaluated(curve.get("table", "table"), names)
     key, text = curve.get("by"), curve.get("label")
     parts = groups(table, key) if key else [(None, table)]
-    for color, (value, part) in zip(drawing.CYCLE, parts, strict=False):
-        own, chosen = {**names, **{name: part[name] for name in part.dtype.names}}, {**style, "label": text}
+    for color, (value, part) in zip(cycle(drawing.CYCLE), parts, strict=False):
+        own = {**names, "part": part, **{name: part[name] for name in part.dtype.names}}
+        chosen = {**style, "label": text}
         if key:
             own[key] = value
             chosen |= {"label": text and worded(text, own), "color": style["color"] or color}

@@ -9,7 +9,7 @@ from polhode.harness.common.text import markdown, short
 from polhode.harness.paper import store
 from polhode.harness.paper.item import MEANINGS, Data, Grid, Item, Number, Section, Verdict, Word
 
-Judged = tuple[Data, Verdict, bool]
+Judged = tuple[Data, Verdict, bool] | str
 NOTICE = "Made by `polhode paper`. Do not edit: the next run overwrites this page."
 
 
@@ -25,10 +25,10 @@ def write_pages(folder: Path, sections: Sequence[Section], grid: Grid) -> None:
     write_file(folder / "README.md", "\n".join(_index(sections, found, grid)).rstrip() + "\n")
 
 
-def _item_lines(section: Section, item: Item, found: Judged | None) -> list[str]:
+def _item_lines(section: Section, item: Item, found: Judged) -> list[str]:
     lines = [f"## {item.title}", "", f"**Claim.** {item.claim}", ""]
-    if found is None:
-        return [*lines, f"Not computed yet: `polhode paper {item.name}`.", ""]
+    if isinstance(found, str):
+        return [*lines, f"{found}: `polhode paper {item.name}`.", ""]
     data, verdict, _ = found
     place = f"{section.name}/{item.name}"
     tables = ", ".join(f"[{name or 'data'}]({section.name}/{store.file_name(item, name)})" for name in data)
@@ -75,8 +75,9 @@ def _digits(value: float, count: int = 4) -> str:
     return short(float(f"{value:.{count}g}"))
 
 
-def _index(sections: Sequence[Section], found: Mapping[str, Judged | None], grid: Grid) -> list[str]:
-    words = Counter(content[1].word for content in found.values() if content)
+def _index(sections: Sequence[Section], found: Mapping[str, Judged], grid: Grid) -> list[str]:
+    known = {name: content for name, content in found.items() if not isinstance(content, str)}
+    words = Counter(content[1].word for content in known.values())
     counts = ", ".join(f"{words[word]} {word}" for word in Word if words[word])
     lines = [
         "# The paper, reproduced",
@@ -93,7 +94,7 @@ def _index(sections: Sequence[Section], found: Mapping[str, Judged | None], grid
     ]
     if grid is not Grid.FULL:
         lines += ["**Made on the reduced grid: a look, not a result.**", ""]
-    stale = [name for name, content in found.items() if content is not None and not content[2]]
+    stale = [name for name, content in known.items() if not content[2]]
     if stale:
         lines += [f"Made by older code, to be computed again: {', '.join(stale)}.", ""]
     rows = [_index_row(section, item, found[item.name]) for section in sections for item in section.items]
@@ -102,10 +103,10 @@ def _index(sections: Sequence[Section], found: Mapping[str, Judged | None], grid
     return [*lines, "", "Sections: " + ", ".join(f"[{each.title}]({each.name}.md)" for each in sections) + "."]
 
 
-def _index_row(section: Section, item: Item, found: Judged | None) -> list[str]:
+def _index_row(section: Section, item: Item, found: Judged) -> list[str]:
     anchor = "".join(letter for letter in item.title.lower() if letter.isalnum() or letter in " -_").replace(" ", "-")
     name = f"[{item.name}]({section.name}.md#{anchor})"
-    if found is None:
-        return _cells(name, item.claim, "not computed", "")
+    if isinstance(found, str):
+        return _cells(name, item.claim, found, "")
     first = found[1].numbers[0]
     return _cells(name, item.claim, found[1].word, f"{first.what}: {measured(first)}")

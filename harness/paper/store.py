@@ -4,6 +4,7 @@ import ast
 import hashlib
 import json
 import sys
+import tomllib
 from functools import cache
 from inspect import ismodule
 from io import BytesIO
@@ -22,16 +23,21 @@ DIGITS = 8
 LIBRARIES = ("numpy", "scipy", "heyoka", "cyrk")
 # Modules of this package that change how items look, not what they compute.
 APPEARANCE = ("polhode.harness.paper.drawing", "polhode.harness.paper.item", "polhode.harness.paper.claims")
+# What the expressions and the computation of an item may end with.
+FAILURES = (ArithmeticError, AttributeError, LookupError, NameError, RuntimeError, TypeError, ValueError)
+NO_DATA = "Not computed yet"
 
 
 def content_key(item: Item, grid: Grid) -> str:
-    """Hash of all that an item's data depend on: its own code, that of models and solvers, the libraries."""
+    """Hash of all that an item's data depend on: its own code and formulas, models and solvers, the libraries."""
+    code = code_of(item)
     content = {
         "schema": SCHEMA,
         "item": item.name,
         "settings": repr(getattr(item.compute, "__self__", None)),
         "grid": grid,
-        "code": [_code(path) for path in code_of(item)] + [_rooms()],
+        "code": [_code(path) for path in code] + [_rooms()],
+        "formulas": [tomllib.loads(path.read_text("utf-8")) for path in formulas_of(code)],
         "libraries": {name: package_version(name) for name in LIBRARIES},
     }
     return digest(content)
@@ -48,6 +54,11 @@ def code_of(item: Item) -> list[Path]:
         near = {source for source in sources if source.startswith("polhode.harness.paper.")}
         waiting |= near - found - set(APPEARANCE)
     return sorted(Path(sys.modules[name].__file__ or "") for name in found)
+
+
+def formulas_of(code: list[Path]) -> list[Path]:
+    """Files of formulas beside an item's code."""
+    return [path for folder in sorted({path.parent for path in code}) for path in folder.glob("entries.toml")]
 
 
 @cache
@@ -103,16 +114,16 @@ def read(folder: Path, item: Item) -> tuple[Data, bool, Grid] | None:
     return data, record["key"] == content_key(item, grid), grid
 
 
-def judged(folder: Path, item: Item) -> tuple[Data, Verdict, bool] | None:
-    """The item's data, its verdict, and whether today's code made them; None where there are none to judge."""
+def judged(folder: Path, item: Item) -> tuple[Data, Verdict, bool] | str:
+    """The item's data, its verdict, and whether today's code made them; or, in words, why there is no verdict."""
     found = read(folder, item)
     if found is None:
-        return None
+        return NO_DATA
     try:
         return found[0], item.verdict(found[0]), found[1]
-    except (ArithmeticError, AttributeError, LookupError, NameError, TypeError, ValueError):
+    except FAILURES as error:
         # Older code kept other columns, or other rows.
-        return None
+        return f"The verdict failed ({type(error).__name__}: {error})" if found[1] else NO_DATA
 
 
 def _table(content: bytes) -> Table:

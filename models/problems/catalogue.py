@@ -17,7 +17,9 @@ def _problems(table: dict[str, Any]) -> dict[str, Classical]:
 
 
 def _problem(key: str, entry: dict[str, Any], sources: dict[str, str]) -> Classical:
-    field = getattr(fields, f"{key.replace('-', '_')}_field")
+    wanted = f"{key.replace('-', '_')}_field"
+    if (field := getattr(fields, wanted, None)) is None:
+        raise ValueError(f"[{key}]: got no {wanted} in fields.py")
     mass = MassForm(tuple(entry["mass"]), ()) if "mass" in entry else None
     parameters = None if mass else ()
     problem = Problem(entry["name"], field, tuple(entry["start"]), entry["end"], parameters, mass)

@@ -55,14 +55,14 @@ class Kick:
     drift: float  # change of a² in its width
 
     def window(self, budget: float) -> float:
-        """Half width of the window at whose ends less than the budget is missed."""
+        """Half width of the window at whose ends about the budget is missed."""
         least, largest = WIDTHS
         share = self.size / budget
         wanted = (share * self.bend) ** (1 / 3), sqrt(2 * share * (1.5 * self.bend**2 + self.drift))
         return self.width * min(largest, max(least, *wanted))
 
     def missed(self, times: Array) -> Array:
-        """What the transformation misses of it at times outside a window."""
+        """What the transformation misses of it at times outside a window, at most."""
         near = np.minimum(1, self.width / np.maximum(np.abs(times - self.time), 1e-300))
         return self.size * near**2 * (self.bend * near + 1.5 * self.bend**2 + self.drift)
 

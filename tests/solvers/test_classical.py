@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from oracle.accepting import accepting
 from oracle.classical import CLASSICAL, ROBERTSON_DAE
 from polhode.harness.references.extended import extended_run
-from polhode.models.problems.catalogue import PROBLEMS
+from polhode.models.problems.catalogue import PROBLEMS, _problems
 from polhode.solvers.catalogue import SOLVERS, solver
 from polhode.solvers.compile import plain_field
 from polhode.solvers.solve import solve
@@ -149,6 +149,11 @@ def test_lorenz_in_quadruple_precision():
 def test_every_problem_says_where_it_is_from():
     assert all(len(each.source) > 10 for each in PROBLEMS.values())
     assert set(ALLOWED) == set(CLASSICAL)
+
+
+def test_a_problem_without_a_field_is_named():
+    with pytest.raises(ValueError, match=r"\[two-body\]: got no two_body_field in fields.py"):
+        _problems({"sources": {}, "two-body": {}})
 
 
 def test_published_digits_of_robertson():

@@ -1,6 +1,6 @@
 """Slow variables in time, full against averaged: the figures of one start at several Stokes numbers."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -24,16 +24,16 @@ ACCURATE = 0.25
 
 @dataclass(frozen=True)
 class SlowMotion:
-    """One start, several Stokes numbers."""
+    """One start, several Stokes numbers; what shapes the words alone is not shown among the settings of the data."""
 
     ellipsoid: Ellipsoid
     start: EulerStart
     slow_time: float
-    asymptotic: float  # smallest St of the fit
-    constant: tuple[float, float]  # range for (largest slow error) × St at the largest St
-    at_100: tuple[float, float]  # range for the largest slow error at St = 100
+    asymptotic: float = field(repr=False)  # smallest St of the fit
+    constant: tuple[float, float] = field(repr=False)  # range for (largest slow error) × St at the largest St
+    at_100: tuple[float, float] = field(repr=False)  # range for the largest slow error at St = 100
     shown: tuple[float, ...] = (50.0, 100.0, 500.0, 5e3)
-    lingers: bool = False  # at the saddle, so that the sentence gives the time at which it leaves
+    lingers: bool = field(default=False, repr=False)  # at the saddle, so that the sentence says when it leaves
 
     def compute(self, grid: Grid) -> Computed:
         """Runs of the figure, and the largest error at each St."""

@@ -109,6 +109,10 @@ def test_curves_of_a_described_figure():
     assert [line.get_label() for line in (first, second)] == ["$\\kappa$ = 1", "$\\kappa$ = 2"]
     assert (first.get_ydata().tolist(), second.get_ydata().tolist()) == ([4.5, 5.5], [6.5])
     assert first.get_color() != second.get_color()
+    # More curves than colours.
+    many = np.rec.fromarrays([np.arange(9.0)] * 3, names="kappa,x,y")
+    entry["axes"][0]["curves"] = [{"by": "kappa", "x": "x", "y": "part.y", "label": "{kappa:g}"}]
+    assert len(drawn(entry, {"table": many, "shift": 0.5}).axes[0].lines) == 9
     assert (law.get_ydata().tolist(), law.get_color()) == ([50.0, 5.0], "#E69F00")
     assert [line.get_ydata()[0] for line in levels] == [4.0, 6.0]
     assert (axes.get_xscale(), axes.get_yscale(), axes.get_title()) == ("log", "linear", "0.5")

@@ -177,7 +177,7 @@ class Sections:
             middle, width = (librating + circulating) / 2, circulating - librating
             # An orbit on a sharp separatrix would only rest at the saddle.
             steps = [step for step in STEPS_OFF[:: grid.of(1, 2)] if step != 0 or width > ROUNDING]
-            found += [(ABOUT, pi / 2 + middle * (1 + step), 1e-9) for step in steps]
+            found += [(ABOUT, pi / 2 + middle * (1 + step), PSI) for step in steps]
         return found
 
     def compute(self, grid: Grid) -> Computed:

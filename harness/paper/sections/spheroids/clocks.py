@@ -1,6 +1,7 @@
 """How full runs approach the fixed points and leave large L, against the printed rates; clocks, the collapse on St*."""
 
 from collections.abc import Iterator
+from functools import cache
 from math import pi
 
 import numpy as np
@@ -49,6 +50,7 @@ def fitted_rate(slow_times: np.ndarray, values: np.ndarray) -> float:
     return float(np.polyfit(slow_times, np.log(np.maximum(values, 1e-300)), 1)[0])
 
 
+@cache
 def compute_decay(grid: Grid) -> Computed:
     """Rates of all modes of all bodies from full runs; decay of large L of a spheroid."""
     rows = []
