@@ -9,12 +9,12 @@ import numpy as np
 from tqdm import tqdm
 
 from polhode.harness.api import plan
+from polhode.harness.averaging.second_order import REFERENCE_TOLERANCES, true_observables
 from polhode.harness.common import cache
 from polhode.harness.common.machine import here
 from polhode.harness.common.plain_json import digest
 from polhode.harness.common.store import Record
 from polhode.harness.references.errors import errors
-from polhode.harness.references.extended import extended_run
 from polhode.models.catalogue import form as find_form
 from polhode.models.catalogue import full_form
 from polhode.models.hybrid.course import ERROR_PER_TOLERANCE
@@ -36,7 +36,6 @@ ERRORS = (1e-4, 1e-6, 1e-8)
 # Duration up to which the truth is a run in long double, of which a looser one tells the error; beyond it two
 # unrelated methods in double, whose difference is the truth's uncertainty; and where that takes minutes, no more.
 LONG_DOUBLE_UP_TO, LONGEST = 1.2e5, 5.1e6
-LONG_DOUBLE = (1e-18, 1e-16)
 DOUBLE = (("taylor", 1e-16), ("cyrk-vern8", 1e-14))
 # Speed: random starts at each St, at one slow time and error, against these solvers at the loosest tolerance that does.
 FAST_SEED, FAST, FAST_SLOW_TIME, FAST_ERROR, FEW, REPEATS = 16, {1e6: 40, 1e7: 6, 1e8: 6}, 0.5, 1e-6, 11, 3
@@ -109,16 +108,15 @@ def truth(scene: Scene, samples: int = SAMPLES) -> tuple[Observables, float, flo
     form = find_form(full_form(scene))
     problem = form.problem(scene)
     values = (*problem.start, *(problem.parameters or ()), problem.end)
-    key = digest(["hybrid", problem.name, [value.hex() for value in values], samples, LONG_DOUBLE, DOUBLE])
+    key = digest(["hybrid", problem.name, [value.hex() for value in values], samples, REFERENCE_TOLERANCES, DOUBLE])
     found = cache.load(key)
     if found is None:
-        times = np.linspace(0.0, problem.end, samples)
         if problem.end <= LONG_DOUBLE_UP_TO:
-            runs = [extended_run(problem, times, "long double", tolerance) for tolerance in LONG_DOUBLE]
+            tight, apart = true_observables(scene, samples)
         else:
-            runs = [solve(problem, solver, tolerance, times).states for solver, tolerance in DOUBLE]
-        tight, other = (form.observe(scene, states) for states in runs)
-        apart = errors(scene.ellipsoid, other, tight)
+            times = np.linspace(0.0, problem.end, samples)
+            tight, other = (form.observe(scene, solve(problem, *how, times).states) for how in DOUBLE)
+            apart = errors(scene.ellipsoid, other, tight)
         found = {name: getattr(tight, name).astype(float) for name in NAMES}
         found = cache.keep(key, found | {"uncertainty": np.array([apart.slow, apart.orientation])})
     slow, orientation = found["uncertainty"].tolist()

@@ -74,11 +74,11 @@ def fastest(runs: Iterable[TimedRun]) -> TimedRun:
     return min(runs, key=lambda run: run.seconds)
 
 
-def true_observables(scene: Scene) -> tuple[Observables, Errors]:
+def true_observables(scene: Scene, samples: int = SAMPLES) -> tuple[Observables, Errors]:
     """Observables of the full form in long double, and what a hundredfold tolerance changes in them."""
     form = find_form(full_form(scene))
     problem = form.problem(scene)
-    times = np.linspace(0.0, problem.end, SAMPLES)
+    times = np.linspace(0.0, problem.end, samples)
     tight, loose = (
         form.observe(scene, extended_run(problem, times, "long double", tolerance))
         for tolerance in REFERENCE_TOLERANCES

@@ -149,12 +149,7 @@ def arenstorf_field(ops: Operations) -> Field:
         near, far = x + moon, x - earth
         a, b = near * near + z * z, far * far + z * z
         a3, b3 = a * sqrt(a), b * sqrt(b)
-        return (
-            u,
-            w,
-            x + 2 * w - earth * near / a3 - moon * far / b3,
-            z - 2 * u - earth * z / a3 - moon * z / b3,
-        )
+        return u, w, x + 2 * w - earth * near / a3 - moon * far / b3, z - 2 * u - earth * z / a3 - moon * z / b3
 
     return rhs
 
