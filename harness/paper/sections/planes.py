@@ -86,25 +86,17 @@ class Planes:
         differences = by(data["differences"], "stokes")
         worst = {name: np.max(part.difference) for name, part in groups(differences[STOKES[0]], "body")}
         widest = max(worst, key=lambda name: worst[name])
-        part = by(data[""], "body")[widest]
+        part, first = by(data[""], "body")[widest], self.bodies[widest]
         for own, stokes in zip(axes, STOKES, strict=False):
-            planes.draw_frame(
-                own, self.bodies[widest], -0.8, 0.8, title=f"{name_of(self.bodies[widest])}, St = {stokes:g}"
-            )
-            for wanted, style in (
-                (stokes, {"color": BLUE, "label": "full"}),
-                (np.inf, {"color": AVERAGED, "label": "averaged"}),
-            ):
-                draw_broken(own, part[part.stokes == wanted], "Lz", "E", linewidth=0.9, **style)
+            planes.draw_frame(own, first, -0.8, 0.8, title=f"{name_of(first)}, St = {stokes:g}")
+            for wanted, color, text in ((stokes, BLUE, "full"), (np.inf, AVERAGED, "averaged")):
+                draw_broken(own, part[part.stokes == wanted], "Lz", "E", linewidth=0.9, color=color, label=text)
             own.set_ylim(0.0, 1.05 * max(part.E))
         for own, stokes in zip(axes[len(STOKES) :], STOKES, strict=True):
             for place, (_, found) in enumerate(groups(differences[stokes], "body")):
                 own.bar(place + np.linspace(-0.3, 0.3, len(found)), found.difference, 0.1, color=BLUE)
-            own.set_xticks(
-                range(len(self.bodies)), [name_of(body) for body in self.bodies.values()], fontsize=6.5, rotation=15
-            )
+            own.set_xticks(range(len(self.bodies)), [*map(name_of, self.bodies.values())], fontsize=6.5, rotation=15)
             label(own, "body, one bar per start", "largest difference$/I_{max}$", f"St = {stokes:g}")
-        first = self.bodies[widest]
         planes.name_points(axes[0], {point.stability: NAMES[point.stability] for point in fixed_points(first)})
         planes.name_lines(axes[0], first, "bounds of $L_z^2/2E$")
         common_legend(figure, axes[0])

@@ -52,9 +52,8 @@ def figure_l_planes(data: Data) -> Figure:
             along, energy = planes.place_of(PROLATE, point)
             planes.draw_point(own, point.stability, (abs(along), (2 * energy / along**2 - 1) / (most - 1)))
         own.set(xlim=(0.0, 1.02), ylim=(-0.05, 1.05))
-        label(
-            own, "$|L|/I_{max}$", "E, share between bounds", f"$L_{'xy'[int(zero)]} = 0$, from $L_z {'<>'[sign > 0]} 0$"
-        )
+        title = f"$L_{'xy'[int(zero)]} = 0$, from $L_z {'<>'[sign > 0]} 0$"
+        label(own, "$|L|/I_{max}$", "E, share between bounds", title)
     planes.name_points(axes[0], {"stable node": "stable node", "saddle": "saddle"})
     common_legend(figure, axes[0], 3)
     return figure
