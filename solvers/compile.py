@@ -63,6 +63,7 @@ def c_callback(factory: FieldFactory, dimension: int, parameters: int, *, count:
     return known or compile_lines(signature, trace(factory, dimension, parameters))
 
 
+# Code of fields that were compiled as part of a larger one (`WithRate`).
 _BROUGHT_ALONG: dict[tuple[FieldFactory, int, int], MachineCode] = {}
 
 
@@ -75,7 +76,7 @@ def _with_field(factory: WithRate, dimension: int, parameters: int) -> MachineCo
     lines = [
         "call void @field(ptr %out, double %t, ptr %y, ptr %p)",
         f"%last = getelementptr double, ptr %out, i64 {dimension - 1}",
-        written(numbers, [rate]).replace("ptr %out,", "ptr %last,"),
+        written(numbers, [rate], to="%last"),
     ]
     both = compile_lines(replace(CALLBACK, helpers=helper), "\n".join(lines))
     alone = MachineCode(both.engine.get_function_address("field"), both.engine)

@@ -82,7 +82,7 @@ class Planner:
         plan = before = old or self.by_law(rate, longest)
         for again in range(ROUNDS):
             ratio = self.off(plan, state, now, record)
-            if ratio >= worst:
+            if worst <= ratio != HOPELESS:
                 # What is left is rounding, which more steps add to.
                 return before
             if ratio <= FITTING[1]:

@@ -26,7 +26,8 @@ from polhode.solvers.parts.schemes import BEST, Scheme
 
 # Deadline and Ctrl-C are looked at once per this many steps, some 20 ms.
 CHUNK = 120_000
-# The least rate that counts: L grows from rest as fast as the shear makes it, in half a unit of it.
+# The least rate that counts: L grows from rest as fast as the shear makes it, in half a unit of it. The kernels read
+# half the relaxation's rate from its square as well, which holds for this number alone.
 SHEAR = 0.5
 # Plans are made anew after these shares of a run, if that is so many turns at least.
 AGAIN, LEAST_BETWEEN = (0.1, 0.4), 50.0

@@ -3,14 +3,15 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from math import pi
+from math import nan, pi
 
 from polhode.models.problem import Parts
 from polhode.solvers.machine_code.program import Array, Program, compare, compiled
 from polhode.solvers.machine_code.tracing import OPERATIONS, Number
 from polhode.solvers.parts.kernels import Pieces
 
-# Turns between a row and the point of whole turns from which it is reached, at most; trials to find that point.
+# Turns between a row and the point of whole turns from which it is reached, at most; trials to find that point, after
+# which the row is NaN.
 NEAR, TRIALS = 0.505, 20.0
 # Terms of DOP853's interpolant; a number beside which others are rounded to whole ones.
 TERMS, WHOLE = 7, 1.5 * 2.0**52
@@ -145,6 +146,7 @@ def _rows(pieces: Pieces) -> Program:
             rests[j] = times[j] - at[dimension]
             off[0], tried[0] = rests[j] * pieces.rate(at, p) / (2 * pi), tried[0] + 1.0
             leave(compare("ole", off[0] * off[0], NEAR**2))
+            rests[j] = nan
             leave(compare("oge", tried[0], TRIALS))
         (rows + j * float(dimension)).store(at.load(dimension))
     program.call(pieces.spread, scheme, p, setting, rests, rows)

@@ -164,15 +164,15 @@ class Strobe:
 
     def fields(self, point: np.ndarray, setting: Setting, horizon: np.ndarray) -> np.ndarray:
         """Averaged fields of all orders, with as many micro-steps as their error allows."""
-        fields, finer = np.empty((len(ORDERS), len(point))), np.empty((1, len(point)))
+        fields, other = np.empty((len(ORDERS), len(point))), np.empty((1, len(point)))
         if setting.easy:
             setting.micro = max(FEWEST, setting.micro - 1)
         while True:
             self.mean(point, setting.micro, fields)
-            more = min(MOST, setting.micro + 2)
-            # Differences of single turns show what smaller steps change.
-            self.mean(point, more, finer)
-            off = np.max(np.maximum(np.abs(fields[0] - finer[0]) - ROUNDING, 0.0) * horizon) / MICRO
+            # Differences of single turns show what smaller steps change; of the smallest, what larger ones do.
+            more = min(MOST, setting.micro + 2) if setting.micro < MOST else MOST - 2
+            self.mean(point, more, other)
+            off = np.max(np.maximum(np.abs(fields[0] - other[0]) - ROUNDING, 0.0) * horizon) / MICRO
             if not off > 1 or setting.micro >= MOST:
                 break
             setting.micro = more

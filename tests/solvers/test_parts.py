@@ -29,8 +29,11 @@ from polhode.solvers import contract
 from polhode.solvers.catalogue import SOLVERS, solver
 from polhode.solvers.contract import SolverNotValidError, Status
 from polhode.solvers.parts.kernels import Code, clock
+from polhode.solvers.parts.planning import ROUNDS
 from polhode.solvers.parts.schemes import SCHEMES, Scheme
 from polhode.solvers.parts.splitting import Split
+from polhode.solvers.parts.strobe_kernels import TERMS
+from polhode.solvers.parts.stroboscopic import MOST, Setting, Strobe
 from polhode.solvers.solve import Interrupted, solve
 from polhode.solvers.taylor import propagate, taylor_integrator
 
@@ -362,6 +365,38 @@ def test_averaging_reaches_tight_errors_on_long_runs():
         errors = np.abs(solution.states - exact).max(axis=0)
         assert errors[:3].max() < slow
         assert errors[3:].max() < turned
+
+
+def test_plans_whose_checks_fail_are_narrowed_to_the_last(monkeypatch):
+    each = problem(1e4, 1e4)
+    split, state, tried = Split(each, TOLERANCE), np.array(each.start), []
+    monkeypatch.setattr(split.planner, "estimated", lambda plan, *_: tried.append(plan.step(1.0)) or inf)
+    record = contract.Record(np.array([0.0, each.end]), np.empty((2, each.dimension)))
+    tried.append(split.planner.plan(None, state, 0.0, record).step(1.0))
+    assert np.all(np.diff(tried) < 0)
+    assert len(tried) == 1 + ROUNDS
+
+
+def test_the_smallest_micro_steps_are_compared_with_larger_ones(monkeypatch):
+    strobe = Strobe(problem(1e6, 5e5), TOLERANCE)
+    monkeypatch.setattr(strobe, "mean", lambda point, micro, out: out.fill(micro))
+    for horizon, easy in ((1.0, False), (1e-3, True)):
+        setting = Setting(MOST)
+        strobe.fields(np.zeros(7), setting, np.full(7, horizon))
+        assert (setting.micro, setting.easy) == (MOST, easy)
+
+
+def test_a_row_that_is_not_found_is_not_a_number():
+    """Time that passes twice as fast as turns do: trials go to and fro beside a row."""
+    each, turns = problem(1e6, 5e5), 10.0
+    strobe, point, terms = Strobe(each, TOLERANCE), np.append(each.start, 0.0), np.zeros((TERMS, 7))
+    turn = 2 * pi / strobe.split.rate(point[:-1])
+    terms[0, -1] = 2 * turn * turns
+    rests, rows = np.empty(2), np.empty((2, 6))
+    setting, times = np.array([2.0, 4.0, turns]), turn * np.array([1.2, 2.0])
+    strobe.kernels.rows(strobe.scheme, strobe.p, setting, terms, point, times, rests, rows)
+    assert np.isnan(rows[0]).all()
+    assert np.allclose(rows[1], point[:-1], atol=1e-6)
 
 
 def test_averaging_costs_the_same_at_any_stokes_number():
