@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
+from math import inf
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -115,7 +116,7 @@ class WorkPrecision:
         solution, _ = within(
             self.max_seconds, partial(run, count=True), lambda found: found.status is Status.TIME_LIMIT
         )
-        timing = time_runs(run) if solution.success else None
+        timing = time_runs(partial(run, inf)) if solution.success else None
         return {
             "solver": method.name,
             "tolerance": tolerance,

@@ -8,15 +8,7 @@ from time import perf_counter
 import pandas as pd
 
 from polhode.harness.calibration.evaluation import Answer, Evaluation, error_of, judged, predicted_runs
-from polhode.harness.calibration.scenes import (
-    HELD_OUT_SCENES,
-    HELD_OUT_SEED,
-    HELD_OUT_SEEDS,
-    STRATA,
-    Question,
-    Stratum,
-    questions,
-)
+from polhode.harness.calibration.scenes import STRATA, Question, Stratum, questions
 from polhode.harness.calibration.selection import CUTOFF, decade, rules, runs_of
 from polhode.harness.calibration.training import REFERENCE_SECONDS, batches_of, methods_for, study
 from polhode.harness.common.store import Record, Store
@@ -45,14 +37,7 @@ KNOWN = 3.0
 SHORTEST_LIMIT = 0.1
 
 
-def evaluate(
-    store: Store,
-    laws: Laws,
-    count: int = HELD_OUT_SCENES,
-    quiet: bool = False,
-    seed: int = HELD_OUT_SEED,
-    seeds: int = HELD_OUT_SEEDS,
-) -> Evaluation:
+def evaluate(store: Store, laws: Laws, count: int, quiet: bool, seed: int, seeds: int) -> Evaluation:
     """Ask `pick` about `count` held-out scenes of each seed, of both strata, measure them into a store, and compare."""
     answers, left_out = [], dict[str, str]()
     for each in range(seed, seed + seeds):
@@ -134,10 +119,10 @@ def studies(answer: Answer) -> list[Study]:
             wanted[power, form] = list(solvers)
     for form, solver, shift in (way.split("/") for way in rules(question)):
         # Simple rules are measured too where their method is none that may win.
-        solvers = wanted.get((decade(question) + int(shift), form), [solver])
+        solvers = wanted.setdefault((decade(question) + int(shift), form), [])
         if solver not in solvers:
             solvers.append(solver)
-    for (power, form), solvers in wanted.items():
+    for (power, form), solvers in sorted(wanted.items(), key=lambda each: -each[0][0]):
         part = study(question, form, solvers, (float(f"1e{power}"),), rotations)
         parts.append(replace(part, max_seconds=min(most, part.max_seconds)))
     return parts

@@ -1,6 +1,7 @@
 """References of runs too long for extended precision: two unrelated methods in double precision, known to their gap."""
 
 from math import nan
+from time import perf_counter
 
 import numpy as np
 
@@ -23,17 +24,18 @@ APART = 1e-4
 
 def compared(scene: Scene, samples: int, seconds: float) -> dict[str, np.ndarray]:
     """Reference of a scene's full equations, as `reference` keeps it; raises ReferenceFailedError if there is none."""
-    own, spheroid = find_form(full_form(scene)), scene.ellipsoid.kind != "triaxial"
+    until, method = perf_counter() + seconds, OTHERS if scene.ellipsoid.kind == "triaxial" else SPHEROIDS
 
     def run(form: str, solver: str, tolerance: float) -> Observables:
         equations = find_form(form)
         problem = equations.problem(scene)
-        found = solve(problem, solver, tolerance, np.linspace(0.0, problem.end, samples), max_seconds=seconds)
+        left = until - perf_counter()
+        found = solve(problem, solver, tolerance, np.linspace(0.0, problem.end, samples), max_seconds=left)
         if not found.success:
             raise ReferenceFailedError(f"the reference by {solver} ended with {found.status}", found.status)
         return equations.observe(scene, found.states)
 
-    exact, other = run(own.name, *(SPHEROIDS if spheroid else OTHERS)), run("quaternion", *AGAINST)
+    exact, other = run(full_form(scene), *method), run("quaternion", *AGAINST)
     apart = errors(scene.ellipsoid, other, exact)
     if not apart.slow < APART:
         raise ReferenceFailedError(f"two methods are {apart.slow:.1g} apart")

@@ -1,9 +1,11 @@
 """Work-precision studies of a problem and solvers of one's own: every failure comes with its reason."""
 
 import re
+from math import inf
 
 import pytest
 
+from polhode.harness import work_precision
 from polhode.harness.work_precision import WorkPrecision
 from polhode.models.problem import Problem
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status
@@ -80,6 +82,16 @@ def test_failures_stand_beside_successes_with_their_reasons():
     assert re.match(r"solver 'raising' raised ZeroDivisionError: .*test_work_precision.py:\d+: ", raising["message"])
     assert (unprepared["status"], unprepared["message"][:27]) == ("crashed", "solver 'unprepared' raised ")
     assert bare["message"].startswith("solver 'bare' returned <Status.REACHED_END")
+
+
+def test_timed_runs_are_not_cut_by_the_limit(monkeypatch):
+    limits = []
+    monkeypatch.setattr(
+        work_precision, "solve", lambda *args, **kw: limits.append(kw["max_seconds"]) or solve(*args, **kw)
+    )
+    _ = WorkPrecision(PROBLEM, solvers=["taylor"], tolerances=(1e-6,), samples=4, max_seconds=5.0).frame
+    assert limits[0] == 5
+    assert set(limits[1:]) == {inf}
 
 
 def test_ctrl_c_is_no_crash():

@@ -9,13 +9,7 @@ import pytest
 from polhode.harness.calibration.evaluation import RUN_COLUMNS, Answer, Evaluation, judged
 from polhode.harness.calibration.heldout import FINAL, FINALISTS, ask, finalists
 from polhode.harness.calibration.heldout import studies as held_out_studies
-from polhode.harness.calibration.scenes import (
-    HELD_OUT_SCENES,
-    HELD_OUT_SEED,
-    HELD_OUT_SEEDS,
-    TRAINING_SCENES,
-    questions,
-)
+from polhode.harness.calibration.scenes import HELD_OUT_SEED, TRAINING_SCENES, questions
 from polhode.harness.calibration.selection import decade, rules
 from polhode.harness.calibration.training import EVERY_LONG
 from polhode.harness.commands.calibrate import calibrate, validate
@@ -128,13 +122,15 @@ def test_held_out_scene_is_measured_by_the_first_choice_and_by_tens():
 
 def test_a_long_run_is_measured_by_simple_rules_too_and_its_reference_has_a_limit():
     question = next(each for each in questions(HELD_OUT_SEED, 8, "long") if pilot(each.scene).rotations > EVERY_LONG)
-    told = Answer(question, None, "refused", "long")
-    measured = {
-        f"{part.forms[0]}/{solver}/{round(log10(part.tolerances[0])) - decade(question):+d}"
-        for part in held_out_studies(told)
-        for solver in part.solvers
-    }
-    assert rules(question).keys() <= measured
+    # By rules an error of 1e-2 asks for that tolerance, looser than any that may win.
+    for each in (replace(question, error=1e-2), question):
+        told = Answer(each, None, "refused", "long")
+        measured = {
+            f"{part.forms[0]}/{solver}/{round(log10(part.tolerances[0])) - decade(each):+d}"
+            for part in held_out_studies(told)
+            for solver in part.solvers
+        }
+        assert rules(each).keys() <= measured
     record = a_record(question, "taylor", 1e-9, 1.0, question.error) | {"samples": 51, "max_seconds": 1.0}
     assert all(case.reference_seconds < inf for case in finalists(told, [record]))
 
@@ -161,7 +157,7 @@ def test_the_commands_defaults_are_those_of_the_package():
     """They stand there again so that `--help` needs no numerics."""
     trained, held = ({option.name: option.default for option in command.params} for command in (calibrate, validate))
     assert trained["scenes"] == TRAINING_SCENES
-    assert (held["scenes"], held["seed"], held["seeds"]) == (HELD_OUT_SCENES, HELD_OUT_SEED, HELD_OUT_SEEDS)
+    assert held["seed"] == HELD_OUT_SEED
 
 
 def test_a_miss_has_its_reason():

@@ -7,6 +7,7 @@ from polhode.harness.references.errors import errors
 from polhode.harness.references.reference import ReferenceFailedError, reference
 from polhode.models.catalogue import reference_form
 from polhode.models.scenes import named_scene
+from polhode.solvers.solve import solve
 
 
 @pytest.mark.parametrize("name", ["paper", "spheroid"])
@@ -30,8 +31,12 @@ def test_beyond_so_many_rotations_there_is_none_in_limited_time(monkeypatch):
         reference(named_scene("paper"), "quaternion", 51, seconds=1.0)
 
 
-def test_methods_that_disagree_are_no_reference(monkeypatch):
+def test_methods_that_disagree_are_no_reference_and_share_a_limit(monkeypatch):
+    runs = []
+    monkeypatch.setattr(two_methods, "solve", lambda *args, **kw: runs.append((kw, solve(*args, **kw))) or runs[-1][1])
     monkeypatch.setattr(two_methods, "AGAINST", ("cyrk-tsit5", 1e-3))
     monkeypatch.setattr(two_methods, "APART", 1e-6)
     with pytest.raises(ReferenceFailedError, match="two methods are"):
         two_methods.compared(named_scene("paper"), 51, 10.0)
+    (first, found), (second, _) = runs
+    assert second["max_seconds"] <= first["max_seconds"] - found.seconds < 10

@@ -8,7 +8,7 @@ import pytest
 from polhode.harness.references.extended import ReferenceFailedError
 from polhode.harness.references.reference import reference
 from polhode.harness.studies import case as module
-from polhode.harness.studies.case import Case, attempt, judge, missing
+from polhode.harness.studies.case import Case, attempt, judge, missing, time_once
 from polhode.harness.studies.runner import _too_slow
 from polhode.models.scene import EulerStart, Scene
 from polhode.models.shape import Ellipsoid
@@ -97,3 +97,12 @@ def test_runs_that_average_may_take_few_steps():
     assert replace(CASE, scene=long).problem.least_steps > 10
     assert replace(CASE, scene=long, form="hybrid").problem.least_steps == 1
     assert replace(CASE, scene=long, solver="stroboscopic").problem.least_steps == 1
+
+
+def test_a_timed_run_is_not_cut_by_the_limit_of_the_first(monkeypatch):
+    case, runs = replace(CASE, solver="dop853", max_seconds=1e-9), []
+    assert not case.solve().success
+    solve = module.solve
+    monkeypatch.setattr(module, "solve", lambda *args, **kw: runs.append(solve(*args, **kw)) or runs[-1])
+    assert time_once(case)[0] > 0
+    assert runs[-1].success
