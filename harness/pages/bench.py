@@ -103,7 +103,8 @@ def _winner(runs: pd.DataFrame, target: float, error: str) -> str:
     if winner is None:
         return "none"
     best = winner.row.to_dict()
-    names = [method.label for method in winner.tied]
+    form = best["form"]
+    names = [each.solver if each.form == form else f"{each.form} by {each.solver}" for each in winner.tied]
     more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
     tied = f" = {', '.join(names[:SHOWN])}{more}" if names else ""
-    return f"{best['form']}, {best['solver']}, {short(best['tolerance'])}: {duration(best['seconds'])}{tied}"
+    return f"{form}, {best['solver']}, {short(best['tolerance'])}: {duration(best['seconds'])}{tied}"

@@ -13,7 +13,7 @@ from polhode.harness.analysis.pareto import times_at_error
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record, export
-from polhode.harness.common.text import duration, markdown, short
+from polhode.harness.common.text import duration, markdown, scientific, short
 from polhode.harness.common.timing import seconds_of
 from polhode.harness.pages.tables import bullets, fill
 from polhode.harness.studies.study import Study
@@ -102,7 +102,7 @@ def _stroboscopic(study: Study, table: pd.DataFrame) -> list[str]:
         f"`stroboscopic`, scene spheroid at St = {short(STOKES)}: slow error {short(slow)} and orientation error "
         f"{short(orientation)} rad in {duration(best['stroboscopic'])}, {beside}; splitting in "
         f"{duration(best.get('splitting'))}.",
-        f"Its least slow error there is {short(min(strobe['slow_error'].to_numpy(float)))}, asked for: 1e-10.",
+        f"Its least slow error there is {scientific(min(strobe['slow_error'].to_numpy(float)))}, asked for: 1e-10.",
         f"A run at St = {short(LARGER)} takes {longer:.2g} times as long as that at {short(STOKES)}, "
         f"asked for: at most {LONGER:g}.",
     ]

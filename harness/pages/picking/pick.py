@@ -37,7 +37,7 @@ STATED = {
     "stated": "{stated:.1%}",
     "bounded": "{bounded:.1%}",
     "in time": "{cheap:.1%}",
-    "stated over true, median": "{factor:.2g}",
+    "stated over true, median": "{factor:two}",
 }
 
 

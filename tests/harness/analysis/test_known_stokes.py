@@ -55,6 +55,7 @@ def test_ratios_at_equal_error(tmp_path: Path, seconds: float, sign: str):
     assert f"meets {1 if sign == '✓' else 0} of the 2" in page
     assert "60 times as fast, asked for: 30" in page
     assert "times as long as that at 1e6" in page
+    assert "is 2.0e-9, asked" in page
     alone = known_stokes.write_page(parse_study(STUDY), records[-1:], tmp_path, "polhode bench").read_text(
         encoding="utf-8"
     )

@@ -26,5 +26,7 @@ def test_a_run_is_measured_once_and_its_statement_holds(tmp_path, monkeypatch):
     assert judged(first)["bounded"] == 1
     page = write_stated(tmp_path, first, "polhode validate --errors 2").read_text(encoding="utf-8")
     assert all(sentence in page for sentence in stated_summary(first))
+    page = write_stated(tmp_path, first.assign(uncertainty=1.0), "x").read_text(encoding="utf-8")
+    assert all(line.endswith(" – |") for line in page.splitlines() if line.startswith("| both"))
     assert len(first) + len(first.attrs["left_out"]) == 2
     assert len((tmp_path / "stated.csv").read_text(encoding="utf-8").splitlines()) == 1 + len(first)
