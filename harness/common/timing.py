@@ -24,8 +24,6 @@ NEAR, PAUSE = 1.15, 0.02
 # A time is disturbed if the sentinel took more than so many times its quickest beside it, or if the fastest run, of at
 # least so many seconds, had the processor for less than this share of it.
 BUSY, JUDGED_FROM, HAD = 1.5, 1e-3, 0.9
-
-
 # A run that its limit stopped while it lacked the processor is run again, so often at most, with so much to spare.
 AGAIN, MORE = 2, 1.5
 

@@ -8,6 +8,7 @@ import numpy as np
 from polhode.harness.common.text import scientific, short
 from polhode.harness.picking.pilot import pilot_solver
 from polhode.harness.picking.second_look import RunError
+from polhode.harness.references.errors import magnitude
 from polhode.models.form import Form
 from polhode.models.observables import Observables
 from polhode.models.scene import Scene
@@ -26,7 +27,7 @@ SUSPECTED, UNKNOWN = (2.0, 20.0), (0.25, 4.0)
 def doubt(scene: Scene, form: Form, found: Solution, observables: Observables, stated: RunError) -> str:
     """Why a claimed success is none; empty if nothing speaks against it, or nothing that is sure."""
     unit = max(scene.ellipsoid.inertia)
-    limit = max(OFF, SHARE * float(np.max(np.abs(observables.slow))) / unit)
+    limit = max(OFF, SHARE * magnitude(scene.ellipsoid, observables))
     if not found.success or (stated.slow and stated.slow.high <= limit):
         return ""
     least, times = SUSPECTED if stated.slow else UNKNOWN

@@ -5,7 +5,7 @@ takes fewer than one that cannot. Pilot runs of the form itself count them, by a
 """
 
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import lru_cache
 from itertools import pairwise
 from math import exp, log, sqrt
 
@@ -143,13 +143,13 @@ def held_back(form: Form, solver: str, pilot: Pilot) -> bool:
     return stability > HELD * (accuracy + stability)
 
 
-@cache
+@lru_cache(maxsize=256)
 def planned(form: InPieces, pilot: Pilot, tolerance: float) -> tuple[PlannedPiece, ...]:
     """Pieces that a form plans for a scene, the way that the pilot has gone."""
     return form.plan(pilot.scene, tolerance, pilot.start_at)
 
 
-@cache
+@lru_cache(maxsize=256)
 def steps(form: Form, scene: Scene, gauge: Gauge) -> tuple[float, float]:
     """Steps of a form's pilot run: those that accuracy asks for, and those that stability does.
 
@@ -185,7 +185,7 @@ def _planned(form: Form, pilot: Pilot, solver: str, tolerance: float) -> np.ndar
     return count
 
 
-@cache
+@lru_cache(maxsize=256)
 def _beginning(form: Form, scene: Scene, solver: str, tolerance: float) -> tuple[tuple[int, int], int, float]:
     """Steps of a solver in the beginning of a run and those within them, checks, and what share of its time that is."""
     problem = form.problem(scene)

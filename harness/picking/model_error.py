@@ -1,7 +1,7 @@
 """Model error of averaged forms, from pilots: at the scene's own St, or at smaller ones and extrapolated."""
 
 from dataclasses import replace
-from functools import cache
+from functools import lru_cache
 from math import log
 from typing import Any
 
@@ -144,7 +144,7 @@ def _interval(want: str, near: Errors, far: Errors, gap: float) -> Interval | No
     return Interval(value, value / FACTOR * gap**-OFF, value * FACTOR * gap**OFF)
 
 
-@cache
+@lru_cache(maxsize=100)
 def _tight(scene: Scene) -> Observables:
     form = find_form(reference_form(scene))
     solution = follow(form, scene, 1e-8)

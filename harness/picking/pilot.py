@@ -7,7 +7,7 @@ which every rotation stands for several. Where there is no slow motion, only the
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache, cached_property, lru_cache
+from functools import cached_property, lru_cache
 from itertools import pairwise
 from math import ceil, inf, isfinite, isinf, pi
 from typing import NamedTuple, Protocol, runtime_checkable
@@ -15,7 +15,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 
 from polhode.harness.picking.laws import STIFF, Sensitivity
-from polhode.harness.references.errors import Errors, errors
+from polhode.harness.references.errors import Errors, errors, magnitude
 from polhode.harness.references.rotations import rotations
 from polhode.models.catalogue import form as find_form
 from polhode.models.catalogue import reference_form
@@ -112,7 +112,8 @@ class Pilot:
         """Where the run stands at a time, but for the phases of a twin; none where it would take long to know."""
         share = time / self.scene.time
         if self.to_the_end:
-            row = min(ceil(share * (SAMPLES - 1)), SAMPLES - 1)
+            last = len(self.observables.energy) - 1
+            row = min(ceil(share * last), last)
             return start_from(self.scene.ellipsoid, self.observables.at(slice(row, row + 1)))
         if share * self.rotations > MOST_ROTATIONS:
             return None
@@ -206,18 +207,13 @@ def follow(form: Form, scene: Scene, tolerance: float, solver: str | None = None
 
 def gains(ellipsoid: Ellipsoid, found: list[tuple[float, Observables]]) -> dict[str, Gain]:
     """Gains of what is wanted from runs at several tolerances, the loosest first."""
-    largest = _largest(ellipsoid, found[-1][1])
+    largest = magnitude(ellipsoid, found[-1][1])
     pairs = [(tolerance, errors(ellipsoid, loose, tight)) for (tolerance, loose), (_, tight) in pairwise(found)]
     limits = {"slow": SATURATED * max(largest, 1e-300), "orientation": SATURATED * pi}
     known = [want for want in limits if getattr(pairs[-1][1], want) is not None]
     # Tolerances are relative: errors of a large L are so much larger.
     sizes = {"slow": max(1.0, largest), "orientation": 1.0}
     return {want: _first_below(pairs, want, limits[want], LUCKY * sizes[want]) for want in known}
-
-
-def _largest(ellipsoid: Ellipsoid, seen: Observables) -> float:
-    """The largest |L|, E over I_max."""
-    return float(np.max(np.abs(seen.slow))) / max(ellipsoid.inertia)
 
 
 def _first_below(pairs: list[tuple[float, Errors]], name: str, limit: float, lucky: float) -> Gain:
@@ -259,7 +255,7 @@ def _starts_fast(scene: Scene, count: float) -> bool:
     return float(np.linalg.norm(scene.angular_velocity)) > USUAL * usual
 
 
-@cache
+@lru_cache(maxsize=100)
 def form_ladder(form: Form, scene: Scene) -> list[tuple[float, Observables]]:
     """Pilot runs of a form."""
     return _ladder(form, scene)
@@ -276,7 +272,7 @@ def form_sensitivity(form: Form, pilot: Pilot, solver: str = "") -> dict[str, Se
     scene = pilot.scene if form.averaged else pilot.followed
     if over_whole_run(form, solver):
         # An error of L, which is relative where L is large, turns into one of the angle with every rotation.
-        turned = {"slow": max(1.0, _largest(scene.ellipsoid, observables)), "orientation": 1.0 + pilot.rotations}
+        turned = {"slow": max(1.0, magnitude(scene.ellipsoid, observables)), "orientation": 1.0 + pilot.rotations}
         own = {want: Gain(WHOLE_RUN_TOLERANCE, WHOLE_RUN_TOLERANCE * turned[want]) for want in own}
     elif not form.angles and form.name != reference_form(scene) and form.problem(scene).parameters is not None:
         found = form_ladder(form, scene)
@@ -284,5 +280,5 @@ def form_sensitivity(form: Form, pilot: Pilot, solver: str = "") -> dict[str, Se
     turns = 0.0 if form.averaged else pilot.rotations
     stiffness = 0.0 if form.averaged else pilot.damping_times / pilot.scene.time
     stiff = not form.averaged and pilot.damping_times > STIFF
-    largest = {"slow": _largest(scene.ellipsoid, observables), "orientation": 1.0}
+    largest = {"slow": magnitude(scene.ellipsoid, observables), "orientation": 1.0}
     return {want: Sensitivity(*gain, turns, stiffness, largest[want], stiff) for want, gain in own.items()}

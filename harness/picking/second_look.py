@@ -192,7 +192,7 @@ def _solver_error(
     for look in looks:
         equations, problem = _takes(form, scene, found, look)
         times = found.times[rows] * (problem.end / found.problem.end)
-        # Counted in steps, a limit of milliseconds is the same on a busy machine.
+        # Counted in steps as well: what these stop is the same on a busy machine.
         most = max(100, int(limit / STEP[look.solver.implicit])) if _compiled(look.solver) else UNLIMITED
         run = solve(problem, look.solver, look.tolerance, times, max_seconds=limit, max_steps=most)
         if run.success:

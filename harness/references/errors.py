@@ -100,10 +100,14 @@ def phase_and_shape(ellipsoid: Ellipsoid, found: Observables, true: Observables)
     return phase, np.linalg.norm(offset - phase[:, None] * along, axis=1)
 
 
+def magnitude(ellipsoid: Ellipsoid, observables: Observables) -> float:
+    """The largest |L|, E over I_max."""
+    return float(np.max(np.abs(observables.slow))) / max(ellipsoid.inertia)
+
+
 def attainable(ellipsoid: Ellipsoid, observables: Observables) -> float:
     """Smallest slow error that double precision can hold: eps times the largest |L|, E over I_max."""
-    largest = float(np.max(np.abs(observables.slow)))
-    return float(np.finfo(float).eps) * largest / max(ellipsoid.inertia)
+    return float(np.finfo(float).eps) * magnitude(ellipsoid, observables)
 
 
 def statistics_distance(ellipsoid: Ellipsoid, found: Observables, true: Observables) -> float:

@@ -13,7 +13,7 @@ from polhode.harness.common.timing import within
 from polhode.harness.references import two_methods
 from polhode.harness.references.certificate import Certificate, Flow, UncertifiedError, certify, expected_times, observe
 from polhode.harness.references.chaos import Growth, growth
-from polhode.harness.references.errors import errors, statistics_distance
+from polhode.harness.references.errors import errors, magnitude, statistics_distance
 from polhode.harness.references.extended import ReferenceFailedError, extended_integrator, extended_run
 from polhode.harness.references.rotations import rotations
 from polhode.models.catalogue import form as find_form
@@ -145,7 +145,7 @@ def _compute(scene: Scene, form: Form, problem: Problem, samples: int, deadline:
     except UncertifiedError as error:
         raise ReferenceFailedError(str(error)) from None
     spread = [errors(scene.ellipsoid, other, tight) for other in moved]
-    size = max(1.0, float(np.max(np.abs(tight.slow))) / max(scene.ellipsoid.inertia))
+    size = max(1.0, magnitude(scene.ellipsoid, tight))
     largest = max(max(each.slow / size, each.orientation or 0.0) for each in spread)
     grown = growth(problem, min(2000, samples - 1)) if largest > SUSPICIOUS else None
     grown = grown if grown and grown.chaotic else None

@@ -11,7 +11,9 @@ from polhode.models.shape import Ellipsoid
 from polhode.models.theory.spheroid_correction import CorrectedSpheroid
 from polhode.solvers.compile import compiled_callback, traced_system
 
-MPMATH = Operations(mpmath.sin, mpmath.cos, mpmath.sqrt, lambda x, a, b: a if x > 0 else b)
+MPMATH = Operations(
+    mpmath.sin, mpmath.cos, mpmath.sqrt, lambda x, a, b: a if x > 0 else b, exp=mpmath.exp, log=mpmath.log
+)
 
 
 def problem_of(name):
