@@ -159,11 +159,15 @@ def run_error(scene: Scene, form: Form, method: Solver, found: Solution, observa
 def _stated(scene: Scene, form: Form, found: Solution, observables: Observables) -> "tuple[Estimates, str]":
     """Errors of a run of several pieces as these state them: bounds, that most of them keep to by far."""
     own = _estimates(scene, form, observables, (0.0, 0.0), Look(found.method, 1.0, 1.0, 1.0))
-    bounds = sum(each.error for each in found.stages), min(pi, sum(each.angle for each in found.stages))
-    for want, bound in zip(own, bounds, strict=True):
+    for want, bound in zip(own, _bounds(found), strict=True):
         if rounding := own[want]:
             own[want] = rounding.plus(Interval(bound / STATED_OVER, 0.0, bound))
     return own, "what its pieces state"
+
+
+def _bounds(found: Solution) -> tuple[float, float]:
+    """Slow error and that of angles that a run's pieces state."""
+    return sum(each.error for each in found.stages), min(pi, sum(each.angle for each in found.stages))
 
 
 def _sum(own: Interval | None, model: Interval | None) -> Interval | None:
@@ -200,7 +204,13 @@ def _solver_error(
             here = observables.at(rows)
             apart = _apart(scene, here, there)
             words = f"a second run by {look.solver.name} at {look.tolerance:.0e}"
-            return _estimates(scene, form, here, apart, look), words
+            own = _estimates(scene, form, here, apart, look)
+            if look.larger > 1 and _in_full(found):
+                own = {
+                    want: each and replace(each, high=max(each.high, bound))
+                    for (want, each), bound in zip(own.items(), _bounds(found), strict=True)
+                }
+            return own, words
         limit -= run.seconds
         if limit <= 0:
             break
@@ -211,9 +221,10 @@ def _solver_error(
 
 def _looks(scene: Scene, method: Solver, found: Solution, turns: float, limit: float) -> Iterator[Look]:
     """Second runs worth trying, the most telling one first."""
-    # A run in pieces that took no averaged one is one of the full equations at the tolerance of these.
-    own = max(each.tolerance for each in found.stages) if _in_full(found) else found.settings.tolerance
-    tolerance, taylor = own, method.order_by_tolerance
+    tolerance, taylor = _tolerance(found), method.order_by_tolerance
+    if _in_full(found) and tolerance * TIGHTER < TIGHTEST:
+        # None is far tighter, and pieces state an error of their own.
+        return
     implicit = "cyrk-radau" if tolerance >= LOW_ORDER else "cyrk-lsoda"
     other = find_solver(implicit if damping_times(scene) > STIFF else "cyrk-vern8")
     explicit = _compiled(method) and not method.implicit
@@ -243,6 +254,11 @@ def _compiled(method: Solver) -> bool:
 def _in_full(found: Solution) -> bool:
     """Whether a run in pieces took no averaged one."""
     return bool(found.stages) and not any(each.averaged for each in found.stages)
+
+
+def _tolerance(found: Solution) -> float:
+    """A run in pieces that took no averaged one is one of the full equations at the tolerance of these."""
+    return max(each.tolerance for each in found.stages) if _in_full(found) else found.settings.tolerance
 
 
 def _takes(form: Form, scene: Scene, found: Solution, look: Look) -> tuple[Form, Problem]:

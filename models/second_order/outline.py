@@ -25,8 +25,9 @@ MARGIN = 4.5
 HARMONIC = 2
 # Shares of the error asked for that averaging and kicks left out may cost, the latter together and one alone; by trial.
 SHARE, LEFT_OUT, ONE = 0.5, 0.3, 0.15
-# Kicks of random phases stay below so many times the root of the sum of their squares in 97.5 %.
-RANDOM = 1.6
+# Kicks of random phases stay below so many times the root of the sum of their squares all along in 97.5 %: 2.5/√2, as a
+# walk's largest distance is beyond one at most twice as often as its last.
+RANDOM = 1.8
 # Turns of the body that a stretch between windows lasts at least, lest it cost more than it saves.
 TURNS = 300
 # Share of the slowest damping rate at which errors are forgotten, by trial; levels between which windows are chosen.
