@@ -94,7 +94,7 @@ def test_pages_on_averaging_follow_from_the_data():
 
 def test_readme_says_what_there_is():
     readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
-    assert f" in {NUMBERS[len(FORMS)]} forms " in readme
+    assert f" in {NUMBERS[len(FORMS)]} forms" in readme
     own = [name for name in SOLVERS if SOLVERS.find(name).family == "polhode"]
     assert f" and {NUMBERS[len(own)]} of its own " in readme
 
