@@ -27,7 +27,7 @@ HARMONIC = 2
 SHARE, LEFT_OUT, ONE = 0.5, 0.3, 0.15
 # Kicks of random phases stay below so many times the root of the sum of their squares all along in 97.5 %: 2.5/√2, as a
 # walk's largest distance is beyond one at most twice as often as its last.
-RANDOM = 1.8
+RANDOM = 1.77
 # Turns of the body that a stretch between windows lasts at least, lest it cost more than it saves.
 TURNS = 300
 # Share of the slowest damping rate at which errors are forgotten, by trial; levels between which windows are chosen.

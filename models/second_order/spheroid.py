@@ -24,9 +24,6 @@ from polhode.models.second_order.field import averaged_rates
 
 Polynomial = tuple[float, ...]
 
-# Next to a fixed point, where second order changes nothing, the third still does: rho times so many first-order rates
-# pass for what second order changes; by trial.
-STILL = 0.3
 # The torque has harmonics of s up to 2, which five nodes resolve exactly.
 NODES = 2 * pi / 5 * np.arange(5)
 # Antiderivative over s of zero mean, taken at s = 0.
@@ -187,6 +184,5 @@ def orders(spheroid: Spheroid, torque_factor: float, slow: np.ndarray) -> tuple[
     both, first = (
         np.array(field(numpy_operations())(state, parameters(spheroid, factor))[:3]) for factor in (torque_factor, 0.0)
     )
-    rho = torque_factor * relative.reshape(6, -1).max(axis=0)
-    still = STILL * rho * size * min(spheroid.equatorial_damping, spheroid.axial_damping)
-    return rho, np.hypot(np.linalg.norm(both - first, axis=0), still) / max(1.0, spheroid.inertia_ratio)
+    largest = max(1.0, spheroid.inertia_ratio)
+    return torque_factor * relative.reshape(6, -1).max(axis=0), np.linalg.norm(both - first, axis=0) / largest
