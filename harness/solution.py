@@ -13,7 +13,7 @@ from polhode.harness.common.machine import versions
 from polhode.harness.common.observables_csv import COLUMNS, OMEGA
 from polhode.harness.common.plain_json import dumps
 from polhode.harness.common.text import scientific, short
-from polhode.harness.picking.second_look import UNKNOWN, RunError
+from polhode.harness.picking.stated_error import UNKNOWN, RunError
 from polhode.models.form import Form
 from polhode.models.observables import Observables, angular_velocity
 from polhode.models.scene import Scene, start_from

@@ -7,7 +7,7 @@ import numpy as np
 
 from polhode.harness.common.text import scientific, short
 from polhode.harness.picking.pilot import pilot_solver
-from polhode.harness.picking.second_look import RunError
+from polhode.harness.picking.stated_error import RunError
 from polhode.harness.references.errors import magnitude
 from polhode.models.form import Form
 from polhode.models.observables import Observables

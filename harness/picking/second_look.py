@@ -6,18 +6,17 @@ by the ratio of the tolerances, more or less. Averaged forms add the error of av
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import inf, pi
 from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
 
-from polhode.harness.common.text import in_two_digits, scientific, short
 from polhode.harness.picking.laws import EPS, STIFF, Interval
 from polhode.harness.picking.model_error import NotApplicableError, model_errors, own_estimate
 from polhode.harness.picking.pilot import SATURATED, PilotFailedError, damping_times, pilot
-from polhode.harness.picking.refusals import one_digit
+from polhode.harness.picking.stated_error import TIGHTEST, RunError
 from polhode.harness.references.errors import orientation_difference
 from polhode.models.catalogue import form as find_form
 from polhode.models.catalogue import reference_form
@@ -32,8 +31,6 @@ from polhode.solvers.solve import Solution, solve
 
 # A look takes no longer than this, in seconds, or than this share of the run.
 LEAST, SHARE = 5e-3, 0.6
-# Share of the runs whose error stays below the upper end, as `polhode validate` counts.
-BOUNDED = 0.975
 # Tolerances of a look over the run's, and what a tighter run of the same method costs at most, in runs.
 TIGHTER, LOOSER, DEARER = 1e-2, 1e2, 2.5
 # Taylor's method errs by less than its tolerance: what looks at it is tighter still, as far as time allows: Verner's
@@ -41,7 +38,7 @@ TIGHTER, LOOSER, DEARER = 1e-2, 1e2, 2.5
 TIGHTER_THAN_TAYLOR, VERNER = 1e-4, (10.0, 1e-9, 8)
 # Seconds of a step, explicit and implicit, of compiled solvers; share of the limit that a look is planned to take.
 STEP, PLANNED = (4e-7, 3e-6), 0.8
-TIGHTEST, LOOSEST = 1e-15, 1e-2
+LOOSEST = 1e-2
 # Tolerance below which Radau's fifth order takes too many steps to look at a stiff run; LSODA's errors are larger.
 LOW_ORDER = 1e-6
 # Upper ends over the middle: of a tighter look, of a looser one, and of a looser one by an implicit method, whose
@@ -54,70 +51,6 @@ STATED_OVER = 8.0
 MOST_TIMES, FEW_TIMES = 501, 51
 # Rounding along a run, in eps of what is measured, and how it grows with the rotations (`laws.ErrorLaw`).
 ROUNDING, GROWTH = 2.0, {"slow": 0.7, "orientation": 1.7}
-
-
-@dataclass(frozen=True)
-class RunError:
-    """Estimated error of one run.
-
-    Parameters
-    ----------
-    slow, orientation : Interval or None
-        Of L and E over I_max, and of the orientation in rad; None where it is not known or there is none. The upper
-        end bounds the error of `share` of the runs.
-    note : str
-        What the estimate rests on, or why there is none.
-    share : float
-    seconds : float
-        What it cost, compilation left out.
-    advice : str
-        What to do about an error asked for that was missed; empty if none was.
-    largest_lz : float
-        The whole run's largest |L_z| over I_max, which the first error is compared with; 0 where it is not known.
-    """
-
-    slow: Interval | None
-    orientation: Interval | None
-    note: str
-    share: float = BOUNDED
-    seconds: float = 0.0
-    advice: str = ""
-    largest_lz: float = 0.0
-
-    def wanted(self, want: str) -> Interval | None:
-        """That of what is wanted."""
-        return self.slow if want == "slow" else self.orientation
-
-    def words(self) -> str:
-        """The errors in a line, that of L and E also as a share of the run's largest |L_z|, if it is smaller."""
-        parts = []
-        if self.slow:
-            smaller = 0 < self.slow.high <= self.largest_lz
-            share = in_two_digits(100 * self.slow.high / self.largest_lz) if smaller else ""
-            of_lz = f", {share} % of the largest |L_z|" if share else ""
-            parts.append(f"L and E within {scientific(self.slow.high)} of I_max{of_lz}")
-        if self.orientation:
-            parts.append(f"orientation within {scientific(self.orientation.high)} rad")
-        if not parts:
-            return f"not known: {self.note}"
-        return f"{'; '.join(parts)} (estimated; {100 * self.share:g} % of like runs)"
-
-    def asked(self, error: float, want: str, form: Form, scene: Scene, tolerance: float) -> "RunError":
-        """The same with advice, if the error asked for was missed."""
-        stated = self.wanted(want)
-        if stated is None or stated.high <= error:
-            return self
-        sure = "was missed" if stated.predicted > error else "may have been missed"
-        if form.averaged:
-            what = f"--form {reference_form(scene)}, whose error its tolerance alone sets"
-        else:
-            tighter = one_digit(tolerance * error / stated.high / 2)
-            what = f"--tolerance {short(tighter)}" if tighter >= TIGHTEST else "nothing: double precision holds no more"
-        advice = f"the error asked for, {short(error)}, {sure}: it is about {scientific(stated.predicted)}; do: {what}"
-        return replace(self, advice=advice)
-
-
-UNKNOWN = RunError(None, None, "not asked for")
 
 
 class Look(NamedTuple):

@@ -62,7 +62,9 @@ class Split:
 
     def numbers(self, values: Any) -> np.ndarray:
         """Numbers as machine code takes them; the same array if it is one already."""
-        return np.ascontiguousarray(values, self.number)
+        # Rows that are not filled yet may hold what looks like signalling NaNs.
+        with np.errstate(invalid="ignore"):
+            return np.ascontiguousarray(values, self.number)
 
     def marks(self, record: Record) -> list[float]:
         """Times at which the plan is made anew in any case."""

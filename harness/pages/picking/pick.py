@@ -17,7 +17,8 @@ from polhode.harness.common.text import duration
 from polhode.harness.pages.figures.work_precision import save
 from polhode.harness.pages.tables import bullets, fill, table
 from polhode.harness.picking.laws import Laws
-from polhode.harness.picking.second_look import BOUNDED, LEAST, SHARE
+from polhode.harness.picking.second_look import LEAST, SHARE
+from polhode.harness.picking.stated_error import BOUNDED
 
 COLOURS = {"short": "#0072B2", "long": "#D55E00"}
 SCORES = {

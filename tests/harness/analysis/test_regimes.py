@@ -101,7 +101,7 @@ def test_the_sentence_names_each_side(table: pd.DataFrame):
     assert re.search(r"^slow: implicit solvers win \d+ cells at St = 0.001 \(0 ties, × [\d.e]+\); explicit", words)
     assert "from St = 1000 to 1e6" in words
     assert "averaged forms win 4 cells at St = 1e6" in words
-    assert "Cells by full form: quaternion 29." in words
+    assert "Cells by form: quaternion 29." in words
     assert "implicit solvers never win; explicit" in sentence([], "slow")
 
 

@@ -11,7 +11,8 @@ from polhode import solve
 from polhode.harness.api import plan
 from polhode.harness.common.timing import with_processor
 from polhode.harness.picking import second_look
-from polhode.harness.picking.second_look import LEAST, SHARE, UNKNOWN, run_error
+from polhode.harness.picking.second_look import LEAST, SHARE, run_error
+from polhode.harness.picking.stated_error import UNKNOWN
 from polhode.harness.references.errors import errors
 from polhode.models.scenes import named_scene
 from polhode.solvers.contract import Work

@@ -1,0 +1,79 @@
+"""The error that a run states."""
+
+from dataclasses import dataclass, replace
+
+from polhode.harness.common.text import in_two_digits, scientific, short
+from polhode.harness.picking.laws import Interval
+from polhode.harness.picking.refusals import one_digit
+from polhode.models.catalogue import reference_form
+from polhode.models.form import Form
+from polhode.models.scene import Scene
+
+# Share of the runs whose error stays below the upper end, as `polhode validate` counts.
+BOUNDED = 0.975
+# The tightest tolerance of a run.
+TIGHTEST = 1e-15
+
+
+@dataclass(frozen=True)
+class RunError:
+    """Estimated error of one run.
+
+    Parameters
+    ----------
+    slow, orientation : Interval or None
+        Of L and E over I_max, and of the orientation in rad; None where it is not known or there is none. The upper
+        end bounds the error of `share` of the runs.
+    note : str
+        What the estimate rests on, or why there is none.
+    share : float
+    seconds : float
+        What it cost, compilation left out.
+    advice : str
+        What to do about an error asked for that was missed; empty if none was.
+    largest_lz : float
+        The whole run's largest |L_z| over I_max, which the first error is compared with; 0 where it is not known.
+    """
+
+    slow: Interval | None
+    orientation: Interval | None
+    note: str
+    share: float = BOUNDED
+    seconds: float = 0.0
+    advice: str = ""
+    largest_lz: float = 0.0
+
+    def wanted(self, want: str) -> Interval | None:
+        """That of what is wanted."""
+        return self.slow if want == "slow" else self.orientation
+
+    def words(self) -> str:
+        """The errors in a line, that of L and E also as a share of the run's largest |L_z|, if it is smaller."""
+        parts = []
+        if self.slow:
+            smaller = 0 < self.slow.high <= self.largest_lz
+            share = in_two_digits(100 * self.slow.high / self.largest_lz) if smaller else ""
+            of_lz = f", {share} % of the largest |L_z|" if share else ""
+            parts.append(f"L and E within {scientific(self.slow.high)} of I_max{of_lz}")
+        if self.orientation:
+            parts.append(f"orientation within {scientific(self.orientation.high)} rad")
+        if not parts:
+            return f"not known: {self.note}"
+        return f"{'; '.join(parts)} (estimated; {100 * self.share:g} % of like runs)"
+
+    def asked(self, error: float, want: str, form: Form, scene: Scene, tolerance: float) -> "RunError":
+        """The same with advice, if the error asked for was missed."""
+        stated = self.wanted(want)
+        if stated is None or stated.high <= error:
+            return self
+        sure = "was missed" if stated.predicted > error else "may have been missed"
+        if form.averaged:
+            what = f"--form {reference_form(scene)}, whose error its tolerance alone sets"
+        else:
+            tighter = one_digit(tolerance * error / stated.high / 2)
+            what = f"--tolerance {short(tighter)}" if tighter >= TIGHTEST else "nothing: double precision holds no more"
+        advice = f"the error asked for, {short(error)}, {sure}: it is about {scientific(stated.predicted)}; do: {what}"
+        return replace(self, advice=advice)
+
+
+UNKNOWN = RunError(None, None, "not asked for")
