@@ -108,14 +108,14 @@ ENGINES = {"engine": "{engine}", "overhead": "{share:.2%}"}
 def _findings(found: Found) -> list[str]:
     """Particles per second, in sentences."""
     full = [
-        f"{row['shape']}, full equations, every state within {short(row['target'])}: {row['per_second']:,.0f} particles a "
-        f"second and core, {row['speedup']:.1f} times as many as Taylor's lanes."
+        f"{row['shape']}, full equations, every state within {short(row['target'])}: {row['per_second']:,.0f} "
+        f"particles a second and core, {row['speedup']:.1f} times as many as Taylor's lanes."
         for row in found["full"]
     ]
-    settings = found["settings"]
+    largest, error = (short(found["settings"][name]) for name in ("long_stokes", "long_error"))
     long = [
-        f"{row['equations'].capitalize()} equations up to St = {short(settings['long_stokes'])}: {row['per_second']:,.0f} a second "
-        f"and core; L and E are within {short(settings['long_error'])} in {row['within']:.0%}."
+        f"{row['equations'].capitalize()} equations up to St = {largest}: {row['per_second']:,.0f} a second and core; "
+        f"L and E are within {error} in {row['within']:.0%}."
         for row in found["long"]
     ]
     return [*full, *long]
