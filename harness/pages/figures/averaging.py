@@ -65,7 +65,6 @@ def errors_and_speed(study: "Study") -> "Figure":
         left.plot([asked / 4, asked * 4], [asked, asked], color="black", linewidth=1.5)
     left.set_xlabel("error asked for (spread sideways)", fontsize=11)
     left.set_ylabel("slow error over $I_{max}$; black: asked for", fontsize=11)
-    left.legend(fontsize=9, loc="upper left")
     for triaxial, marker in ((False, "o"), (True, "^")):
         own = [row for row in study.speed if (row.kind == "triaxial") == triaxial]
         gains = [row.full_seconds / row.seconds for row in own]
@@ -74,7 +73,9 @@ def errors_and_speed(study: "Study") -> "Figure":
     right.axhline(1.0, color="black", linewidth=1.5)
     right.set_xlabel("Stokes number St (spread sideways)", fontsize=11)
     right.set_ylabel("times as fast as the best full solution", fontsize=11)
-    right.legend(fontsize=9, loc="upper left")
+    for axes in (left, right):
+        # Within the panel it would hide the largest errors.
+        axes.legend(fontsize=9, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False)
     return figure
 
 

@@ -78,7 +78,7 @@ def profiles(found: pd.DataFrame) -> "Figure":
     """The share of problems solved within a factor of the fastest, and within a time."""
     import matplotlib.pyplot as plt
 
-    figure, (left, right) = plt.subplots(1, 2, figsize=(9.4, 4.0), sharey=True)
+    figure, (left, right) = plt.subplots(1, 2, figsize=(9.8, 4.0), sharey=True)
     ratios = found.div(found.min(axis=1), axis=0)
     fastest, longest = (float(end) for end in (np.nanmin(found.to_numpy(float)), np.nanmax(found.to_numpy(float))))
     near = (ratios <= NEAR).mean() + found.notna().mean()
@@ -99,7 +99,7 @@ def profiles(found: pd.DataFrame) -> "Figure":
         axes.set_xlabel(label, fontsize=11)
         axes.grid(True, linewidth=0.4, alpha=0.5)
     left.set_ylabel("share of the problems solved", fontsize=11)
-    figure.subplots_adjust(left=0.075, right=0.81, bottom=0.14, top=0.97, wspace=0.64)
+    figure.subplots_adjust(left=0.07, right=0.8, bottom=0.14, top=0.97, wspace=0.74)
     for axes in (left, right):
         name_lines(axes)
     return figure
