@@ -121,13 +121,17 @@ def _solver_error(
         return _estimates(scene, form, observables, (0.0, 0.0), Look(method, 1.0, 1.0, 1.0)), "closed form: rounding"
     limit = max(LEAST, SHARE * found.seconds)
     averaged = any(each.averaged for each in found.stages)
+    in_full = bool(found.stages) and not averaged
+    if in_full:
+        form, found = _in_one(scene, found)
     step = -(-len(found.times) // (FEW_TIMES if averaged or hasattr(form, "estimate") else MOST_TIMES))
     rows = np.append(np.arange(0, len(found.times) - 1, step), len(found.times) - 1)
     turns = 0.0 if form.averaged else _rotations(scene, observables)
-    # A second run in pieces enters as many, and takes as long.
-    looks = () if averaged and found.seconds > limit else _looks(scene, method, found, turns, PLANNED * limit)
-    for look in looks:
-        equations, problem = _takes(form, scene, found, look)
+    # A second run in pieces enters as many, and takes as long; where none is far tighter than full pieces, these state
+    # an error of their own.
+    dear, tightest = averaged and found.seconds > limit, in_full and found.settings.tolerance * TIGHTER < TIGHTEST
+    for look in () if dear or tightest else _looks(scene, method, found, turns, PLANNED * limit):
+        equations, problem = _takes(form, scene, found.problem, look)
         times = found.times[rows] * (problem.end / found.problem.end)
         # Counted in steps as well: what these stop is the same on a busy machine.
         most = max(100, int(limit / STEP[look.solver.implicit])) if _compiled(look.solver) else UNLIMITED
@@ -138,7 +142,7 @@ def _solver_error(
             apart = _apart(scene, here, there)
             words = f"a second run by {look.solver.name} at {look.tolerance:.0e}"
             own = _estimates(scene, form, here, apart, look)
-            if look.larger > 1 and _in_full(found):
+            if look.larger > 1 and in_full:
                 own = {
                     want: each and replace(each, high=max(each.high, bound))
                     for (want, each), bound in zip(own.items(), _bounds(found), strict=True)
@@ -154,10 +158,7 @@ def _solver_error(
 
 def _looks(scene: Scene, method: Solver, found: Solution, turns: float, limit: float) -> Iterator[Look]:
     """Second runs worth trying, the most telling one first."""
-    tolerance, taylor = _tolerance(found), method.order_by_tolerance
-    if _in_full(found) and tolerance * TIGHTER < TIGHTEST:
-        # None is far tighter, and pieces state an error of their own.
-        return
+    tolerance, taylor = found.settings.tolerance, method.order_by_tolerance
     implicit = "cyrk-radau" if tolerance >= LOW_ORDER else "cyrk-lsoda"
     other = find_solver(implicit if damping_times(scene) > STIFF else "cyrk-vern8")
     explicit = _compiled(method) and not method.implicit
@@ -184,24 +185,23 @@ def _compiled(method: Solver) -> bool:
     return method.backends == ("compiled",) and not (method.many_periods or method.order_by_tolerance)
 
 
-def _in_full(found: Solution) -> bool:
-    """Whether a run in pieces took no averaged one."""
-    return bool(found.stages) and not any(each.averaged for each in found.stages)
+def _in_one(scene: Scene, found: Solution) -> tuple[Form, Solution]:
+    """A run in pieces that took no averaged one, as one of the full equations at the loosest tolerance of these."""
+    form = find_form(reference_form(scene))
+    problem = form.problem(scene)
+    settings = replace(found.settings, tolerance=max(each.tolerance for each in found.stages))
+    return form, replace(
+        found, problem=problem, settings=settings, times=found.times * (problem.end / found.problem.end)
+    )
 
 
-def _tolerance(found: Solution) -> float:
-    """A run in pieces that took no averaged one is one of the full equations at the tolerance of these."""
-    return max(each.tolerance for each in found.stages) if _in_full(found) else found.settings.tolerance
-
-
-def _takes(form: Form, scene: Scene, found: Solution, look: Look) -> tuple[Form, Problem]:
+def _takes(form: Form, scene: Scene, problem: Problem, look: Look) -> tuple[Form, Problem]:
     """The run's own problem, or that of a form that gives the same, where the look's solver does not take it.
 
-    So does a tighter look at angles, whose equations are dearer, and any look at a run that took no averaged piece.
+    So does a tighter look at angles, whose equations are dearer.
     """
-    other = _in_full(found) or (form.angles and look.larger < 1)
-    if not other and look.solver.takes(found.problem):
-        return form, found.problem
+    if not (form.angles and look.larger < 1) and look.solver.takes(problem):
+        return form, problem
     form = find_form(reference_form(scene))
     return form, form.problem(scene)
 
