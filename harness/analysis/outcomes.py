@@ -3,11 +3,11 @@
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from polhode.harness.common.store import Record
 from polhode.harness.common.text import duration, scientific
+from polhode.harness.references.errors import magnitude
 from polhode.models.files.scene_file import parse_scene
 from polhode.solvers.catalogue import SOLVERS
 from polhode.solvers.contract import Status
@@ -27,8 +27,7 @@ def limits(records: Iterable[Record]) -> dict[str, float]:
     for record in records:
         if record["scene_name"] not in found:
             scene = parse_scene(record["scene"])
-            largest = float(np.max(np.abs(scene.initial.slow))) / max(scene.ellipsoid.inertia)
-            found[record["scene_name"]] = INACCURATE * max(1.0, largest)
+            found[record["scene_name"]] = INACCURATE * max(1.0, magnitude(scene.ellipsoid, scene.initial))
     return found
 
 

@@ -17,7 +17,7 @@ from polhode.harness.picking.laws import EPS, STIFF, Interval
 from polhode.harness.picking.model_error import NotApplicableError, model_errors, own_estimate
 from polhode.harness.picking.pilot import SATURATED, PilotFailedError, damping_times, pilot
 from polhode.harness.picking.stated_error import TIGHTEST, RunError
-from polhode.harness.references.errors import orientation_difference
+from polhode.harness.references.errors import magnitude, orientation_difference
 from polhode.models.catalogue import form as find_form
 from polhode.models.catalogue import reference_form
 from polhode.models.form import Form, FormNotValidError
@@ -217,7 +217,7 @@ def _estimates(
     scene: Scene, form: Form, observables: Observables, apart: tuple[float, float | None], look: Look
 ) -> Estimates:
     """Errors of the run from its distance to a look, and rounding."""
-    largest = float(np.max(np.abs(observables.slow))) / max(scene.ellipsoid.inertia)
+    largest = magnitude(scene.ellipsoid, observables)
     turns = 0.0 if form.averaged else _rotations(scene, observables)
     found: Estimates = {}
     for want, distance, size in zip(GROWTH, apart, (largest, pi), strict=True):

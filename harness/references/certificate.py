@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from polhode.harness.references.errors import errors
+from polhode.harness.references.errors import errors, magnitude
 from polhode.models.catalogue import form as find_form
 from polhode.models.form import Form, FormNotValidError
 from polhode.models.observables import Observables
@@ -181,7 +181,7 @@ def _compare(ellipsoid: Ellipsoid, runs: list[Observables], true: Observables, t
     tight, loose, *moved = runs
     found = errors(ellipsoid, tight, true)
     own, spread = errors(ellipsoid, loose, tight), [errors(ellipsoid, other, tight) for other in moved]
-    rounding = (ROUNDING + tolerance) * max(1.0, float(np.max(np.abs(true.slow))) / max(ellipsoid.inertia))
+    rounding = (ROUNDING + tolerance) * max(1.0, magnitude(ellipsoid, true))
     slow = own.slow + ULPS * max(each.slow for each in spread) + rounding
     angle = (own.orientation or 0.0) + ULPS * max(each.orientation or 0.0 for each in spread) + rounding
     ratio = max(found.slow / slow, (found.orientation or 0.0) / angle)
