@@ -1,6 +1,7 @@
 """References: solutions in extended precision, certified, with a stated uncertainty, never a contestant's own."""
 
 from dataclasses import astuple, dataclass, replace
+from functools import lru_cache
 from importlib.metadata import version
 from math import inf, isfinite, isnan
 from time import perf_counter
@@ -93,7 +94,7 @@ def reference(scene: Scene, form: str | Form, samples: int, seconds: float = inf
             raise ReferenceFailedError(f"time: got {scene.time:g}, expected at most {HORIZON:g} above St = 1e6")
     problem, long = shape.problem(scene), False
     if not shape.averaged and seconds < inf and 0 < scene.stokes < inf:
-        if (turns := rotations(scene)) > two_methods.MOST:
+        if (turns := _rotations(scene)) > two_methods.MOST:
             raise ReferenceFailedError(f"more than {two_methods.MOST:g} rotations")
         long = turns > two_methods.EXTENDED_UP_TO
     key = _key(problem, samples, long)
@@ -118,6 +119,10 @@ def reference(scene: Scene, form: str | Form, samples: int, seconds: float = inf
         status = arrays.get("status", Status.TIME_LIMIT if f"ended with {Status.TIME_LIMIT}:" in words else "")
         raise ReferenceFailedError(words, str(status))
     return _unpacked(shape, arrays)
+
+
+# Asked for every case of a scene, one after the other; some scenes take a quarter of a second.
+_rotations = lru_cache(maxsize=10)(rotations)
 
 
 def _tried_less(arrays: dict[str, np.ndarray], seconds: float) -> bool:
