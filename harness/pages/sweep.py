@@ -9,7 +9,7 @@ from typing import Any
 from polhode.harness.common.files import PartialFile, write_file
 from polhode.harness.common.machine import header, here
 from polhode.harness.common.store import Store
-from polhode.harness.common.text import markdown
+from polhode.harness.common.text import markdown, short
 from polhode.harness.ensembles.summary import (
     arrival_rows,
     distribution_rows,
@@ -43,7 +43,7 @@ def write_results(sweep: Sweep, store: Store, folder: Path) -> tuple[Path, list[
     ensembles, pictures, written = [], [], dict[str, csv.DictWriter]()
     with ExitStack() as files:
         # Of all that the store holds, one task and the statistics of one shape are in memory.
-        for axes, same in groupby(sweep.ensembles, key=lambda ensemble: ensemble.ellipsoid.semi_axes):
+        for _, same in groupby(sweep.ensembles, key=lambda ensemble: ensemble.ellipsoid.semi_axes):
             found = [(ensemble, gather(ensemble, store)) for ensemble in same]
             for ensemble, statistics in found:
                 ensembles.append(ensemble_row(ensemble, statistics))
@@ -54,7 +54,7 @@ def write_results(sweep: Sweep, store: Store, folder: Path) -> tuple[Path, list[
                             written[name] = csv.DictWriter(file, list(row))
                             written[name].writeheader()
                         written[name].writerow(row)
-            pictures.append((f"shape-{len(pictures) + 1}", " : ".join(f"{length:g}" for length in axes)))
+            pictures.append((f"shape-{len(pictures) + 1}", _shape(ensembles[-1])))
             save(picture(found), folder, pictures[-1][0])
     write_file(folder / PAGE, _page(sweep, ensembles, [name for name in FILES if name in written], pictures))
     for name in FILES.keys() - written.keys():
@@ -68,7 +68,7 @@ def _page(sweep: Sweep, ensembles: list[dict[str, Any]], names: list[str], pictu
     lines = [
         (
             _shape(row),
-            f"{row['stokes']:g}",
+            short(row["stokes"]),
             f"{row['equations']}, {row['method']}",
             row["particles"],
             sum(row["failures"].values()),
@@ -89,7 +89,7 @@ def _page(sweep: Sweep, ensembles: list[dict[str, Any]], names: list[str], pictu
 
 
 def _shape(row: dict[str, Any]) -> str:
-    return f"{row['a']:g} : {row['b']:g} : {row['c']:g}"
+    return " : ".join(short(row[name]) for name in "abc")
 
 
 def _findings(ensembles: list[dict[str, Any]]) -> list[str]:
@@ -97,15 +97,20 @@ def _findings(ensembles: list[dict[str, Any]]) -> list[str]:
     failed = sum(sum(row["failures"].values()) for row in ensembles)
     found = [f"{failed} of {sum(row['particles'] for row in ensembles)} particles failed."]
     for shape, same in groupby(ensembles, key=_shape):
-        ends = []
-        for row in same:
-            shares = [f"{100 * each['value']:.4g} % rotate about the {name}" for name, each in row["arrived"].items()]
-            median = row["transient_time"]["0.5"]["value"] if shares else None
-            by = "" if median is None else f", half of all by t = {median:g}"
-            ends += [f"at St = {row['stokes']:g}, {', '.join(shares)}{by}"] if shares else []
-        if ends:
-            found.append(f"{shape}, in the end: {'; '.join(ends)}.")
+        if ends := "; ".join(filter(None, map(_end, same))):
+            found.append(f"{shape}, in the end: {ends}.")
     return found
+
+
+def _end(row: dict[str, Any]) -> str:
+    """About which axes an ensemble rotates in the end, and by when half of it does; empty where that is not known."""
+    known = {name: each["value"] for name, each in row["arrived"].items() if each["value"] is not None}
+    if not known:
+        return ""
+    shares = ", ".join(f"{100 * share:.4g} % rotate about the {name}" for name, share in known.items())
+    median = row["transient_time"]["0.5"]["value"]
+    by = "" if median is None else f", half of all by t = {short(median)}"
+    return f"at St = {short(row['stokes'])}, {shares}{by}"
 
 
 def _interval(interval: dict[str, float | None]) -> str:

@@ -10,6 +10,7 @@ import time
 import tomllib
 import tracemalloc
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +19,8 @@ from commandline import SCRIPT, Run, small_disk
 
 from polhode.harness.common.store import DamagedStoreError, Store, export
 from polhode.harness.ensembles.engines import serial
-from polhode.harness.ensembles.ensemble import Task
-from polhode.harness.ensembles.statistics import SECOND
+from polhode.harness.ensembles.ensemble import Ensemble, Task
+from polhode.harness.ensembles.statistics import SECOND, Statistics
 from polhode.harness.ensembles.summary import second_moments
 from polhode.harness.ensembles.sweep import gather, parse_sweep, perform, read_sweep, run_sweep
 from polhode.harness.pages.figures.ensembles import picture
@@ -290,6 +291,19 @@ def test_results_tell_what_the_store_holds(here: Run, sweep_file: Path, tmp_path
     names = sorted(path.name for path in (tmp_path / "out").iterdir() if not path.name.startswith("store"))
     tables = ["arrivals.csv", "distributions.csv", "moments.csv", "rates.csv", "slow.csv", "voigt.csv"]
     assert names == sorted(["README.md", "SHA256SUMS", "shape-1.png", "shape-2.png", *tables])
+
+
+def test_a_sweep_of_which_nothing_finished_has_a_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    def nothing(ensemble: Ensemble, _: Store) -> Statistics:
+        count = ensemble.particles
+        return replace(Statistics.empty(ensemble.layout), particles=count, failures={"step_limit": count})
+
+    monkeypatch.setattr("polhode.harness.pages.sweep.gather", nothing)
+    with Store(tmp_path / "store.sqlite") as store:
+        page, _ = write_results(parse_sweep(tomllib.loads(SWEEP)), store, tmp_path)
+    text = page.read_text(encoding="utf-8")
+    assert "- 2700 of 2700 particles failed.\n" in text
+    assert "in the end" not in text
 
 
 @pytest.mark.parametrize(
