@@ -9,6 +9,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from PIL import Image
 
 from polhode.harness.common.files import write_file
@@ -125,15 +126,13 @@ def _copy(source: Path, target: Path) -> None:
 
 def _palette(image: Image.Image) -> Image.Image:
     """The colours that most of the picture has: lines keep theirs, whereas a mean of areas would shift them."""
-    chosen: list[Any] = []
     counted: Any = image.getcolors(image.width * image.height)
-    for _, colour in sorted(counted, reverse=True):
-        if all(max(abs(a - b) for a, b in zip(colour, other, strict=True)) >= APART for other in chosen):
-            chosen.append(colour)
-        if len(chosen) == COLOURS:
-            break
+    left, chosen = np.array([colour for _, colour in sorted(counted, reverse=True)]), []
+    while len(left) and len(chosen) < COLOURS:
+        chosen.append(left[0])
+        left = left[np.max(np.abs(left - left[0]), axis=1) >= APART]
     palette = Image.new("P", (1, 1))
-    palette.putpalette([part for colour in (chosen * COLOURS)[:256] for part in colour])
+    palette.putpalette(np.resize(chosen, (256, 3)).astype(np.uint8).tobytes())
     return palette
 
 

@@ -62,16 +62,14 @@ def _answers(
     found: Mapping[tuple[str, str], Sequence[Cell]], reached: Mapping[tuple[str, float], list[dict[Any, Any]]]
 ) -> list[dict[str, Any]]:
     """What the script knows: of a particle, kind of error and St the span and averaging; of a cell there the answer."""
-    columns: dict[tuple[str, str, float], dict[str, Any]] = {}
+    columns = []
     for (name, error), cells in found.items():
-        for cell in cells:
-            runs = [run for run in reached.get((name, cell.stokes), []) if not isnan(run[error])]
-            key = name, WANTS[error][0], cell.stokes
-            column = columns.setdefault(
-                key, dict(zip(("particle", "want", "St"), key, strict=True)) | _there(runs, error)
-            )
-            column.setdefault("cells", []).append(_answer(cell, runs, error))
-    return list(columns.values())
+        for stokes in dict.fromkeys(cell.stokes for cell in cells):
+            runs = [run for run in reached.get((name, stokes), []) if not isnan(run[error])]
+            answers = [_answer(cell, runs, error) for cell in cells if cell.stokes == stokes]
+            place = {"particle": name, "want": WANTS[error][0], "St": stokes}
+            columns.append(place | _there(runs, error) | {"cells": answers})
+    return columns
 
 
 def _there(runs: Sequence[dict[Any, Any]], error: str) -> dict[str, Any]:
