@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from polhode.harness.common.machine import machine, now, versions
+from polhode.harness.common.machine import here
 from polhode.harness.common.timing import Patience, collector_off, sentinel
 from polhode.harness.common.worker import Worker
 from polhode.harness.ensembles.engines import processes, serial
@@ -66,9 +66,7 @@ def measure() -> dict[str, Any]:
         "memory": memory(),
         "overhead": overhead(),
         "two_processes": two_processes(),
-        "date": now(),
-        "machine": machine(),
-        "versions": versions(),
+        **here(),
         "sentinel_seconds": [steady, sentinel()],
     }
 

@@ -54,10 +54,9 @@ def picture(rows: list[Found]) -> Any:
 
 def page(found: Found) -> str:
     """The measured figures as a page."""
-    places = {"machine": found["machine"], "versions": found["versions"], "date": found.get("date")}
     return fill(
         "throughput",
-        header=header("What ensembles cost", "polhode throughput", [places]),
+        header=header("What ensembles cost", "polhode throughput", [found]),
         findings=bullets(_findings(found)),
         full=table(found["full"], FULL),
         long=table(found["long"], LONG),

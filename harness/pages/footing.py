@@ -16,7 +16,7 @@ from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record, export
 from polhode.harness.common.text import duration, in_two_digits, markdown, scientific, short
 from polhode.harness.pages.figures.work_precision import save, work_precision_panels
-from polhode.harness.pages.tables import fill
+from polhode.harness.pages.tables import bullets, fill
 from polhode.harness.studies.cost import STARTS, FirstRun
 from polhode.harness.studies.overhead import Overhead
 from polhode.solvers.catalogue import SOLVERS
@@ -55,7 +55,7 @@ def write_page(measured: Measured, folder: Path, command: str) -> Path:
     text = fill(
         "footing",
         header=header("Every solver on equal footing", command, records),
-        claims=claims,
+        claims=bullets(claims),
         worth=worth,
         rhs=rhs,
         interpreter=_interpreter(backends),
@@ -95,7 +95,7 @@ def _worth(table: pd.DataFrame) -> tuple[list[str], str]:
             cells = [f"{best[name][0]}, {duration(best[name][1])}" if name in best else "–" for name in ALONE]
             rows.append([short(target), short(stokes), *cells])
     claims = [
-        f"- {name}, without the interpreter, is the fastest at {factors.count(1.0)} of {len(rows)} places (St, slow "
+        f"{name}, without the interpreter, is the fastest at {factors.count(1.0)} of {len(rows)} places (St, slow "
         f"error). At half of the {len(factors)} that it reaches it takes up to {in_two_digits(median(factors))} times "
         f"as long as the fastest, at worst {in_two_digits(max(factors))} times."
         for name, factors in behind.items()

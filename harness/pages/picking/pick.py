@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterable
-from math import inf, nan
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -63,11 +63,11 @@ def summary(evaluation: Evaluation) -> list[str]:
     """The evaluation in sentences, each with its target."""
     count, shares = len(evaluation.scenes), evaluation.shares
     refused = sum(scene["refusal"] != "" for scene in evaluation.scenes.to_dict("records"))
-    factors = evaluation.scenes["factor"].to_numpy(float).tolist()
-    useful = [factor for factor in factors if factor < inf]
-    dearest = f"the dearest one that ended cost {max(useful, default=nan):.2g} times the best"
-    if len(useful) < len(factors):
-        dearest += f", and {len(factors) - len(useful)} gave nothing where another way did"
+    factors = evaluation.scenes["factor"]
+    useful = factors[factors < inf]
+    dearest = f"the dearest one that ended cost {useful.max():.2g} times the best"
+    if useless := count - len(useful):
+        dearest += f", and {useless} gave nothing where another way did"
     lines = [
         f"The first choice met the error on {shares['met']:.1%} of {count} held-out scenes (target: {MEETS:.1%}).",
         f"It cost at most {FACTOR:g} times the best measured choice on {shares['cheap']:.1%} (target: {CHEAP:.0%}); "
@@ -79,8 +79,8 @@ def summary(evaluation: Evaluation) -> list[str]:
         "(target: 97.5%).",
     ]
     if evaluation.ways is not None:
-        table: Any = scores(evaluation.ways)
-        gaps = [f"{row.gap_closed:.3f} ({row.stratum})" for row in table[table["way"] == PICK].itertuples()]
+        ways: Any = scores(evaluation.ways)
+        gaps = [f"{row.gap_closed:.3f} ({row.stratum})" for row in ways[ways["way"] == PICK].itertuples()]
         lines.append(
             f"It closes {', '.join(gaps)} of the gap from the single best way to the virtual best (target: 0.95)."
         )
