@@ -45,6 +45,11 @@ def require_spheroid(form: Form, scene: Scene, instead: str) -> None:
         raise form.refuse(f"the semi-axes {list(scene.ellipsoid.semi_axes)} are all different", instead)
 
 
+def axis_drift(states: np.ndarray, first: int = 3) -> np.ndarray:
+    """|v|² - 1 of the vector v of unit length that stands at `first` in states, shape (n, d)."""
+    return np.sum(states[:, first : first + 3] ** 2, axis=1) - 1
+
+
 def axis_rotation(axis: int, direction: np.ndarray) -> np.ndarray:
     """Matrices t_ij, shape (n, 3, 3), that know row `axis` alone, from directions, shape (n, 3)."""
     rotation = np.full((len(direction), 3, 3), np.nan, dtype=direction.dtype)

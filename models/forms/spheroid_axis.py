@@ -7,7 +7,7 @@ import numpy as np
 
 from polhode.models.form import Form
 from polhode.models.forms.motion import full_problem
-from polhode.models.forms.spheroid import Spheroid, axis_rotation, require_spheroid
+from polhode.models.forms.spheroid import Spheroid, axis_drift, axis_rotation, require_spheroid
 from polhode.models.observables import Observables
 from polhode.models.operations import FLOAT, Field, Operations
 from polhode.models.problem import Part, Parts, Problem
@@ -177,11 +177,6 @@ def parameters(spheroid: Spheroid) -> tuple[float, float, float, float]:
     )
 
 
-def norm_drift(states: np.ndarray) -> np.ndarray:
-    """|p̂|² - 1 of states, shape (n, 6)."""
-    return np.sum(states[:, 3:] ** 2, axis=1) - 1
-
-
 class SpheroidAxis(Form):
     """State (L, p̂) in space axes, L in units of I_e; the spin about p̂ is known by its rate alone, through L·p̂."""
 
@@ -203,7 +198,7 @@ class SpheroidAxis(Form):
         momentum = scene.initial.angular_momentum[0] / spheroid.equatorial_inertia
         start = *momentum.tolist(), *scene.initial_rotation[spheroid.axis].tolist()
         inertial, shape = (True,) * 3 + (False,) * 3, parameters(spheroid)
-        return full_problem(self, scene, field, start, inertial, shape, invariant=norm_drift, parts=PARTS)
+        return full_problem(self, scene, field, start, inertial, shape, invariant=axis_drift, parts=PARTS)
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         """Observables; p̂ is normalised first, and is all that is known of the rotation."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from polhode.models.catalogue import full_form
 from polhode.models.form import Form, FormNotValidError, Orientation
-from polhode.models.forms.spheroid import Spheroid, axis_rotation
+from polhode.models.forms.spheroid import Spheroid, axis_drift, axis_rotation
 from polhode.models.observables import Observables
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
@@ -77,11 +77,9 @@ class SecondOrder(Form):
         self.check(scene)
         if scene.ellipsoid.kind == "triaxial":
             run = self._entry(scene)
-            return self.slow_problem(scene, triaxial.field, run.state, run.parameters, partial(drift, first=4))
+            return self.slow_problem(scene, triaxial.field, run.state, run.parameters, partial(axis_drift, first=4))
         parameters = spheroidal.parameters(Spheroid.of(scene.ellipsoid), scene.torque_factor)
-        return self.slow_problem(
-            scene, spheroidal.field, (*(slow_start(scene) or ()), 0.0), parameters, partial(drift, first=3)
-        )
+        return self.slow_problem(scene, spheroidal.field, (*(slow_start(scene) or ()), 0.0), parameters, axis_drift)
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         """Observables, the fast motion and the O(1/St) swing put back; of a spheroid with the axis' row alone."""
@@ -141,8 +139,3 @@ def slow_start(scene: Scene) -> tuple[float, ...] | None:
         if not np.all(np.abs(slow) < 1e3 * np.max(np.abs(exact))):
             return None
     return None
-
-
-def drift(states: np.ndarray, first: int) -> np.ndarray:
-    """|v|² - 1 of the vector v of unit length that stands at `first` in states, shape (n, d)."""
-    return np.sum(states[:, first : first + 3] ** 2, axis=1) - 1
