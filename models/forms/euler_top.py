@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 
+from polhode.models.catalogue import reference_form
 from polhode.models.forms.quaternion import Quaternion
 from polhode.models.free_top.torque_free import TorqueFree
 from polhode.models.problem import Problem
@@ -26,7 +27,7 @@ class EulerTop(Quaternion):
     def check(self, scene: Scene) -> None:
         """Refuse finite St and starts without orientation."""
         if scene.torque_factor > 0:
-            raise self.refuse(f"St = {scene.stokes:g} is finite", "jeffery" if scene.stokes == 0 else "quaternion")
+            raise self.refuse(f"St = {scene.stokes:g} is finite", reference_form(scene))
         self.require_orientation(scene)
 
     def problem(self, scene: Scene) -> Problem:
