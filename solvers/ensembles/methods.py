@@ -10,7 +10,7 @@ import numpy as np
 from polhode.models.problem import Factory, Parts, Problem
 from polhode.solvers.machine_code.lanes import Lanes, lanes
 from polhode.solvers.machine_code.tracing import OPERATIONS
-from polhode.solvers.parts.schemes import SCHEMES, Scheme
+from polhode.solvers.parts.schemes import SCHEMES, Scheme, dop853
 
 RUNGE_KUTTA = "DOP853"
 # Time of an evaluation of a field over that of a splitting's slow and fast flow.
@@ -90,10 +90,8 @@ def _splitting(parts: Parts, scheme: Scheme, dimension: int) -> Lanes:
 
 @cache
 def _runge_kutta(field: Factory, dimension: int, parameters: int) -> tuple[Lanes, int]:
-    from scipy.integrate import DOP853
-
-    nodes, weights = DOP853.A.tolist(), DOP853.B.tolist()
-    rhs = field(OPERATIONS)
+    table, rhs = dop853(), field(OPERATIONS)
+    nodes, weights = table.A[: table.N_STAGES].tolist(), table.B.tolist()
 
     def moved(y: Sequence[Any], h: Any, shares: Sequence[float], slopes: Sequence[Any]) -> list[Any]:
         used = [(share, slope) for share, slope in zip(shares, slopes, strict=False) if share]

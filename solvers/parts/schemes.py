@@ -1,7 +1,11 @@
-"""Compositions of the flows of two parts, and how large their steps may be."""
+"""Coefficients of steps: compositions of the flows of two parts, and DOP853."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
+from importlib.util import find_spec
+from pathlib import Path
+from runpy import run_path
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -36,7 +40,7 @@ def _listed(fast: tuple[float, ...], slow: tuple[float, ...], stages: int, numbe
     return np.concatenate([np.array([stages], number), *shares])
 
 
-def _mirrored(half: tuple[float, ...], length: int, number: type = float) -> np.ndarray:
+def _mirrored(half: tuple[float, ...], length: int, number: type) -> np.ndarray:
     """All shares; the middle takes up what rounding of the others leaves, since a sum beside 1 changes the clock."""
     shares = np.array([*half, *half[: length - len(half)][::-1]], number)
     middle = shares[(length - 1) // 2 : length // 2 + 1]
@@ -68,3 +72,11 @@ SCHEMES = (
 )
 # Of one run by itself: on random spheroids no other gained over it at any error.
 BEST = SCHEMES[-1]
+
+
+@cache
+def dop853() -> SimpleNamespace:
+    """SciPy's coefficients of DOP853, without the 0.2 s that its package takes to import."""
+    scipy = find_spec("scipy")
+    folder = Path((scipy and scipy.origin) or "scipy is not installed").parent
+    return SimpleNamespace(**run_path(str(folder / "integrate" / "_ivp" / "dop853_coefficients.py")))

@@ -2,17 +2,13 @@
 
 from dataclasses import dataclass
 from functools import cache, cached_property
-from importlib.util import find_spec
 from math import isfinite, pi
-from pathlib import Path
-from runpy import run_path
-from types import SimpleNamespace
 
 import numpy as np
 
 from polhode.models.problem import Problem
 from polhode.solvers.contract import Outcome, Record, Status
-from polhode.solvers.parts.schemes import BEST
+from polhode.solvers.parts.schemes import BEST, dop853
 from polhode.solvers.parts.splitting import Split, Splitting
 from polhode.solvers.parts.strobe_kernels import NEAR, StrobeKernels, strobe_kernels
 
@@ -47,14 +43,6 @@ class Setting:
     easy: bool = False
     turns: float = 0.0
     failed: int = 0
-
-
-@cache
-def dop853() -> SimpleNamespace:
-    """SciPy's coefficients of DOP853, without the 0.2 s that its package takes to import."""
-    scipy = find_spec("scipy")
-    folder = Path((scipy and scipy.origin) or "scipy is not installed").parent
-    return SimpleNamespace(**run_path(str(folder / "integrate" / "_ivp" / "dop853_coefficients.py")))
 
 
 @cache

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import DOP853, RK45
 
 from polhode.harness.ensembles.ensemble import Ensemble, Task, run_task
 from polhode.harness.ensembles.starts import ENSEMBLE_FORMS, Drawn, Starts
@@ -12,10 +13,12 @@ from polhode.models.catalogue import form as find_form
 from polhode.models.observables import observe_body
 from polhode.models.rotation import matrix_from_quaternion
 from polhode.models.scene import BodyStart, Scene
+from polhode.models.second_order.slow_path import DIFFERENCE, STAGES
 from polhode.models.shape import Ellipsoid
 from polhode.models.theory.attractors import attractors, circle
-from polhode.solvers.ensembles.adaptive_steps import run_adaptive
+from polhode.solvers.ensembles.adaptive_steps import BENDS, run_adaptive
 from polhode.solvers.ensembles.taylor_batch import run_batches
+from polhode.solvers.parts.schemes import dop853
 from polhode.solvers.solve import solve
 
 TRIAXIAL = Ellipsoid((0.8, 1.0, 0.5))
@@ -240,3 +243,12 @@ def test_the_attractor_is_rotation_about_the_shortest_axis(ellipsoid: Ellipsoid,
     assert found[0].state == pytest.approx([0, 0, -0.5, 0.125])
     assert attractors(ellipsoid, 0.0, 0.01, circling=True) == ()
     assert attractors(Ellipsoid((1.0, 1.0, 1.01)), 1e4, 0.05, circling=True) == ()
+
+
+def test_coefficients_are_those_of_scipys_classes():
+    assert [row[: k + 1] for k, row in enumerate(RK45.A[1:].tolist())] == [list(row) for row in STAGES[:-1]]
+    assert (RK45.B.tolist(), RK45.E.tolist()) == (list(STAGES[-1]), [-each for each in DIFFERENCE])
+    assert RK45.P[:, 3].tolist() == list(BENDS)
+    table = dop853()
+    assert np.array_equal(table.A[: table.N_STAGES, : table.N_STAGES], DOP853.A)
+    assert np.array_equal(table.B, DOP853.B)
