@@ -4,6 +4,7 @@ import json
 import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from shutil import copytree
 from typing import Any
 
 import pandas as pd
@@ -17,10 +18,12 @@ from polhode.harness.calibration.evaluation import Evaluation
 from polhode.harness.common.store import read_export
 from polhode.harness.pages import ensembles
 from polhode.harness.pages.averaging import first_order, hybrid, second_order
+from polhode.harness.pages.known_stokes import write_page
 from polhode.harness.pages.outcomes import limit, sentences
 from polhode.harness.pages.picking.pick import summary
 from polhode.harness.pages.regimes import ERRORS, read_cells, sentence
 from polhode.harness.pages.verdict import averaged_costs, verdict
+from polhode.harness.studies.study_file import read_study as read_study_file
 from polhode.models.catalogue import FORMS
 from polhode.solvers.catalogue import SOLVERS
 
@@ -90,6 +93,14 @@ def test_pages_on_averaging_follow_from_the_data():
         "hybrid": hybrid.page(read_study(HybridStudy, REPORTS / "hybrid"), f"{command} --order hybrid"),
     }
     assert {name: text(f"{name}/README.md") for name in made} == made
+
+
+def test_the_page_of_solvers_that_know_stokes_follows_from_the_data(tmp_path: Path):
+    study, folder = ROOT / "harness" / "studies" / "known_stokes.toml", REPORTS / "known-stokes"
+    copytree(folder, tmp_path / "copy")
+    command = "polhode bench harness/studies/known_stokes.toml"
+    page = write_page(read_study_file(study), list(read_export(folder / "records.jsonl")), tmp_path / "copy", command)
+    assert page.read_text(encoding="utf-8") == text("known-stokes/README.md")
 
 
 def test_readme_says_what_there_is():

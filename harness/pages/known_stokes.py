@@ -1,5 +1,6 @@
 """The page of solvers that know St: how many times as fast as the fastest other one, and what was asked of them."""
 
+import json
 from collections.abc import Sequence
 from dataclasses import replace
 from math import isnan, nan
@@ -10,8 +11,9 @@ import pandas as pd
 
 from polhode.harness.analysis.frames import by_stokes, frame, where
 from polhode.harness.analysis.pareto import times_at_error
-from polhode.harness.common.files import write_file
+from polhode.harness.common.files import read_file, write_file
 from polhode.harness.common.machine import header
+from polhode.harness.common.plain_json import digest
 from polhode.harness.common.store import Record, export
 from polhode.harness.common.text import duration, markdown, scientific, short
 from polhode.harness.common.timing import seconds_of
@@ -48,7 +50,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         header=header(study.title, command, records),
         met=met.count(True),
         asked=len(met),
-        stroboscopic=bullets(_stroboscopic(study, table)),
+        stroboscopic=bullets(_stroboscopic(study, table, folder)),
         ratios=markdown(["scene", "St", *map(short, ERRORS)], rows, right=range(1, 2 + len(ERRORS))),
     )
     write_file(page, text)
@@ -80,7 +82,7 @@ def _splitting(table: pd.DataFrame) -> tuple[list[list[str]], list[bool]]:
     return rows, met
 
 
-def _stroboscopic(study: Study, table: pd.DataFrame) -> list[str]:
+def _stroboscopic(study: Study, table: pd.DataFrame, folder: Path) -> list[str]:
     """What averaging takes for tight errors of both kinds, and over how long a run."""
     slow, orientation, asked = REACHED
     runs = where(table, (table["scene_name"] == "spheroid") & (table["stokes"] == STOKES))
@@ -97,7 +99,7 @@ def _stroboscopic(study: Study, table: pd.DataFrame) -> list[str]:
         beside = f"{name} in {duration(best[name])}: {ratio:.3g} times as fast, asked for: {asked:g}"
     strobe = where(done, done["solver"] == "stroboscopic")
     scene = next(scene for name, scene in study.scenes if name == "spheroid" and scene.stokes == STOKES)
-    longer = _longer(scene, min(strobe["tolerance"].to_numpy(float)), study.samples)
+    longer = _kept_longer(folder, scene, min(strobe["tolerance"].to_numpy(float)), study.samples)
     return [
         f"`stroboscopic`, scene spheroid at St = {short(STOKES)}: slow error {short(slow)} and orientation error "
         f"{short(orientation)} rad in {duration(best['stroboscopic'])}, {beside}; splitting in "
@@ -106,6 +108,16 @@ def _stroboscopic(study: Study, table: pd.DataFrame) -> list[str]:
         f"A run at St = {short(LARGER)} takes {longer:.2g} times as long as that at {short(STOKES)}, "
         f"asked for: at most {LONGER:g}.",
     ]
+
+
+def _kept_longer(folder: Path, scene: Scene, tolerance: float, samples: int) -> float:
+    """`_longer`, measured once for the records in the folder."""
+    path, of = folder / "longer.json", digest(read_file(folder / "records.jsonl").decode())
+    if path.exists() and (found := json.loads(read_file(path)))["records"] == of:
+        return found["ratio"]
+    ratio = _longer(scene, tolerance, samples)
+    write_file(path, json.dumps({"records": of, "ratio": ratio}) + "\n", summed=True)
+    return ratio
 
 
 def _longer(scene: Scene, tolerance: float, samples: int) -> float:

@@ -60,3 +60,16 @@ def test_ratios_at_equal_error(tmp_path: Path, seconds: float, sign: str):
         encoding="utf-8"
     )
     assert "no solver that does not know St gets there" in alone
+
+
+def test_the_longer_run_is_measured_once_for_the_same_records(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    measured = iter([0.5, 0.7])
+    monkeypatch.setattr(known_stokes, "_longer", lambda *_: next(measured))
+    study, record = parse_study(STUDY), run("stroboscopic", 1e6, 2e-9, 5e-4)
+
+    def said(seconds: float) -> str:
+        path = known_stokes.write_page(study, [record | {"seconds": seconds}], tmp_path, "polhode bench")
+        return path.read_text(encoding="utf-8")
+
+    assert said(5e-4) == said(5e-4)
+    assert "takes 0.7 times as long" in said(6e-4)
