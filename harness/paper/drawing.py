@@ -66,10 +66,7 @@ def panels(rows: int, columns: int, width: float = 3.5, height: float = 2.7, **o
 
 def label(axes: Axes, x: str, y: str, title: str = "", log: str = "", **limits: Any) -> Axes:
     """Label axes, whose units belong into the labels; those named in `log` are logarithmic, with powers of ten."""
-    axes.set(xlabel=x, ylabel=y, title=title)
-    if log:
-        axes.set(**{f"{side}scale": "log" for side in log})
-    axes.set(**limits)
+    axes.set(xlabel=x, ylabel=y, title=title, **{f"{side}scale": "log" for side in log}, **limits)
     return axes
 
 
