@@ -59,7 +59,6 @@ class Strobe:
     """A problem bound to the machine code of stroboscopic averaging, with splitting for what that cannot do."""
 
     def __init__(self, problem: Problem, tolerance: float) -> None:
-        assert problem.parts is not None
         self.split, self.tolerance = Split(problem, tolerance), tolerance
         self.p, self.scheme, self.table = self.split.address, BEST.addresses[float], dop853()
         # Machine code takes addresses in less time than arrays.
