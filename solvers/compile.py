@@ -19,7 +19,7 @@ from polhode.solvers.contract import Backend
 from polhode.solvers.machine_code import kept_code
 from polhode.solvers.machine_code.array_function import array_function
 from polhode.solvers.machine_code.derivatives import trace_jacobian
-from polhode.solvers.machine_code.llvm import CALLBACK, MachineCode, compile_lines, counting
+from polhode.solvers.machine_code.llvm import CALLBACK, MachineCode, Signature, compile_lines, counting
 from polhode.solvers.machine_code.tracing import OPERATIONS, FieldFactory, read, trace, written
 
 Callback = Callable[[np.ndarray, Any, np.ndarray], None]
@@ -69,12 +69,12 @@ _BROUGHT_ALONG: dict[tuple[FieldFactory, int, int], MachineCode] = {}
 
 def _with_field(factory: WithRate, dimension: int, parameters: int) -> MachineCode:
     """The code of both, of which the field's own serves its runs too: less than that of the two apart."""
-    own = trace(factory.field, dimension - 1, parameters)
-    helper = f"define void @field(ptr %out, double %t, ptr %y, ptr %p) noinline {{\n{own}\nret void\n}}"
+    own = CALLBACK.head.replace("@function", "@field")
+    helper = Signature(f"{own} noinline").around(trace(factory.field, dimension - 1, parameters))
     numbers: dict[str, str] = {}
     rate = factory.rate(OPERATIONS)(read(numbers, "y", dimension), read(numbers, "p", parameters))
     lines = [
-        "call void @field(ptr %out, double %t, ptr %y, ptr %p)",
+        f"call {own}",
         f"%last = getelementptr double, ptr %out, i64 {dimension - 1}",
         written(numbers, [rate], to="%last"),
     ]

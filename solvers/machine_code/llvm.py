@@ -30,6 +30,10 @@ class Signature:
     # Functions that the prologue calls.
     helpers: str = ""
 
+    def around(self, lines: str) -> str:
+        """The function's definition."""
+        return f"define {self.head} {{\n{self.prologue}\n{lines}\nret {self.result}\n}}"
+
 
 # What CyRK calls: void(double *dy, double t, double *y, double *p).
 CALLBACK = Signature("void @function(ptr %out, double %t, ptr %y, ptr %p)")
@@ -57,8 +61,7 @@ class MachineCode:
 
 def compile_lines(signature: Signature, lines: str) -> MachineCode:
     """Compile a function for this processor."""
-    text = f"define {signature.head} {{\n{signature.prologue}\n{lines}\nret {signature.result}\n}}"
-    engine = compile_text("\n".join([signature.helpers, text]))
+    engine = compile_text("\n".join([signature.helpers, signature.around(lines)]))
     return MachineCode(engine.get_function_address("function"), engine)
 
 
