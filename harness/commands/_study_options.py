@@ -2,6 +2,8 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, fields, replace
+from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -37,21 +39,45 @@ def out_folder(default: str) -> Callable[..., Any]:
     return click.option("--out", type=FOLDER, default=Path(default), help="Folder.")
 
 
+@dataclass(frozen=True)
+class Wanted:
+    """What the options of a command that runs a study say."""
+
+    study_file: Path | None
+    out: Path | None
+    quick: bool
+    resume: bool
+    quiet: bool
+    disturbed: bool
+    filters: dict[str, tuple[str, ...]]
+
+    def study(self, default: str = "bench") -> "Study":
+        """The part of the study that is wanted, under a name of its own; raises ValueError if nothing is left."""
+        from polhode.harness.studies.study_file import read_study
+
+        study = read_study(self.study_file, default)
+        values = [value for kind in KINDS for value in self.filters[kind]]
+        return replace(study.part(**self.filters), name="-".join([study.name, *values])) if values else study
+
+    def folder(self, study: "Study") -> Path:
+        """Where results go."""
+        return self.out or Path("reports") / study.name
+
+
 def study_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add [STUDY.toml], --out, --quick, --resume, --quiet, --disturbed, and --scene and so on as `filters`."""
+    """Add [STUDY.toml], --out, --quick, --resume, --quiet, --disturbed, and --scene and so on, as `Wanted`."""
+
+    @wraps(command)
+    def wanting(**given: Any) -> Any:
+        filters = {kind: given.pop(kind) for kind in KINDS}
+        own = {each.name: given.pop(each.name) for each in fields(Wanted) if each.name in given}
+        return command(Wanted(**own, filters=filters), **given)
+
     for name, (option, text) in reversed(KINDS.items()):
-        command = click.option(option, name, multiple=True, help=text)(command)
+        wanting = click.option(option, name, multiple=True, help=text)(wanting)
     out = click.option("--out", type=FOLDER, help="Folder; by default reports/NAME, with the filters' words.")
     file = click.argument("study_file", metavar="[STUDY.toml]", required=False, type=click.Path(path_type=Path))
-    return file(out(quick(resume(quiet(disturbed(command))))))
-
-
-def filtered(study: "Study", filters: Mapping[str, tuple[str, ...]]) -> "Study":
-    """The part of a study that is wanted, under a name of its own; raises ValueError if nothing is left."""
-    from dataclasses import replace
-
-    values = [value for kind in KINDS for value in filters[kind]]
-    return replace(study.part(**filters), name="-".join([study.name, *values])) if values else study
+    return file(out(quick(resume(quiet(disturbed(wanting))))))
 
 
 def steady(records: Sequence[Mapping[str, Any]], page: Path, anyway: bool) -> bool:

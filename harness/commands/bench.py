@@ -1,45 +1,30 @@
 """`polhode bench`, `regimes` and `equal-error`: studies of cost against accuracy."""
 
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
 import click
 
 from polhode.harness.cli import BadInput, bad_input
-from polhode.harness.commands._study_options import (
-    command_line,
-    filtered,
-    open_store,
-    out_folder,
-    quick,
-    quiet,
-    resume,
-    running_into,
-    steady,
-    study_options,
-)
+from polhode.harness.commands import _study_options as options
+from polhode.harness.commands._study_options import Wanted, command_line, open_store, running_into, steady
 
 if TYPE_CHECKING:
     from polhode.harness.common.store import Store
     from polhode.harness.studies.study import Study
 
 
+# Modules of `pages` by what a study names.
+PAGES = {"costs": "bench", "outcomes": "outcomes", "known-stokes": "known_stokes"}
+
+
 @click.command(epilog="Example: polhode bench --quick --out look; polhode bench --problems --quick --out look")
-@study_options
+@options.study_options
 @click.option("--problems", is_flag=True, help="The classical test problems instead; --scene is one of them.")
 @click.option("--page-only", is_flag=True, help="Measure nothing: write the page anew from the folder's records.jsonl.")
-def bench(
-    study_file: Path | None,
-    out: Path | None,
-    quick: bool,
-    resume: bool,
-    quiet: bool,
-    disturbed: bool,
-    problems: bool,
-    page_only: bool,
-    **filters: tuple[str, ...],
-) -> None:
+def bench(wanted: Wanted, problems: bool, page_only: bool) -> None:
     """Run a work-precision study and write its page, figures and records.
 
     The page shows which run is the cheapest, or, for a study of several scenes that does not say otherwise, which runs
@@ -53,73 +38,51 @@ def bench(
     afresh moves them to FOLDER/previous.sqlite.
     """
     if problems:
-        _problems(out or Path("reports/problems"), study_file, quick, resume, quiet, **filters)
+        _problems(wanted)
         return
     from polhode.harness.calibration.fit import refit
     from polhode.harness.common.store import read_export
-    from polhode.harness.pages import bench as bench_page
-    from polhode.harness.pages import known_stokes
-    from polhode.harness.pages import outcomes as outcomes_page
     from polhode.harness.picking.laws import load_laws, own_laws_path
     from polhode.harness.studies.runner import Runner
-    from polhode.harness.studies.study_file import read_study
 
     with bad_input():
-        study = filtered(read_study(study_file), filters)
-        study = study.quick() if quick else study
-        folder = out or Path("reports") / study.name
-    pages = {"costs": bench_page, "outcomes": outcomes_page, "known-stokes": known_stokes}
-    write_page = pages[study.page].write_page
+        study = wanted.study()
+        study, folder = study.quick() if wanted.quick else study, wanted.folder(study)
+    write_page = import_module(f"polhode.harness.pages.{PAGES[study.page]}").write_page
     if page_only:
         with bad_input():
             records = list(read_export(folder / "records.jsonl"))
         click.echo(f"{write_page(study, records, folder, command_line())}")
         return
-    store = open_store(folder, resume)
+    store = open_store(folder, wanted.resume)
     if outside := [name for name in (*study.forms, *study.solvers) if ":" in name]:
         click.echo(f"note: the study runs code of {', '.join(outside)}", err=True)
     with running_into(store):
-        records = Runner(store, quiet).run(study)
-    trusted = steady(records, folder / "README.md", disturbed)
+        records = Runner(store, wanted.quiet).run(study)
+    trusted = steady(records, folder / "README.md", wanted.disturbed)
     page = write_page(study, records, folder, command_line())
-    if study_file is None and not quick and not any(filters.values()) and trusted:
+    if trusted and not (wanted.study_file or wanted.quick or any(wanted.filters.values())):
         refit(load_laws(), records).save(own_laws_path())
         click.echo(f"{own_laws_path()}: the times of `polhode pick`, fitted to this machine", err=True)
     click.echo(f"{page}")
 
 
-def _problems(
-    folder: Path,
-    study_file: Path | None,
-    quick: bool,
-    resume: bool,
-    quiet: bool,
-    scenes: tuple[str, ...],
-    solvers: tuple[str, ...],
-    **others: tuple[str, ...],
-) -> None:
+def _problems(wanted: Wanted) -> None:
     from polhode.harness.pages.problems import write_page
     from polhode.harness.problems import run_problems
 
-    if study_file or any(others.values()):
+    if wanted.study_file or wanted.filters["forms"] or wanted.filters["tags"]:
         raise BadInput("--problems: got a study, --form or --tag, expected --scene and --solver at most")
-    store = open_store(folder, resume)
+    folder, some = wanted.out or Path("reports/problems"), (wanted.filters[name] for name in ("scenes", "solvers"))
+    store = open_store(folder, wanted.resume)
     with running_into(store), bad_input():
-        rows = run_problems(store, scenes, solvers, quick=quick, quiet=quiet)
+        rows = run_problems(store, *some, quick=wanted.quick, quiet=wanted.quiet)
     click.echo(f"{write_page(rows, folder, command_line())}")
 
 
 @click.command(epilog="Example: polhode regimes --quick --out look")
-@study_options
-def regimes(
-    study_file: Path | None,
-    out: Path | None,
-    quick: bool,
-    resume: bool,
-    quiet: bool,
-    disturbed: bool,
-    **filters: tuple[str, ...],
-) -> None:
+@options.study_options
+def regimes(wanted: Wanted) -> None:
     """Measure and draw who wins over St and error: one map for the full solution, one for the slow variables.
 
     The whole study is some 3600 runs and takes about half an hour: references, then every run up to five times.
@@ -130,20 +93,19 @@ def regimes(
     from polhode.harness.analysis.regime_map import LONGEST_SLOW_TIME
     from polhode.harness.pages.regimes import write_page
     from polhode.harness.studies.runner import Runner
-    from polhode.harness.studies.study_file import read_study
 
     with bad_input():
-        study = replace(filtered(read_study(study_file, "regimes"), filters), longest_slow_time=LONGEST_SLOW_TIME)
-        if quick:
+        study = replace(wanted.study("regimes"), longest_slow_time=LONGEST_SLOW_TIME)
+        folder = wanted.folder(study)
+        if wanted.quick:
             some = tuple((name, scene) for name, scene in study.scenes if 0.1 <= scene.stokes <= 1e4)
             study = replace(study.quick(), scenes=some or study.scenes)
-        folder = out or Path("reports") / study.name
-    store = open_store(folder, resume)
+    store = open_store(folder, wanted.resume)
     with running_into(store):
-        if not quiet:
+        if not wanted.quiet:
             click.echo(ahead(study, store), err=True)
-        records = Runner(store, quiet).run(study)
-    steady(records, folder / "README.md", disturbed)
+        records = Runner(store, wanted.quiet).run(study)
+    steady(records, folder / "README.md", wanted.disturbed)
     click.echo(f"{write_page(study, records, folder, command_line())}")
 
 
@@ -155,10 +117,10 @@ def ahead(study: "Study", store: "Store") -> str:
 
 
 @click.command(epilog="Example: polhode equal-error --out look --quick")
-@out_folder("reports/solvers")
-@quick
-@resume
-@quiet
+@options.out_folder("reports/solvers")
+@options.quick
+@options.resume
+@options.quiet
 def equal_error(out: Path, quick: bool, resume: bool, quiet: bool) -> None:
     """Compare all solvers at equal error, with every back end, and with the bare library calls.
 

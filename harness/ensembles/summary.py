@@ -1,5 +1,6 @@
 """What the statistics of an ensemble say: means with standard errors, fractions and quantiles with intervals."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from math import ceil
@@ -13,6 +14,8 @@ from polhode.harness.ensembles.ensemble import Ensemble
 from polhode.harness.ensembles.statistics import FOURTH, FOURTH_OF_VOIGT, RATES, SECOND, SLOW_NAMES, VOIGT, Statistics
 
 QUANTILES = (0.1, 0.5, 0.9)
+# Where the squares of `SECOND` stand in `FOURTH`.
+SQUARES = [FOURTH.index(tuple(sorted((*pair, *pair)))) for pair in SECOND]
 
 
 @dataclass(frozen=True)
@@ -24,43 +27,15 @@ class Estimate:
     high: float | None
 
 
-def second_moments(statistics: Statistics) -> tuple[np.ndarray, np.ndarray]:
-    """⟨p_i p_j⟩ and standard errors, both of shape (snapshots, axes, 6), in the order of `SECOND`.
+def means(statistics: Statistics, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Means of what the sums `name` ("second", "fourth", "rates", "slow") add up, and their standard errors.
 
-    The variance needs ⟨p_i² p_j²⟩, which is a fourth moment.
+    The variance of second moments needs ⟨p_i² p_j²⟩, which is a fourth moment.
     """
-    squares = [FOURTH.index(tuple(sorted((*pair, *pair)))) for pair in SECOND]
-    return _means(statistics.finished, statistics.second, statistics.fourth[:, :, squares])
-
-
-def fourth_moments(statistics: Statistics) -> tuple[np.ndarray, np.ndarray]:
-    """⟨p_i p_j p_k p_l⟩ and standard errors, both of shape (snapshots, axes, 15), in the order of `FOURTH`."""
-    return _means(statistics.finished, statistics.fourth, statistics.fourth_squares)
-
-
-def fourth_in_voigt_order(statistics: Statistics) -> tuple[np.ndarray, np.ndarray]:
-    """⟨p_i p_j p_k p_l⟩ and standard errors as matrices in Voigt's order xx, yy, zz, yz, xz, xy.
-
-    Both of shape (snapshots, axes, 6, 6), as tensors of stiffness are written: no factors stand before the components
-    (Voigt 1910; of orientation: Advani and Tucker, J. Rheol. 31 (1987) 751).
-    """
-    mean, error = fourth_moments(statistics)
-    return mean[..., FOURTH_OF_VOIGT], error[..., FOURTH_OF_VOIGT]
-
-
-def rate_means(statistics: Statistics) -> tuple[np.ndarray, np.ndarray]:
-    """⟨(ω·p)²⟩ and ⟨|dp/dt|²⟩ and standard errors, both of shape (snapshots, axes, 2), in the order of `RATES`."""
-    return _means(statistics.finished, statistics.rates, statistics.rates_squares)
-
-
-def slow_means(statistics: Statistics) -> tuple[np.ndarray, np.ndarray]:
-    """Means of `SLOW_NAMES` over the largest moment of inertia and standard errors, both of shape (snapshots, 5)."""
-    return _means(statistics.finished, statistics.slow, statistics.slow_squares)
-
-
-def _means(count: int, sums: np.ndarray, squares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    sums, count = getattr(statistics, name), statistics.finished
     if count == 0:
         return np.full_like(sums, np.nan), np.full_like(sums, np.nan)
+    squares = statistics.fourth[:, :, SQUARES] if name == "second" else getattr(statistics, f"{name}_squares")
     mean = sums / count
     variance = np.maximum(squares / count - mean**2, 0)
     return mean, np.sqrt(variance / max(count - 1, 1))
@@ -101,46 +76,40 @@ def transient_quantile(ensemble: Ensemble, statistics: Statistics, share: float)
     )
 
 
-def _axes(ensemble: Ensemble) -> dict[str, list[Any]]:
-    return {"time": snapshot_times(ensemble), "body_axis": [axis + 1 for axis in ensemble.layout.axes]}
-
-
 def moment_rows(ensemble: Ensemble, statistics: Statistics) -> list[dict[str, object]]:
     """Orientation moments, one row per snapshot, body axis and component."""
-    axes = _axes(ensemble)
-    moments = ((SECOND, second_moments(statistics)), (FOURTH, fourth_moments(statistics)))
-    names = [["".join("xyz"[i] for i in component) for component in order] for order, _ in moments]
-    return [
-        row
-        for (_, means), components in zip(moments, names, strict=True)
-        for row in _mean_rows(ensemble, {**axes, "moment": components}, *means)
-    ]
+    second, fourth = (["".join("xyz"[i] for i in component) for component in order] for order in (SECOND, FOURTH))
+    rows = _mean_rows(ensemble, means(statistics, "second"), moment=second)
+    return rows + _mean_rows(ensemble, means(statistics, "fourth"), moment=fourth)
 
 
 def voigt_rows(ensemble: Ensemble, statistics: Statistics) -> list[dict[str, object]]:
-    """Fourth moments as matrices in Voigt's order, one row per snapshot, body axis and entry from the diagonal on."""
+    """Fourth moments as matrices in Voigt's order, one row per snapshot, body axis and entry from the diagonal on.
+
+    As tensors of stiffness are written: no factors stand before the components (Voigt 1910; of orientation: Advani and
+    Tucker, J. Rheol. 31 (1987) 751).
+    """
     names = ["".join("xyz"[i] for i in pair) for pair in VOIGT]
-    axes = {**_axes(ensemble), "row": names, "column": names}
-    rows = _mean_rows(ensemble, axes, *fourth_in_voigt_order(statistics))
+    mean, error = (each[..., FOURTH_OF_VOIGT] for each in means(statistics, "fourth"))
+    rows = _mean_rows(ensemble, (mean, error), row=names, column=names)
     return [row for row in rows if names.index(str(row["row"])) <= names.index(str(row["column"]))]
 
 
 def rate_rows(ensemble: Ensemble, statistics: Statistics) -> list[dict[str, object]]:
     """Mean squares of spinning and tumbling rates, one row per snapshot, body axis and rate."""
-    return _mean_rows(ensemble, {**_axes(ensemble), "rate": list(RATES)}, *rate_means(statistics))
+    return _mean_rows(ensemble, means(statistics, "rates"), rate=RATES)
 
 
 def slow_rows(ensemble: Ensemble, statistics: Statistics) -> list[dict[str, object]]:
     """Means of the slow variables, one row per snapshot and variable."""
-    variables = [f"{name}/Imax" for name in SLOW_NAMES]
-    return _mean_rows(ensemble, {"time": snapshot_times(ensemble), "variable": variables}, *slow_means(statistics))
+    return _mean_rows(ensemble, means(statistics, "slow"), variable=[f"{name}/Imax" for name in SLOW_NAMES])
 
 
-def _mean_rows(
-    ensemble: Ensemble, axes: dict[str, list[Any]], mean: np.ndarray, error: np.ndarray
-) -> list[dict[str, object]]:
-    """One row for each place in the arrays, whose axes are named with their values."""
-    values = zip(product(*axes.values()), mean.ravel().tolist(), error.ravel().tolist(), strict=True)
+def _mean_rows(ensemble: Ensemble, found: tuple[np.ndarray, np.ndarray], **more: Sequence[str]) -> list[dict[str, Any]]:
+    """One row for each place in the arrays: of times, of body axes but for slow variables, and of what is named."""
+    bodies = {} if "variable" in more else {"body_axis": [axis + 1 for axis in ensemble.layout.axes]}
+    axes: dict[str, Sequence[Any]] = {"time": snapshot_times(ensemble), **bodies, **more}
+    values = zip(product(*axes.values()), *(each.ravel().tolist() for each in found), strict=True)
     return [
         {**ensemble_columns(ensemble), **dict(zip(axes, place, strict=True)), "mean": one, "standard_error": other}
         for place, one, other in values
@@ -181,7 +150,8 @@ def arrival_rows(ensemble: Ensemble, statistics: Statistics) -> list[dict[str, o
 
 def ensemble_row(ensemble: Ensemble, statistics: Statistics) -> dict[str, object]:
     """The ensemble in one row: counts, the fraction arrived at each attractor, quantiles of the transient time."""
-    row: dict[str, object] = {
+    ends, quantiles = ensemble.attractors, QUANTILES if ensemble.attractors else ()
+    return {
         **ensemble_columns(ensemble),
         "form": ensemble.form,
         "tolerance": ensemble.tolerance,
@@ -189,14 +159,10 @@ def ensemble_row(ensemble: Ensemble, statistics: Statistics) -> dict[str, object
         "slow_time": ensemble.slow_time,
         "particles": statistics.particles,
         "failures": statistics.failures,
+        "arrived": {end.rotation: vars(arrived(statistics, k)[-1]) for k, end in enumerate(ends)},
+        "transient_time": {f"{share:g}": vars(transient_quantile(ensemble, statistics, share)) for share in quantiles},
+        "method": ensemble.method,
     }
-    ends = {attractor.rotation: arrived(statistics, k)[-1] for k, attractor in enumerate(ensemble.attractors)}
-    row["arrived"] = {name: vars(interval) for name, interval in ends.items()}
-    row["transient_time"] = {
-        f"{share:g}": vars(transient_quantile(ensemble, statistics, share)) for share in QUANTILES if ends
-    }
-    row["method"] = ensemble.method
-    return row
 
 
 def ensemble_columns(ensemble: Ensemble) -> dict[str, object]:

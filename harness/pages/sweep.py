@@ -10,15 +10,7 @@ from polhode.harness.common.files import PartialFile, write_file
 from polhode.harness.common.machine import header, here
 from polhode.harness.common.store import Store
 from polhode.harness.common.text import markdown, short
-from polhode.harness.ensembles.summary import (
-    arrival_rows,
-    distribution_rows,
-    ensemble_row,
-    moment_rows,
-    rate_rows,
-    slow_rows,
-    voigt_rows,
-)
+from polhode.harness.ensembles import summary
 from polhode.harness.ensembles.sweep import NO_TIMES, Sweep, gather
 from polhode.harness.pages.figures.ensembles import picture
 from polhode.harness.pages.figures.work_precision import save
@@ -26,12 +18,12 @@ from polhode.harness.pages.tables import bullets, fill
 
 PAGE = "README.md"
 FILES = {
-    "moments.csv": (moment_rows, "orientation moments of second and fourth order, with standard errors"),
-    "voigt.csv": (voigt_rows, "the same of fourth order as matrices in Voigt's order"),
-    "rates.csv": (rate_rows, "mean squares of spinning and tumbling rates, with standard errors"),
-    "slow.csv": (slow_rows, "means of L and E, with standard errors"),
-    "distributions.csv": (distribution_rows, "histograms of L and E"),
-    "arrivals.csv": (arrival_rows, "fraction arrived at each attractor against time, with 95 % intervals"),
+    "moments.csv": (summary.moment_rows, "orientation moments of second and fourth order, with standard errors"),
+    "voigt.csv": (summary.voigt_rows, "the same of fourth order as matrices in Voigt's order"),
+    "rates.csv": (summary.rate_rows, "mean squares of spinning and tumbling rates, with standard errors"),
+    "slow.csv": (summary.slow_rows, "means of L and E, with standard errors"),
+    "distributions.csv": (summary.distribution_rows, "histograms of L and E"),
+    "arrivals.csv": (summary.arrival_rows, "fraction arrived at each attractor against time, with 95 % intervals"),
 }
 
 
@@ -46,7 +38,7 @@ def write_results(sweep: Sweep, store: Store, folder: Path) -> tuple[Path, list[
         for _, same in groupby(sweep.ensembles, key=lambda ensemble: ensemble.ellipsoid.semi_axes):
             found = [(ensemble, gather(ensemble, store)) for ensemble in same]
             for ensemble, statistics in found:
-                ensembles.append(ensemble_row(ensemble, statistics))
+                ensembles.append(summary.ensemble_row(ensemble, statistics))
                 for name, (make, _) in FILES.items():
                     for row in make(ensemble, statistics):
                         if name not in written:

@@ -18,6 +18,7 @@ from polhode.models.operations import numpy_operations
 from polhode.models.problem import Factory, Problem
 from polhode.models.second_order.slow_path import DIFFERENCE, STAGES
 from polhode.solvers.contract import Status
+from polhode.solvers.ensembles.methods import change, moved
 from polhode.solvers.machine_code.lanes import Lanes, lanes, width
 from polhode.solvers.machine_code.program import Program, compare, compiled
 from polhode.solvers.machine_code.tracing import OPERATIONS
@@ -43,25 +44,11 @@ BENDS = (
 def run_adaptive(
     problem: Problem, starts: np.ndarray, times: np.ndarray, tolerance: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Solve a problem from many starts.
+    """Solve a problem from starts, shape (n, d): states, shape (m, n, d), NaN from where one failed, and statuses.
 
-    Source: Dormand and Prince, J. Comput. Appl. Math. 6 (1980) 19; Shampine's fourth-order interpolation.
-
-    Parameters
-    ----------
-    problem : Problem
-        Its own start is not used.
-    starts : ndarray, shape (n, d)
-    times : ndarray, shape (m,)
-        Increasing, from 0 to the end, in the problem's own time.
-    tolerance : float
-        Of the local error per step, absolute below 1 and relative above, in the Euclidean norm.
-
-    Returns
-    -------
-    states : ndarray, shape (m, n, d)
-        NaN from where a particle failed.
-    statuses : ndarray of str, shape (n,)
+    The times increase from 0 to the end; the tolerance is of the local error per step, absolute below 1 and relative
+    above, in the Euclidean norm. Source: Dormand and Prince, J. Comput. Appl. Math. 6 (1980) 19; Shampine's
+    fourth-order interpolation.
     """
     (n, d), end = starts.shape, float(times[-1])
     parameters = np.array(problem.parameters, dtype=float)
@@ -109,16 +96,12 @@ def _stepper(field: Factory, dimension: int, parameters: int) -> Lanes:
         h = where(last, left, wish)
         slopes: list[Sequence[Any]] = [rates]
 
-        def change(shares: Sequence[float]) -> list[Any]:
-            used = [(share, slope) for share, slope in zip(shares, slopes, strict=False) if share]
-            return [h * sum((share * slope[i] for share, slope in used), start=0.0) for i in range(dimension)]
-
         new = y
         for shares in STAGES:
-            new = [before + moved for before, moved in zip(y, change(shares), strict=True)]
+            new = moved(y, h, shares, slopes)
             slopes.append(rhs(new, p))
         square = NOTHING
-        for before, error in zip(y, change(DIFFERENCE), strict=True):
+        for before, error in zip(y, change(h, DIFFERENCE, slopes), strict=True):
             size = where(before, before, -before)
             share = error / (tolerance * where(size - 1, size, 1.0))
             square = square + share * share
@@ -135,7 +118,7 @@ def _stepper(field: Factory, dimension: int, parameters: int) -> Lanes:
         return [
             *taken(new, y),
             *taken(slopes[-1], rates),
-            *change(BENDS),
+            *change(h, BENDS, slopes),
             *taken([arrived], [time]),
             where(left, h * factor, end),
         ]

@@ -32,42 +32,20 @@ ANGLE, RELAXATION = 1.0, 2.0
 
 @dataclass(frozen=True)
 class Plan:
-    """How the particles of an ensemble are to be run.
+    """How the particles of an ensemble are to be run."""
 
-    Parameters
-    ----------
-    method : str
-        Of `polhode.solvers.ensembles.methods`.
-    steps : int
-        From one time to the next, or of each piece where there are few times.
-    apart : float
-        Largest difference between a run and one by steps twice as wide that is no reason for doubt.
-    error : float
-        That most particles of the sample stay below (`KEPT`), those in doubt not yet run anew.
-    cost : float
-        Of a particle, in flows of a splitting.
-    """
-
-    method: str
-    steps: int
-    apart: float
-    error: float
-    cost: float
+    method: str  # of `polhode.solvers.ensembles.methods`
+    steps: int  # from one time to the next, or of each piece where there are few times
+    apart: float  # largest difference between a run and one by steps twice as wide that is no reason for doubt
+    error: float  # that most particles of the sample stay below (`KEPT`), those in doubt not yet run anew
+    cost: float  # of a particle, in flows of a splitting
 
 
 def plan(problem: Problem, sample: np.ndarray, times: np.ndarray, tolerance: float) -> Plan | None:
     """The cheapest method and step that keep a sample's errors; None if none does, as where motion is chaotic.
 
-    Parameters
-    ----------
-    problem : Problem
-        Its own start is not used; not one with periodic components.
-    sample : ndarray, shape (n, d)
-        Starts.
-    times : ndarray, shape (m,)
-        Equispaced, from 0 to the end.
-    tolerance : float
-        Largest error of any component on the way, over the largest one at the start, or 1 if that is less.
+    The problem has no periodic components; the sample holds starts, shape (n, d); the times are equispaced from 0 to
+    the end; the tolerance is that of any component on the way, over the largest one at the start, or 1 if that is less.
     """
     times, _ = _in_pieces(times)
     steps = _first_steps(problem, sample, times)
@@ -88,14 +66,7 @@ def unplanned(problem: Problem, starts: np.ndarray, times: np.ndarray, tolerance
 def run(
     problem: Problem, starts: np.ndarray, times: np.ndarray, tolerance: float, chosen: Plan
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Solve a problem from many starts; parameters as those of `plan`.
-
-    Returns
-    -------
-    states : ndarray, shape (m, n, d)
-        NaN from where a particle failed.
-    statuses : ndarray of str, shape (n,)
-    """
+    """States, shape (m, n, d), NaN where a particle failed, and statuses, of many starts; parameters as of `plan`."""
     by, steps, (times, pieces) = method(chosen.method, problem), chosen.steps, _in_pieces(times)
     found = _march(by, starts, times, steps)
     doubtful = np.flatnonzero(~(_doubt(by, starts, times, steps, found) <= chosen.apart))

@@ -19,25 +19,13 @@ EVALUATION = 1.6
 
 @dataclass(frozen=True)
 class Method:
-    """A compiled step, bound to a problem's parameters.
-
-    Parameters
-    ----------
-    name : str
-    lanes : Lanes
-    constants : callable
-        What a step of a given length needs to know.
-    cost : float
-        Of a step, in slow and fast flows of a splitting.
-    sure : float
-        Difference from steps twice as wide over the error, hardly ever less.
-    """
+    """A compiled step, bound to a problem's parameters."""
 
     name: str
     lanes: Lanes
-    constants: Callable[[float], np.ndarray]
-    cost: float
-    sure: float
+    constants: Callable[[float], np.ndarray]  # what a step of a given length needs to know
+    cost: float  # of a step, in slow and fast flows of a splitting
+    sure: float  # difference from steps twice as wide over the error, hardly ever less
 
 
 def names(problem: Problem) -> tuple[str, ...]:
@@ -54,17 +42,14 @@ def method(name: str, problem: Problem) -> Method:
         return Method(name, code, lambda h: np.array([h, *p]), EVALUATION * stages, 2.0**6.5)
     (scheme,) = (each for each in SCHEMES if each.name == name)
     assert parts is not None
-    shares = *((parts.fast, share) for share in _fast_shares(scheme)), *((parts.slow, share) for share in scheme.slow)
+    # The last of one step and the first of the next in one, and the first one undone, stand behind those of a step.
+    fast = *scheme.fast, 2 * scheme.fast[0], -scheme.fast[0]
+    shares = *((parts.fast, share) for share in fast), *((parts.slow, share) for share in scheme.slow)
 
     def constants(h: float) -> np.ndarray:
         return np.concatenate([part.constants(p, share * h) for part, share in shares])
 
     return Method(name, _splitting(parts, scheme, problem.dimension), constants, scheme.stages, 2.0**5)
-
-
-def _fast_shares(scheme: Scheme) -> tuple[float, ...]:
-    """Those of a step; the last of one step and the first of the next in one, and the first one undone."""
-    return *scheme.fast, 2 * scheme.fast[0], -scheme.fast[0]
 
 
 @cache
@@ -93,14 +78,21 @@ def _runge_kutta(field: Factory, dimension: int, parameters: int) -> tuple[Lanes
     table, rhs = dop853(), field(OPERATIONS)
     nodes, weights = table.A[: table.N_STAGES].tolist(), table.B.tolist()
 
-    def moved(y: Sequence[Any], h: Any, shares: Sequence[float], slopes: Sequence[Any]) -> list[Any]:
-        used = [(share, slope) for share, slope in zip(shares, slopes, strict=False) if share]
-        return [y[i] + h * sum((share * slope[i] for share, slope in used), start=0.0) for i in range(dimension)]
-
     def step(y: Sequence[Any], c: Sequence[Any]) -> Sequence[Any]:
-        slopes: list[Any] = []
-        for row in nodes:
+        slopes = [rhs(y, c[1:])]
+        for row in nodes[1:]:
             slopes.append(rhs(moved(y, c[0], row, slopes), c[1:]))
         return moved(y, c[0], weights, slopes)
 
     return lanes(step, dimension, 1 + parameters), len(nodes)
+
+
+def change(h: Any, shares: Sequence[float], slopes: Sequence[Sequence[Any]]) -> list[Any]:
+    """What a step of length h adds to each component, by the shares of slopes."""
+    used = [(share, slope) for share, slope in zip(shares, slopes, strict=False) if share]
+    return [h * sum((share * slope[i] for share, slope in used), start=0.0) for i in range(len(slopes[0]))]
+
+
+def moved(y: Sequence[Any], h: Any, shares: Sequence[float], slopes: Sequence[Sequence[Any]]) -> list[Any]:
+    """The state that lies there."""
+    return [before + more for before, more in zip(y, change(h, shares, slopes), strict=True)]

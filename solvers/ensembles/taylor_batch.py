@@ -1,7 +1,7 @@
 """Full forms for many particles at once: heyoka's Taylor integrator with one particle in each SIMD lane."""
 
-import threading
 from functools import cache
+from threading import get_ident
 from typing import Any
 
 import numpy as np
@@ -16,35 +16,17 @@ REGISTERS = 2
 # A particle that needs more steps is recorded as failed: a stiff one, at small St, is no case for this method.
 MOST_STEPS = 10_000_000
 
-_threads = threading.local()
-
 
 def run_batches(
     problem: Problem, starts: np.ndarray, times: np.ndarray, tolerance: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Solve a problem from many starts by Taylor's method, a batch of particles at a time.
+    """Solve a problem from starts, shape (n, d): states, shape (m, n, d), NaN where a particle failed, and statuses.
 
-    Particles of like speed share a batch, so that no lane waits long for the others. St and the shape are parameters:
-    one compilation serves all of them.
-
-    Parameters
-    ----------
-    problem : Problem
-        Its own start is not used; not one with periodic components, whose angles would need wrapping.
-    starts : ndarray, shape (n, d)
-    times : ndarray, shape (m,)
-        Increasing, from 0 to the end, in the problem's own time.
-    tolerance : float
-        heyoka's `tol`, see `polhode.solvers.taylor.Taylor`.
-
-    Returns
-    -------
-    states : ndarray, shape (m, n, d)
-        NaN from where a particle failed.
-    statuses : ndarray of str, shape (n,)
+    Particles of like speed share a batch, so that no lane waits long for the others. The problem has no periodic
+    components, whose angles would need wrapping; the times increase from 0 to the end; the tolerance is heyoka's `tol`.
     """
     parameters = np.array(problem.parameters, dtype=float)
-    integrator = _integrator(problem.field, problem.dimension, len(parameters), tolerance)
+    integrator = _integrator(get_ident(), problem.field, problem.dimension, len(parameters), tolerance)
     lanes = integrator.batch_size
     integrator.pars[:] = parameters[:, None]
     grid = np.repeat(times[:, None], lanes, axis=1)
@@ -80,22 +62,14 @@ def _speed(problem: Problem, starts: np.ndarray, parameters: np.ndarray) -> np.n
 
 
 def _status(outcome: Any) -> str:
-    outcomes = load_heyoka().taylor_outcome
-    if outcome == outcomes.time_limit:
-        return str(Status.REACHED_END)
-    if outcome == outcomes.step_limit:
-        return str(Status.STEP_LIMIT)
-    return str(Status.NON_FINITE if outcome == outcomes.err_nf_state else Status.STEP_UNDERFLOW)
+    known = load_heyoka().taylor_outcome
+    statuses = {known.time_limit: "REACHED_END", known.step_limit: "STEP_LIMIT", known.err_nf_state: "NON_FINITE"}
+    return str(Status[statuses.get(outcome, "STEP_UNDERFLOW")])
 
 
-def _integrator(factory: FieldFactory, dimension: int, parameters: int, tolerance: float) -> Any:
-    """The integrator of this thread: integrators hold a state, and engines may run tasks in threads."""
-    if not hasattr(_threads, "make"):
-        _threads.make = cache(_compile)
-    return _threads.make(factory, dimension, parameters, tolerance)
-
-
-def _compile(factory: FieldFactory, dimension: int, parameters: int, tolerance: float) -> Any:
+@cache
+def _integrator(thread: int, factory: FieldFactory, dimension: int, parameters: int, tolerance: float) -> Any:
+    """The integrator of a thread: integrators hold a state, and engines may run tasks in threads."""
     heyoka = load_heyoka()
     lanes = REGISTERS * heyoka.recommended_simd_size()
     system = traced_system(factory, dimension, parameters)

@@ -7,7 +7,7 @@ import numpy as np
 
 from polhode.harness.ensembles.ensemble import Ensemble
 from polhode.harness.ensembles.statistics import SECOND, SLOW_NAMES, Statistics
-from polhode.harness.ensembles.summary import arrived, second_moments, slow_means, snapshot_times
+from polhode.harness.ensembles.summary import arrived, means, snapshot_times
 from polhode.harness.pages.figures.style import power
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def picture(found: Sequence[tuple[Ensemble, Statistics]]) -> Any:
 def _moments(axes: "Axes", ensemble: Ensemble, statistics: Statistics, unit: float, shade: Any) -> None:
     """Mean squares of the direction of the last axis, the shortest of a triaxial shape; else means of L."""
     oriented = bool(ensemble.layout.axes)
-    mean, error = second_moments(statistics) if oriented else slow_means(statistics)
+    mean, error = means(statistics, "second" if oriented else "slow")
     for i, name in enumerate("xyz"):
         place = (slice(None), -1, SECOND.index((i, i))) if oriented else (slice(None), SLOW_NAMES.index(f"L{name}"))
         times, label = np.array(snapshot_times(ensemble)) / unit, f"$p_{name}^2$" if oriented else f"$L_{name}$"

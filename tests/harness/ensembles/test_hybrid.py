@@ -9,7 +9,7 @@ import pytest
 from polhode.harness.ensembles import hybrid
 from polhode.harness.ensembles.ensemble import Ensemble, least_of
 from polhode.harness.ensembles.starts import Drawn, Starts
-from polhode.harness.ensembles.summary import second_moments, slow_means
+from polhode.harness.ensembles.summary import means
 from polhode.models.catalogue import averaged_form, full_form
 from polhode.models.catalogue import form as find_form
 from polhode.models.forms.averaged import mean_squares
@@ -169,7 +169,7 @@ def test_hybrid_particles_have_the_moments_of_full_ones(monkeypatch: pytest.Monk
     assert many.method.startswith("averaged, where |L| falls below 0.")
     by_full, by_hybrid = full.run(0), many.run(0)
     assert by_hybrid.finished == 400
-    assert np.abs(slow_means(by_hybrid)[0] - slow_means(by_full)[0]).max() < 2e-2
-    (one, error), (other, _) = second_moments(by_full), second_moments(by_hybrid)
+    assert np.abs(means(by_hybrid, "slow")[0] - means(by_full, "slow")[0]).max() < 2e-2
+    (one, error), (other, _) = means(by_full, "second"), means(by_hybrid, "second")
     assert (np.abs(one - other)[1:] <= 4.5 * error[1:]).all()
     assert one[0] == pytest.approx(other[0], abs=1e-12)

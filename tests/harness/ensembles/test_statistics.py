@@ -15,6 +15,7 @@ from polhode.harness.ensembles.ensemble import Ensemble
 from polhode.harness.ensembles.starts import Starts
 from polhode.harness.ensembles.statistics import (
     FOURTH,
+    FOURTH_OF_VOIGT,
     RATES,
     SECOND,
     SLOW_NAMES,
@@ -23,16 +24,7 @@ from polhode.harness.ensembles.statistics import (
     Statistics,
     squared_rates,
 )
-from polhode.harness.ensembles.summary import (
-    arrived,
-    fourth_in_voigt_order,
-    fourth_moments,
-    fraction,
-    rate_means,
-    second_moments,
-    slow_means,
-    transient_quantile,
-)
+from polhode.harness.ensembles.summary import arrived, fraction, means, transient_quantile
 from polhode.models.catalogue import form as find_form
 from polhode.models.scene import BodyStart, Scene
 from polhode.models.shape import Ellipsoid
@@ -57,18 +49,18 @@ def filled(seed: int, particles: int) -> tuple[Statistics, np.ndarray, np.ndarra
 
 def test_moments_against_numpy():
     statistics, directions, slow = filled(1, 400)
-    for order, (mean, error) in ((SECOND, second_moments(statistics)), (FOURTH, fourth_moments(statistics))):
+    for order, (mean, error) in ((SECOND, means(statistics, "second")), (FOURTH, means(statistics, "fourth"))):
         products = np.stack([np.prod(directions[..., list(index)], axis=-1) for index in order], axis=-1)
         assert mean == pytest.approx(products.mean(axis=1), abs=1e-14)
         assert error == pytest.approx(products.std(axis=1, ddof=1) / sqrt(400), rel=1e-9)
-    voigt, errors = fourth_in_voigt_order(statistics)
+    voigt, errors = (each[..., FOURTH_OF_VOIGT] for each in means(statistics, "fourth"))
     for i, j in ((0, 0), (0, 1), (5, 5), (3, 2), (4, 5)):
         products = np.prod(directions[..., [*VOIGT[i], *VOIGT[j]]], axis=-1)
         assert voigt[..., i, j] == pytest.approx(products.mean(axis=1), abs=1e-14)
         assert errors[..., j, i] == pytest.approx(products.std(axis=1, ddof=1) / sqrt(400), rel=1e-9)
     # A unit vector's trace is 1.
     assert voigt[..., :3, :3].sum(axis=(-2, -1)) == pytest.approx(1.0)
-    mean, error = slow_means(statistics)
+    mean, error = means(statistics, "slow")
     columns = np.concatenate([slow[..., :3], np.linalg.norm(slow[..., :3], axis=-1)[..., None], slow[..., 3:]], axis=-1)
     assert mean == pytest.approx(columns.mean(axis=1), abs=1e-14)
     assert error == pytest.approx(columns.std(axis=1, ddof=1) / sqrt(400), rel=1e-9)
@@ -205,7 +197,7 @@ def test_rates_are_those_of_the_motion(form: str):
 def test_isotropic_spheroids_without_inertia_spin_and_tumble_as_they_must(ellipsoid: Ellipsoid, anisotropy: float):
     """⟨(ω·p)²⟩ = 1/12 and ⟨|dp/dt|²⟩ = 1/6 + Λ²/10 over all directions of p in a shear of unit rate, by Jeffery's p."""
     ensemble = Ensemble(ellipsoid, 0.0, 1.0, particles=20_000, block=20_000, samples=2, snapshots=2)
-    mean, error = rate_means(ensemble.run(0))
+    mean, error = means(ensemble.run(0), "rates")
     assert mean.shape == (2, 1, len(RATES))
     assert np.abs((mean[0, 0] - [1 / 12, 1 / 6 + anisotropy**2 / 10]) / error[0, 0]).max() < 4
     assert error.max() < 0.002
@@ -219,7 +211,7 @@ def test_jeffery_ensembles_have_the_exact_moments(ellipsoid: Ellipsoid, kappa: f
     assert statistics.finished == 20_000
     for snapshot, time in enumerate((0.0, 3.0, 6.0, 9.0)):
         exact = exact_moments(inverse_deformation(kappa, time))
-        for truth, (mean, error) in zip(exact, (second_moments(statistics), fourth_moments(statistics)), strict=True):
+        for truth, (mean, error) in zip(exact, (means(statistics, "second"), means(statistics, "fourth")), strict=True):
             assert np.abs((mean[snapshot, 0] - truth) / error[snapshot, 0]).max() < 4
             assert error[snapshot, 0].max() < 0.003
 
@@ -246,7 +238,7 @@ def test_jeffery_ensembles_have_the_exact_mean_over_a_period(ellipsoid: Ellipsoi
     # Half a period: all moments repeat after it.
     period = np.pi * (kappa + 1 / kappa)
     ensemble = Ensemble(ellipsoid, 0.0, period, particles=8000, block=8000, samples=33, snapshots=33, tolerance=1e-8)
-    mean, error = second_moments(ensemble.run(0))
+    mean, error = means(ensemble.run(0), "second")
     zz = mean[:, 0, SECOND.index((2, 2))]
     assert zz[-1] == pytest.approx(zz[0], abs=1e-6)
     assert zz[:-1].mean() == pytest.approx(exact, abs=3.5 * error[:, 0, SECOND.index((2, 2))].max())
@@ -260,11 +252,11 @@ def test_full_hybrid_and_averaged_equations_have_the_same_statistics():
     )
     assert by_full.finished == by_hybrid.finished == by_averaged.finished == 10
     # The same starts: what differs is the error, a hundredth of averaging's own for hybrid ones.
-    (mean, _), (hybrid, _), (averaged, error) = (slow_means(each) for each in (by_full, by_hybrid, by_averaged))
+    (mean, _), (hybrid, _), (averaged, error) = (means(each, "slow") for each in (by_full, by_hybrid, by_averaged))
     assert np.abs(hybrid - mean).max() < 1e-5
     assert np.abs(averaged - mean).max() < 133 / 2e4
     assert (np.abs(averaged - mean) <= np.maximum(error, 1e-9)).all()
-    assert second_moments(by_hybrid)[0] == pytest.approx(second_moments(by_full)[0], abs=0.01)
+    assert means(by_hybrid, "second")[0] == pytest.approx(means(by_full, "second")[0], abs=0.01)
 
 
 @pytest.mark.parametrize("ellipsoid", [PROLATE, OBLATE])

@@ -21,7 +21,7 @@ from polhode.harness.common.store import DamagedStoreError, Store, export
 from polhode.harness.ensembles.engines import serial
 from polhode.harness.ensembles.ensemble import Ensemble, Task
 from polhode.harness.ensembles.statistics import SECOND, Statistics
-from polhode.harness.ensembles.summary import second_moments
+from polhode.harness.ensembles.summary import means
 from polhode.harness.ensembles.sweep import gather, parse_sweep, perform, read_sweep, run_sweep
 from polhode.harness.pages.figures.ensembles import picture
 from polhode.harness.pages.sweep import write_results
@@ -282,7 +282,7 @@ def test_results_tell_what_the_store_holds(here: Run, sweep_file: Path, tmp_path
     ).read_text(encoding="utf-8")
     sweep = read_sweep(sweep_file)
     with Store(tmp_path / "out" / "store.sqlite") as store:
-        mean, _ = second_moments(gather(sweep.ensembles[0], store))
+        mean, _ = means(gather(sweep.ensembles[0], store), "second")
         assert {record["timing"] for record in store.records()} == {"no times: tasks may run side by side"}
     lines = (tmp_path / "out" / "moments.csv").read_text(encoding="utf-8").splitlines()
     header, first = lines[0].split(","), lines[1].split(",")
@@ -441,7 +441,7 @@ def test_pictures_show_the_moments_and_arrivals(tmp_path: Path):
     found = [(ensemble, ensemble.run(0)) for ensemble in sweep.ensembles]
     moments, distribution, arrivals = picture(found).axes
     for k, (ensemble, statistics) in enumerate(found):
-        mean, _ = second_moments(statistics)
+        mean, _ = means(statistics, "second")
         for i, component in enumerate(((0, 0), (1, 1), (2, 2))):
             line = moments.lines[3 * k + i]
             assert line.get_ydata() == pytest.approx(mean[:, 0, SECOND.index(component)])
