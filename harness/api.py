@@ -22,8 +22,7 @@ from polhode.models.spent import spent_on
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.compile import check_field
 from polhode.solvers.contract import Record, Solver, Status
-from polhode.solvers.solve import Solution
-from polhode.solvers.solve import solve as run
+from polhode.solvers.solve import Solution, solve as run
 
 SceneLike = Scene | str | PathLike[str]
 FormLike = str | Form | None

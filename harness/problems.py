@@ -15,8 +15,7 @@ from polhode.harness.work_precision import WorkPrecision
 from polhode.models.problems.catalogue import PROBLEMS
 from polhode.models.problems.classical import Classical
 from polhode.models.registry import hint
-from polhode.solvers.catalogue import SOLVERS
-from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 
 # Seconds for compilation, beyond the runs.
 COMPILATION = 60.0

@@ -15,8 +15,7 @@ from polhode.harness.pages.figures.work_precision import work_precision
 from polhode.harness.references.extended import extended_run
 from polhode.harness.references.uncertainty import least_known
 from polhode.models.problem import Problem
-from polhode.solvers.catalogue import SOLVERS
-from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.compile import check_field
 from polhode.solvers.contract import Solver, Status
 from polhode.solvers.solve import Solution, solve

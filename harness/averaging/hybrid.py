@@ -15,8 +15,7 @@ from polhode.harness.common.machine import here
 from polhode.harness.common.plain_json import digest
 from polhode.harness.common.store import Record
 from polhode.harness.references.errors import errors
-from polhode.models.catalogue import form as find_form
-from polhode.models.catalogue import full_form
+from polhode.models.catalogue import form as find_form, full_form
 from polhode.models.hybrid.course import ERROR_PER_TOLERANCE
 from polhode.models.hybrid.form import Hybrid
 from polhode.models.observables import Observables

@@ -13,8 +13,7 @@ from polhode.harness.averaging.data import Absent, AveragingErrors, Each, PaperS
 from polhode.harness.common.machine import here
 from polhode.harness.references.errors import errors
 from polhode.harness.references.reference import ReferenceFailedError, reference
-from polhode.models.catalogue import averaged_form
-from polhode.models.catalogue import form as find_form
+from polhode.models.catalogue import averaged_form, form as find_form
 from polhode.models.form import FormNotValidError
 from polhode.models.second_order.form import SecondOrder
 from polhode.solvers.solve import solve

@@ -15,8 +15,7 @@ from polhode.harness.averaging.data import Cost, Passage, SecondOrderErrors, Sec
 from polhode.harness.common.machine import here
 from polhode.harness.references.errors import Errors, errors
 from polhode.harness.references.extended import extended_run
-from polhode.models.catalogue import averaged_form, full_form
-from polhode.models.catalogue import form as find_form
+from polhode.models.catalogue import averaged_form, form as find_form, full_form
 from polhode.models.form import FormNotValidError
 from polhode.models.observables import Observables
 from polhode.models.scene import Scene

@@ -16,10 +16,8 @@ from polhode.harness.picking.pilot import Pilot, pilot
 from polhode.harness.picking.second_look import LEAST, SHARE
 from polhode.harness.references.errors import errors
 from polhode.harness.references.reference import reference
-from polhode.models.catalogue import form as find_form
-from polhode.models.catalogue import reference_form
-from polhode.solvers.catalogue import SOLVERS
-from polhode.solvers.catalogue import solver as find_solver
+from polhode.models.catalogue import form as find_form, reference_form
+from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 
 # Rotations up to which solvers with Python in the loop are run.
 ASIDE_ROTATIONS = 300.0

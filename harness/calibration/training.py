@@ -15,12 +15,10 @@ from polhode.harness.picking.pilot import InPieces, Pilot, damping_times, pilot
 from polhode.harness.studies.case import Case
 from polhode.harness.studies.runner import Runner
 from polhode.harness.studies.study import Study
-from polhode.models.catalogue import FORMS
-from polhode.models.catalogue import form as find_form
+from polhode.models.catalogue import FORMS, form as find_form
 from polhode.models.form import FormNotValidError
 from polhode.models.scene import Scene
-from polhode.solvers.catalogue import SOLVERS
-from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 
 # One tolerance of each row for every scene: laws need the whole range, not all of it everywhere.
 LADDER = ((1e-3, 1e-4, 1e-5), (1e-6, 1e-7, 1e-8), (1e-9, 1e-10, 1e-11), (1e-12, 1e-13, 1e-14))

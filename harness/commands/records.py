@@ -24,8 +24,7 @@ def export(store: Path, out: Path) -> None:
     cells. OUT appears when it is complete; a run that fails leaves what it wrote as
     OUT.partial.
     """
-    from polhode.harness.common.store import Store
-    from polhode.harness.common.store import export as write
+    from polhode.harness.common.store import Store, export as write
 
     if not store.is_file() or store.stat().st_size == 0:
         raise BadInput(f"{store}: no such store, expected a file of `polhode bench`")

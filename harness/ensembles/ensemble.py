@@ -12,8 +12,7 @@ from polhode.harness.common.machine import package_version
 from polhode.harness.common.plain_json import digest
 from polhode.harness.common.store import Record
 from polhode.harness.common.text import scientific
-from polhode.harness.ensembles.hybrid import POOL, SOLVER, least_momentum, run_hybrid
-from polhode.harness.ensembles.hybrid import SAMPLE as BOTH_WAYS
+from polhode.harness.ensembles.hybrid import POOL, SAMPLE as BOTH_WAYS, SOLVER, least_momentum, run_hybrid
 from polhode.harness.ensembles.starts import Drawn, Starts
 from polhode.harness.ensembles.statistics import RATES, Layout, Statistics, squared_rates
 from polhode.models.catalogue import form as find_form

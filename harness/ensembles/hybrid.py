@@ -12,8 +12,7 @@ from math import inf
 import numpy as np
 from scipy.special import ellipj, ellipkm1
 
-from polhode.models.catalogue import averaged_form, full_form
-from polhode.models.catalogue import form as find_form
+from polhode.models.catalogue import averaged_form, form as find_form, full_form
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.hybrid.course import ERROR_PER_TOLERANCE
 from polhode.models.scene import Scene, SlowStart

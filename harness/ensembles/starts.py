@@ -13,6 +13,8 @@ from polhode.models.rotation import Triple, matrix_from_quaternion
 from polhode.models.shape import Ellipsoid
 
 Motion = Literal["rest", "fluid", "jeffery", "momentum", "momentum-isotropic"]
+# Forms that ensembles can use: those without angles, which would need wrapping.
+ENSEMBLE_FORMS = ("quaternion", "spheroid-axis", "jeffery", "averaged", "averaged-spheroid")
 # "fluid" turns with the fluid, ω = -½ ẑ; "jeffery" as without inertia, ω = Ω_J; "momentum" has the given angular
 # momentum, in space axes, "momentum-isotropic" one of its length in any direction.
 MOTIONS = get_args(Motion)
@@ -85,37 +87,16 @@ class Drawn:
 
     def states(self, form: str, ellipsoid: Ellipsoid) -> np.ndarray:
         """Starting states, shape (n, d), of a form: what `Form.problem` makes of each, for all of them at once."""
-        return ENSEMBLE_FORMS[form](self, ellipsoid)
-
-    def momentum(self, ellipsoid: Ellipsoid) -> np.ndarray:
-        """Angular momenta in space axes, shape (n, 3)."""
-        body = self.angular_velocity * np.array(ellipsoid.inertia)
-        return np.einsum("nij,ni->nj", matrix_from_quaternion(self.quaternion), body)
-
-    def energy(self, ellipsoid: Ellipsoid) -> np.ndarray:
-        """Kinetic energies, shape (n,)."""
-        return 0.5 * np.sum(self.angular_velocity**2 * np.array(ellipsoid.inertia), axis=1)
-
-
-def _axis(drawn: Drawn, ellipsoid: Ellipsoid) -> np.ndarray:
-    spheroid = Spheroid.of(ellipsoid)
-    directions = matrix_from_quaternion(drawn.quaternion)[:, spheroid.axis]
-    return np.column_stack([drawn.momentum(ellipsoid) / spheroid.equatorial_inertia, directions])
-
-
-def _averaged_spheroid(drawn: Drawn, ellipsoid: Ellipsoid) -> np.ndarray:
-    spheroid = Spheroid.of(ellipsoid)
-    spin = drawn.angular_velocity[:, spheroid.axis]
-    return np.column_stack([drawn.momentum(ellipsoid) / spheroid.equatorial_inertia, spin])
-
-
-# Forms that ensembles can use: those without angles, which would need wrapping.
-ENSEMBLE_FORMS = {
-    "quaternion": lambda drawn, ellipsoid: np.column_stack([drawn.quaternion, drawn.angular_velocity]),
-    "spheroid-axis": _axis,
-    "jeffery": lambda drawn, ellipsoid: drawn.quaternion,
-    "averaged": lambda drawn, ellipsoid: (
-        np.column_stack([drawn.momentum(ellipsoid), drawn.energy(ellipsoid)]) / max(ellipsoid.inertia)
-    ),
-    "averaged-spheroid": _averaged_spheroid,
-}
+        q, omega, inertia = self.quaternion, self.angular_velocity, np.array(ellipsoid.inertia)
+        if form == "jeffery":
+            return q
+        if form == "quaternion":
+            return np.column_stack([q, omega])
+        rotation = matrix_from_quaternion(q)
+        momentum = np.einsum("nij,ni->nj", rotation, omega * inertia)
+        if form == "averaged":
+            energy = 0.5 * np.sum(omega**2 * inertia, axis=1)
+            return np.column_stack([momentum, energy]) / max(ellipsoid.inertia)
+        spheroid = Spheroid.of(ellipsoid)
+        last = rotation[:, spheroid.axis] if form == "spheroid-axis" else omega[:, spheroid.axis]
+        return np.column_stack([momentum / spheroid.equatorial_inertia, last])

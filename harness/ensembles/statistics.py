@@ -1,5 +1,6 @@
 """Statistics of an ensemble: sums and counts of fixed size, whatever the number of particles, that can be merged."""
 
+from collections import Counter
 from dataclasses import dataclass, fields
 from itertools import combinations_with_replacement
 from typing import Any, Self
@@ -57,7 +58,7 @@ class Statistics:
     """Sums over the particles that did not fail, with S snapshots, A axes, M samples; `SLOW_NAMES` over I_max."""
 
     particles: int  # all that were started
-    failures: dict[str, int]  # particles by the status of their failure
+    failures: Counter[str]  # particles by the status of their failure
     second: np.ndarray  # Σ p_i p_j in the order of `SECOND`, shape (S, A, 6)
     fourth: np.ndarray  # Σ p_i p_j p_k p_l in the order of `FOURTH`, shape (S, A, 15)
     fourth_squares: np.ndarray
@@ -75,7 +76,7 @@ class Statistics:
         of_axes = (np.zeros((times, axes, len(each))) for each in (SECOND, FOURTH, FOURTH, RATES, RATES))
         of_slow = (np.zeros((times, names)) for _ in range(2))
         counts = (times, names, layout.bins + 2), (layout.attractors, layout.samples)
-        return cls(0, {}, *of_axes, *of_slow, *(np.zeros(shape, dtype=np.int64) for shape in counts))
+        return cls(0, Counter(), *of_axes, *of_slow, *(np.zeros(shape, dtype=np.int64) for shape in counts))
 
     @property
     def finished(self) -> int:
@@ -85,8 +86,7 @@ class Statistics:
     def add_statuses(self, statuses: np.ndarray, success: str) -> np.ndarray:
         """Count particles; returns which of them succeeded, shape (n,)."""
         self.particles += len(statuses)
-        for status in statuses[statuses != success]:
-            self.failures[status] = self.failures.get(status, 0) + 1
+        self.failures.update(statuses[statuses != success].tolist())
         return statuses == success
 
     def add_orientations(self, directions: np.ndarray) -> None:
@@ -128,15 +128,14 @@ class Statistics:
     def merge(self, other: "Statistics") -> None:
         """Add the sums of other particles of the same ensemble; their last digits depend on the order of merging."""
         self.particles += other.particles
-        for status, count in other.failures.items():
-            self.failures[status] = self.failures.get(status, 0) + count
+        self.failures.update(other.failures)
         for name in _ARRAYS:
             getattr(self, name).__iadd__(getattr(other, name))
 
     def as_record(self) -> dict[str, Any]:
         """As plain data, without loss."""
         arrays = {name: getattr(self, name).tolist() for name in _ARRAYS}
-        return {"particles": self.particles, "failures": self.failures, **arrays}
+        return {"particles": self.particles, "failures": dict(self.failures), **arrays}
 
     @classmethod
     def from_record(cls, record: dict[str, Any], layout: Layout) -> Self:
@@ -145,7 +144,7 @@ class Statistics:
         for name in _ARRAYS:
             array = getattr(empty, name)
             array[...] = np.array(record[name], dtype=array.dtype).reshape(array.shape)
-        empty.particles, empty.failures = record["particles"], dict(record["failures"])
+        empty.particles, empty.failures = record["particles"], Counter(record["failures"])
         return empty
 
 

@@ -21,8 +21,7 @@ from polhode.harness.ensembles.engines import processes, serial
 from polhode.harness.ensembles.ensemble import SAMPLE, Ensemble, Task, run_task
 from polhode.harness.ensembles.hybrid import run_full
 from polhode.harness.ensembles.starts import Starts
-from polhode.models.catalogue import form as find_form
-from polhode.models.catalogue import full_form
+from polhode.models.catalogue import form as find_form, full_form
 from polhode.models.problem import Problem
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.ensembles.equal_steps import PIECES, Plan, plan, run

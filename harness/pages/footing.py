@@ -19,8 +19,7 @@ from polhode.harness.pages.figures.work_precision import save, work_precision_pa
 from polhode.harness.pages.tables import bullets, fill
 from polhode.harness.studies.cost import STARTS, FirstRun
 from polhode.harness.studies.overhead import Overhead
-from polhode.solvers.catalogue import SOLVERS
-from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Backend, Status
 
 ERRORS = (1e-4, 1e-6, 1e-8)

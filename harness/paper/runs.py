@@ -6,8 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from polhode.models.catalogue import averaged_form, full_form
-from polhode.models.catalogue import form as find_form
+from polhode.models.catalogue import averaged_form, form as find_form, full_form
 from polhode.models.form import Form
 from polhode.models.observables import Observables
 from polhode.models.scene import Scene, SlowStart

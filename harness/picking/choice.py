@@ -8,12 +8,10 @@ from polhode.harness.common.text import duration, short
 from polhode.harness.picking.laws import WANTS
 from polhode.harness.picking.ranking import LOOSEST, TIGHTEST, NotAttainableError, first_way, pick
 from polhode.harness.picking.recommendation import Recommendation
-from polhode.models.catalogue import form as find_form
-from polhode.models.catalogue import full_form
+from polhode.models.catalogue import form as find_form, full_form
 from polhode.models.form import FormNotValidError
 from polhode.models.scene import Scene
-from polhode.solvers.catalogue import SOLVERS
-from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 
 if TYPE_CHECKING:
     from polhode.models.problem import Problem

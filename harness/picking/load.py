@@ -13,8 +13,7 @@ import numpy as np
 
 from polhode.harness.picking.laws import STIFF, Load
 from polhode.harness.picking.pilot import InPieces, Pilot, PilotFailedError, damping_times, follow
-from polhode.models.catalogue import form as find_form
-from polhode.models.catalogue import full_form
+from polhode.models.catalogue import form as find_form, full_form
 from polhode.models.form import Form
 from polhode.models.problem import PlannedPiece
 from polhode.models.scene import Scene

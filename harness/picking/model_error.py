@@ -11,8 +11,7 @@ from polhode.harness.picking.laws import WANTS, Interval
 from polhode.harness.picking.pilot import Pilot, PilotFailedError, follow, form_ladder, samples_of
 from polhode.harness.picking.refusals import apart
 from polhode.harness.references.errors import Errors, errors
-from polhode.models.catalogue import form as find_form
-from polhode.models.catalogue import reference_form
+from polhode.models.catalogue import form as find_form, reference_form
 from polhode.models.form import Form
 from polhode.models.observables import Observables
 from polhode.models.scene import Scene

@@ -17,8 +17,7 @@ import numpy as np
 from polhode.harness.picking.laws import STIFF, Sensitivity
 from polhode.harness.references.errors import Errors, errors, magnitude
 from polhode.harness.references.rotations import rotations
-from polhode.models.catalogue import form as find_form
-from polhode.models.catalogue import reference_form
+from polhode.models.catalogue import form as find_form, reference_form
 from polhode.models.form import Form
 from polhode.models.observables import Observables, angular_velocity
 from polhode.models.problem import PlannedPiece

@@ -24,13 +24,11 @@ from polhode.harness.picking.refusals import (
     why_nothing,
 )
 from polhode.harness.references.errors import attainable
-from polhode.models.catalogue import FORMS
-from polhode.models.catalogue import form as find_form
+from polhode.models.catalogue import FORMS, form as find_form
 from polhode.models.form import Form, FormNotValidError
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene, SlowStart
-from polhode.solvers.catalogue import SOLVERS
-from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import SolverNotValidError
 
 # Laws were fitted between these tolerances.

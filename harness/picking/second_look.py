@@ -18,8 +18,7 @@ from polhode.harness.picking.model_error import NotApplicableError, model_errors
 from polhode.harness.picking.pilot import SATURATED, PilotFailedError, damping_times, pilot
 from polhode.harness.picking.stated_error import TIGHTEST, RunError
 from polhode.harness.references.errors import magnitude, orientation_difference
-from polhode.models.catalogue import form as find_form
-from polhode.models.catalogue import reference_form
+from polhode.models.catalogue import form as find_form, reference_form
 from polhode.models.form import Form, FormNotValidError
 from polhode.models.observables import Observables
 from polhode.models.problem import Problem

@@ -17,8 +17,7 @@ from polhode.harness.references.chaos import Growth, growth
 from polhode.harness.references.errors import errors, magnitude, statistics_distance
 from polhode.harness.references.extended import ReferenceFailedError, extended_integrator, extended_run
 from polhode.harness.references.rotations import rotations
-from polhode.models.catalogue import form as find_form
-from polhode.models.catalogue import reference_form
+from polhode.models.catalogue import form as find_form, reference_form
 from polhode.models.form import Form
 from polhode.models.observables import Observables
 from polhode.models.problem import Problem

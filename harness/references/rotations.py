@@ -7,8 +7,7 @@ from math import isinf, pi, sqrt
 
 import numpy as np
 
-from polhode.models.catalogue import averaged_form
-from polhode.models.catalogue import form as find_form
+from polhode.models.catalogue import averaged_form, form as find_form
 from polhode.models.flow import shares
 from polhode.models.forms import quaternion
 from polhode.models.forms.turning import JEFFERY_TURNING, TURNING

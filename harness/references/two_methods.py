@@ -7,8 +7,7 @@ import numpy as np
 
 from polhode.harness.references.errors import errors, statistics_distance
 from polhode.harness.references.extended import ReferenceFailedError
-from polhode.models.catalogue import form as find_form
-from polhode.models.catalogue import full_form
+from polhode.models.catalogue import form as find_form, full_form
 from polhode.models.observables import Observables
 from polhode.models.scene import Scene
 from polhode.solvers.solve import solve

@@ -14,8 +14,7 @@ from polhode.harness.pages.figures.work_precision import LARGEST_ERROR
 from polhode.harness.pages.tables import fill
 from polhode.harness.site.markup import Page, missing
 from polhode.harness.site.sources import read_studies
-from polhode.solvers.catalogue import SOLVERS
-from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Status
 
 TITLE = "Cost against accuracy"

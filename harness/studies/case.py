@@ -16,8 +16,7 @@ from polhode.harness.references.extended import ReferenceFailedError
 from polhode.harness.references.reference import Reference, reference
 from polhode.harness.references.rotations import rotations
 from polhode.harness.studies.cost import rhs_seconds
-from polhode.models.catalogue import form as find_form
-from polhode.models.catalogue import reference_form
+from polhode.models.catalogue import form as find_form, reference_form
 from polhode.models.files.scene_file import scene_table
 from polhode.models.observables import Observables
 from polhode.models.problem import Problem

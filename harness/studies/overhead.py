@@ -14,8 +14,7 @@ from polhode.harness.common.timing import seconds_of
 from polhode.models.catalogue import form
 from polhode.models.problem import Problem
 from polhode.models.scenes import named_scene
-from polhode.solvers.catalogue import SOLVERS
-from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.solve import solve
 
 # What is allowed: a share of the bare call or a time in seconds, whichever is more.

@@ -5,15 +5,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from polhode.models.catalogue import form as find_form
-from polhode.models.catalogue import full_form
+from polhode.models.catalogue import form as find_form, full_form
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.observables import Observables
 from polhode.models.problem import Piece, Problem
 from polhode.models.rotation import quaternion_from_matrix
 from polhode.models.scene import Scene, Start, start_from
-from polhode.models.second_order import field as triaxial
-from polhode.models.second_order import spheroid as spheroidal
+from polhode.models.second_order import field as triaxial, spheroid as spheroidal
 from polhode.models.second_order.form import SecondOrder, slow_start
 from polhode.models.second_order.outline import Stretch, outline
 from polhode.models.second_order.path import LEAST_SPEED

@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from polhode.models.catalogue import form as find_form
-from polhode.models.catalogue import full_form
+from polhode.models.catalogue import form as find_form, full_form
 from polhode.models.form import Form, Orientation
 from polhode.models.hybrid.course import ERROR_PER_TOLERANCE, FULL, HybridCourse, foreseen, full_tolerance
 from polhode.models.observables import Observables

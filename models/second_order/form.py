@@ -12,9 +12,7 @@ from polhode.models.forms.spheroid import Spheroid, axis_drift, axis_rotation
 from polhode.models.observables import Observables
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
-from polhode.models.second_order import field as triaxial
-from polhode.models.second_order import run as triaxial_run
-from polhode.models.second_order import spheroid as spheroidal
+from polhode.models.second_order import field as triaxial, run as triaxial_run, spheroid as spheroidal
 from polhode.models.second_order.outline import outline
 
 # The slow start x solves x = z - u(x)/St; each pass gains a factor of the correction's size.

@@ -8,14 +8,12 @@ from math import exp, inf, pi, sqrt
 
 import numpy as np
 
-from polhode.models.catalogue import averaged_form
-from polhode.models.catalogue import form as find_form
+from polhode.models.catalogue import averaged_form, form as find_form
 from polhode.models.form import FormNotValidError
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.operations import FLOAT, numpy_operations
 from polhode.models.scene import Scene
-from polhode.models.second_order import spheroid as spheroidal
-from polhode.models.second_order import tables
+from polhode.models.second_order import spheroid as spheroidal, tables
 from polhode.models.second_order.averages import NAMES
 from polhode.models.second_order.field import averaged_rates, regular
 from polhode.models.second_order.slow_path import interpolated, refined, slow_path

@@ -5,8 +5,7 @@ from math import atan2
 import numpy as np
 
 from polhode.models.form import Form
-from polhode.models.forms.averaged_spheroid import AveragedSpheroid, slow_variables
-from polhode.models.forms.averaged_spheroid import field as averaged_field
+from polhode.models.forms.averaged_spheroid import AveragedSpheroid, field as averaged_field, slow_variables
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.observables import Observables, observe_slow
 from polhode.models.operations import Field, Operations

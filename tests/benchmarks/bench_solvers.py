@@ -14,14 +14,12 @@ import pytest
 from polhode.harness.common.store import Record
 from polhode.harness.common.timing import Patience, sentinel
 from polhode.harness.studies.case import Attempt, Case, attempt, judge
-from polhode.models.catalogue import FORMS
-from polhode.models.catalogue import form as find_form
+from polhode.models.catalogue import FORMS, form as find_form
 from polhode.models.form import FormNotValidError
 from polhode.models.scene import Scene
 from polhode.models.scenes import PAPER_ELLIPSOID, PAPER_START
 from polhode.models.shape import Ellipsoid
-from polhode.solvers.catalogue import SOLVERS
-from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import SolverNotValidError, Status
 
 # Duration in units of the inverse shear rate, by St: t₂ = 0.5, and some thousand relaxation times on the stiff side.

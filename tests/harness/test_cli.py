@@ -11,8 +11,7 @@ import click
 import pytest
 from commandline import SCENE, SCRIPT, Run
 
-from polhode.harness.cli import COMMANDS, FORMER, GROUPS
-from polhode.harness.cli import polhode as commands
+from polhode.harness.cli import COMMANDS, FORMER, GROUPS, polhode as commands
 from polhode.harness.commands.show import scene_text
 from polhode.models.catalogue import FORMS
 from polhode.models.files.scene_file import parse_scene, scene_table

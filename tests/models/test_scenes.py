@@ -4,8 +4,7 @@ from math import inf, nan, pi
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from oracle.first_principles import body_rates, jeffery, rotation_from_euler
 from polhode.harness.picking.choice import simplest

@@ -5,8 +5,7 @@ from functools import cache
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from scipy.special import elliprd
 
 from polhode.models.shape import Ellipsoid, carlson_rd

@@ -23,8 +23,7 @@ from polhode.harness.picking.pilot import PilotFailedError, pilot
 from polhode.models.catalogue import form as find_form
 from polhode.models.form import Form
 from polhode.models.scene import BodyStart, Scene
-from polhode.solvers.catalogue import SOLVERS
-from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import SolverNotValidError, Status
 from polhode.solvers.solve import solve as run
 

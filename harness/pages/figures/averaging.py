@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from polhode.harness.pages.figures.style import colour
-from polhode.harness.pages.figures.style import power as power_of
+from polhode.harness.pages.figures.style import colour, power as power_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from math import floor, inf, log10
 from typing import Any
 
-from polhode.models.catalogue import FORMS
-from polhode.models.catalogue import form as find_form
+from polhode.models.catalogue import FORMS, form as find_form
 from polhode.solvers.catalogue import SOLVERS
 
 GREY = "#C4C4C4"

@@ -7,8 +7,7 @@ import pandas as pd
 import pytest
 
 from polhode.harness.calibration.evaluation import RUN_COLUMNS, Answer, Evaluation, judged
-from polhode.harness.calibration.heldout import FINAL, FINALISTS, ask, finalists
-from polhode.harness.calibration.heldout import studies as held_out_studies
+from polhode.harness.calibration.heldout import FINAL, FINALISTS, ask, finalists, studies as held_out_studies
 from polhode.harness.calibration.scenes import HELD_OUT_SEED, TRAINING_SCENES, questions
 from polhode.harness.calibration.selection import decade, rules
 from polhode.harness.calibration.training import EVERY_LONG

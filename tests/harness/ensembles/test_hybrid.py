@@ -10,8 +10,7 @@ from polhode.harness.ensembles import hybrid
 from polhode.harness.ensembles.ensemble import Ensemble, least_of
 from polhode.harness.ensembles.starts import Drawn, Starts
 from polhode.harness.ensembles.summary import means
-from polhode.models.catalogue import averaged_form, full_form
-from polhode.models.catalogue import form as find_form
+from polhode.models.catalogue import averaged_form, form as find_form, full_form
 from polhode.models.forms.averaged import mean_squares
 from polhode.models.operations import FLOAT
 from polhode.models.scene import BodyStart, Scene

@@ -12,8 +12,7 @@ from PIL import Image
 
 from polhode.harness.commands.paper import paper
 from polhode.harness.common.fits import mean_interval, power_law
-from polhode.harness.paper import catalogue as catalogue_module
-from polhode.harness.paper import engine, store
+from polhode.harness.paper import catalogue as catalogue_module, engine, store
 from polhode.harness.paper.catalogue import find_items, section_of
 from polhode.harness.paper.drawing import FORMATS, with_palette
 from polhode.harness.paper.engine import run

@@ -37,8 +37,7 @@ from polhode.models.problem import PlannedPiece
 from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart
 from polhode.models.scenes import named_scene
 from polhode.models.shape import Ellipsoid
-from polhode.solvers.catalogue import SOLVERS
-from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import SolverNotValidError
 from polhode.solvers.solve import solve
 

@@ -21,8 +21,7 @@ from polhode.models.observables import Observables
 from polhode.models.scene import BodyStart, Scene, SlowStart
 from polhode.models.scenes import named_scene
 from polhode.models.shape import Ellipsoid
-from polhode.solvers.catalogue import SOLVERS
-from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.solve import solve
 
 SAMPLES = 201

@@ -8,8 +8,7 @@ import pytest
 
 from polhode.harness.common import cache
 from polhode.harness.common.timing import AGAIN
-from polhode.harness.references import certificate
-from polhode.harness.references import reference as module
+from polhode.harness.references import certificate, reference as module
 from polhode.harness.references.certificate import UncertifiedError, certify, expected_times, pieces
 from polhode.harness.references.errors import errors
 from polhode.harness.references.reference import ReferenceFailedError, reference

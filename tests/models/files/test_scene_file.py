@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from commandline import SCENE
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from polhode.models.files.scene_file import parse_scene, read_scene, scene_table
 from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart

@@ -6,8 +6,7 @@ from math import cos, pi
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
+from hypothesis import assume, given, settings, strategies as st
 from observed import observed, slow_difference
 
 from oracle.first_principles import averaged_rates, body

@@ -5,8 +5,7 @@ from itertools import permutations, product
 import mpmath as mp
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from oracle.euler_top import geodesic, integrate, matrix, precise, small_angle, textbook, unit
 from polhode.models.free_top.torque_free import TorqueFree

@@ -7,8 +7,7 @@ from time import process_time
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from polhode.harness.picking.pilot import pilot
 from polhode.harness.references.errors import errors

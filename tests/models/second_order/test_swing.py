@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import simpson
 
-from polhode.models.second_order import swing as swing_module
-from polhode.models.second_order import tables
+from polhode.models.second_order import swing as swing_module, tables
 from polhode.models.second_order.averages import phases
 from polhode.models.second_order.polhodes import Polhodes
 from polhode.models.second_order.swing import Swing, frame_of, modes_at, series_for, tails
