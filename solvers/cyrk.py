@@ -27,6 +27,8 @@ from polhode.solvers.scipy_ivp import ScipySolver
 
 # Deadline and Ctrl-C are looked at once per this many steps: a tenth of a second at most.
 CHUNK = 20_000
+# Steps after which a solution that is looked at beforehand is given up.
+MOST_STEPS = 2000
 MAX_RAM_MB = 2000
 
 # CyrkErrorCodes of the library's c_common.hpp.
@@ -137,6 +139,26 @@ def _run(call: Call, record: Record) -> Outcome:
             return Status.STEP_LIMIT, f"{steps} steps"
         if record.expired:
             return Status.TIME_LIMIT, f"after {steps} steps"
+
+
+def followed(problem: Problem, tolerance: float, points: int) -> tuple[np.ndarray, np.ndarray]:
+    """About so many times of a solution, as dense as its steps are, and the states there, as far as it goes."""
+    call = Vern7()._call(problem, Settings(tolerance, "compiled"), np.empty(0))
+    start, library = np.array(problem.start), call.library
+
+    def run(end: float, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        with FlushedToZero():
+            result = call(0.0, end, start, wanted, MOST_STEPS)
+        try:
+            size, d = library.c_get_size(result), start.size
+            times, states = library.c_get_t_ptr(result), library.c_get_y_ptr(result)
+            return _array(times, size), _array(states, size * d).reshape(size, d)
+        finally:
+            library.c_free(result)
+
+    steps, _ = run(problem.end, np.empty(0))
+    count = np.arange(0, len(steps) - 1, min(1, len(steps) / points))
+    return run(steps[-1], np.append(np.interp(count, np.arange(len(steps)), steps), steps[-1]))
 
 
 def _array(pointer: Any, size: int) -> np.ndarray:

@@ -21,6 +21,7 @@ _FUNCTIONS = {
     "c_get_size": ("get_size", _SIZE, (_RESULT,)),
     "c_get_status": ("get_status", ctypes.c_int32, (_RESULT,)),
     "c_get_steps": ("get_steps_taken", _SIZE, (_RESULT,)),
+    "c_get_t_ptr": ("get_t", _POINTER, (_RESULT,)),
     "c_get_y_ptr": ("get_y", _POINTER, (_RESULT,)),
     "c_get_t_now": ("get_t_now", _DOUBLE, (_RESULT,)),
     "c_get_y_now": ("get_y_now_ptr", _POINTER, (_RESULT,)),

@@ -11,19 +11,21 @@ import numpy as np
 from polhode.models.catalogue import averaged_form, form as find_form
 from polhode.models.form import FormNotValidError
 from polhode.models.forms.spheroid import Spheroid
-from polhode.models.operations import FLOAT, numpy_operations
+from polhode.models.operations import numpy_operations
+from polhode.models.registry import imported
 from polhode.models.scene import Scene
 from polhode.models.second_order import spheroid as spheroidal, tables
 from polhode.models.second_order.averages import NAMES
 from polhode.models.second_order.field import averaged_rates, regular
-from polhode.models.second_order.slow_path import interpolated, refined, slow_path
 from polhode.models.second_order.swing import modes_at, series_for
 from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
 
-# Tolerances of a path: times of kicks are to be known to their widths; that of a spheroid has none.
-KICKED, SMOOTH = 1e-6, 1e-4
+# What follows a path, a solver, of which models know none before; its tolerance, by which kicks are where they are
+# said to be. Points of a path, of which that of a spheroid, without kicks, needs few.
+FOLLOWED, TOLERANCE = "polhode.solvers.cyrk:followed", 1e-8
+KICKED, SMOOTH = 240, 100
 # |L| over I_max below which a body does not rotate.
 TINY = 1e-12
 # Depth a² at which tables end, less what a first-order path may be wrong by.
@@ -87,12 +89,8 @@ class Path:
         # Where L is 0 or along the middle axis, nothing is averaged.
         with suppress(FormNotValidError):
             problem = form.problem(scene)
-            rhs, p = problem.field(FLOAT), problem.parameters
-            tolerance = KICKED if scene.ellipsoid.kind == "triaxial" else SMOOTH
-            times, states = slow_path(lambda y: rhs(y, p), problem.start, problem.end, tolerance)
-            with np.errstate(all="ignore"):
-                slopes = np.stack(problem.field(numpy_operations())(states.T, p), axis=1)
-            times, states = refined(times, states, np.nan_to_num(slopes))
+            points = KICKED if scene.ellipsoid.kind == "triaxial" else SMOOTH
+            times, states = imported(FOLLOWED)(problem, TOLERANCE, points)
             slow = form.observe(scene, states).slow
         if times[-1] < scene.slow_time:
             # |L| is 0 or falls to it: what is said of it holds until it has risen again.
@@ -103,7 +101,7 @@ class Path:
     def at(self, times: Array) -> "Path":
         """The same at further times."""
         every = np.union1d(self.times, times[(times > 0) & (times < self.times[-1])])
-        slow = interpolated(every, self.times, self.slow)
+        slow = np.stack([np.interp(every, self.times, column) for column in self.slow.T], axis=1)
         return self._along(self.ellipsoid, self.torque_factor, every, slow)
 
     @classmethod

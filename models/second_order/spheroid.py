@@ -20,6 +20,7 @@ import numpy as np
 
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.operations import Field, Operations, numpy_operations
+from polhode.models.rotation import cross
 from polhode.models.second_order.field import averaged_rates
 
 Polynomial = tuple[float, ...]
@@ -127,22 +128,22 @@ def generator(spheroid: Spheroid, momentum: np.ndarray, axis: np.ndarray) -> tup
     n = momentum / size[:, None]
     h = np.sum(n * axis, axis=1)
     level = h[:, None] * n
-    across, beside = axis - level, np.cross(n, axis)
-    poses = np.stack([level + c * across + s * beside for c, s in zip(np.cos(NODES), np.sin(NODES), strict=True)])
+    across, beside = axis - level, cross(n, axis)
+    poses = level + np.cos(NODES)[:, None, None] * across + np.sin(NODES)[:, None, None] * beside
     rates = torque(torque_coefficients(spheroid), momentum, poses) / size[:, None]
     change = np.einsum("j,jni->ni", INTEGRAL, rates)
     tilt = (rates - np.sum(rates * n, axis=2)[..., None] * n) / size[:, None]
-    turn = np.cross(n, np.einsum("j,jni->ni", TURN_ACROSS, tilt)) + np.einsum("j,jni->ni", TURN_ALONG, tilt)
+    turn = cross(n, np.einsum("j,jni->ni", TURN_ACROSS, tilt)) + np.einsum("j,jni->ni", TURN_ALONG, tilt)
     return change, h[:, None] * turn - np.sum(turn * axis, axis=1)[:, None] * n
 
 
 def torque(coefficients: dict[str, float], momentum: np.ndarray, axis: np.ndarray) -> np.ndarray:
     """Rate in slow time of L over I_e for the symmetry axis p, shape (..., 3) each (`ultima`, `jw1`–`jw3`)."""
     px, py, pz = np.moveaxis(axis, -1, 0)
-    strained = 0.5 * np.stack([py, px, np.zeros_like(px)], axis=-1)
+    strain = 0.5 * np.stack([-px * pz, py * pz, px * px - py * py], axis=-1)
     along = -coefficients["d"] * np.sum(axis * momentum, axis=-1) - 0.5 * coefficients["c"] * pz
     steady = -coefficients["D"] * (momentum + np.array([0.0, 0.0, 0.5]))
-    return steady + along[..., None] * axis + coefficients["k"] * np.cross(axis, strained)
+    return steady + along[..., None] * axis + coefficients["k"] * strain
 
 
 def turned(momentum: np.ndarray, axis: np.ndarray, turns: np.ndarray) -> np.ndarray:
@@ -150,7 +151,7 @@ def turned(momentum: np.ndarray, axis: np.ndarray, turns: np.ndarray) -> np.ndar
     n = momentum / np.linalg.norm(momentum, axis=1)[:, None]
     level = np.sum(n * axis, axis=1)[:, None] * n
     cos, sin = np.cos(turns)[..., None], np.sin(turns)[..., None]
-    return level + cos * (axis - level) + sin * np.cross(n, axis)
+    return level + cos * (axis - level) + sin * cross(n, axis)
 
 
 def swung(
@@ -174,7 +175,7 @@ def orders(spheroid: Spheroid, torque_factor: float, slow: np.ndarray) -> tuple[
     # 2E/(I_e l²) = 1 + (I_e/I_a - 1)(n·p)²
     excess = 2 * slow[:, 3] / (spheroid.equatorial_inertia * size**2) - 1
     h2 = np.clip(excess / (1 / spheroid.inertia_ratio - 1), 0, 1)[:, None]
-    beside = np.cross(n, np.eye(3)[np.argmin(np.abs(n), axis=1)])
+    beside = cross(n, np.eye(3)[np.argmin(np.abs(n), axis=1)])
     axis = np.sqrt(h2) * n + np.sqrt(1 - h2) * unit(beside)
     every = np.tile(momentum, (6, 1))
     axes = turned(every, np.tile(axis, (6, 1)), np.repeat(np.pi / 3 * np.arange(6), len(size)))

@@ -16,13 +16,24 @@ import numpy as np
 
 from polhode.models.operations import numpy_operations
 from polhode.models.problem import Factory, Problem
-from polhode.models.second_order.slow_path import DIFFERENCE, STAGES
 from polhode.solvers.contract import Status
 from polhode.solvers.ensembles.methods import change, moved
 from polhode.solvers.machine_code.lanes import Lanes, lanes, width
 from polhode.solvers.machine_code.program import Program, compare, compiled
 from polhode.solvers.machine_code.tracing import OPERATIONS
 
+# The pair of Dormand and Prince (Hairer, Nørsett & Wanner, Solving Ordinary Differential Equations I, table II.5.2):
+# stages, of which the last row is the solution, and how it differs from that of fourth order.
+STAGES = (
+    (1 / 5,),
+    (3 / 40, 9 / 40),
+    (44 / 45, -56 / 15, 32 / 9),
+    (19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729),
+    (9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656),
+    (35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84),
+)
+DIFFERENCE = (71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40)
+# Points of a path: so many times those that the integrator took, unless these are many.
 SAFETY, LEAST_FACTOR, GREATEST_FACTOR = 0.9, 0.2, 5.0
 # Of the run's duration: the first step, and the step below which a particle has failed.
 FIRST_STEP, LEAST_STEP = 1e-2, 1e-15

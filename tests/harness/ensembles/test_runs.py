@@ -13,10 +13,9 @@ from polhode.models.catalogue import form as find_form
 from polhode.models.observables import observe_body
 from polhode.models.rotation import matrix_from_quaternion
 from polhode.models.scene import BodyStart, Scene
-from polhode.models.second_order.slow_path import DIFFERENCE, STAGES
 from polhode.models.shape import Ellipsoid
 from polhode.models.theory.attractors import attractors, circle
-from polhode.solvers.ensembles.adaptive_steps import BENDS, run_adaptive
+from polhode.solvers.ensembles.adaptive_steps import BENDS, DIFFERENCE, STAGES, run_adaptive
 from polhode.solvers.ensembles.taylor_batch import run_batches
 from polhode.solvers.parts.schemes import dop853
 from polhode.solvers.solve import solve
