@@ -3,20 +3,15 @@
 import re
 from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
+from string import Template
 from typing import Any
 
 import numpy as np
 
 from polhode.models.spent import spent_on
 
-_DECLARATIONS = """
-declare double @llvm.sin.f64(double)
-declare double @llvm.cos.f64(double)
-declare double @llvm.sqrt.f64(double)
-declare double @llvm.pow.f64(double, double)
-declare double @llvm.log.f64(double)
-declare double @expm1(double)
-"""
+_DECLARATIONS = Path(__file__).with_name("declarations.ll").read_text(encoding="utf-8")
 
 
 @dataclass(frozen=True)
@@ -58,10 +53,22 @@ class MachineCode:
     address: int
     engine: Any
 
+    def function(self, prototype: Any) -> Any:
+        """The function as ctypes calls it, which keeps the code alive."""
+        made = prototype(self.address)
+        made.code = self
+        return made
+
 
 def compile_lines(signature: Signature, lines: str) -> MachineCode:
     """Compile a function for this processor."""
     engine = compile_text("\n".join([signature.helpers, signature.around(lines)]))
+    return MachineCode(engine.get_function_address("function"), engine)
+
+
+def compile_file(path: Path, **fields: Any) -> MachineCode:
+    """Compile a file of LLVM's language that defines the function; fields stand in it as ``$name``."""
+    engine = compile_text(Template(path.read_text(encoding="utf-8")).substitute(fields))
     return MachineCode(engine.get_function_address("function"), engine)
 
 

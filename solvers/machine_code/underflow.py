@@ -8,19 +8,12 @@ import ctypes
 import platform
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 
-from polhode.solvers.machine_code.llvm import Signature, compile_lines
+from polhode.solvers.machine_code.llvm import compile_file
 
 # Control word of x86's floating-point unit: its usual one, with results and operands flushed to zero.
 _FLUSHING = 0x1F80 | 0x8000 | 0x0040
-_EXCHANGE = """
-%place = alloca i32
-call void @llvm.x86.sse.stmxcsr(ptr %place)
-%before = load i32, ptr %place
-store i32 %word, ptr %place
-call void @llvm.x86.sse.ldmxcsr(ptr %place)
-"""
-_HELPERS = "declare void @llvm.x86.sse.stmxcsr(ptr)\ndeclare void @llvm.x86.sse.ldmxcsr(ptr)"
 
 
 class FlushedToZero:
@@ -39,7 +32,5 @@ def _exchange() -> Callable[[int], int]:
     """Set the control word and return the one before."""
     if platform.machine() not in ("x86_64", "AMD64"):
         return lambda word: word
-    code = compile_lines(Signature("i32 @function(i32 %word)", "", "i32 %before", _HELPERS), _EXCHANGE)
-    function = ctypes.PYFUNCTYPE(ctypes.c_uint32, ctypes.c_uint32)(code.address)
-    function.code = code  # pyright: ignore[reportAttributeAccessIssue]
-    return function
+    code = compile_file(Path(__file__).with_suffix(".ll"))
+    return code.function(ctypes.PYFUNCTYPE(ctypes.c_uint32, ctypes.c_uint32))

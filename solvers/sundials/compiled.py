@@ -8,6 +8,7 @@ from where it stands: deadlines and Ctrl-C are looked at there, over the very sa
 import ctypes
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 from typing import Any
 from weakref import finalize
 
@@ -16,17 +17,16 @@ import numpy as np
 from polhode.models.problem import Problem
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Status
 from polhode.solvers.machine_code.derivatives import trace_jacobian
-from polhode.solvers.machine_code.llvm import MachineCode, Signature, compile_lines
+from polhode.solvers.machine_code.llvm import MachineCode, Signature, compile_file, compile_lines
 from polhode.solvers.machine_code.tracing import FieldFactory, trace
 from polhode.solvers.machine_code.underflow import FlushedToZero
 from polhode.solvers.sundials.library import FAILURES, TOO_MUCH_WORK, Sundials, posed
 
 # Steps between two looks at deadline and Ctrl-C: a tenth of a second at most.
 CHUNK = 20_000
-# What the loop reports: code, steps, time reached, and counts.
-_CVODE_COUNTS = ("NumRhsEvals", "NumLinRhsEvals")
-_IDA_COUNTS = ("NumResEvals", "NumLinResEvals")
-_COUNTS = ("NumErrTestFails", "NumStepSolveFails", "NumJacEvals", "NumLinSolvSetups")
+# What `rows.ll` calls, whichever the library.
+_CALLED = ("GetNumSteps", "GetCurrentTime", "SetMaxNumSteps", "N_VSetArrayPointer")
+_CALLED += ("GetNumErrTestFails", "GetNumStepSolveFails", "GetNumJacEvals", "GetNumLinSolvSetups")
 # IDA's "IDA_YA_YDP_INIT" and how far beyond the start it looks, as scikit-sundae has it.
 _ALGEBRAIC, _BEYOND = 1, 0.01
 
@@ -70,8 +70,9 @@ class Memory:
             self._set("SetJacFn", self.jacobian.address)
         if self.implicit:
             self._set("SetId", identity)
-            pointers = [ctypes.c_void_p] * 4
-            self._residual = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double, *pointers)(self.field.address)
+            self._residual = self.field.function(
+                ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double, *[ctypes.c_void_p] * 4)
+            )
         self._advance, self.report = _loop(library), np.zeros(9, dtype=np.int64)
 
     def _own(self, free: str, make: str, *arguments: int) -> int:
@@ -176,60 +177,11 @@ def _callback(arguments: str, arrays: dict[str, str], parameters: int, lines: st
 def _loop(library: Sundials) -> Callable[..., int]:
     """Fill rows ``first <= i < count`` in at most `most` steps since the start; the first row not filled."""
     implicit = library.prefix == "IDA"
-
-    counts = "\n".join(
-        f"%place{i} = getelementptr i64, ptr %report, i64 {i + 3}\n"
-        f"call i32 {library.address(f'Get{name}')}(ptr %memory, ptr %place{i})"
-        for i, name in enumerate((*(_IDA_COUNTS if implicit else _CVODE_COUNTS), *_COUNTS))
-    )
-    solve = ("Solve", "ptr %now_at, ptr %y, ptr %slope") if implicit else ("", "ptr %y, ptr %now_at")
-    lines = f"""
-entry:
-%steps_at = getelementptr i64, ptr %report, i64 1
-%now_at = getelementptr i64, ptr %report, i64 2
-br label %again
-again:
-%i = phi i64 [%first, %entry], [%next, %filled]
-%more = icmp slt i64 %i, %count
-br i1 %more, label %look, label %end
-look:
-%time_at = getelementptr double, ptr %times, i64 %i
-%time = load double, ptr %time_at
-call i32 {library.address("GetNumSteps")}(ptr %memory, ptr %steps_at)
-%steps = load i64, ptr %steps_at
-%left = sub i64 %most, %steps
-%any_left = icmp sgt i64 %left, 0
-br i1 %any_left, label %solve, label %spent
-spent:
-call i32 {library.address("GetCurrentTime")}(ptr %memory, ptr %now_at)
-%now = load double, ptr %now_at
-%within_step = fcmp ole double %time, %now
-br i1 %within_step, label %solve, label %end
-solve:
-%allowed = select i1 %any_left, i64 %left, i64 1
-call i32 {library.address("SetMaxNumSteps")}(ptr %memory, i64 %allowed)
-%offset = mul i64 %i, %width
-%row = getelementptr double, ptr %rows, i64 %offset
-call void {library.address("N_VSetArrayPointer")}(ptr %row, ptr %y)
-%code = call i32 {library.address(solve[0])}(ptr %memory, double %time, {solve[1]}, i32 1)
-%good = icmp sge i32 %code, 0
-br i1 %good, label %filled, label %end
-filled:
-%next = add i64 %i, 1
-br label %again
-end:
-%last = phi i32 [0, %again], [{TOO_MUCH_WORK}, %spent], [%code, %solve]
-%reported = sext i32 %last to i64
-store i64 %reported, ptr %report
-call i32 {library.address("GetNumSteps")}(ptr %memory, ptr %steps_at)
-call i32 {library.address("GetCurrentTime")}(ptr %memory, ptr %now_at)
-{counts}
-"""
-    pointers = "memory", "y", "slope", "times", "rows", "report"
-    numbers = "first", "count", "width", "most"
-    arguments = ", ".join([*(f"ptr %{name}" for name in pointers), *(f"i64 %{name}" for name in numbers)])
-    code = compile_lines(Signature(f"i64 @function({arguments})", "", "i64 %i"), lines)
-    types = [ctypes.c_void_p] * len(pointers) + [ctypes.c_int64] * len(numbers)
-    function = ctypes.CFUNCTYPE(ctypes.c_int64, *types)(code.address)
-    function.code = code  # pyright: ignore[reportAttributeAccessIssue]
-    return function
+    solve, arguments = ("Solve", "ptr %now_at, ptr %y, ptr %slope") if implicit else ("", "ptr %y, ptr %now_at")
+    calls = {name: library.address(name) for name in _CALLED}
+    calls |= {"solve": library.address(solve), "arguments": arguments, "too_much_work": TOO_MUCH_WORK}
+    kind = "Res" if implicit else "Rhs"
+    calls |= {"evaluations": library.address(f"GetNum{kind}Evals")}
+    calls |= {"differences": library.address(f"GetNumLin{kind}Evals")}
+    code = compile_file(Path(__file__).with_name("rows.ll"), **calls)
+    return code.function(ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 6, *[ctypes.c_int64] * 4))
