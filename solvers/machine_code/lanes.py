@@ -8,11 +8,12 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from polhode.solvers.machine_code.llvm import MachineCode, Signature, compile_lines, host_features
+from polhode.solvers.machine_code.llvm import MachineCode, compile_file, host_features
 from polhode.solvers.machine_code.tracing import Number, operand
 from polhode.solvers.machine_code.underflow import FlushedToZero
 
@@ -20,11 +21,6 @@ Step = Callable[[Sequence[Any], Sequence[Any]], Sequence[Any]]
 
 # Registers per operation: two keep the processor's pipelines full; more spill.
 REGISTERS = 2
-# Left to itself, LLVM halves the widest registers.
-_HEAD = (
-    "void @function(ptr noalias %states, ptr noalias %constants, i64 %steps, i64 %rows, i64 %groups) "
-    '"prefer-vector-width"="512"'
-)
 
 
 @cache
@@ -53,7 +49,7 @@ class Lanes:
         states = np.empty((groups, rows, self.dimension, width()))
         filled = starts[np.minimum(np.arange(groups * width()), len(starts) - 1)]
         states[:, 0] = filled.reshape(groups, width(), self.dimension).swapaxes(1, 2)
-        function = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 2, *[ctypes.c_int64] * 3)(self.code.address)
+        function = self.code.function(ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 2, *[ctypes.c_int64] * 3))
         with FlushedToZero():
             # The machine code tests after a row, not before.
             _ = rows > 1 and function(states.ctypes.data, constants.ctypes.data, steps, rows, groups)
@@ -72,42 +68,34 @@ def lanes(step: Step, dimension: int, constants: int, before: Step | None = None
     Rows are states as the map `after` makes them of what is stepped, and the map `before` makes that of a row.
     """
     vector, each_state = f"<{width()} x double>", range(dimension)
-    begun, text_before = _traced(before, "before", [f"%row{i}" for i in each_state], constants)
-    results, text_step = _traced(step, "step", [f"%y{i}" for i in each_state], constants)
-    rows, text_after = _traced(after, "after", results, constants)
+    begun, before_lines = _traced(before, "before", [f"%row{i}" for i in each_state], constants)
+    results, step_lines = _traced(step, "step", [f"%y{i}" for i in each_state], constants)
+    rows, after_lines = _traced(after, "after", results, constants)
     begun, results, rows = ([_widened(each) for each in part] for part in (begun, results, rows))
-    text = []
-    for i in range(constants):
-        text += [
-            f"%c{i}_at = getelementptr double, ptr %constants, i64 {i}",
-            f"%c{i}_one = load double, ptr %c{i}_at",
-            f"%c{i}_first = insertelement {vector} poison, double %c{i}_one, i64 0",
-            f"%c{i} = shufflevector {vector} %c{i}_first, {vector} poison, <{width()} x i32> zeroinitializer",
-        ]
-    text += ["br label %group", "group:", "%g = phi i64 [0, %start], [%next_group, %group_end]"]
-    text += [f"%size = mul i64 %rows, {dimension}", "%first = mul i64 %g, %size"]
-    text += [f"%at = getelementptr {vector}, ptr %states, i64 %first"]
-    for i in each_state:
-        text += [f"%begin{i}_at = getelementptr {vector}, ptr %at, i64 {i}"]
-        text += [f"%begin{i} = load {vector}, ptr %begin{i}_at, align 8"]
-    text += ["br label %row", "row:", "%r = phi i64 [1, %group], [%next_row, %row_end]"]
-    text += [f"%row{i} = phi {vector} [%begin{i}, %group], [{rows[i]}, %row_end]" for i in each_state]
-    text += [_widened(line) for line in text_before]
-    text += ["br label %step", "step:", "%n = phi i64 [0, %row], [%next, %step]"]
-    text += [f"%y{i} = phi {vector} [{begun[i]}, %row], [{results[i]}, %step]" for i in each_state]
-    text += [_widened(line) for line in text_step]
-    text += ["%next = add i64 %n, 1", "%more = icmp slt i64 %next, %steps"]
-    text += ["br i1 %more, label %step, label %row_end", "row_end:", f"%row_first = mul i64 %r, {dimension}"]
-    text += [_widened(line) for line in text_after]
-    for i in each_state:
-        text += [f"%place{i} = add i64 %row_first, {i}", f"%out{i} = getelementptr {vector}, ptr %at, i64 %place{i}"]
-        text += [f"store {vector} {rows[i]}, ptr %out{i}, align 8"]
-    text += ["%next_row = add i64 %r, 1", "%another_row = icmp slt i64 %next_row, %rows"]
-    text += ["%next_group = add i64 %g, 1", "%another_group = icmp slt i64 %next_group, %groups"]
-    text += ["br i1 %another_row, label %row, label %group_end", "group_end:"]
-    text += ["br i1 %another_group, label %group, label %end", "end:"]
-    functions = "\n".join(f"declare {vector} @llvm.{name}.v{width()}f64({vector})" for name in ("sqrt", "sin", "cos"))
-    return Lanes(compile_lines(Signature(_HEAD, "start:", helpers=functions), "\n".join(text)), dimension)
+    splats = [
+        f"%c{i}_at = getelementptr double, ptr %constants, i64 {i}\n"
+        f"%c{i}_one = load double, ptr %c{i}_at\n"
+        f"%c{i}_first = insertelement {vector} poison, double %c{i}_one, i64 0\n"
+        f"%c{i} = shufflevector {vector} %c{i}_first, {vector} poison, <{width()} x i32> zeroinitializer"
+        for i in range(constants)
+    ]
+    starts = [
+        f"%begin{i}_at = getelementptr {vector}, ptr %at, i64 {i}\n%begin{i} = load {vector}, ptr %begin{i}_at, align 8"
+        for i in each_state
+    ]
+    stores = [
+        f"%place{i} = add i64 %row_first, {i}\n"
+        f"%out{i} = getelementptr {vector}, ptr %at, i64 %place{i}\n"
+        f"store {vector} {rows[i]}, ptr %out{i}, align 8"
+        for i in each_state
+    ]
+    row = [f"%row{i} = phi {vector} [%begin{i}, %group], [{rows[i]}, %row_end]" for i in each_state]
+    state = [f"%y{i} = phi {vector} [{begun[i]}, %row], [{results[i]}, %step]" for i in each_state]
+    parts = {"constants": splats, "starts": starts, "row": row, "state": state, "stores": stores}
+    parts |= {"before": before_lines, "step": step_lines, "after": after_lines}
+    text = {name: "\n".join(lines) for name, lines in parts.items()}
+    place = Path(__file__).with_suffix(".ll")
+    return Lanes(compile_file(place, **text, vector=vector, width=width(), dimension=dimension), dimension)
 
 
 def _traced(step: Step | None, name: str, state: Sequence[str], constants: int) -> tuple[list[str], list[str]]:
@@ -121,7 +109,8 @@ def _traced(step: Step | None, name: str, state: Sequence[str], constants: int) 
         """Several maps stand in one function."""
         return re.sub(r"%v(\d+)", rf"%{name}_\1", text)
 
-    return [named(operand(each)) for each in made], [named(f"{each} = {line}") for line, each in lines.items()]
+    text = [_widened(named(f"{each} = {line}")) for line, each in lines.items()]
+    return [named(operand(each)) for each in made], text
 
 
 def _widened(line: str) -> str:
