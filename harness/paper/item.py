@@ -1,23 +1,22 @@
 """What an item of the paper's reproduction is: a claim, the data that test it, a figure, a verdict."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from math import inf
 from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
-    import numpy as np
     from matplotlib.figure import Figure
 
 T = TypeVar("T")
 
-Columns = Mapping[str, "np.ndarray"]
-"""Columns of equal length, numbers or words, as they are computed."""
-Computed = Mapping[str, Columns]
-"""Tables by name; the name "" is that of an item with one table."""
+Part = tuple[str, Mapping[str, Any]]
+"""The name of a table, "" of the first one, and values by column: some rows' numbers or words, or one for all rows."""
+Computed = Iterable[Part]
+"""The parts of an item's tables, as they are computed."""
 Table = Any
-"""The same as a record array, as it is read: `table.stokes` is a column, `table[chosen]` a table of some rows."""
+"""A record array, as it is read: `table.stokes` is a column, `table[chosen]` a table of some rows."""
 Data = Mapping[str, Table]
 
 

@@ -1,6 +1,6 @@
 """What several items need: full and averaged solutions, starts with L along the vorticity."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -103,3 +103,11 @@ def axes_of(ellipsoid: Ellipsoid) -> str:
 def graded(end: float, points: int) -> np.ndarray:
     """Times from 0 to the end, dense at first, where slow motion is fastest."""
     return end * np.linspace(0.0, 1.0, points) ** 2.5
+
+
+def bisected(holds: Callable[[float], bool], low: float, high: float, halvings: int) -> float:
+    """Where a property that holds at the lower end is lost."""
+    for _ in range(halvings):
+        middle = (low + high) / 2
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return (low + high) / 2

@@ -17,6 +17,7 @@ from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import package_version
 from polhode.harness.common.plain_json import digest
 from polhode.harness.paper.item import Computed, Data, Grid, Item, Table, Verdict
+from polhode.harness.paper.tables import tables_of
 
 SCHEMA = 1
 DIGITS = 8
@@ -81,7 +82,7 @@ def _hash(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
-def write(folder: Path, item: Item, grid: Grid, data: Computed) -> Data:
+def write(folder: Path, item: Item, grid: Grid, parts: Computed) -> Data:
     """Write the tables of an item and, last, its record; return them as they read back.
 
     Whatever an interrupted run leaves is not taken for data.
@@ -91,7 +92,7 @@ def write(folder: Path, item: Item, grid: Grid, data: Computed) -> Data:
     record.unlink(missing_ok=True)
     contents = {
         name: pd.DataFrame(table).to_csv(index=False, float_format=f"%.{DIGITS}g", na_rep="nan").encode()
-        for name, table in data.items()
+        for name, table in tables_of(parts).items()
     }
     for name, content in contents.items():
         write_file(folder / file_name(item, name), content)

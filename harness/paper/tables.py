@@ -1,4 +1,4 @@
-"""Tables of the items, made of rows, of paths or of labelled parts; and what is measured in them."""
+"""Tables of the items, made of their parts; and what is measured in them."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
@@ -7,7 +7,7 @@ import numpy as np
 
 from polhode.harness.common import fits
 from polhode.harness.common.text import WORDING
-from polhode.harness.paper.item import Table
+from polhode.harness.paper.item import Computed, Table
 
 SLOW = ("Lx", "Ly", "Lz", "E")
 
@@ -23,29 +23,18 @@ class Estimate(float):
         return made
 
 
-def columns(names: str, rows: Sequence[Sequence[float]]) -> dict[str, np.ndarray]:
-    """Table of rows, with the names of its columns in one string."""
-    return dict(zip(names.split(), np.array(rows, dtype=float).T, strict=True))
+def tables_of(parts: Computed) -> dict[str, dict[str, np.ndarray]]:
+    """Tables by name, each of its parts in their order; what a part says once holds for all of its rows."""
+    found: dict[str, list[dict[str, np.ndarray]]] = {}
+    for name, part in parts:
+        arrays = np.broadcast_arrays(*map(np.atleast_1d, part.values()))
+        found.setdefault(name, []).append(dict(zip(part, arrays, strict=True)))
+    return {name: {key: np.concatenate([each[key] for each in own]) for key in own[0]} for name, own in found.items()}
 
 
-def stacked(parts: Sequence[tuple[dict[str, float], dict[str, np.ndarray]]]) -> dict[str, np.ndarray]:
-    """One table of many parts, each with labels that are repeated in all its rows."""
-    labels, values = parts[0]
-    sizes = [len(next(iter(own.values()))) for _, own in parts]
-    table = {name: np.repeat([given[name] for given, _ in parts], sizes) for name in labels}
-    return table | {name: np.concatenate([own[name] for _, own in parts]) for name in values}
-
-
-def path_table(
-    runs: Sequence[tuple[float, np.ndarray, np.ndarray]], wanted: Sequence[str] = SLOW
-) -> dict[str, np.ndarray]:
-    """Table of paths: a number that names each, its slow times, its slow variables, shape (n, 4)."""
-    return stacked(
-        [
-            ({"path": number}, {"t2": times, **{name: slow[:, SLOW.index(name)] for name in wanted}})
-            for number, times, slow in runs
-        ]
-    )
+def path(number: float, times: np.ndarray, slow: np.ndarray, wanted: Sequence[str] = SLOW) -> dict[str, Any]:
+    """A part of a table of paths: a number that names it, slow times, slow variables, shape (n, 4)."""
+    return {"path": number, "t2": times, **{name: slow[:, SLOW.index(name)] for name in wanted}}
 
 
 def groups(table: Table, key: str) -> Iterator[tuple[float, Table]]:

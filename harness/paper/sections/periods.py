@@ -8,7 +8,6 @@ from scipy.interpolate import CubicHermiteSpline
 
 from polhode.harness.paper.item import Computed, Grid, Table
 from polhode.harness.paper.runs import run_form, spheroid
-from polhode.harness.paper.tables import columns
 from polhode.models.forms.tumbling import Tumbling
 from polhode.models.scene import BodyStart, Scene
 from polhode.models.theory.tumbling_period import tumbling_period, weak_inertia_period_change
@@ -20,22 +19,17 @@ INTEGRATED = ((2.0, 0.1), (2.0, 1.0), (2.0, 10.0), (2.0, 100.0), (4.0, 1.0), (4.
 AXIS = 0
 
 
-def _periods(stokes: np.ndarray) -> dict[str, np.ndarray]:
-    rows = []
+def _periods(stokes: np.ndarray) -> Computed:
     for kappa, number in product(KAPPAS, stokes.tolist()):
         period, jeffery = (tumbling_period(spheroid(kappa), own, AXIS) for own in (number, 0.0))
-        rows.append((kappa, number, period, jeffery, period - jeffery))
-    return columns("kappa stokes period jeffery change", rows)
+        change = period - jeffery
+        yield "", {"kappa": kappa, "stokes": number, "period": period, "jeffery": jeffery, "change": change}
 
 
 def compute_change(grid: Grid) -> Computed:
     """Change of the period at small St, and the printed law."""
-    table = _periods(np.geomspace(1e-2, 1e4, grid.of(121, 25)))
-    printed = [
-        weak_inertia_period_change(spheroid(kappa), number, AXIS)
-        for kappa, number in zip(table["kappa"], table["stokes"], strict=True)
-    ]
-    return {"": {**table, "printed": np.array(printed)}}
+    for table, row in _periods(np.geomspace(1e-2, 1e4, grid.of(121, 25))):
+        yield table, {**row, "printed": weak_inertia_period_change(spheroid(row["kappa"]), row["stokes"], AXIS)}
 
 
 def validity(part: Table) -> float:
@@ -47,12 +41,11 @@ def validity(part: Table) -> float:
 
 def compute_period(grid: Grid) -> Computed:
     """Period at all St, and by integration in time at some."""
-    table = _periods(np.geomspace(1e-3, 1e6, grid.of(73, 19)))
-    rows = []
+    yield from _periods(np.geomspace(1e-3, 1e6, grid.of(73, 19)))
     for kappa, number in grid.of(INTEGRATED, INTEGRATED[1:4:2]):
         period = _integrated_period(kappa, number)
-        rows.append((kappa, number, period, period / tumbling_period(spheroid(kappa), number, AXIS) - 1))
-    return {"": table, "integrated": columns("kappa stokes period difference", rows)}
+        difference = period / tumbling_period(spheroid(kappa), number, AXIS) - 1
+        yield "integrated", {"kappa": kappa, "stokes": number, "period": period, "difference": difference}
 
 
 def _integrated_period(kappa: float, stokes: float) -> float:

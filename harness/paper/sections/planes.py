@@ -2,15 +2,16 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from polhode.harness.paper import planes
 from polhode.harness.paper.drawing import AVERAGED, BLUE, common_legend, draw_broken, label, panels
-from polhode.harness.paper.item import Columns, Computed, Data, Grid
+from polhode.harness.paper.item import Computed, Data, Grid
 from polhode.harness.paper.runs import axes_of, full_run, graded
-from polhode.harness.paper.tables import by, columns, groups, path_table, stacked
+from polhode.harness.paper.tables import by, groups, path
 from polhode.models.shape import Ellipsoid
 from polhode.models.theory.fixed_points import fixed_points
 
@@ -27,23 +28,22 @@ def plane_tables(
     points: int,
     on_edge: float,
     kept: Callable[[np.ndarray], np.ndarray],
-) -> dict[str, Columns]:
+) -> Computed:
     """Slow trajectories from L_z/I_max and shares as of `energy_at`, thinned to the points kept, and where they end.
 
     Those that start on the upper parabola are followed for the slow time `on_edge`, before rounding carries them off.
     """
     slow_times = graded(1.0, points)
-    paths, ends = [], []
     for number, (momentum, share) in enumerate(starts):
         times = slow_times[slow_times <= on_edge] if share == 1.0 else slow_times
         run = planes.plane_path(body, momentum, planes.energy_at(body, momentum, min(share, INSIDE)), times)
         chosen = kept(run.slow)
-        paths.append((number, run.times[chosen], run.slow[chosen]))
-        last = float(planes.distance_from_node(body, run.slow[-1]))
+        yield "", path(number, run.times[chosen], run.slow[chosen], ("Lz", "E"))
+        last = planes.distance_from_node(body, run.slow[-1])
         # By L_z/(4π min X) a trajectory with L_z > 0 has reached the pinch point.
         bound = momentum * max(body.inertia) / (4 * np.pi * min(body.resistance))
-        ends.append((number, momentum, share, last, run.times[-1], bound))
-    return {"": path_table(paths, ("Lz", "E")), "ends": columns("path Lz0 share distance end bound", ends)}
+        ends = {"distance": last, "end": run.times[-1], "bound": bound}
+        yield "ends", {"path": number, "Lz0": momentum, "share": share, **ends}
 
 
 @dataclass(frozen=True)
@@ -56,29 +56,22 @@ class Planes:
     orders: tuple[tuple[tuple[float, float], ...], ...]
 
     def compute(self, grid: Grid) -> Computed:
-        """Trajectories, and the largest differences between slow and full ones.
-
-        Differences are measured while L_z of a start with L_z > 0 is well above the pinch point.
-        """
+        """Trajectories, and the largest differences, while L_z of a start with L_z > 0 is above the pinch point."""
         points = grid.of(self.points, 101)
-        parts, rows = [], []
-        for name, body in self.bodies.items():
+        for (name, body), (number, (momentum, theta)) in product(self.bodies.items(), enumerate(STARTS)):
             # Eight relaxation times of the slowest rotation.
             slow_times = graded(8.0 / min(body.damping), 4 * (points - 1) + 1)
-            for path, (momentum, theta) in enumerate(STARTS):
-                slow = planes.aligned_scene(body, 1.0, momentum, theta, 1.0).initial.slow[0] / max(body.inertia)
-                averaged = planes.plane_path(body, momentum, float(slow[3]), slow_times).slow
-                before = averaged[:, 2] < 0 if momentum < 0 else averaged[:, 2] > planes.ABOVE_PINCH
-                runs = [(np.inf, averaged)]
-                for stokes in STOKES:
-                    scene = planes.aligned_scene(body, stokes, momentum, theta, float(slow_times[-1]))
-                    full = full_run(scene, stokes * slow_times).slow
-                    runs.append((stokes, full))
-                    difference = np.abs(full[: len(averaged)][before] - averaged[before])
-                    rows.append((name, stokes, path, float(difference.max())))
-                labels = {"body": name, "path": path}
-                parts += [({**labels, "stokes": n}, {"Lz": own[::4, 2], "E": own[::4, 3]}) for n, own in runs]
-        return {"": stacked(parts), "differences": columns("body stokes path difference", rows)}
+            slow = planes.aligned_scene(body, 1.0, momentum, theta, 1.0).initial.slow[0] / max(body.inertia)
+            averaged = planes.plane_path(body, momentum, float(slow[3]), slow_times).slow
+            before = averaged[:, 2] < 0 if momentum < 0 else averaged[:, 2] > planes.ABOVE_PINCH
+            labels = {"body": name, "path": number}
+            yield "", {**labels, "stokes": np.inf, "Lz": averaged[::4, 2], "E": averaged[::4, 3]}
+            for stokes in STOKES:
+                scene = planes.aligned_scene(body, stokes, momentum, theta, float(slow_times[-1]))
+                full = full_run(scene, stokes * slow_times).slow
+                yield "", {**labels, "stokes": stokes, "Lz": full[::4, 2], "E": full[::4, 3]}
+                difference = np.abs(full[: len(averaged)][before] - averaged[before])
+                yield "differences", {"body": name, "stokes": stokes, "path": number, "difference": difference.max()}
 
     def figure(self, data: Data) -> Figure:
         """A plane of the most eccentric body; below, the largest differences of all bodies, one bar per start."""

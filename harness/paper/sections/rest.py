@@ -2,11 +2,13 @@
 
 from dataclasses import dataclass
 from math import pi
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
+from scipy.integrate import cumulative_trapezoid
 from scipy.signal import find_peaks
 
 from polhode.harness.pages.figures.style import power
@@ -15,7 +17,7 @@ from polhode.harness.paper.drawing import draw_law, draw_on_sphere, label, legen
 from polhode.harness.paper.item import Computed, Data, Grid, Table
 from polhode.harness.paper.runs import Run, full_run
 from polhode.harness.paper.sections.slow_motion import NAMES
-from polhode.harness.paper.tables import columns, groups, stacked
+from polhode.harness.paper.tables import groups
 from polhode.models.observables import angular_velocity
 from polhode.models.scene import EulerStart, Scene
 from polhode.models.shape import Ellipsoid
@@ -51,11 +53,11 @@ def arc_length(path: np.ndarray) -> np.ndarray:
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def _jeffery_orbit(ellipsoid: Ellipsoid, start: EulerStart, count: int) -> dict[str, np.ndarray]:
+def _jeffery_orbit(ellipsoid: Ellipsoid, start: EulerStart, count: int) -> Computed:
     """z' at St = 0 from the same orientation, for the Jeffery period of the longest and the shortest axis."""
     kappa = max(ellipsoid.semi_axes) / min(ellipsoid.semi_axes)
     times = np.linspace(0.0, 2 * pi * (kappa + 1 / kappa), count)
-    return {"t": times, **_path(full_run(Scene(ellipsoid, 0.0, start, float(times[-1])), times))}
+    yield "jeffery", {"t": times, **_path(full_run(Scene(ellipsoid, 0.0, start, float(times[-1])), times))}
 
 
 def _sphere_beside() -> tuple[Figure, Axes, Axes]:
@@ -100,8 +102,8 @@ class Sphere:
         momentum = np.linalg.norm(run.observables.angular_momentum, axis=1)
         torque = 8 * pi * max(self.ellipsoid.resistance) / 2
         ratio = self.stokes * momentum**2 / min(self.ellipsoid.inertia) / torque
-        orbit = _jeffery_orbit(self.ellipsoid, self.start, 401)
-        return {"": {"t": times, **_path(run), "ratio": ratio}, "jeffery": orbit}
+        yield "", {"t": times, **_path(run), "ratio": ratio}
+        yield from _jeffery_orbit(self.ellipsoid, self.start, 401)
 
     def figure(self, data: Data) -> Figure:
         """The path on the sphere, and the tilt of the axis in time."""
@@ -130,15 +132,13 @@ class Short:
 
     def compute(self, grid: Grid) -> Computed:
         """Paths of z' and their lengths; the Jeffery orbit of the same start."""
-        parts, rows = [], []
         scaled = np.linspace(0.0, 1.0, grid.of(401, 101))
         for stokes in np.geomspace(1e2, 1e8, 7).tolist():
             times = scaled * stokes**0.5
             path = _path(full_run(Scene(self.ellipsoid, stokes, self.start, times[-1]), times))
-            parts.append(({"stokes": stokes}, {name: column[::2] for name, column in path.items()}))
-            rows.append((stokes, arc_length(points(path))[-1]))
-        orbit = _jeffery_orbit(self.ellipsoid, self.start, 201)
-        return {"": stacked(parts), "length": columns("stokes length", rows), "jeffery": orbit}
+            yield "", {"stokes": stokes, **{name: column[::2] for name, column in path.items()}}
+            yield "length", {"stokes": stokes, "length": arc_length(np.column_stack([*path.values()]))[-1]}
+        yield from _jeffery_orbit(self.ellipsoid, self.start, 201)
 
     def figure(self, data: Data) -> Figure:
         """Paths on the sphere, and their lengths."""
@@ -164,15 +164,12 @@ class Transient:
     def compute(self, grid: Grid) -> Computed:
         """Slow variables against t/√St, and the onset at each St."""
         scaled = np.linspace(0.0, self.scaled_time, grid.of(4001, 2001))
-        parts, rows = [], []
         for stokes in (*self.stokes, 5e6, 5e7):
             times = scaled * stokes**0.5
             run = full_run(Scene(self.ellipsoid, stokes, self.start, times[-1]), times)
             if stokes in self.stokes:
-                values = dict(zip(NAMES, run.slow[::8].T, strict=True))
-                parts.append(({"stokes": stokes}, {"scaled": scaled[::8], **values}))
-            rows.append((stokes, *_onset_of(run, scaled)))
-        return {"": stacked(parts), "onset": columns("stokes turned wiggle speed", rows)}
+                yield "", {"stokes": stokes, "scaled": scaled[::8], **dict(zip(NAMES, run.slow[::8].T, strict=True))}
+            yield "onset", {"stokes": stokes, **_onset_of(run, scaled)}
 
     def figure(self, data: Data) -> Figure:
         """Four variables as they are; three of them, scaled, at the largest St; the onset."""
@@ -206,14 +203,13 @@ class Transient:
         label(axes, "$t\\dot\\gamma/\\mathrm{St}^{1/2}$", text)
 
 
-def _onset_of(run: Run, scaled: np.ndarray) -> tuple[float, float, float]:
+def _onset_of(run: Run, scaled: np.ndarray) -> dict[str, Any]:
     """Scaled times of the first radian and of the first wiggle, and the angular velocity at t = √St.
 
     L_z falls from 0; it wiggles first where the torque that drives it down is weakest for the first time.
     """
     speed = np.linalg.norm(angular_velocity(run.scene.ellipsoid, run.observables), axis=1)
-    steps = np.diff(run.times) * (speed[1:] + speed[:-1]) / 2
-    turned = float(np.interp(ONSET, np.concatenate([[0.0], np.cumsum(steps)]), scaled))
+    turned = np.interp(ONSET, cumulative_trapezoid(speed, run.times, initial=0.0), scaled)
     torque = np.gradient(run.observables.angular_momentum[:, 2], run.times)
     weakest, _ = find_peaks(torque, prominence=WIGGLE * np.max(np.abs(torque)))
-    return turned, float(scaled[weakest[0]]), float(np.interp(1.0, scaled, speed))
+    return {"turned": turned, "wiggle": scaled[weakest[0]], "speed": np.interp(1.0, scaled, speed)}

@@ -9,7 +9,7 @@ from polhode.harness.paper.drawing import BLUE, draw_law, label, legend_in, pane
 from polhode.harness.paper.item import Computed, Data, Grid, Table
 from polhode.harness.paper.planes import distance_from_node, fixed_point
 from polhode.harness.paper.runs import averaged_run, full_run
-from polhode.harness.paper.tables import columns, groups, path_table
+from polhode.harness.paper.tables import groups, path
 from polhode.models.scene import EulerStart, Scene
 from polhode.models.shape import Ellipsoid
 
@@ -40,23 +40,18 @@ class SlowMotion:
         points, dense = grid.of(601, 201), grid.of(8, 4)
         slow_times = np.linspace(0.0, self.slow_time, dense * (points - 1) + 1)
         averaged = averaged_run(Scene(self.ellipsoid, 1.0, self.start, self.slow_time), slow_times).slow
-        paths = [(np.inf, slow_times[::dense], averaged[::dense])]
         crossing = self._crossing(slow_times, averaged)
-        measured = MEASURED[grid.of(0, -2) :]
-        errors = []
-        for stokes in sorted({*self.shown, *measured}):
+        yield "", path(np.inf, slow_times[::dense], averaged[::dense])
+        for stokes in sorted({*self.shown, *MEASURED[grid.of(0, -2) :]}):
             scene = Scene(self.ellipsoid, stokes, self.start, stokes * self.slow_time)
             full = full_run(scene, stokes * slow_times).slow
             error = np.max(np.abs(full - averaged), axis=1)
             late = slow_times > crossing
-            errors.append((stokes, error.max(), self._end(full), error[~late].max(), error[late].max(initial=0.0)))
+            parts = {"before": error[~late].max(), "after": error[late].max(initial=0.0)}
+            yield "errors", {"stokes": stokes, "error": error.max(), "end": self._end(full), **parts}
             if stokes in self.shown:
-                paths.append((stokes, slow_times[::dense], full[::dense]))
-        return {
-            "": path_table(paths),
-            "errors": columns("stokes error end before after", errors),
-            "averaged": columns("end crossing", [(self._end(averaged), crossing)]),
-        }
+                yield "", path(stokes, slow_times[::dense], full[::dense])
+        yield "averaged", {"end": self._end(averaged), "crossing": crossing}
 
     def _end(self, slow: np.ndarray) -> float:
         """Distance from the node of the mean over the last tenth of a run."""

@@ -91,8 +91,8 @@ def test_fitted_level_of_the_law_is_passed_by_one_sample_in_twenty():
 @pytest.mark.parametrize(("alpha", "expected"), [(0.24, True), (0.26, False)])
 def test_turning_ends_at_the_printed_threshold(alpha, expected):
     """κ = 2 without inertia in closed form, and with little inertia in time."""
-    assert turns(2.0, alpha, 0.0) is expected
-    assert turns(2.0, alpha, 0.5) is expected
+    assert turns(2.0, 0.0, alpha) is expected
+    assert turns(2.0, 0.5, alpha) is expected
 
 
 def test_curves_of_a_described_figure():

@@ -29,7 +29,7 @@ def made_up(calls, slope=-1.0):
     def compute(grid):
         calls.append(grid)
         x = np.geomspace(1.0, 1e4, 5)
-        return {"": {"x": x, "y": x**slope, "word": np.array(["a,b"] * 5)}}
+        yield "", {"x": x, "y": x**slope, "word": "a,b"}
 
     def figure(data):
         drawn = Figure()
@@ -197,8 +197,8 @@ def test_a_number_out_of_range_takes_the_verdict_away(tmp_path, catalogue):
 
 def test_tables_survive_their_files(tmp_path):
     item = made_up([])
-    data = item.compute(Grid.REDUCED)
-    store.write(tmp_path, item, Grid.REDUCED, data)
+    data = dict(item.compute(Grid.REDUCED))
+    store.write(tmp_path, item, Grid.REDUCED, data.items())
     found = store.read(tmp_path, item)
     assert found is not None
     table, current, grid = found[0][""], found[1], found[2]

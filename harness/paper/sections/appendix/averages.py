@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from math import pi
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -13,7 +14,6 @@ from polhode.harness.paper.item import Computed, Data, Grid
 from polhode.harness.paper.planes import aligned_scene
 from polhode.harness.paper.runs import averaged_run, full_run, run_form, spheroid
 from polhode.harness.paper.sections.appendix.tables import Entry, ellipsoid_entries, spheroid_entries
-from polhode.harness.paper.tables import columns
 from polhode.models.forms.averaged import mean_squares
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.free_top.torque_free import TorqueFree
@@ -56,25 +56,22 @@ def compute_spheroid(grid: Grid) -> Computed:
     """Largest deviation of every printed entry from the mean over the precession, over random L and cones."""
     generator = np.random.default_rng(3)
     angle = 2 * pi * np.arange(16) / 16
-    entries = spheroid_entries()
-    worst = np.zeros((len(entries), 2))
+    entries, worst = spheroid_entries(), 0.0
     for _ in range(grid.of(200, 40)):
         direction = generator.normal(size=3)
         direction /= np.linalg.norm(direction)
         h = generator.uniform(0.05, 0.95)
         g = np.sqrt(1 - h * h)
         axis = frame(direction) @ np.stack([g * np.sin(angle), -g * np.cos(angle), np.full(16, h)])
-        found = [entry.deviations(axis, axis, direction, np.array([h * h])) for entry in entries]
-        worst = np.maximum(worst, found)
-    return _table(entries, worst)
+        worst = np.maximum(worst, [entry.deviations(axis, axis, direction, np.array([h * h])) for entry in entries])
+    yield "", _deviations(entries, worst)
 
 
 def compute_ellipsoid(grid: Grid) -> Computed:
     """Largest deviation of every entry, printed and corrected, from the brute-force mean, over random states."""
     generator = np.random.default_rng(5)
     ellipsoid = Ellipsoid(PAPER_ELLIPSOID)
-    entries = ellipsoid_entries()
-    worst = np.zeros((len(entries), 2))
+    entries, worst = ellipsoid_entries(), 0.0
     means = mean_squares(FLOAT)
     for _ in range(grid.of(24, 6)):
         omega, direction = generator.normal(size=3), generator.normal(size=3)
@@ -84,12 +81,11 @@ def compute_ellipsoid(grid: Grid) -> Computed:
         u = t @ frame(direction)
         z = np.array(means(size2, float(np.sum(ellipsoid.inertia * omega**2)), *ellipsoid.inertia))
         worst = np.maximum(worst, [entry.deviations(t, u, direction, z) for entry in entries])
-    return _table(entries, worst)
+    yield "", _deviations(entries, worst)
 
 
-def _table(entries: Sequence[Entry], worst: np.ndarray) -> Computed:
-    names = np.array([entry.name for entry in entries])
-    return {"": {"entry": names, "printed": worst[:, 0], "corrected": worst[:, 1]}}
+def _deviations(entries: Sequence[Entry], worst: Any) -> dict[str, Any]:
+    return {"entry": [entry.name for entry in entries], "printed": worst[:, 0], "corrected": worst[:, 1]}
 
 
 def figure_averages(data: Data) -> Figure:
@@ -124,25 +120,26 @@ SHOWN = 200.0
 
 def compute_first_order(grid: Grid) -> Computed:
     """L_z in full, averaged and corrected at one St; the largest error against St."""
-    rows = []
+    yield "", {"t2": np.linspace(0.0, SLOW_TIME, 401), **_first_order(SHOWN, 401)}
     for stokes in np.geomspace(1e2, 1e5, grid.of(13, 4)).tolist():
-        full, *others = _first_order(stokes, grid.of(4001, 1001))
-        rows.append((stokes, *(float(np.max(np.abs(other - full))) for other in others)))
-    curves = dict(zip(("full", "averaged", "printed", "corrected"), _first_order(SHOWN, 401), strict=True))
-    times = {"t2": np.linspace(0.0, SLOW_TIME, 401)}
-    return {"": times | curves, "errors": columns("stokes averaged printed corrected", rows)}
+        runs = _first_order(stokes, grid.of(4001, 1001))
+        full = runs.pop("full")
+        yield "errors", {"stokes": stokes, **{name: np.max(np.abs(own - full)) for name, own in runs.items()}}
 
 
-def _first_order(stokes: float, points: int) -> tuple[np.ndarray, ...]:
+def _first_order(stokes: float, points: int) -> dict[str, np.ndarray]:
     """L_z/I_e of the full and the averaged run, with the correction as printed, and corrected."""
     shape = Spheroid.of(spheroid(KAPPA))
     scene = aligned_scene(spheroid(KAPPA), stokes, MOMENTUM, THETA, SLOW_TIME, PHI)
     slow_times = np.linspace(0.0, SLOW_TIME, points)
-    corrected = run_form(CorrectedSpheroid(), scene, slow_times, 1e-13).slow[:, 2]
     averaged = averaged_run(scene, slow_times)
     lz, spin = averaged.states[:, 2], averaged.states[:, 3]
     phase = cumulative_simpson(lz, x=slow_times, initial=0.0)
     mean = np.concatenate([lz[:1], phase[1:] / slow_times[1:]])
     amplitude = shape.equatorial_damping * shape.anisotropy * (1 - (shape.inertia_ratio * spin / lz) ** 2) / 4
-    printed = lz - amplitude / mean * np.sin(2 * (stokes * phase + PHI)) / stokes
-    return full_run(scene, stokes * slow_times).slow[:, 2], averaged.slow[:, 2], printed, corrected
+    return {
+        "full": full_run(scene, stokes * slow_times).slow[:, 2],
+        "averaged": averaged.slow[:, 2],
+        "printed": lz - amplitude / mean * np.sin(2 * (stokes * phase + PHI)) / stokes,
+        "corrected": run_form(CorrectedSpheroid(), scene, slow_times, 1e-13).slow[:, 2],
+    }

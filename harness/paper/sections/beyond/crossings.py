@@ -7,7 +7,7 @@ from scipy import stats
 
 from polhode.harness.paper.item import Computed, Grid, Table
 from polhode.harness.paper.runs import averaged_run, full_run
-from polhode.harness.paper.tables import SLOW, Estimate, columns, exponent, groups, mean, root_mean_squares, stacked
+from polhode.harness.paper.tables import SLOW, Estimate, exponent, groups, mean, root_mean_squares
 from polhode.models.free_top.torque_free import TorqueFree
 from polhode.models.scene import BodyStart, EulerStart, Scene
 from polhode.models.scenes import PAPER_ELLIPSOID, PAPER_START
@@ -52,23 +52,24 @@ def compute_order(grid: Grid) -> Computed:
     generator = np.random.default_rng(11)
     slow_times = np.linspace(0.0, ORDER_TIME, 3001)
     numbers = np.geomspace(1e4, grid.of(3e6, 3e5), grid.of(6, 4)).tolist()
-    rows = []
     for side, (name, count) in enumerate(zip(SIDES, grid.of((16, 64), (4, 8)), strict=True)):
         for index in range(count):
             start = random_start(generator, name)
             averaged = averaged_run(Scene(ELLIPSOID, 1.0, start, ORDER_TIME), slow_times, solver=FAST).slow
-            if side and not _crosses(averaged):
+            if side and not above_middle(averaged)[-1]:
                 raise RuntimeError(f"start {index} does not cross L² = 2EI₂ by t₂ = {ORDER_TIME:g}")
             for stokes in numbers:
                 full = full_run(Scene(ELLIPSOID, stokes, start, stokes * ORDER_TIME), stokes * slow_times, solver=FAST)
-                rows.append((side, index, stokes, np.max(np.abs(full.slow - averaged))))
-    return {"": columns("side start stokes error", rows)}
+                yield (
+                    "",
+                    {"side": side, "start": index, "stokes": stokes, "error": np.max(np.abs(full.slow - averaged))},
+                )
 
 
-def _crosses(slow: np.ndarray) -> bool:
-    """Whether a run that starts with L² < 2EI₂ ends with L² > 2EI₂."""
+def above_middle(slow: np.ndarray) -> np.ndarray:
+    """Where L² > 2EI₂, shape (n,)."""
     middle = sorted(ELLIPSOID.inertia)[1] / max(ELLIPSOID.inertia)
-    return bool(np.sum(slow[-1, :3] ** 2) > 2 * slow[-1, 3] * middle)
+    return np.sum(slow[:, :3] ** 2, axis=1) > 2 * slow[:, 3] * middle
 
 
 def start_exponents(part: Table) -> np.ndarray:
@@ -117,18 +118,15 @@ def compute_jumps(grid: Grid) -> Computed:
     generator = np.random.default_rng(29)
     slow_times = np.linspace(0.0, SLOW_TIME, 2001)
     averaged = averaged_run(Scene(ELLIPSOID, 1.0, PAPER_START, SLOW_TIME), slow_times).slow
-    i2 = sorted(ELLIPSOID.inertia)[1] / max(ELLIPSOID.inertia)
-    crossing = slow_times[np.argmax(np.sum(averaged[:, :3] ** 2, axis=1) > 2 * averaged[:, 3] * i2)]
+    crossing = slow_times[np.argmax(above_middle(averaged))]
     starts = [same_slow_start(PAPER_START, generator) for _ in range(grid.of(128, 64))]
-    parts = []
     for stokes in grid.of((1e4, 3e4, 1e5, 3e5, 1e6), (1e4, 3e4, 3e5, 1e6)):
         scenes = [Scene(ELLIPSOID, stokes, start, stokes * SLOW_TIME) for start in starts]
         off = np.array([full_run(own, stokes * slow_times, 1e-11, solver=FAST).slow - averaged for own in scenes])
         for after, (low, high) in enumerate((BEFORE, AFTER)):
             near = (slow_times > crossing + low) & (slow_times < crossing + high)
-            means = off[:, near].mean(axis=1)
-            parts.append(({"stokes": stokes, "after": after}, dict(zip(SLOW, means.T, strict=True))))
-    return {"": stacked(parts)}
+            means = dict(zip(SLOW, off[:, near].mean(axis=1).T, strict=True))
+            yield "", {"stokes": stokes, "after": after, **means}
 
 
 class Scatter(NamedTuple):

@@ -1,5 +1,6 @@
 """Beyond the paper: endings that averaging cannot tell, basins and transient times."""
 
+from itertools import product
 from math import pi, sqrt
 
 import numpy as np
@@ -12,7 +13,7 @@ from polhode.harness.paper.item import Computed, Data, Grid, Table
 from polhode.harness.paper.planes import distance_from_node, energy_at
 from polhode.harness.paper.runs import averaged_run, full_run, graded, slow_run
 from polhode.harness.paper.sections.beyond.crossings import ELLIPSOID, same_slow_start
-from polhode.harness.paper.tables import Estimate, columns, groups, share
+from polhode.harness.paper.tables import Estimate, groups, share
 from polhode.models.rotation import quaternion_from_euler
 from polhode.models.scene import BodyStart, EulerStart, Scene
 from polhode.models.scenes import PAPER_START
@@ -42,19 +43,16 @@ def compute_endings(grid: Grid) -> Computed:
     """Arrival at the node from next to the saddle: averaged, and full at several St, with the end of z'."""
     generator = np.random.default_rng(23)
     slow_times = np.linspace(0.0, ENDING_TIME, 1501)
-    rows = []
-    for near in NEAR:
-        for index in range(grid.of(24, 6)):
-            start = saddle_start(generator, near)
-            scene = Scene(ELLIPSOID, 1.0, start, ENDING_TIME)
-            averaged = averaged_run(scene, slow_times, solver=GRAZING).slow
-            expected = _arrival(slow_times, averaged)
-            for stokes in ENDING_STOKES[:: grid.of(1, 2)]:
-                for phase, own in enumerate((start, same_slow_start(start, generator))):
-                    run = full_run(Scene(ELLIPSOID, stokes, own, stokes * ENDING_TIME), stokes * slow_times)
-                    up = float(run.observables.rotation[-1, 2, 2] > 0)
-                    rows.append((near, index, stokes, phase, expected, _arrival(slow_times, run.slow), up))
-    return {"": columns("near start stokes phase averaged full up", rows)}
+    for near, index in product(NEAR, range(grid.of(24, 6))):
+        start = saddle_start(generator, near)
+        averaged = averaged_run(Scene(ELLIPSOID, 1.0, start, ENDING_TIME), slow_times, solver=GRAZING).slow
+        expected = _arrival(slow_times, averaged)
+        for stokes in ENDING_STOKES[:: grid.of(1, 2)]:
+            for phase, own in enumerate((start, same_slow_start(start, generator))):
+                run = full_run(Scene(ELLIPSOID, stokes, own, stokes * ENDING_TIME), stokes * slow_times)
+                case = {"near": near, "start": index, "stokes": stokes, "phase": phase, "averaged": expected}
+                up = float(run.observables.rotation[-1, 2, 2] > 0)
+                yield "", {**case, "full": _arrival(slow_times, run.slow), "up": up}
 
 
 def _arrival(slow_times: np.ndarray, slow: np.ndarray, near: float = ARRIVED) -> float:
@@ -82,23 +80,17 @@ NEAR_NODE = 0.02
 def compute_basins(grid: Grid) -> Computed:
     """Transient times of the averaged equations from |L| = I_max/2; ends of z' over starts at one St."""
     slow_times = graded(2.0, 1201)
-    size = grid.of(41, 9)
-    transients = []
-    for cosine in np.linspace(-0.999, 0.999, size).tolist():
-        for height in np.linspace(0.002, 0.998, size).tolist():
-            sine = sqrt((1 - cosine**2) / 2)
-            slow = (0.5 * sine, 0.5 * sine, 0.5 * cosine, energy_at(ELLIPSOID, 0.5, height))
-            run = slow_run(ELLIPSOID, slow, slow_times, solver=GRAZING)
-            transients.append((cosine, height, _arrival(slow_times, run.slow, NEAR_NODE)))
-    ends = []
-    side = grid.of(64, 10)
-    times = np.array([0.0, BASIN_STOKES * BASIN_TIME])
-    for theta in ((np.arange(side) + 0.5) * pi / side).tolist():
-        for psi in ((np.arange(side) + 0.5) * 2 * pi / side - pi).tolist():
-            start = EulerStart((theta, PAPER_START.angles[1], psi), PAPER_START.rates)
-            run = full_run(Scene(ELLIPSOID, BASIN_STOKES, start, times[-1]), times, 1e-9)
-            ends.append((theta, psi, float(run.observables.rotation[-1, 2, 2])))
-    return {"transients": columns("cosine share t2", transients), "ends": columns("theta psi z", ends)}
+    size, side = grid.of(41, 9), grid.of(64, 10)
+    for cosine, height in product(np.linspace(-0.999, 0.999, size).tolist(), np.linspace(0.002, 0.998, size).tolist()):
+        sine = sqrt((1 - cosine**2) / 2)
+        slow = (0.5 * sine, 0.5 * sine, 0.5 * cosine, energy_at(ELLIPSOID, 0.5, height))
+        arrival = _arrival(slow_times, slow_run(ELLIPSOID, slow, slow_times, solver=GRAZING).slow, NEAR_NODE)
+        yield "transients", {"cosine": cosine, "share": height, "t2": arrival}
+    times, steps = np.array([0.0, BASIN_STOKES * BASIN_TIME]), np.arange(side) + 0.5
+    for theta, psi in product((steps * pi / side).tolist(), (steps * 2 * pi / side - pi).tolist()):
+        start = EulerStart((theta, PAPER_START.angles[1], psi), PAPER_START.rates)
+        run = full_run(Scene(ELLIPSOID, BASIN_STOKES, start, times[-1]), times, 1e-9)
+        yield "ends", {"theta": theta, "psi": psi, "z": run.observables.rotation[-1, 2, 2]}
 
 
 def map_of(table: Table, names: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

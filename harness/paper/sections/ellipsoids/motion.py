@@ -3,9 +3,8 @@
 import numpy as np
 
 from polhode.harness.paper.item import Computed, Grid
-from polhode.harness.paper.runs import full_run, slow_run, slow_scene, spheroid
+from polhode.harness.paper.runs import bisected, full_run, slow_run, slow_scene, spheroid
 from polhode.harness.paper.sections import slow_motion
-from polhode.harness.paper.tables import columns, stacked
 from polhode.models.forms.averaged import Averaged
 from polhode.models.operations import FLOAT
 from polhode.models.scene import Scene
@@ -14,6 +13,9 @@ from polhode.models.shape import Ellipsoid
 from polhode.models.theory.separatrix import Separatrix, Side
 
 ELLIPSOID = Ellipsoid(PAPER_ELLIPSOID)
+# The largest moment of inertia, and the middle one over it.
+UNIT = max(ELLIPSOID.inertia)
+MIDDLE = sorted(ELLIPSOID.inertia)[1] / UNIT
 SIDES: tuple[Side, Side] = ("long", "short")
 # Complementary parameter y = μ'δ where local and averaged solution are compared.
 NEAR = 1e-3
@@ -27,17 +29,21 @@ LITTLE = 2.0
 
 def complement_of(slow: np.ndarray, side: Side) -> np.ndarray:
     """y = 1 - m of slow variables over I_max, shape (n, 4)."""
-    i1, i2, i3 = np.array(sorted(ELLIPSOID.inertia)) / max(ELLIPSOID.inertia)
+    i1, i2, i3 = np.array(sorted(ELLIPSOID.inertia)) / UNIT
     near, far = (i3, i1) if side == "short" else (i1, i3)
     momentum2, energy2 = np.sum(slow[:, :3] ** 2, axis=1), 2 * slow[:, 3]
     return (near - far) * (momentum2 - energy2 * i2) / ((near - i2) * (momentum2 - energy2 * far))
 
 
+def state_of(local: Separatrix, complement: float, shift: float) -> list[float]:
+    """Slow variables over I_max at y and L_z'."""
+    return (np.array(local.slow_state(complement, shift)) / UNIT).tolist()
+
+
 def _averaged_rates(local: Separatrix, complement: float, shift: float) -> tuple[float, float]:
     """Rates of y and L_z'/I_max by the averaged equations, at L_x = L_y = 0."""
-    unit = max(ELLIPSOID.inertia)
-    state = np.array(local.slow_state(complement, shift)) / unit
-    problem = Averaged().problem(slow_scene(ELLIPSOID, state.tolist(), 1.0))
+    state = state_of(local, complement, shift)
+    problem = Averaged().problem(slow_scene(ELLIPSOID, state, 1.0))
     rates = np.array(problem.field(FLOAT)(problem.start, problem.parameters))
     step = 1e-6 * complement / max(1e-30, float(np.max(np.abs(rates))))
     moved = [complement_of((state + sign * step * rates)[None], local.side)[0] for sign in (1, -1)]
@@ -50,53 +56,42 @@ def critical_before(complement: float, points: int) -> tuple[np.ndarray, np.ndar
     Found by bisection of L_z' at the start: those that start with more pass the point with more. Returns slow times up
     to the point and slow variables over I_max, shape (n, 4).
     """
-    local, unit = Separatrix(ELLIPSOID, "long"), max(ELLIPSOID.inertia)
+    local = Separatrix(ELLIPSOID, "long")
     times = np.linspace(0.0, 0.3 if complement > 0.3 else -1.2 * local.time(complement), points)
-    low, high = -1.5 * unit, 0.3 * unit
-    for _ in range(45):
-        middle = (low + high) / 2
-        _, passed = _long_side(local.slow_state(complement, middle), times)
-        low, high = (low, middle) if passed > 0 else (middle, high)
-    found, _ = _long_side(local.slow_state(complement, (low + high) / 2), times)
+
+    def from_start(shift: float) -> tuple[np.ndarray, float]:
+        """As far as it stays on the long side, and L_z'/I_max where it leaves it."""
+        slow = slow_run(ELLIPSOID, state_of(local, complement, shift), times).slow
+        beyond = complement_of(slow, "long") <= 0
+        last = int(np.argmax(beyond)) if beyond.any() else len(slow)
+        return slow[:last], float(slow[min(last, len(slow) - 1), 2] + MIDDLE / 2)
+
+    met = bisected(lambda shift: from_start(shift)[1] <= 0, -1.5 * UNIT, 0.3 * UNIT, 45)
+    found, _ = from_start(met)
     return times[: len(found)], found
-
-
-def _long_side(state: tuple[float, ...], times: np.ndarray) -> tuple[np.ndarray, float]:
-    """Averaged trajectory as far as it stays on the long side, and L_z'/I_max where it leaves it."""
-    unit = max(ELLIPSOID.inertia)
-    slow = slow_run(ELLIPSOID, (np.array(state) / unit).tolist(), times).slow
-    complement = complement_of(slow, "long")
-    last = int(np.argmax(complement <= 0)) if np.any(complement <= 0) else len(slow)
-    middle = sorted(ELLIPSOID.inertia)[1] / (2 * unit)
-    return slow[:last], float(slow[min(last, len(slow) - 1), 2] + middle)
 
 
 def critical_after(slow_times: np.ndarray) -> np.ndarray:
     """The averaged trajectory that leaves the singular point, shape (n, 4), at times after it; the first is 0."""
     local, beside = Separatrix(ELLIPSOID, "short"), 1e-9
-    state = np.array(local.slow_state(beside, local.critical(beside))) / max(ELLIPSOID.inertia)
-    return slow_run(ELLIPSOID, state.tolist(), slow_times).slow
+    return slow_run(ELLIPSOID, state_of(local, beside, local.critical(beside)), slow_times).slow
 
 
 def compute_singular(grid: Grid) -> Computed:
     """Rates near the singular point, local and averaged; the critical trajectory on either side."""
-    unit = max(ELLIPSOID.inertia)
-    rows, parts = [], []
     for number, side in enumerate(SIDES):
         local = Separatrix(ELLIPSOID, side)
         for complement in np.geomspace(1e-8, 0.3, grid.of(40, 14)).tolist():
             shift = local.critical(complement)
             growth, push = local.rates(complement, shift)
             exact = _averaged_rates(local, complement, shift)
-            rows.append((number, complement, shift / unit, growth, exact[0], push / unit, exact[1]))
-        parts.append(_passage(local, number, grid.of(401, 101)))
-    names = "side y shift local_y averaged_y local_shift averaged_shift"
-    return {"rates": columns(names, rows), "trajectory": stacked(parts)}
+            rates = {"local_y": growth, "averaged_y": exact[0], "local_shift": push / UNIT, "averaged_shift": exact[1]}
+            yield "rates", {"side": number, "y": complement, "shift": shift / UNIT, **rates}
+        yield "trajectory", {"side": number, **_passage(local, grid.of(401, 101))}
 
 
-def _passage(local: Separatrix, number: int, points: int) -> tuple[dict, dict]:
+def _passage(local: Separatrix, points: int) -> dict[str, np.ndarray]:
     """y and L_z' against time to or from the singular point: critical trajectories, local and averaged."""
-    unit = max(ELLIPSOID.inertia)
     if local.side == "long":
         times, slow = critical_before(FAR, points)
         times = times - times[-1]
@@ -106,14 +101,13 @@ def _passage(local: Separatrix, number: int, points: int) -> tuple[dict, dict]:
     inside = np.abs(times) <= abs(local.time(FAR))
     times, slow = times[inside], slow[inside]
     complement = np.array([local.complement(float(time)) for time in times])
-    found = {
+    return {
         "t2": times,
         "local_y": complement,
         "averaged_y": complement_of(slow, local.side),
-        "local_shift": np.array([local.critical(value) for value in complement.tolist()]) / unit,
-        "averaged_shift": slow[:, 2] + sorted(ELLIPSOID.inertia)[1] / (2 * unit),
+        "local_shift": np.array([local.critical(value) for value in complement.tolist()]) / UNIT,
+        "averaged_shift": slow[:, 2] + MIDDLE / 2,
     }
-    return {"side": number}, found
 
 
 class FirstStart(slow_motion.SlowMotion):
@@ -121,12 +115,11 @@ class FirstStart(slow_motion.SlowMotion):
 
     def compute(self, grid: Grid) -> Computed:
         """Also how irregularly L_z swings, beside the paper's first spheroid, at one St."""
-        rows = []
-        for body, start, slow_time in ((self.ellipsoid, self.start, 0.1), (spheroid(2.0), SPHEROID_START, 0.1)):
-            times = np.linspace(0.0, IRREGULAR * slow_time, 20001)
+        yield from super().compute(grid)
+        times = np.linspace(0.0, IRREGULAR * 0.1, 20001)
+        for body, start in ((self.ellipsoid, self.start), (spheroid(2.0), SPHEROID_START)):
             momentum = full_run(Scene(body, IRREGULAR, start, times[-1]), times).slow[:, 2]
-            rows.append((_scatter(momentum),))
-        return {**super().compute(grid), "scatter": columns("swings", rows)}
+            yield "scatter", {"swings": _scatter(momentum)}
 
 
 def _scatter(values: np.ndarray) -> float:

@@ -9,14 +9,19 @@ from polhode.harness.paper import planes
 from polhode.harness.paper.drawing import BLACK, BLUE, BOUND, NODE, ORANGE, VERMILLION, common_legend, panels
 from polhode.harness.paper.item import Computed, Data, Grid, Table
 from polhode.harness.paper.runs import graded, slow_run
-from polhode.harness.paper.sections.ellipsoids.motion import ELLIPSOID, critical_after, critical_before
+from polhode.harness.paper.sections.ellipsoids.motion import (
+    ELLIPSOID,
+    MIDDLE,
+    SIDES,
+    critical_after,
+    critical_before,
+    state_of,
+)
 from polhode.harness.paper.sections.planes import NAMES, plane_tables
-from polhode.harness.paper.tables import by, groups, path_table, stacked
+from polhode.harness.paper.tables import by, groups, path
 from polhode.models.theory.fixed_points import fixed_points
 from polhode.models.theory.separatrix import Separatrix
 
-UNIT = max(ELLIPSOID.inertia)
-MIDDLE = sorted(ELLIPSOID.inertia)[1] / UNIT
 # Where local and averaged critical trajectory are compared: L_z over I_max around the singular point.
 CLOSE = 2e-3
 ON_EDGE = 0.25
@@ -28,38 +33,20 @@ def compute_plane(grid: Grid) -> Computed:
     """Slow trajectories, and the critical one: local and averaged, before and after the singular point."""
     shares = (0.001, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95, 0.999)
     starts = [(momentum, share) for momentum in (-1.1, -0.08, 1.1) for share in shares[:: grid.of(1, 4)]]
-    starts.append((-1.1, 1.0))
-    return {
-        **plane_tables(ELLIPSOID, starts, grid.of(2001, 601), ON_EDGE, _kept),
-        "critical": stacked([*_local(), *_averaged()]),
-    }
+    yield from plane_tables(ELLIPSOID, [*starts, (-1.1, 1.0)], grid.of(2001, 601), ON_EDGE, _kept)
+    for number, side in enumerate(SIDES):
+        local = Separatrix(ELLIPSOID, side)
+        states = np.array([state_of(local, y, local.critical(y)) for y in np.geomspace(1e-6, 0.5, 41).tolist()])
+        yield "critical", {"kind": 0, "side": number, "Lz": states[:, 2], "E": states[:, 3]}
+    _, before = critical_before(0.8, 2001)
+    for number, slow in enumerate((before[::2], critical_after(graded(0.5, 401)))):
+        yield "critical", {"kind": 1, "side": number, "Lz": slow[:, 2], "E": slow[:, 3]}
 
 
 def _kept(slow: np.ndarray) -> np.ndarray:
     """Indices of points at even steps, and of all in the magnified view of the singular point, or next to it."""
     inside = np.abs(slow[:, 2:] - planes.fixed_point(ELLIPSOID, "singular")) < 1.2 * np.array(WINDOW)
     return np.union1d(planes.plane_steps(slow, 250), np.flatnonzero(np.all(inside, axis=1)))
-
-
-def _local() -> list[tuple[dict, dict]]:
-    """Critical trajectory of the local solution on either side, over I_max."""
-    parts = []
-    for number, side in enumerate(("long", "short")):
-        local = Separatrix(ELLIPSOID, side)
-        states = [local.slow_state(y, local.critical(y)) for y in np.geomspace(1e-6, 0.5, 41).tolist()]
-        lz, energy = np.array(states)[:, 2:].T / UNIT
-        parts.append(({"kind": 0.0, "side": number}, {"Lz": lz, "E": energy}))
-    return parts
-
-
-def _averaged() -> list[tuple[dict, dict]]:
-    """Critical trajectory of the averaged equations, to the singular point and from it on to the node."""
-    _, before = critical_before(0.8, 2001)
-    after = critical_after(graded(0.5, 401))
-    return [
-        ({"kind": 1.0, "side": side}, {"Lz": slow[:, 2], "E": slow[:, 3]})
-        for side, slow in enumerate((before[::2], after))
-    ]
 
 
 def figure_plane(data: Data) -> Figure:
@@ -110,12 +97,10 @@ def _gap(first: Table, second: Table) -> np.ndarray:
 def compute_space(grid: Grid) -> Computed:
     """One slow trajectory with L_x = 0 throughout and one with L_y = 0, and the fixed points."""
     slow_times = graded(1.0, grid.of(401, 101))
-    paths = []
     for zero in (1, 0):
         slow = np.array([0.0, 0.0, -0.2, planes.energy_at(ELLIPSOID, 1.0, 0.7)])
         slow[1 - zero] = sqrt(1 - 0.2**2)
-        paths.append((zero, slow_times, slow_run(ELLIPSOID, slow.tolist(), slow_times).slow))
-    return {"": path_table(paths)}
+        yield "", path(zero, slow_times, slow_run(ELLIPSOID, slow.tolist(), slow_times).slow)
 
 
 def figure_space(data: Data) -> Figure:

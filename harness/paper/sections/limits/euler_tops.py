@@ -9,7 +9,6 @@ from matplotlib.figure import Figure
 from polhode.harness.paper.drawing import BLUE, VERMILLION, draw_on_sphere, panels, unit_sphere
 from polhode.harness.paper.item import Computed, Data, Grid, Table
 from polhode.harness.paper.runs import run_form
-from polhode.harness.paper.tables import columns
 from polhode.models.catalogue import form as find_form
 from polhode.models.free_top.torque_free import TorqueFree
 from polhode.models.scene import EulerStart, Scene
@@ -41,13 +40,9 @@ class Top:
         top = TorqueFree(self.ellipsoid.inertia, START.quaternion, START.angular_velocity)
         difference = np.max(np.abs(exact.rotation - integrated.rotation))
         drift = np.max(np.abs(exact.slow - exact.slow[0])) / np.max(np.abs(exact.slow[0]))
-        return {
-            "": {"t": times, "x": axis[:, 0], "y": axis[:, 1], "z": axis[:, 2], "nutation": nutation},
-            "numbers": columns(
-                "period precession_period difference drift momentum",
-                [(top.period, top.precession_period, difference, drift, size)],
-            ),
-        }
+        yield "", {"t": times, "x": axis[:, 0], "y": axis[:, 1], "z": axis[:, 2], "nutation": nutation}
+        periods = {"period": top.period, "precession_period": top.precession_period}
+        yield "numbers", {**periods, "difference": difference, "drift": drift, "momentum": size}
 
     def figure(self, data: Data) -> Figure:
         """Path of z' on the unit sphere."""

@@ -1,6 +1,6 @@
 """Poincaré sections of the Jeffery top (St = 0): regular and chaotic orbits, and the layer of chaos at the saddle."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from math import acosh, log, pi
@@ -13,9 +13,8 @@ from scipy.interpolate import CubicHermiteSpline
 
 from polhode.harness.common.text import in_two_digits
 from polhode.harness.paper.drawing import BLACK, BLUE, VERMILLION, label, panels
-from polhode.harness.paper.item import Columns, Computed, Data, Grid, Table
-from polhode.harness.paper.runs import TOLERANCE, full_run
-from polhode.harness.paper.tables import columns
+from polhode.harness.paper.item import Computed, Data, Grid, Table
+from polhode.harness.paper.runs import TOLERANCE, bisected, full_run
 from polhode.models.flow import jeffery_angular_velocity, shares
 from polhode.models.forms.jeffery import field as jeffery_field
 from polhode.models.operations import numpy_operations
@@ -31,8 +30,8 @@ PIECE = 100
 TANGENT = (0.5, -0.5, 0.5, -0.5)
 # Beside ψ = 0, which some orbits never leave.
 PSI = 1e-9
-# Halvings down to the last digit.
-HALVINGS = 52
+# Where ends of a layer are looked for, in rad from θ = π/2, with halvings down to the last digit.
+SEARCHED = 0.0, 1.2, 52
 # Distance, in rad, from the saddle at which its growth is measured.
 TINY = 1e-4
 # Where a start lies: uniform over the section's area element; next to the saddle; about the separatrix, at ψ = 0.
@@ -130,16 +129,7 @@ def measure_layer(ellipsoid: Ellipsoid, turns: int) -> tuple[float, float]:
         theta, _ = orbit(ellipsoid, pi / 2 + offset, PSI, duration)
         return bool(np.any((theta[1:] - pi / 2) * (theta[:-1] - pi / 2) < 0))
 
-    return _last(lambda offset: not circulates(offset)), _last(librates)
-
-
-def _last(holds: Callable[[float], bool]) -> float:
-    """Where a property that holds close to θ = π/2 is lost."""
-    low, high = 0.0, 1.2
-    for _ in range(HALVINGS):
-        middle = (low + high) / 2
-        low, high = (middle, high) if holds(middle) else (low, middle)
-    return (low + high) / 2
+    return bisected(lambda offset: not circulates(offset), *SEARCHED), bisected(librates, *SEARCHED)
 
 
 def saddle_growth(ellipsoid: Ellipsoid) -> float:
@@ -187,25 +177,23 @@ class Sections:
         duration = turns * half_turn(body)
         counts = grid.of((200, 800), (100,)) if self.layered else ()
         layers = [measure_layer(body, count) for count in counts]
-        parts, close, rows = [], [], []
+        parts, close, orbits = [], [], []
         for number, (kind, theta, psi) in enumerate(self.starts(grid, layers)):
             found, stretch = stretched_orbit(body, theta, psi, duration)
             points = [(number, *point) for point in zip(*found, strict=True)]
             parts += points if kind != ABOUT else []
             close += [point for point in points if self._is_close(*point[1:])]
-            rows.append((number, kind, theta, psi, stretch, stretch / turns))
-        orbits = columns("orbit kind theta psi stretch exponent", rows)
-        tables: dict[str, Columns] = {
-            "": _thinned(parts, grid.of(9000, 2000)),
-            "close": _thinned(close, grid.of(6000, 1000)),
-            "orbits": {**orbits, "chaotic": (orbits["stretch"] > chaos_border(turns)).astype(float)},
-            "settings": {"duration": np.array([duration]), "turns": np.array([float(turns)])},
-        }
+            start = {"orbit": number, "kind": kind, "theta": theta, "psi": psi}
+            chaotic = float(stretch > chaos_border(turns))
+            orbits.append({**start, "stretch": stretch, "exponent": stretch / turns, "chaotic": chaotic})
+        yield "", _thinned(parts, grid.of(9000, 2000))
+        yield "close", _thinned(close, grid.of(6000, 1000))
+        yield from (("orbits", row) for row in orbits)
+        yield "settings", {"duration": duration, "turns": turns}
+        for count, (low, high) in zip(counts, layers, strict=True):
+            yield "layer", {"turns": count, "librating": low, "circulating": high, "width": high - low}
         if layers:
-            rows = [(count, low, high, high - low) for count, (low, high) in zip(counts, layers, strict=True)]
-            tables["layer"] = columns("turns librating circulating width", rows)
-            tables["saddle"] = {"growth": np.array([saddle_growth(body)])}
-        return tables
+            yield "saddle", {"growth": saddle_growth(body)}
 
     def _is_close(self, theta: float, psi: float) -> bool:
         return abs(theta - pi / 2) <= self.close[1] and pi / 2 - psi <= self.close[0]
@@ -247,10 +235,10 @@ def beside_a_half(interval: tuple[float, float]) -> str:
     return ", the lesser part" if high < 0.5 else ", the greater part" if low > 0.5 else ", about half"
 
 
-def _thinned(points: list[tuple], count: int) -> Columns:
+def _thinned(points: list[tuple], count: int) -> dict[str, np.ndarray]:
     """At most about so many of the points."""
-    table = columns("orbit theta psi", points[:: max(1, len(points) // count)])
-    return {name: np.round(column, 6) for name, column in table.items()}
+    table = np.round(points[:: max(1, len(points) // count)], 6)
+    return dict(zip(("orbit", "theta", "psi"), table.T, strict=True))
 
 
 def _draw_points(axes: Axes, points: Table, orbits: Table, size: float) -> None:

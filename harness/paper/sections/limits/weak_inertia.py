@@ -1,13 +1,15 @@
 """The introduction on small St: spheroids drift across Jeffery orbits, and some planar flows stop them."""
 
+from functools import partial
+from itertools import product
 from math import pi
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
 from polhode.harness.paper.item import Computed, Grid, Table
-from polhode.harness.paper.runs import full_run, spheroid
-from polhode.harness.paper.tables import columns, exponent
+from polhode.harness.paper.runs import bisected, full_run, spheroid
+from polhode.harness.paper.tables import exponent
 from polhode.models.catalogue import form as find_form
 from polhode.models.forms.spheroid_axis import field
 from polhode.models.rotation import quaternion_from_euler
@@ -45,9 +47,9 @@ def followed(kappa: float, stokes: float) -> float:
 def compute_drift(grid: Grid) -> Computed:
     """Growth at all St; at one small St from a run too."""
     numbers = np.geomspace(1e-4, 1e6, grid.of(61, 21)).tolist()
-    rows = [(kappa, stokes, growth(kappa, stokes)) for kappa in KAPPAS for stokes in numbers]
-    runs = [(kappa, growth(kappa, FOLLOWED), followed(kappa, FOLLOWED)) for kappa in KAPPAS]
-    return {"": columns("kappa stokes growth", rows), "runs": columns("kappa growth followed", runs)}
+    for kappa in KAPPAS:
+        yield "", {"kappa": kappa, "stokes": numbers, "growth": [growth(kappa, stokes) for stokes in numbers]}
+        yield "runs", {"kappa": kappa, "growth": growth(kappa, FOLLOWED), "followed": followed(kappa, FOLLOWED)}
 
 
 def _size(table: Table) -> tuple[np.ndarray, np.ndarray]:
@@ -70,7 +72,7 @@ PLANAR = (0.5, 2.0, 4.0)
 PLANAR_STOKES = (0.0, 1.0, 10.0, 100.0)
 
 
-def turns(kappa: float, alpha: float, stokes: float) -> bool:
+def turns(kappa: float, stokes: float, alpha: float) -> bool:
     """Whether an axis in the plane of the flow u = y x̂ + αx ŷ goes on turning; one with inertia starts at full speed.
 
     Without inertia its rate is (α - 1)/2 + Λ(1 + α)/2 cos 2χ; with it, it relaxes to this rate.
@@ -102,12 +104,7 @@ def turns(kappa: float, alpha: float, stokes: float) -> bool:
 
 def compute_planar(grid: Grid) -> Computed:
     """The α above which turning ends, by bisection."""
-    rows = []
-    for kappa in PLANAR:
-        for stokes in PLANAR_STOKES:
-            low, high = 0.0, 1.0
-            for _ in range(50 if stokes == 0 else grid.of(14, 9)):
-                middle = (low + high) / 2
-                low, high = (middle, high) if turns(kappa, middle, stokes) else (low, middle)
-            rows.append((kappa, stokes, (low + high) / 2, min(kappa, 1 / kappa) ** 2))
-    return {"": columns("kappa stokes threshold printed", rows)}
+    for kappa, stokes in product(PLANAR, PLANAR_STOKES):
+        halvings = 50 if stokes == 0 else grid.of(14, 9)
+        threshold = bisected(partial(turns, kappa, stokes), 0.0, 1.0, halvings)
+        yield "", {"kappa": kappa, "stokes": stokes, "threshold": threshold, "printed": min(kappa, 1 / kappa) ** 2}

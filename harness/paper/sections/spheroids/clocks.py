@@ -1,6 +1,5 @@
 """How full runs approach the fixed points and leave large L, against the printed rates; clocks, the collapse on St*."""
 
-from collections.abc import Iterator
 from functools import cache
 from math import pi
 
@@ -9,9 +8,9 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, NullFormatter
 from scipy.signal import find_peaks
 
-from polhode.harness.paper.item import Computed, Grid, Table
+from polhode.harness.paper.item import Computed, Grid, Part, Table
 from polhode.harness.paper.runs import Run, full_run, spheroid
-from polhode.harness.paper.tables import columns, groups, path_table, stacked
+from polhode.harness.paper.tables import groups, path
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.rotation import quaternion_from_euler
 from polhode.models.scene import BodyStart, EulerStart, Scene
@@ -51,9 +50,12 @@ def fitted_rate(slow_times: np.ndarray, values: np.ndarray) -> float:
 
 
 @cache
-def compute_decay(grid: Grid) -> Computed:
+def compute_decay(grid: Grid) -> tuple[Part, ...]:
     """Rates of all modes of all bodies from full runs; decay of large L of a spheroid."""
-    rows = []
+    return *_near_fixed_points(grid), *_from_large(grid)
+
+
+def _near_fixed_points(grid: Grid) -> Computed:
     for number, body in enumerate(BODIES):
         for mode, printed in enumerate(eigenvalues(body, 2)):
             slow_times = np.linspace(0.0, 1.5 / abs(printed), grid.of(4001, 1001))
@@ -61,11 +63,11 @@ def compute_decay(grid: Grid) -> Computed:
             clock = body.inertia[2] / (8 * pi * body.resistance[2])
             # Of a tumbling spheroid the fourth variable is η, whose square the wobble is.
             share = 0.5 if mode == 3 and body.symmetry_axis == 0 else 1.0
-            rows.append((number, mode, printed, share * fitted_rate(slow_times, amplitude(run, mode)), clock))
-    return {"": columns("body mode printed measured clock", rows), "large": stacked(list(_from_large(grid)))}
+            measured = share * fitted_rate(slow_times, amplitude(run, mode))
+            yield "", {"body": number, "mode": mode, "printed": printed, "measured": measured, "clock": clock}
 
 
-def _from_large(grid: Grid) -> Iterator[tuple[dict[str, float], dict[str, np.ndarray]]]:
+def _from_large(grid: Grid) -> Computed:
     """Squares of L along and across the axis, and the angle by which L has turned, from large L."""
     for kappa in (0.5, 2.0):
         body = spheroid(kappa)
@@ -77,8 +79,8 @@ def _from_large(grid: Grid) -> Iterator[tuple[dict[str, float], dict[str, np.nda
         size = np.linalg.norm(momentum, axis=1)
         axial = np.einsum("ni,ni->n", momentum, axis) ** 2
         turned = np.arccos(np.clip(momentum @ momentum[0] / size / size[0], -1, 1))
-        values = {"t2": slow_times, "axial": axial, "transverse": size**2 - axial, "turned": turned}
-        yield {"kappa": kappa}, values
+        squares = {"axial": axial, "transverse": size**2 - axial}
+        yield "large", {"kappa": kappa, "t2": slow_times, **squares, "turned": turned}
 
 
 def few_ticks(axes: Axes) -> None:
@@ -135,14 +137,12 @@ def collapse_start(kappa: float) -> tuple[Ellipsoid, float, BodyStart]:
 def compute_collapse(grid: Grid) -> Computed:
     """L_z and E of four spheroids with the same St*, and the rate at which L_z relaxes to the node on either clock."""
     scaled = np.linspace(0.0, 12.0, grid.of(401, 201))
-    paths, rows = [], []
     for kappa in COLLAPSE_KAPPAS:
         ellipsoid, stokes, start = collapse_start(kappa)
         run = full_run(Scene(ellipsoid, stokes, start, 13 * STOKES_STAR), STOKES_STAR * scaled)
-        paths.append((kappa, scaled, run.slow))
+        yield "", path(kappa, scaled, run.slow, ("Lz", "E"))
         rate = -eigenvalues(ellipsoid, int(np.argmax(ellipsoid.inertia)))[2]
-        rows.append((kappa, stokes, rate, rate * STOKES_STAR / stokes))
-    return {"": path_table(paths, ("Lz", "E")), "rates": columns("kappa stokes t2 star", rows)}
+        yield "rates", {"kappa": kappa, "stokes": stokes, "t2": rate, "star": rate * STOKES_STAR / stokes}
 
 
 def frequency(run: Table) -> float:

@@ -10,7 +10,7 @@ from polhode.harness.paper.drawing import CYCLE, draw_law, label, panels, styled
 from polhode.harness.paper.item import Computed, Data, Grid, Table
 from polhode.harness.paper.planes import aligned_scene, draw_frame
 from polhode.harness.paper.runs import Run, averaged_run, full_run, run_form, slow_run_to_pinch, spheroid
-from polhode.harness.paper.tables import columns, exponent, groups, path_table, root_mean_squares
+from polhode.harness.paper.tables import exponent, groups, path, root_mean_squares
 from polhode.models.catalogue import form as find_form
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.scene import BodyStart, Scene
@@ -32,29 +32,21 @@ def compute_pinch(grid: Grid) -> Computed:
     """Paths past the pinch point; the smallest |L| of full runs against St."""
     slow_times = np.linspace(0.0, SLOW_TIME, grid.of(1201, 601))
     ends, pinch = _slow_to_pinch(KAPPA, slow_times)
-    aligned = [(np.inf, ends.times, ends.slow)]
-    tilted = [(np.inf, slow_times, averaged_run(_tilted_scene(1.0), slow_times).slow)]
+    yield "aligned", path(np.inf, ends.times, ends.slow)
+    yield "tilted", path(np.inf, slow_times, averaged_run(_tilted_scene(1.0), slow_times).slow)
     for stokes in STOKES:
-        for paths, scene in ((aligned, _scene(KAPPA, stokes)), (tilted, _tilted_scene(stokes))):
-            paths.append((stokes, slow_times, full_run(scene, stokes * slow_times).slow))
+        for table, scene in (("aligned", _scene(KAPPA, stokes)), ("tilted", _tilted_scene(stokes))):
+            yield table, path(stokes, slow_times, full_run(scene, stokes * slow_times).slow)
+    yield "end", {"t2": pinch}
     phases = ((np.arange(grid.of(8, 2)) + 0.25) * pi / grid.of(8, 2)).tolist()
-    rows, compared = [], []
     for kappa in KAPPAS:
         _, met = _slow_to_pinch(kappa, slow_times)
-        rows += [
-            (kappa, stokes, phi, _least_momentum(kappa, stokes, phi, met))
-            for stokes in np.geomspace(1e4, 1e9, grid.of(11, 6)).tolist()
-            for phi in phases
-        ]
-        pair = [_least_momentum(kappa, COMPARED, phases[0], met, form) for form in ("hybrid", "spheroid-axis")]
-        compared.append((kappa, *pair))
-    return {
-        "aligned": path_table(aligned),
-        "tilted": path_table(tilted),
-        "end": {"t2": np.array([pinch])},
-        "crossing": columns("kappa stokes phi least", rows),
-        "compared": columns("kappa hybrid full", compared),
-    }
+        for stokes in np.geomspace(1e4, 1e9, grid.of(11, 6)).tolist():
+            least = [_least_momentum(kappa, stokes, phi, met) for phi in phases]
+            yield "crossing", {"kappa": kappa, "stokes": stokes, "phi": phases, "least": least}
+        forms = {"hybrid": "hybrid", "full": "spheroid-axis"}
+        pair = {name: _least_momentum(kappa, COMPARED, phases[0], met, form) for name, form in forms.items()}
+        yield "compared", {"kappa": kappa, **pair}
 
 
 def _scene(kappa: float, stokes: float, phi: float = 0.0, slow_time: float = SLOW_TIME) -> Scene:

@@ -12,7 +12,7 @@ from polhode.harness.paper.drawing import BLACK, BOUND, CYCLE, common_legend, dr
 from polhode.harness.paper.item import Computed, Data, Grid
 from polhode.harness.paper.runs import graded, slow_run, spheroid
 from polhode.harness.paper.sections.planes import plane_tables
-from polhode.harness.paper.tables import columns, groups, stacked
+from polhode.harness.paper.tables import groups
 from polhode.models.theory.fixed_points import fixed_points
 
 PROLATE = spheroid(2.0)
@@ -22,17 +22,15 @@ RATIOS = (0.1, 1.0, 10.0)
 def compute_l_planes(grid: Grid) -> Computed:
     """Slow trajectories with L_x = 0 or L_y = 0 and several ratios of L_xy to L_z, of either sign."""
     slow_times = graded(1.0, 1201)
-    parts, ends = [], []
     shares = grid.of((0.05, 0.3, 0.6, 0.9), (0.3, 0.9))
-    for zero, ratio, sign, share in product((0, 1), RATIOS, (-1.0, 1.0), shares):
+    for path, (zero, ratio, sign, share) in enumerate(product((0, 1), RATIOS, (-1.0, 1.0), shares)):
         start = np.array([0.0, 0.0, sign / sqrt(1 + ratio**2), planes.energy_at(PROLATE, 1.0, share)])
         start[1 - zero] = ratio / sqrt(1 + ratio**2)
         slow = slow_run(PROLATE, start.tolist(), slow_times).slow
-        labels = {"zero": zero, "ratio": sign * ratio, "path": len(ends)}
-        momentum = np.linalg.norm(slow[:, :3], axis=1)
-        parts.append((labels, _thinned({"L": momentum, "E": slow[:, 3]})))
-        ends.append((zero, sign * ratio, share, float(planes.distance_from_node(PROLATE, slow[-1])), momentum.min()))
-    return {"": stacked(parts), "ends": columns("zero ratio share distance smallest", ends)}
+        momentum, labels = np.linalg.norm(slow[:, :3], axis=1), {"zero": zero, "ratio": sign * ratio}
+        yield "", {**labels, "path": path, **_thinned({"L": momentum, "E": slow[:, 3]})}
+        distance = planes.distance_from_node(PROLATE, slow[-1])
+        yield "ends", {**labels, "share": share, "distance": distance, "smallest": momentum.min()}
 
 
 def figure_l_planes(data: Data) -> Figure:
@@ -73,27 +71,22 @@ AZIMUTHS = (0.0, 45.0, 90.0)
 def compute_projections(grid: Grid) -> Computed:
     """Slow trajectories from |L| = 2I_e/3, three energies, all directions of L."""
     slow_times = graded(1.0, 1201)
-    parts, ends, crossings = [], [], []
-    for energy in ENERGIES:
-        for cosine in grid.of((-0.95, -0.5, 0.1, 0.6, 0.95), (-0.6, 0.6)):
-            found = []
-            for azimuth in AZIMUTHS:
-                sine, angle = sqrt(1 - cosine**2), np.radians(azimuth)
-                direction = np.array([sine * np.sin(angle), sine * np.cos(angle), cosine]) * MOMENTUM
-                slow = slow_run(PROLATE, (*direction, energy), slow_times).slow
-                found.append(np.linalg.norm(slow[:, :2], axis=1))
-                values = {"Lz": slow[:, 2], "Lxy": found[-1], "E": slow[:, 3]}
-                parts.append(({"E0": energy, "azimuth": azimuth, "path": len(ends)}, _thinned(values)))
-                ends.append((energy, cosine, azimuth, float(planes.distance_from_node(PROLATE, slow[-1]))))
-            low, middle, high = found
-            outside = np.maximum(np.minimum(low, high) - middle, middle - np.maximum(low, high))
-            # Up to rounding.
-            crossings.append((energy, cosine, float(np.mean(outside <= 1e-9)), float(outside.max())))
-    return {
-        "": stacked(parts),
-        "ends": columns("E0 cosine azimuth distance", ends),
-        "between": columns("E0 cosine share outside", crossings),
-    }
+    for number, (energy, cosine) in enumerate(product(ENERGIES, grid.of((-0.95, -0.5, 0.1, 0.6, 0.95), (-0.6, 0.6)))):
+        found = []
+        for path, azimuth in enumerate(AZIMUTHS, start=len(AZIMUTHS) * number):
+            sine, angle = sqrt(1 - cosine**2), np.radians(azimuth)
+            direction = np.array([sine * np.sin(angle), sine * np.cos(angle), cosine]) * MOMENTUM
+            slow = slow_run(PROLATE, (*direction, energy), slow_times).slow
+            found.append(np.linalg.norm(slow[:, :2], axis=1))
+            values = {"Lz": slow[:, 2], "Lxy": found[-1], "E": slow[:, 3]}
+            yield "", {"E0": energy, "azimuth": azimuth, "path": path, **_thinned(values)}
+            distance = planes.distance_from_node(PROLATE, slow[-1])
+            yield "ends", {"E0": energy, "cosine": cosine, "azimuth": azimuth, "distance": distance}
+        low, middle, high = found
+        outside = np.maximum(np.minimum(low, high) - middle, middle - np.maximum(low, high))
+        # Up to rounding.
+        share = np.mean(outside <= 1e-9)
+        yield "between", {"E0": energy, "cosine": cosine, "share": share, "outside": outside.max()}
 
 
 def figure_projections(data: Data) -> Figure:
