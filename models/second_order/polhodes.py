@@ -6,7 +6,7 @@ over l = |L|.
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import pi
 
 import numpy as np
@@ -36,13 +36,19 @@ class SidedBody:
     @classmethod
     def of(cls, ellipsoid: Ellipsoid, momentum: Array) -> "SidedBody":
         """The side on which a body angular momentum, shape (3,), lies."""
-        inertia = np.array(ellipsoid.inertia)
-        order = list(ellipsoid.order)
-        if np.sum(momentum**2) < np.sum(momentum**2 / inertia) * inertia[order[1]]:
+        squares, middle = momentum * momentum, ellipsoid.inertia[ellipsoid.order[1]]
+        beyond = bool(squares.sum() < (squares / ellipsoid.inertia).sum() * middle)
+        return cls._of(ellipsoid, beyond, bool(momentum[ellipsoid.order[0 if beyond else 2]] < 0))
+
+    @classmethod
+    @lru_cache(maxsize=256)
+    def _of(cls, ellipsoid: Ellipsoid, beyond: bool, below: bool) -> "SidedBody":
+        inertia, order = np.array(ellipsoid.inertia), list(ellipsoid.order)
+        if beyond:
             order.reverse()
         axes = np.eye(3)[order]
         axes[1] *= np.linalg.det(axes)
-        if momentum[order[2]] < 0:
+        if below:
             axes[1:] *= -1
         return cls(
             axes,
@@ -51,10 +57,11 @@ class SidedBody:
             np.array(ellipsoid.scaled_axes)[order] ** 2,
         )
 
-    def share(self, h: Array) -> Array:
-        """(h - i₃)/(i₂ - i₃), from 0 at the permanent axis to 1 on the separatrix."""
-        _, i2, i3 = self.inverse_inertia
-        return (h - i3) / (i2 - i3)
+    def moduli(self, x: Array, rest: Array) -> tuple[Array, Array, Array]:
+        """A², C² and 1 - m as `Polhodes` has them, from x and 1 - x."""
+        i1, i2, i3 = self.inverse_inertia
+        a2 = (i2 - i3) / (i1 - i3) * x
+        return a2, 1 - a2, np.minimum(rest / (1 - a2), 1)
 
 
 @dataclass(frozen=True)
@@ -74,10 +81,7 @@ class Polhodes:
     @cached_property
     def moduli(self) -> tuple[Array, Array, Array]:
         """A², C² and 1 - m, shape (m,) each: squared amplitudes of z₁ and z₃, complementary parameter of sn, cn, dn."""
-        i1, i2, i3 = self.side.inverse_inertia
-        a2 = (i2 - i3) / (i1 - i3) * self.x
-        c2 = 1 - a2
-        return a2, c2, np.minimum(1 / (1 + np.exp(self.y)) / c2, 1)
+        return self.side.moduli(self.x, 1 / (1 + np.exp(self.y)))
 
     @cached_property
     def h(self) -> Array:

@@ -2,16 +2,16 @@
 
 from dataclasses import dataclass
 from functools import lru_cache
-from math import sqrt
+from math import atan2, copysign, log1p, pi, sqrt
 
 import numpy as np
 
 from polhode.models.observables import Observables
 from polhode.models.scene import Scene
 from polhode.models.second_order import tables
-from polhode.models.second_order.polhodes import SidedBody
-from polhode.models.second_order.swing import Series, Swing, frame, frame_of, series_for, swing_at
-from polhode.models.second_order.tables import Pose
+from polhode.models.second_order.polhodes import Polhodes, SidedBody
+from polhode.models.second_order.swing import Place, Series, frame, series_for
+from polhode.models.second_order.torus import skew
 from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
@@ -19,6 +19,8 @@ Array = np.ndarray
 START_PASSES, START_CLOSE = 60, 1e-14
 # Times whose tori are held in memory together.
 CHUNK = 104
+# Keeps 0/0 away where nothing turns.
+TINY = 1e-300
 
 
 class NotAveragedError(ValueError):
@@ -40,17 +42,20 @@ class Entry:
     def observe(self, states: Array) -> Observables:
         """Observables with the complete rotation of states, shape (n, 9): fast phases and O(1/St) swing put back."""
         pieces = [self._exact(states[i : i + CHUNK]) for i in range(0, len(states), CHUNK)]
-        momentum = np.concatenate([piece.momentum for piece in pieces])
-        rotation = np.swapaxes(np.concatenate([piece.rotation for piece in pieces]) @ self.side.axes, 1, 2)
+        momentum, rotation = (np.concatenate(each) for each in zip(*pieces, strict=True))
+        rotation = np.swapaxes(rotation @ self.side.axes, 1, 2)
         body = np.einsum("mij,mj->mi", rotation, momentum)
         return Observables(momentum, 0.5 * np.sum(body**2 / np.array(self.ellipsoid.inertia), axis=1), rotation)
 
-    def _exact(self, states: Array) -> Pose:
+    def _exact(self, states: Array) -> tuple[Array, Array]:
+        """L and R of the exact poses."""
         alpha, beta = (phase + states[:, 7 + i] / self.torque_factor for i, phase in enumerate(self.phases))
         momentum = states[:, :3] * max(self.ellipsoid.inertia)
-        q = frame(momentum, states[:, 4:7])
         a2 = np.maximum(states[:, 3] ** 2, tables.FLOOR)
-        return _swung(swing_at(self.series, momentum, q, a2, alpha, beta, self.torque_factor), q)
+        place = Place(self.series, a2, alpha, Polhodes(self.side, tables.level(a2), alpha, 1).z[:, 0])
+        q = frame(momentum, states[:, 4:7], beta + place.shape[:, 0])
+        change, turn = place.swing(q, np.linalg.norm(momentum, axis=1), self.torque_factor)
+        return momentum + change, rotation_by(turn) @ q @ place.body
 
 
 def entered(ellipsoid: Ellipsoid, torque_factor: float, rotation: Array, momentum: Array) -> Entry:
@@ -60,12 +65,13 @@ def entered(ellipsoid: Ellipsoid, torque_factor: float, rotation: Array, momentu
     """
     side = SidedBody.of(ellipsoid, rotation @ momentum)
     longest = abs(side.axes[2, ellipsoid.order[0]]) == 1
-    exact, series = Pose(momentum[None], (rotation.T @ side.axes.T)[None]), series_for(ellipsoid, longest)
-    slow, a2, alpha, beta = _slow_start(series, torque_factor, exact)
-    unit = max(ellipsoid.inertia)
-    state = (*(slow.momentum[0] / unit).tolist(), sqrt(a2), *frame_of(slow.momentum)[0, :, 0].tolist(), 0.0, 0.0)
-    p = tables.parameters(ellipsoid, torque_factor, tables.table(ellipsoid, longest))
-    return Entry(ellipsoid, torque_factor, side, p, state, (alpha, beta), series)
+    series = series_for(ellipsoid, longest)
+    slow, e1, place = _slow_start(series, torque_factor, momentum, rotation.T @ side.axes.T)
+    state = (*(slow / max(ellipsoid.inertia)).tolist(), sqrt(place.a2[0]), *e1.tolist(), 0.0, 0.0)
+    # S is the least rotation in this frame: β = -χ.
+    phases = float(place.alpha[0]), -float(place.shape[0, 0])
+    p = tables.parameters(ellipsoid, torque_factor, longest)
+    return Entry(ellipsoid, torque_factor, side, p, state, phases, series)
 
 
 @lru_cache(maxsize=64)
@@ -74,31 +80,47 @@ def started(scene: Scene) -> Entry:
     return entered(scene.ellipsoid, scene.torque_factor, scene.initial_rotation, scene.initial.angular_momentum[0])
 
 
-def _slow_start(series: Series, torque_factor: float, exact: Pose) -> tuple[Pose, float, float, float]:
-    """Slow pose whose image is the exact one, with its a², α and β in the frame of `frame_of`."""
-    slow, left, close = exact, 1.0, False
+def _slow_start(series: Series, torque_factor: float, exact: Array, pose: Array) -> tuple[Array, Array, Place]:
+    """Slow L, the e₁ of its frame and its place on the torus, whose image is the exact L and R = `pose`."""
+    momentum, rotation, moved, left, close = exact, pose, np.zeros((2, 3)), 1.0, False
     for _ in range(START_PASSES):
-        q = frame_of(slow.momentum)
-        a2, alpha, beta = tables.coordinates(series, slow, q)
-        if not np.all(np.isfinite([a2, alpha, beta])):
+        size = sqrt(momentum @ momentum)
+        place = _place(series, momentum @ rotation / size)
+        if place is None:
             break
-        if a2[0] > tables.MOST:
+        if place.a2[0] > tables.MOST:
             raise NotAveragedError("L² = 2EI₂ is too near")
+        q = rotation @ place.body[0].T
         if close:
-            return slow, float(a2[0]), float(alpha[0]), float(beta[0])
-        image = _swung(swing_at(series, slow.momentum, q, a2, alpha, beta, torque_factor), q)
-        excess = image.momentum - exact.momentum
-        turn = image.rotation @ np.swapaxes(exact.rotation, 1, 2)
-        vector = 0.5 * (turn - np.swapaxes(turn, 1, 2))[:, [2, 0, 1], [1, 2, 0]]
-        before, left = left, max(np.abs(excess).max() / np.linalg.norm(exact.momentum), np.abs(vector).max())
+            return momentum, q[:, 0], place
+        last, moved = moved, np.concatenate(place.swing(q[None], np.array([size]), torque_factor))
+        change, turn = np.abs(moved - last).max(axis=1).tolist()
+        before, left = left, max(change / size, turn)
         # Each pass gains the same factor.
         close = left * min(1, left / before) < START_CLOSE
-        slow = Pose(slow.momentum - excess, tables.rotation_by(-vector) @ slow.rotation)
+        momentum, rotation = exact - moved[0], rotation_by(-moved[1:])[0] @ pose
     raise NotAveragedError(f"St = {1 / torque_factor:g} is too small for this start")
 
 
-def _swung(swing: Swing, q: Array) -> Pose:
-    """Exact poses of slow ones in frames Q: the generator's flow over 1/St."""
-    change, turn = (swing.torque_factor * each for each in swing.generator)
-    change[:, 2] += swing.size
-    return Pose(np.einsum("mij,mj->mi", q, change), q @ tables.rotation_by(turn) @ swing.body[0])
+def _place(series: Series, z: Array) -> Place | None:
+    """Where on the torus a body is, n having the components z, shape (3,); None beyond L² = 2EI₂."""
+    from scipy.special import ellipkinc, ellipkm1
+
+    (z1, z2, z3), (i1, i2, i3) = z.tolist(), series.side.inverse_inertia.tolist()
+    below = (i1 - i3) * z1 * z1 + (i2 - i3) * z2 * z2
+    above = (i2 - i3) * z3 * z3 - (i1 - i2) * z1 * z1
+    if above == 0 or not below / above >= 0:
+        return None
+    share = max(below / above, tables.FLOOR)
+    x = share / (1 + share)
+    a2, _, complement = series.side.moduli(x, 1 / (1 + share))
+    amplitude = atan2(copysign(z2, (i2 - i3) * z2) / sqrt(x), z1 / sqrt(a2))
+    alpha = pi / 2 * ellipkinc(amplitude, 1 - complement) / ellipkm1(complement)
+    return Place(series, np.array([log1p(share)]), np.array([alpha]), z[None])
+
+
+def rotation_by(vectors: Array) -> Array:
+    """Rotations, shape (m, 3, 3), by vectors, shape (m, 3), in rad (Rodrigues)."""
+    half, cross = np.linalg.norm(vectors, axis=1)[:, None, None] / 2 + TINY, skew(vectors)
+    share = np.sin(half) / half
+    return np.eye(3) + share * np.cos(half) * cross + 0.5 * share * share * (cross @ cross)

@@ -10,9 +10,7 @@ from numpy.polynomial.chebyshev import chebder
 from polhode.models.files import kept
 from polhode.models.second_order.averages import MODES, NAMES, SECOND, averages
 from polhode.models.second_order.field import NODES, POLE, POLES, regular
-from polhode.models.second_order.polhodes import Polhodes, SidedBody
-from polhode.models.second_order.swing import Series
-from polhode.models.second_order.torus import least_rotation, skew
+from polhode.models.second_order.polhodes import SidedBody
 from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
@@ -175,9 +173,10 @@ def side_of(ellipsoid: Ellipsoid, longest: bool) -> SidedBody:
     return SidedBody.of(ellipsoid, np.eye(3)[axis])
 
 
-def parameters(ellipsoid: Ellipsoid, torque_factor: float, averaged: Table) -> tuple[float, ...]:
-    """Parameters p of `field`."""
-    unit = max(ellipsoid.inertia)
+@lru_cache(maxsize=64)
+def parameters(ellipsoid: Ellipsoid, torque_factor: float, longest: bool) -> tuple[float, ...]:
+    """Parameters p of `field` on one side."""
+    averaged, unit = table(ellipsoid, longest), max(ellipsoid.inertia)
     factors = np.array(
         [
             (torque_factor if name in SECOND or name in ("ea", "eb") else 1.0) / unit ** SCALES.get(name, HIGHEST_SCALE)
@@ -199,43 +198,3 @@ def series_of(values: Array) -> Array:
     series = 2 / nodes * values @ np.cos(np.outer(angles, np.arange(nodes)))
     series[:, 0] /= 2
     return series
-
-
-@dataclass(frozen=True)
-class Pose:
-    """Slow or exact states in ambient form: L, shape (m, 3), and R, body (permuted) to space, shape (m, 3, 3)."""
-
-    momentum: Array
-    rotation: Array
-
-
-def coordinates(series: Series, pose: Pose, q: Array) -> tuple[Array, Array, Array]:
-    """a², α and β, each shape (m,), of poses in frames Q; NaN if any of them lies on the other side of L² = 2EI₂."""
-    from scipy.special import ellipkinc, ellipkm1
-
-    n, side = q[:, :, 2], series.side
-    z = np.einsum("mij,mi->mj", pose.rotation, n)
-    i1, i2, i3 = side.inverse_inertia
-    below = (i1 - i3) * z[:, 0] ** 2 + (i2 - i3) * z[:, 1] ** 2
-    above = (i2 - i3) * z[:, 2] ** 2 - (i1 - i2) * z[:, 0] ** 2
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = below / above
-    if not np.all((share >= 0) & np.isfinite(share)):
-        nothing = np.full(len(z), np.nan)
-        return nothing, nothing, nothing
-    y = np.log(np.maximum(share, FLOOR))
-    a2, _, complement = Polhodes(side, y, np.zeros_like(y), 2).moduli
-    share = 1 / (1 + np.exp(-y))
-    amplitude = np.arctan2(np.sign(i2 - i3) * z[:, 1] / np.sqrt(share), z[:, 0] / np.sqrt(a2))
-    alpha = pi / 2 * ellipkinc(amplitude, 1 - complement) / ellipkm1(complement)
-    depth = np.log1p(np.exp(y))
-    lead = series.shape_at(depth, alpha)[:, 0]
-    turn = np.einsum("mji,mjk,mlk->mil", q, pose.rotation, least_rotation(z))
-    return depth, alpha, np.arctan2(turn[:, 1, 0], turn[:, 0, 0]) - lead
-
-
-def rotation_by(vectors: Array) -> Array:
-    """Rotations, shape (m, 3, 3), by vectors, shape (m, 3), in rad (Rodrigues)."""
-    angle = np.linalg.norm(vectors, axis=1)[:, None, None]
-    cross = skew(vectors)
-    return np.eye(3) + np.sinc(angle / pi) * cross + 0.5 * np.sinc(angle / (2 * pi)) ** 2 * (cross @ cross)

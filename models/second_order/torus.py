@@ -21,6 +21,8 @@ Array = np.ndarray
 
 # The torque holds |k₂| <= 3 in space, so that eight precession phases resolve it.
 PRECESSIONS = 8
+# Matrices of the cross products with unit vectors, as rows.
+_CROSS = np.array([[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]], float)
 
 
 @dataclass(frozen=True)
@@ -132,10 +134,9 @@ class Torus:
 
 def least_rotation(z: Array) -> Array:
     """Rotations, shape (..., 3, 3), about an axis normal to e₃ that carry z, shape (..., 3), z₃ > -1, to e₃."""
-    x, y, c = np.moveaxis(z, -1, 0)
-    k = 1 / (1 + c)
-    rows = [[1 - k * x * x, -k * x * y, -x], [-k * x * y, 1 - k * y * y, -y], [x, y, c]]
-    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+    up = z + np.array([0.0, 0.0, 1.0])
+    sign = np.array([[1.0], [1.0], [-1.0]])
+    return sign * (np.eye(3) - up[..., :, None] * (up / up[..., 2:])[..., None, :])
 
 
 def torque(side: SidedBody, rotation: Array, momentum: Array, flow: Array, gradient: Array) -> Array:
@@ -160,6 +161,4 @@ def turning(side: SidedBody, x: Array, y: Array) -> Array:
 
 def skew(vectors: Array) -> Array:
     """Matrices, shape (..., 3, 3), of the cross products with vectors, shape (..., 3)."""
-    x, y, z = np.moveaxis(vectors, -1, 0)
-    zero = np.zeros_like(x)
-    return np.moveaxis(np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]), (0, 1), (-2, -1))
+    return (vectors @ _CROSS).reshape(*vectors.shape, 3)

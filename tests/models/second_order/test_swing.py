@@ -7,7 +7,7 @@ from scipy.integrate import simpson
 from polhode.models.second_order import swing as swing_module, tables
 from polhode.models.second_order.averages import phases
 from polhode.models.second_order.polhodes import Polhodes
-from polhode.models.second_order.swing import Swing, frame_of, modes_at, series_for, tails
+from polhode.models.second_order.swing import Place, frame, frame_of, modes_at, series_for, tails
 from polhode.models.second_order.torus import Torus
 from polhode.models.shape import Ellipsoid
 
@@ -27,14 +27,15 @@ def test_pose_and_generator_are_those_of_the_torus(
         alpha, beta = draw.uniform(0, 2 * np.pi, (2, MANY))
         frames = np.linalg.qr(draw.normal(size=(MANY, 3, 3)))[0]
         frames *= np.linalg.det(frames)[:, None, None]
-        flow, gradient, y = frames[:, 0], frames[:, 1], tables.level(a2)
-        swing = Swing(series, a2, alpha, beta, size, flow, gradient, 1e-12)
+        y = tables.level(a2)
         polhode = Polhodes(series.side, y, alpha, phases(series.side, float(y.max())))
-        torus = Torus(polhode, size, beta, flow, gradient)
-        assert np.abs(swing.body[0] - torus.rotation[:, 0, 0]).max() < 1e-12
-        for found, whole in zip(swing.generator, torus.ambient, strict=True):
-            exact = whole[:, 0, 0]
-            assert np.abs(found - exact).max() < tolerance * np.abs(exact).max()
+        torus = Torus(polhode, size, beta, frames[:, 0], frames[:, 1])
+        place = Place(series, a2, alpha, polhode.z[:, 0])
+        q = frame(frames[:, :, 2], frames[:, :, 0], beta + place.shape[:, 0])
+        assert np.abs(q @ place.body - frames @ torus.rotation[:, 0, 0]).max() < 1e-12
+        for found, whole in zip(place.swing(q, size, 1e-12), torus.ambient, strict=True):
+            exact = np.einsum("mij,mj->mi", frames, whole[:, 0, 0])
+            assert np.abs(found / 1e-12 - exact).max() < tolerance * np.abs(exact).max()
 
 
 def test_a_mode_near_its_resonance_is_its_integral_from_afar():
