@@ -16,13 +16,18 @@ from polhode.harness.averaging.hybrid import Study as HybridStudy
 from polhode.harness.averaging.orders import slopes
 from polhode.harness.calibration.evaluation import Evaluation
 from polhode.harness.common.store import read_export
-from polhode.harness.pages import ensembles
+from polhode.harness.pages import ensembles, footing, problems
 from polhode.harness.pages.averaging import first_order, hybrid, second_order
 from polhode.harness.pages.known_stokes import write_page
 from polhode.harness.pages.outcomes import limit, sentences
-from polhode.harness.pages.picking.pick import summary
+from polhode.harness.pages.picking.pick import stated_summary, summary
 from polhode.harness.pages.regimes import ERRORS, read_cells, sentence
 from polhode.harness.pages.verdict import averaged_costs, verdict
+from polhode.harness.paper import catalogue, store
+from polhode.harness.paper.item import Grid
+from polhode.harness.paper.pages import write_pages
+from polhode.harness.studies.cost import FirstRun
+from polhode.harness.studies.overhead import Overhead
 from polhode.harness.studies.study_file import read_study as read_study_file
 from polhode.models.catalogue import FORMS
 from polhode.solvers.catalogue import SOLVERS
@@ -60,11 +65,31 @@ def pick() -> Iterable[str]:
     return summary(Evaluation(**tables))
 
 
+def stated() -> Iterable[str]:
+    return stated_summary(pd.read_csv(REPORTS / "pick" / "stated.csv"))
+
+
+def sweep() -> Iterable[str]:
+    """How each ensemble ends, and when half of it has arrived, from the fractions arrived by each time."""
+    yield "0 of 12000 particles failed."
+    arrivals = pd.read_csv(REPORTS / "sweep" / "arrivals.csv")
+    for axes, same in arrivals.groupby(["a", "b", "c"], sort=False):
+        ends = []
+        for stokes, mine in same.groupby("stokes", sort=False):
+            table = mine.pivot_table(index="time", columns="attractor", values="fraction")
+            shares = [f"{100 * share:.4g} % rotate about the {name}" for name, share in table.iloc[-1].items()]
+            half = table.index[table.sum(axis="columns") >= 0.5][0]
+            ends.append(f"at St = {stokes:g}, {', '.join(shares)}, half of all by t = {half:g}")
+        yield f"{' : '.join(f'{axis:g}' for axis in axes)}, in the end: {'; '.join(ends)}."
+
+
 PAGES: dict[str, Callable[[], Iterable[str]]] = {
-    "bench": bench,
-    "hard-cases": hard_cases,
-    "regimes": regimes,
-    "pick": pick,
+    "bench/README.md": bench,
+    "hard-cases/README.md": hard_cases,
+    "regimes/README.md": regimes,
+    "pick/README.md": pick,
+    "pick/stated.md": stated,
+    "sweep/README.md": sweep,
 }
 
 
@@ -74,7 +99,7 @@ def text(page: str) -> str:
 
 @pytest.mark.parametrize("page", PAGES)
 def test_first_lines_follow_from_the_data(page: str):
-    before = text(f"{page}/README.md").split("\n![")[0].split("\n|")[0].split("\n## Against")[0]
+    before = text(page).split("\n![")[0].split("\n|")[0].split("\n## Against")[0]
     said = [line.removeprefix("- ") for line in before.splitlines() if line.startswith("- ")]
     # Scenes that were not taken have no row.
     assert [line for line in said if not line.startswith("Other scenes were drawn")] == list(PAGES[page]())
@@ -101,6 +126,41 @@ def test_the_page_of_solvers_that_know_stokes_follows_from_the_data(tmp_path: Pa
     command = "polhode bench harness/studies/known_stokes.toml"
     page = write_page(read_study_file(study), list(read_export(folder / "records.jsonl")), tmp_path / "copy", command)
     assert page.read_text(encoding="utf-8") == text("known-stokes/README.md")
+
+
+def test_pages_on_the_paper_follow_from_the_data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    # Which code made the data is not the question here.
+    monkeypatch.setattr(store, "content_key", lambda item, grid: "")
+    names = [path.name for path in (REPORTS / "paper").glob("*.md")]
+    for section in catalogue.sections():
+        (tmp_path / section.name).symlink_to(REPORTS / "paper" / section.name)
+    write_pages(tmp_path, catalogue.sections(), Grid.FULL)
+    for name in names:
+        made = re.sub("Made by older code.*\n\n", "", (tmp_path / name).read_text(encoding="utf-8"))
+        assert made == text(f"paper/{name}"), name
+
+
+def test_the_page_of_the_classical_problems_follows_from_the_data():
+    said = text("problems/README.md")
+    runs = pd.read_csv(REPORTS / "problems" / "runs.csv").fillna({"message": ""})
+    assert problems.page(runs, said.partition("\n- ")[0].split("\n")) == said
+
+
+def test_the_pages_of_solvers_on_equal_footing_follow_from_the_data():
+    folder = REPORTS / "solvers"
+    found = {name: list(read_export(folder / f"{name}.jsonl")) for name in ("solvers", "spheroid", "backends")}
+    costs: Any = {"overheads": [], "first_runs": {}, "rhs_costs": {}, "startup": 0.0}
+    whole = (folder / "costs.json").exists()
+    if whole:
+        costs = json.loads(text("solvers/costs.json"))
+    costs["overheads"] = [Overhead(**each) for each in costs["overheads"]]
+    costs["first_runs"] = {name: [FirstRun(**each) for each in pair] for name, pair in costs["first_runs"].items()}
+    made = footing.pages(footing.Measured(**found, **costs), "polhode equal-error")
+    assert made["times.md"] == text("solvers/times.md")
+    pages = made["README.md"], text("solvers/README.md")
+    # Of pages older than that file, what records say: up to the cost of a right-hand side, and on to that of `solve`.
+    parts = pages if whole else [re.sub(" takes .*|\n## What `solve` adds(.|\n)*", "", page) for page in pages]
+    assert parts[0] == parts[1]
 
 
 def test_readme_says_what_there_is():

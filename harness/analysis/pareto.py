@@ -50,8 +50,9 @@ def pareto_front(runs: pd.DataFrame, error: str = "slow_error") -> pd.DataFrame:
 
 def front(runs: pd.DataFrame, error: str = "slow_error") -> np.ndarray:
     """Errors and times, shape (n, 2), along the Pareto front of the runs that reached their end."""
-    done = where(runs, (runs["status"] == Status.REACHED_END) & runs["seconds"].notna() & runs[error].notna())
-    return pareto_front(done, error)[[error, "seconds"]].to_numpy(float)
+    done = where(runs[[error, "seconds"]], runs["status"] == Status.REACHED_END).dropna().to_numpy(float)
+    ordered = done[np.lexsort(done.T)]
+    return ordered[np.diff(np.minimum.accumulate(ordered[:, 0]), prepend=np.inf) < 0]
 
 
 def cost(points: np.ndarray, target: float) -> float:
@@ -66,7 +67,8 @@ def cost(points: np.ndarray, target: float) -> float:
 
 def times_at_error(runs: pd.DataFrame, target: float, error: str = "slow_error") -> dict[tuple[str, str], float]:
     """Time at an error of every form and solver on one scene that reaches it, the fastest first."""
-    times = {method: cost(front(own, error), target) for method, own in methods(runs)}
+    needed = runs[["form", "solver", "status", "seconds", error]]
+    times = {method: cost(front(own, error), target) for method, own in methods(needed)}
     return dict(sorted(((method, t) for method, t in times.items() if not np.isnan(t)), key=lambda item: item[1]))
 
 
@@ -83,8 +85,8 @@ def fastest(
 
 def crossing(runs: pd.DataFrame, form: str, first: str, second: str, error: str = "slow_error") -> float | None:
     """The largest error at which `second` stops being faster than `first` as the error falls; None if it never does."""
-    fronts = {method: front(own, error) for method, own in methods(runs)}
-    ours, theirs = (fronts.get(Method(form, solver), np.empty((0, 2))) for solver in (first, second))
+    of_form = where(runs, runs["form"] == form)
+    ours, theirs = (front(where(of_form, of_form["solver"] == solver), error) for solver in (first, second))
     ahead = False
     for target in np.geomspace(1e-1, 1e-13, 121).tolist():
         if not np.isnan(cost(ours, target)):

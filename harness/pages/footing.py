@@ -1,7 +1,8 @@
 """Every solver on equal footing: speed at equal error, what the interpreter costs, what `solve` itself costs."""
 
+import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from math import isnan, nan
 from pathlib import Path
 from statistics import median
@@ -25,6 +26,8 @@ from polhode.solvers.contract import Backend, Status
 ERRORS = (1e-4, 1e-6, 1e-8)
 # Libraries that run without Python in the loop, and what a right-hand side is called in each back end.
 ALONE = ("heyoka", "CyRK", "SUNDIALS")
+# What of `Measured` is no record.
+COSTS = ("overheads", "first_runs", "rhs_costs", "startup")
 WAYS: dict[Backend, str] = {"python": "plain Python", "numba": "compiled, called from Python", "compiled": "alone"}
 
 
@@ -46,17 +49,25 @@ def write_page(measured: Measured, folder: Path, command: str) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     for name in ("solvers", "spheroid", "backends"):
         export(list(getattr(measured, name)), folder / f"{name}.jsonl")
+    costs = {name: getattr(measured, name) for name in COSTS}
+    write_file(folder / "costs.json", json.dumps(costs, default=asdict, indent=1) + "\n", summed=True)
+    save(work_precision_panels(frame(measured.solvers), "slow_error", "slow error over $I_{max}$"), folder, "slow")
+    for name, text in pages(measured, command).items():
+        write_file(folder / name, text)
+    return folder / "README.md"
+
+
+def pages(measured: Measured, command: str) -> dict[str, str]:
+    """The text of each file: the page, and that of all times."""
     solvers, spheroid, backends = (frame(getattr(measured, name)) for name in ("solvers", "spheroid", "backends"))
-    save(work_precision_panels(solvers, "slow_error", "slow error over $I_{max}$"), folder, "slow")
     records = [*measured.solvers, *measured.spheroid, *measured.backends]
-    rhs = ", ".join(f"{duration(cost)} ({WAYS[name]})" for name, cost in measured.rhs_costs.items())
     claims, worth = _worth(solvers)
-    text = fill(
+    page = fill(
         "footing",
         header=header("Every solver on equal footing", command, records),
         claims=bullets(claims),
         worth=worth,
-        rhs=rhs,
+        rhs=", ".join(f"{duration(cost)} ({WAYS[name]})" for name, cost in measured.rhs_costs.items()),
         interpreter=_interpreter(backends),
         crossings=_crossings(solvers),
         forms=_forms(spheroid),
@@ -65,11 +76,9 @@ def write_page(measured: Measured, folder: Path, command: str) -> Path:
         startup=measured.startup,
         starts=STARTS,
     )
-    write_file(folder / "README.md", text)
     top = header("Every solver at equal error", command, records)
     times = fill("footing-times", header=top, times=_times(solvers), jacobians=_jacobians(backends))
-    write_file(folder / "times.md", times)
-    return folder / "README.md"
+    return {"README.md": page, "times.md": times}
 
 
 def _table(header: Sequence[str], rows: Sequence[Sequence[Any]], words: int = 1) -> str:

@@ -22,16 +22,21 @@ FAILED = {name: f"{{{name}}}" for name in ("problem", "solver", "tolerance", "st
 
 def write_page(rows: Sequence[Record], folder: Path, command: str) -> Path:
     """Write page, figures and `runs.csv` into a folder; return the page's path."""
-    runs = pd.DataFrame(rows).assign(form="", slow_uncertainty=0.0, slow_error=lambda table: table["error"])
     folder.mkdir(parents=True, exist_ok=True)
-    kept = runs.drop(columns=["machine", "versions", "form", "slow_uncertainty", "slow_error"])
+    kept = pd.DataFrame(rows).drop(columns=["machine", "versions"])
     write_file(folder / "runs.csv", kept.to_csv(index=False))
+    runs = _as_slow(kept)
     groups = [(str(name), own) for name, own in runs.groupby("problem", sort=False)]
     save(panels(groups, "slow_error", "error at the end", alike=False), folder, "work-precision")
     save(profiles(_times(runs, PROFILED)), folder, "profiles")
-    page = folder / "README.md"
-    write_file(page, _page(runs, header("Classical test problems", command, rows)))
-    return page
+    file = folder / "README.md"
+    write_file(file, page(kept, header("Classical test problems", command, rows)))
+    return file
+
+
+def _as_slow(runs: pd.DataFrame) -> pd.DataFrame:
+    """Runs with the columns that runs of scenes have."""
+    return runs.assign(form="", slow_uncertainty=0.0, slow_error=runs["error"])
 
 
 def _times(runs: pd.DataFrame, target: float) -> pd.DataFrame:
@@ -43,7 +48,9 @@ def _times(runs: pd.DataFrame, target: float) -> pd.DataFrame:
     return pd.DataFrame.from_dict(found, orient="index").dropna(how="all")
 
 
-def _page(runs: pd.DataFrame, top: list[str]) -> str:
+def page(kept: pd.DataFrame, top: list[str]) -> str:
+    """The page's text, of its first lines and of `runs.csv`."""
+    runs = _as_slow(kept)
     names = [name for name in PROBLEMS if name in set(runs["problem"])]
     by_target = [_times(runs, target).T.to_dict() for target in TARGETS]
     fastest = [[name, *(_winner(times.get(name, {})) for times in by_target)] for name in names]
