@@ -1,7 +1,7 @@
 """Speed at equal error: what a method takes for an error, interpolated between its own measured runs."""
 
 from collections.abc import Iterable, Iterator
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -50,8 +50,9 @@ def pareto_front(runs: pd.DataFrame, error: str = "slow_error") -> pd.DataFrame:
 
 def front(runs: pd.DataFrame, error: str = "slow_error") -> np.ndarray:
     """Errors and times, shape (n, 2), along the Pareto front of the runs that reached their end."""
-    done = where(runs[[error, "seconds"]], runs["status"] == Status.REACHED_END).dropna().to_numpy(float)
-    ordered = done[np.lexsort(done.T)]
+    done: Any = runs.loc[runs["status"] == Status.REACHED_END, [error, "seconds"]]
+    points = done.dropna().to_numpy(float)
+    ordered = points[np.lexsort(points.T)]
     return ordered[np.diff(np.minimum.accumulate(ordered[:, 0]), prepend=np.inf) < 0]
 
 
@@ -67,7 +68,7 @@ def cost(points: np.ndarray, target: float) -> float:
 
 def times_at_error(runs: pd.DataFrame, target: float, error: str = "slow_error") -> dict[tuple[str, str], float]:
     """Time at an error of every form and solver on one scene that reaches it, the fastest first."""
-    needed = runs[["form", "solver", "status", "seconds", error]]
+    needed: Any = runs[["form", "solver", "status", "seconds", error]]
     times = {method: cost(front(own, error), target) for method, own in methods(needed)}
     return dict(sorted(((method, t) for method, t in times.items() if not np.isnan(t)), key=lambda item: item[1]))
 
