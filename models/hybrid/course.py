@@ -10,7 +10,7 @@ from polhode.models.forms.spheroid import Spheroid
 from polhode.models.observables import Observables
 from polhode.models.problem import Piece, Problem
 from polhode.models.rotation import quaternion_from_matrix
-from polhode.models.scene import Scene, Start, start_from
+from polhode.models.scene import Scene, start_from
 from polhode.models.second_order import field as triaxial, spheroid as spheroidal
 from polhode.models.second_order.form import SecondOrder, slow_start
 from polhode.models.second_order.outline import Stretch, outline
@@ -37,26 +37,27 @@ MORE = 50
 class HybridCourse:
     """The course of a scene's run; its states are those of the form of the full equations.
 
-    `stretches` are those foreseen at the time `since` from the run's state then. `spent` is what the pieces before have
-    taken of the error asked for.
+    `full` are the full equations. `stretches` are those foreseen at the time `since` from the run's state then. `spent`
+    is what the pieces before have taken of the error asked for.
     """
 
     scene: Scene
+    full: Problem
     since: float = 0.0
     stretches: tuple[Stretch, ...] = ()
     spent: float = 0.0
 
     def __call__(self, time: float, state: Array, tolerance: float) -> Piece:
         """Return the next piece."""
-        scene, stokes = self.scene, self.scene.stokes
-        here = replace(scene, start=self.start(state), time=scene.time - time)
-        error = ERROR_PER_TOLERANCE * tolerance
+        stokes = self.scene.stokes
         if not self.stretches:
-            found = foreseen(here, max(error - self.spent, error / 10))
+            error = ERROR_PER_TOLERANCE * tolerance
+            found = foreseen(self.here(time, state), max(error - self.spent, error / 10))
             return replace(self, since=time, stretches=found)(time, state, tolerance)
         stretch, *rest = self.stretches
         end, reason, later = self.since + stretch.end * stokes, stretch.reason, replace(self, stretches=tuple(rest))
         if stretch.second_order:
+            here = self.here(time, state)
             try:
                 problem, states = second_order(here)
             except NotAveragedError as refusal:
@@ -69,20 +70,22 @@ class HybridCourse:
                 return Piece(problem, end, states, "second order", *own, later, averaged=True)
         elif stretch.decisive:
             later = replace(self, stretches=())
-        full = find_form(full_form(scene)).problem(scene)
         own = full_tolerance((stretch, *rest), stokes, tolerance)
         cost = PER_RADIAN * max(own, ROUNDING) * stretch.turned * stokes
         angle, later = self.angle(end - time, cost), replace(later, spent=self.spent + cost)
-        return Piece(replace(full, start=tuple(state.tolist())), end, None, reason, cost, angle, own, later)
+        return Piece(replace(self.full, start=tuple(state.tolist())), end, None, reason, cost, angle, own, later)
 
     def angle(self, duration: float, error: float) -> float:
         """Error in rad that angles gain in a duration from the error of L so far and a new one."""
         _, middle, high = sorted(self.scene.ellipsoid.inertia)
         return min(np.pi, (self.spent + error) * duration * high / middle)
 
-    def start(self, state: Array) -> Start:
-        """The start of a scene from a state of the full equations."""
-        return start_from(self.scene.ellipsoid, find_form(full_form(self.scene)).observe(self.scene, state[None]))
+    def here(self, time: float, state: Array) -> Scene:
+        """What is left of the scene from a state of the full equations on."""
+        if time == 0 and tuple(state.tolist()) == self.full.start:
+            return self.scene
+        start = start_from(self.scene.ellipsoid, find_form(full_form(self.scene)).observe(self.scene, state[None]))
+        return replace(self.scene, start=start, time=self.scene.time - time)
 
 
 def speed(scene: Scene) -> float:

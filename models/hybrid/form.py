@@ -40,7 +40,7 @@ class Hybrid(Form):
         """Initial value problem in time t: that of the full equations, and its course."""
         self.check(scene)
         full = find_form(full_form(scene)).problem(scene)
-        return replace(full, name=self.name, parts=None, course=HybridCourse(scene))
+        return replace(full, name=self.name, parts=None, course=HybridCourse(scene, full))
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         """Observables, as of the full equations."""

@@ -5,6 +5,7 @@ is what each order of averaging is smaller by than the one before. Later kicks a
 the resonances behind it, and so what these give.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
@@ -30,11 +31,15 @@ SHARE, LEFT_OUT, ONE = 0.5, 0.3, 0.15
 RANDOM = 1.77
 # Turns of the body that a stretch between windows lasts at least, lest it cost more than it saves.
 TURNS = 300
-# Share of the slowest damping rate at which errors are forgotten, by trial; levels between which windows are chosen.
-FADING, LEVELS = 0.15, 30
+# Share of the slowest damping rate at which errors are forgotten, by trial, and so many e-foldings in a run at most.
+FADING, LONG_AGO = 0.15, 600.0
+# Levels between which windows are chosen, of the largest; where a window is looked at, in half widths from its middle.
+FALL = np.geomspace(1, 1e-8, 30)
+INSIDE = np.concatenate([[-1.01], np.linspace(-1, 1, 9) * (1 - 1e-9), [1.01]])
 
-# Reasons for which averaging means nothing, and a first-order path beyond them little.
-SEPARATRIX, TOO_SLOW = "L² = 2EI₂", "St is too small for |L|"
+# Reasons by number; beyond the first two, for which averaging means nothing, a first-order path means little.
+REASONS = ("", "L² = 2EI₂", "St is too small for |L|", "the error asked for")
+SEPARATRIX, TOO_SLOW, INACCURATE = 1, 2, 3
 
 
 @dataclass(frozen=True)
@@ -71,89 +76,105 @@ class Outline:
 def outline(scene: Scene, budget: float = inf) -> Outline:
     """Outline of a run with orientation and 0 < St < inf; windows as the error asked for demands."""
     path, share = path_of(scene), SHARE * budget
-    strong, weight, left = strong_kicks(path, budget)
-    if path.kicks:
-        # A window may be narrower than the path's steps, and on the finer path further kicks may get one.
-        shares = np.concatenate([[-1.01], np.linspace(-1, 1, 9) * (1 - 1e-9), [1.01]])
-        halves = [strong.get(each, each.width) for each in path.kicks]
-        path = path.at(np.concatenate([each.time + h * shares for each, h in zip(path.kicks, halves, strict=True)]))
-        strong, weight, left = strong_kicks(path, budget)
-    times, reasons, sudden = path.times, _reasons(path, budget), np.zeros(len(path.times))
-    swing, second = (np.where(reasons == "", each, 0) for each in (path.swing, path.second))
+    ahead, kicks = Ahead.of(path, budget), path.kicks
+    if kicks:
+        # A window may be narrower than the path's steps.
+        halves = [ahead.strong.get(each, each.width) for each in kicks]
+        path = path.at(np.add.outer(INSIDE, 0 * np.array(halves)) * halves + [each.time for each in kicks])
+    times, weight, why, reasons = path.times, ahead.weight(path.times), _reasons(path, budget), [*REASONS]
+    sound, sudden = why == 0, np.zeros(len(times))
+    swing, second = (np.where(sound, each, 0) for each in (path.swing, path.second))
     local = MARGIN * swing**2 * path.size
-    for each in path.kicks:
-        if each in strong:
-            reasons[np.abs(times - each.time) <= strong[each]] = f"resonance {each.mode}"
-            local = local + each.missed(times)
-        else:
+    for each, half in ahead.strong.items():
+        why[np.abs(times - each.time) <= half] = len(reasons)
+        reasons.append(f"resonance {each.mode}")
+        local = local + each.missed(times)
+    for each in kicks:
+        if each in ahead.left:
             at = np.searchsorted(times, each.time)
-            sudden[at] = hypot(sudden[at], left[each])
-    sudden = RANDOM * np.sqrt(np.cumsum(np.where(reasons == "", sudden, 0) ** 2))
-    held = np.where(reasons == "", MARGIN * second * swing, 0) * np.gradient(times) * weight
-    late = np.tril(np.exp(-np.maximum(FADING * min(scene.ellipsoid.damping) * (times[:, None] - times), 0)))
-    levels = np.append(np.geomspace(1, 1e-8, LEVELS) * held.max(), 0)
-    errors = late @ np.where(held[:, None] <= levels, held[:, None], 0)
+            sudden[at] = hypot(sudden[at], ahead.left[each])
+    sound = why == 0
+    sudden = RANDOM * np.sqrt(np.cumsum(np.where(sound, sudden, 0) ** 2))
+    held = np.where(sound, MARGIN * second * swing, 0) * np.gradient(times) * weight
+    late = np.exp(min(FADING * min(scene.ellipsoid.damping), LONG_AGO / times[-1]) * times)[:, None]
+    levels = np.append(FALL * held.max(), 0)
+    errors = np.cumsum(late * np.where(held[:, None] <= levels, held[:, None], 0), axis=0) / late
     # Where the phase is wrong, the swing is put back wrongly.
-    wrong = path.phase(errors) * np.where(reasons == "", swing * path.size, 0)[:, None]
+    wrong = path.phase(errors) * np.where(sound, swing * path.size, 0)[:, None]
     kept = int(np.argmax((errors + wrong).max(axis=0) <= share))
-    reasons[(reasons == "") & ((held > levels[kept]) | (local > share))] = "the error asked for"
-    lag = path.lag(np.where(reasons == "", swing, 0))
+    why[sound & ((held > levels[kept]) | (local > share))] = INACCURATE
+    lag = path.lag(np.where(why == 0, swing, 0))
     local = local + HARMONIC * np.minimum(lag, 1) * swing * path.size
-    reasons[(reasons == "") & (local > share)] = "the error asked for"
-    drifting, passing = errors[:, kept] + sudden, np.where(reasons == "", local + wrong[:, kept], 0)
+    why[(why == 0) & (local > share)] = INACCURATE
+    drifting, passing = errors[:, kept] + sudden, np.where(why == 0, local + wrong[:, kept], 0)
     orientation = pi
     if np.isfinite(path.swing).all():
         orientation = min(pi, path.phase(drifting[:, None])[-1, 0] + lag[-1] + path.swing.max())
-    stretches = tuple(_stretches(path, reasons, drifting, passing, lag, weight))
-    return Outline(times, path.slow, stretches, path.kicks, float(orientation))
+    stretches = tuple(_stretches(path, why, reasons, drifting, passing, lag, weight))
+    return Outline(times, path.slow, stretches, kicks, float(orientation))
 
 
-def strong_kicks(path: Path, budget: float) -> tuple[dict[Kick, float], Array, dict[Kick, float]]:
-    """Half widths of kicks' windows, and by how much later kicks amplify an error made at the path's times.
+@dataclass(frozen=True)
+class Ahead:
+    """What kicks on a path make of errors, and which of them matter.
 
-    Last what comes of the kicks that are left out. An error (z, φ) of (|L|, E) and of (α, β) turns the phase of a kick
-    by k·φ, and so the kick. At random phases the square of what comes of it is zᵀAz + 2zᵀXφ + φᵀFφ in the mean, counted
-    from the end of the run backwards.
+    An error (z, φ) of (|L|, E) and of (α, β) turns the phase of a kick by k·φ, and so the kick. At random phases the
+    square of what comes of it is e·Ge in the mean, e = (z, φ), counted from the end of the run backwards.
     """
-    weight, together, last = np.ones(len(path.times)), 0.0, path.turned[-1]
-    strong, left = dict[Kick, float](), dict[Kick, float]()
-    a, x, f = np.eye(2), np.zeros((2, 2)), np.zeros((2, 2))
-    for kick in sorted((*path.kicks, *path.crossings()), key=lambda each: -each.time):
-        at = max(1, int(np.searchsorted(path.times, kick.time)))
-        share = (kick.time - path.times[at - 1]) / (path.times[at] - path.times[at - 1])
-        here = path.turned[at - 1] + share * (path.turned[at] - path.turned[at - 1])
-        b = last - here
-        a_here = a + x @ b + b.T @ x.T + b.T @ f @ b
-        square = 0.5 * (kick.along.conj() @ a_here @ kick.along).real
-        size = max(kick.size, sqrt(square))
-        if size <= ONE * budget and hypot(together, size) <= LEFT_OUT / RANDOM * budget:
-            left[kick], together = size, hypot(together, size)
-        else:
-            a, x, last = a_here, x + b.T @ f, here
-            f = f + square * np.outer(kick.mode, kick.mode)
-            b = last - path.turned[:at]
-            square = a + x @ b + np.swapaxes(x @ b, 1, 2) + np.swapaxes(b, 1, 2) @ f @ b
-            weight[:at] = np.sqrt(np.maximum(0.5 * np.trace(square, axis1=1, axis2=2), 1))
+
+    path: Path
+    strong: dict[Kick, float]  # half widths of windows
+    left: dict[Kick, float]  # what comes of kicks that are left out
+    behind: list[tuple[float, Array, Array]]  # the times of others, G and what (α, β) have turned by there
+
+    @classmethod
+    def of(cls, path: Path, budget: float) -> "Ahead":
+        """The kicks of a path, where windows are to miss no more than a budget."""
+        found, together = cls(path, {}, {}, []), 0.0
+        g, last = np.diag([1.0, 1, 0, 0]), path.turned[-1]
+        kicks = sorted((*path.kicks, *path.crossings()), key=lambda each: -each.time)
+        for kick, here in zip(kicks, path.turned_at(np.array([each.time for each in kicks])), strict=True):
+            onwards = np.eye(4)
+            onwards[2:, :2] = last - here
+            given = onwards[:, :2] @ kick.along
+            square = 0.5 * (given.conj() @ g @ given).real
+            size = max(kick.size, sqrt(square))
+            if size <= ONE * budget and hypot(together, size) <= LEFT_OUT / RANDOM * budget:
+                found.left[kick], together = size, hypot(together, size)
+                continue
+            g, last = onwards.T @ g @ onwards, here
+            g[2:, 2:] += square * np.outer(kick.mode, kick.mode)
+            found.behind.append((kick.time, g, last))
             if kick.width:
-                strong[kick] = kick.window(ONE * budget / weight[at - 1])
-    return strong, weight, left
+                found.strong[kick] = kick.window(ONE * budget / max(1, sqrt(0.5 * (g[0, 0] + g[1, 1]))))
+        return found
+
+    def weight(self, times: Array) -> Array:
+        """By how much later kicks amplify an error made at these times."""
+        weight, turned = np.ones(len(times)), self.path.turned_at(times) if self.behind else np.empty(0)
+        for until, g, last in self.behind:
+            at = int(np.searchsorted(times, until))
+            onwards = np.concatenate([np.tile(np.eye(2), (at, 1, 1)), last - turned[:at]], axis=1)
+            weight[:at] = np.sqrt(np.maximum(0.5 * np.sum(onwards * (g @ onwards), axis=(1, 2)), 1))
+        return weight
 
 
 def _reasons(path: Path, budget: float) -> Array:
-    """Why averaging does not hold at the times of a path: "" where it does."""
+    """Why averaging means nothing at the times of a path, by number: 0 where it does."""
     beyond = ~np.isfinite(path.a2) | (path.may_cross(budget) if budget < inf else False)
-    reasons = np.where(beyond, SEPARATRIX, "").astype(object)
-    reasons[~beyond & ~(path.swing < MEANINGLESS)] = TOO_SLOW
-    reasons[~(path.size > TINY)] = TOO_SLOW
-    return reasons
+    why = np.where(beyond, SEPARATRIX, np.where(path.swing < MEANINGLESS, 0, TOO_SLOW))
+    why[~(path.size > TINY)] = TOO_SLOW
+    return why
 
 
-def _stretches(path: Path, reasons: Array, drifting: Array, passing: Array, lag: Array, weight: Array) -> list[Stretch]:
+def _stretches(
+    path: Path, why: Array, reasons: list[str], drifting: Array, passing: Array, lag: Array, weight: Array
+) -> Iterator[Stretch]:
     """Stretches of the run; those by second order last a while, unless it is the whole run."""
     times, turn = path.times, 2 * pi * path.torque_factor * max(path.ellipsoid.inertia)
     # Windows reach from a sound point to a sound point.
-    between = [one or other for one, other in pairwise(reasons)]
-    changes = [i for i in range(1, len(between)) if bool(between[i]) != bool(between[i - 1])]
+    between = np.where(why[:-1] > 0, why[:-1], why[1:])
+    changes = (np.flatnonzero(np.diff(between > 0)) + 1).tolist()
     found: list[tuple[int, int]] = []
     for first, last in pairwise([0, *changes, len(between)]):
         turns = (times[last] - times[first]) * path.size[first] / turn
@@ -162,15 +183,15 @@ def _stretches(path: Path, reasons: Array, drifting: Array, passing: Array, lag:
         else:
             found.append((first, last))
     gained = path.summed(path.speed * weight)
-    stretches = []
     for first, last in found:
-        here, why = slice(first, last + 1), [each for each in between[first:last] if each]
-        stretch = Stretch(float(times[first]), float(times[last]), not why, turned=float(gained[last] - gained[first]))
-        if why:
-            decisive = SEPARATRIX in why or TOO_SLOW in why
-            stretch = replace(stretch, reason="; ".join(dict.fromkeys(why)), decisive=decisive)
+        here, whole = slice(first, last + 1), [each for each in dict.fromkeys(between[first:last].tolist()) if each]
+        stretch = Stretch(
+            float(times[first]), float(times[last]), not whole, turned=float(gained[last] - gained[first])
+        )
+        if whole:
+            names = dict.fromkeys(reasons[each] for each in whole)
+            yield replace(stretch, reason="; ".join(names), decisive=SEPARATRIX in whole or TOO_SLOW in whole)
         else:
             error = drifting[here].max() - (drifting[first] if first else 0.0) + passing[here].max()
-            stretch = replace(stretch, error=float(error), swing=float(lag[last] - lag[first] + path.swing[here].max()))
-        stretches.append(stretch)
-    return stretches
+            swing = lag[last] - lag[first] + path.swing[here].max()
+            yield replace(stretch, error=float(error), swing=float(swing))

@@ -1,8 +1,7 @@
 """The first-order solution of a scene, and what averaging is like along it: its size, and the resonances it passes."""
 
-from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from math import exp, inf, pi, sqrt
 
@@ -75,11 +74,6 @@ class Path:
     torque_factor: float
     times: Array
     slow: Array
-    size: Array  # |L| over I_max
-    a2: Array  # inf on L² = 2EI₂ and beyond the tables
-    longest: Array  # the side
-    swing: Array  # rho
-    second: Array  # |L'| of second order over I_max
 
     @classmethod
     def of(cls, scene: Scene) -> "Path":
@@ -96,39 +90,68 @@ class Path:
             # |L| is 0 or falls to it: what is said of it holds until it has risen again.
             end = times[-1] + sqrt(RISEN * scene.torque_factor / min(scene.ellipsoid.damping))
             times, slow = np.append(times, min(end, scene.slow_time)), slow[[*range(len(times)), -1]]
-        return cls._along(scene.ellipsoid, scene.torque_factor, times, slow)
+        return cls(scene.ellipsoid, scene.torque_factor, times, slow)
 
     def at(self, times: Array) -> "Path":
         """The same at further times."""
         every = np.union1d(self.times, times[(times > 0) & (times < self.times[-1])])
-        slow = np.stack([np.interp(every, self.times, column) for column in self.slow.T], axis=1)
-        return self._along(self.ellipsoid, self.torque_factor, every, slow)
+        slow = _interpolated(every, self.times, self.slow)
+        return replace(self, times=every, slow=slow)
 
-    @classmethod
-    def _along(cls, ellipsoid: Ellipsoid, torque_factor: float, times: Array, slow: Array) -> "Path":
-        unit = max(ellipsoid.inertia)
-        size = np.linalg.norm(slow[:, :3], axis=1) / unit
-        swing, second = np.full(len(times), inf), np.full(len(times), inf)
-        longest, a2 = np.zeros(len(times), bool), np.zeros(len(times))
-        if ellipsoid.kind != "triaxial":
-            here = size > TINY
-            swing[here], second[here] = spheroidal.orders(Spheroid.of(ellipsoid), torque_factor, slow[here])
-        else:
-            with np.errstate(all="ignore"):
-                h = 2 * slow[:, 3] / (unit * size) ** 2
-                longest = h > 1 / sorted(ellipsoid.inertia)[1]
-                axis, width = _range(ellipsoid, longest)
-                a2 = tables.depth(np.clip((h - axis) / width, 0, 1))
-            a2[~((a2 < DEEPEST) & (size > TINY))] = inf
-            for _, here, found in _sides(ellipsoid, a2, longest):
-                swing[here] = _swing(found, unit * size[here], a2[here]) * torque_factor
-                second[here] = _second(found, unit, slow[here, :3] / unit, a2[here]) * torque_factor
-        return cls(ellipsoid, torque_factor, times, slow, size, a2, longest, swing, second)
+    @cached_property
+    def size(self) -> Array:
+        """|L| over I_max."""
+        return np.sqrt(np.sum(self.slow[:, :3] ** 2, axis=1)) / max(self.ellipsoid.inertia)
+
+    @cached_property
+    def longest(self) -> Array:
+        """Whether the side is that of the longest axis."""
+        return 2 * self.slow[:, 3] * sorted(self.ellipsoid.inertia)[1] > (max(self.ellipsoid.inertia) * self.size) ** 2
+
+    @cached_property
+    def a2(self) -> Array:
+        """a²; inf on L² = 2EI₂ and beyond the tables."""
+        if self.ellipsoid.kind != "triaxial":
+            return np.zeros(len(self.times))
+        axis, width = _range(self.ellipsoid, self.longest)
+        with np.errstate(all="ignore"):
+            h = 2 * self.slow[:, 3] / (max(self.ellipsoid.inertia) * self.size) ** 2
+            a2 = tables.depth(np.clip((h - axis) / width, 0, 1))
+        return np.where((a2 < DEEPEST) & (self.size > TINY), a2, inf)
+
+    @cached_property
+    def _sides(self) -> list[tuple[bool, Array, tables.Table]]:
+        """Sides of L² = 2EI₂ on which the path lies: whether that of the longest axis, where, and the table."""
+        sides = (False, True) if self.ellipsoid.kind == "triaxial" else ()
+        found = [(side, np.flatnonzero(np.isfinite(self.a2) & (self.longest == side))) for side in sides]
+        return [(side, here, tables.table(self.ellipsoid, side)) for side, here in found if len(here)]
+
+    @cached_property
+    def _orders(self) -> Array:
+        swing, second = orders = np.full((2, len(self.times)), inf)
+        if self.ellipsoid.kind != "triaxial":
+            here = self.size > TINY
+            orders[:, here] = spheroidal.orders(Spheroid.of(self.ellipsoid), self.torque_factor, self.slow[here])
+        unit = max(self.ellipsoid.inertia)
+        for _, here, found in self._sides:
+            swing[here] = _swing(found, unit * self.size[here], self.a2[here]) * self.torque_factor
+            second[here] = _second(found, unit, self.slow[here, :3] / unit, self.a2[here]) * self.torque_factor
+        return orders
+
+    @property
+    def swing(self) -> Array:
+        """ρ, the size of the transformation."""
+        return self._orders[0]
+
+    @property
+    def second(self) -> Array:
+        """|L'| of second order over I_max."""
+        return self._orders[1]
 
     @cached_property
     def kicks(self) -> tuple[Kick, ...]:
         """Kicks of the resonances that the path passes, in their order."""
-        found = [kick for each in _sides(self.ellipsoid, self.a2, self.longest) for kick in self._kicks(*each)]
+        found = [kick for each in self._sides for kick in self._kicks(*each)]
         return tuple(sorted(found, key=lambda kick: kick.time))
 
     def crossings(self) -> list[Kick]:
@@ -146,10 +169,11 @@ class Path:
 
     def _kicks(self, side: bool, here: Array, table: tables.Table) -> list[Kick]:
         unit, times, a2 = max(self.ellipsoid.inertia), self.times, self.a2
-        above = a2[:, None] > table.resonances[:, 2]
-        at, which = np.nonzero((here[1:] & here[:-1])[:, None] & (above[1:] != above[:-1]))
+        above = a2[here, None] > table.resonances[:, 2]
+        at, which = np.nonzero((np.diff(here) == 1)[:, None] & (above[1:] != above[:-1]))
         if not len(at):
             return []
+        at = here[at]
         k1, k2, there, slope = table.resonances[which, :4].T
         share, step = (there - a2[at]) / (a2[at + 1] - a2[at]), times[at + 1] - times[at]
         when, drift = times[at] + share * step, np.abs(a2[at + 1] - a2[at]) / step
@@ -183,12 +207,16 @@ class Path:
         """(α, β) turned until each time per lasting error of (|L|, E) over I_max, shape (m, 2, 2)."""
         return self.summed(self.rates) / self.torque_factor
 
+    def turned_at(self, times: Array) -> Array:
+        """The same at other times, shape (n, 2, 2)."""
+        return _interpolated(times, self.times, self.turned.reshape(-1, 4)).reshape(-1, 2, 2)
+
     @cached_property
     def rates(self) -> Array:
         """Change of the rates of (α, β), over St, per change of (|L|, E) over I_max, shape (m, 2, 2)."""
         unit, size, energy = max(self.ellipsoid.inertia), self.size, self.slow[:, 3] / max(self.ellipsoid.inertia)
         rates = np.zeros((len(self.times), 2, 2))
-        for side, here, table in _sides(self.ellipsoid, self.a2, self.longest):
+        for side, here, table in self._sides:
             t, (_, width) = 2 * self.a2[here] / tables.MOST - 1, _range(self.ellipsoid, side)
             nu, rise = (tables.evaluated(row, t).T for row in (table.series[-2:], table.rises))
             # ∂a²/∂E, and ∂a²/∂|L| over it.
@@ -224,19 +252,15 @@ def path_of(scene: Scene) -> Path:
     return Path.of(scene)
 
 
+def _interpolated(wanted: Array, times: Array, rows: Array) -> Array:
+    return np.stack([np.interp(wanted, times, column) for column in rows.T], axis=1)
+
+
 def _range(ellipsoid: Ellipsoid, longest: Array | bool) -> tuple[Array, Array]:
     """2E/L² of a side's permanent axis, and the way from there to L² = 2EI₂."""
     low, middle, high = sorted(ellipsoid.inertia)
     axis = 1 / np.where(longest, low, high)
     return axis, 1 / middle - axis
-
-
-def _sides(ellipsoid: Ellipsoid, a2: Array, longest: Array) -> Iterator[tuple[bool, Array, tables.Table]]:
-    """Sides of L² = 2EI₂ on which a path lies: whether that of the longest axis, where on the path, and the table."""
-    for side in (False, True) if ellipsoid.kind == "triaxial" else ():
-        here = np.isfinite(a2) & (longest == side)
-        if here.any():
-            yield side, here, tables.table(ellipsoid, side)
 
 
 def _swing(found: tables.Table, size: Array, a2: Array) -> Array:
@@ -247,9 +271,8 @@ def _swing(found: tables.Table, size: Array, a2: Array) -> Array:
 def _second(found: tables.Table, unit: float, momentum: Array, a2: Array) -> Array:
     """Size of L' of second order, over I_max, for L over I_max."""
     values = tables.evaluated(found.series[8:18], 2 * a2 / tables.MOST - 1)
-    for pole in found.poles:
-        twice, once = regular(a2 - pole[0], 1e-2 + 0 * a2)
-        values += np.outer(pole[2:12], twice) + np.outer(pole[12:], once)
+    twice, once = regular(a2 - found.poles[:, :1], 1e-2)
+    values += found.poles[:, 2:12].T @ twice + found.poles[:, 12:].T @ once
     values = values / np.array([unit ** tables.SCALES.get(name, tables.HIGHEST_SCALE) for name in NAMES[8:18]])[:, None]
     size = np.linalg.norm(momentum, axis=1)
     nothing = np.zeros(len(size))

@@ -17,7 +17,7 @@ from polhode.models.hybrid import course
 from polhode.models.hybrid.course import ERROR_PER_TOLERANCE, second_order
 from polhode.models.hybrid.form import Hybrid
 from polhode.models.scene import BodyStart, EulerStart, Scene
-from polhode.models.second_order.outline import strong_kicks
+from polhode.models.second_order.outline import Ahead
 from polhode.models.second_order.path import path_of
 from polhode.models.second_order.run import NotAveragedError
 from polhode.models.shape import Ellipsoid
@@ -77,8 +77,7 @@ def test_hand_over_there_and_back_is_exact_to_rounding(scene: Scene):
         state, unit = states[np.searchsorted(times, begin)].copy(), slice(0, 4) if scene is CROSSING else slice(3, 6)
         # Solvers let the norm drift.
         state[unit] /= np.linalg.norm(state[unit])
-        here = replace(scene, start=course.start(state), time=scene.time - begin)  # pyright: ignore
-        problem, back = second_order(here)
+        problem, back = second_order(course.here(begin, state))  # pyright: ignore
         returned = back(np.array([problem.start]))[0]
         sign = np.sign(returned[:4] @ state[:4]) if scene is CROSSING else 1
         assert np.abs(np.r_[sign * returned[:4], returned[4:]] - state).max() < 1e-12
@@ -129,7 +128,7 @@ def test_errors_count_as_often_as_they_come_out_of_resonances():
         other = replace(scene, start=BodyStart(pose, tuple((np.array(spin) + nudge).tolist())))
         apart = np.abs(form("quaternion").observe(other, full_run(other).states).slow - base).max(axis=1)
         grown.append(apart.max() / apart[0])
-    weight = strong_kicks(path_of(scene), 1e-6)[1][0]
+    (weight,) = Ahead.of(path_of(scene), 1e-6).weight(np.zeros(1))
     typical = np.sqrt(np.mean(np.square(grown)))
     assert 50 < typical < weight < 20 * typical
 
