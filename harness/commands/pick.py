@@ -37,8 +37,10 @@ def pick(scene: str, error: float, want: str, samples: int, why: bool, everythin
     """Rank the ways to run SCENE: form, solver and tolerance, with predicted error and time and their 95 % intervals.
 
     Short trial runs at loose tolerances count the rotations and show how errors grow along them; laws fitted to many
-    measured runs predict errors and times from that. Ways whose 95 % interval of time overlaps with the first one's are
-    "tied" with it: any of them may be the fastest. `polhode solve SCENE --error E --want W` runs the first row.
+    measured runs predict errors and times from that. The ways that come first are tried, where a run takes
+    milliseconds, so that their tolerance suits this very scene. Ways whose 95 % interval of time overlaps with the
+    first one's are "tied" with it: any of them may be the fastest. `polhode solve SCENE --error E --want W` runs the
+    first row.
     """
     if want == "statistics":
         raise BadInput("--want: got 'statistics', expected 'slow' or 'orientation': one run has no statistics")

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from polhode.harness.common.text import duration, short
 from polhode.harness.picking.laws import WANTS
-from polhode.harness.picking.ranking import LOOSEST, TIGHTEST, NotAttainableError, first_way, pick
+from polhode.harness.picking.ranking import NotAttainableError, first_way, pick
 from polhode.harness.picking.recommendation import Recommendation
+from polhode.harness.picking.trials import LOOSEST, TIGHTEST
 from polhode.models.catalogue import form as find_form, full_form
 from polhode.models.form import FormNotValidError
 from polhode.models.scene import Scene
@@ -48,8 +49,9 @@ def choose(
 ) -> Chosen:
     """Fill in what the user left open.
 
-    With form, solver and tolerance given nothing is left open. Else the first row of `pick` that agrees with what is
-    given; where there is none, the simplest form, the first solver that takes it and a hundredth of the error. Raises
+    With form, solver and tolerance given nothing is left open. Else what `pick` puts first of all that agrees with what
+    is given, which it tries even where other ways are quicker; where there is none, the simplest form, the first solver
+    that takes it and a hundredth of the error. Raises
     NotAttainableError if nothing is given and no run meets the error, ValueError if a number is out of range or the
     orientation is wanted of a form that gives none.
     """

@@ -174,9 +174,10 @@ class ErrorLaw:
         """Error with its interval."""
         return self.stray.around(self.error(at, tolerance))
 
-    def tolerance(self, at: Sensitivity, error: float) -> float:
-        """Loosest tolerance at which 97.5 % of the runs meet an error; 0 if none does, inf if every one does."""
-        allowed = error * exp(-self.stray.high) - self.rounding(at)
+    def tolerance(self, at: Sensitivity, error: float, stray: float | None = None) -> float:
+        """Loosest tolerance at which 97.5 % of the runs meet an error, or those of a stray; 0 by none, inf by all."""
+        stray = self.stray.high if stray is None else stray
+        allowed = error * exp(-stray) - self.rounding(at)
         if not (allowed > 0 and isfinite(at.error)):
             return 0.0
         at_pilot = self.truncation(at, at.tolerance)

@@ -6,23 +6,14 @@ from dataclasses import replace
 from functools import lru_cache
 from math import inf, isfinite, pi
 
-from polhode.harness.common.text import scientific, short
-from polhode.harness.picking.laws import EPS, STIFF, WANTS, Interval, Laws, MethodLaws, Sensitivity, load_laws
-from polhode.harness.picking.load import held_back, load_of
+from polhode.harness.common.text import short
+from polhode.harness.picking.laws import EPS, WANTS, ErrorLaw, Interval, Laws, MethodLaws, Sensitivity, load_laws
+from polhode.harness.picking.load import held_back
 from polhode.harness.picking.model_error import NotApplicableError, causes, model_errors, own_estimate, unfit_to_average
 from polhode.harness.picking.pilot import InPieces, Pilot, PilotFailedError, form_sensitivity, pilot
 from polhode.harness.picking.recommendation import Excluded, Recommendation, Way
-from polhode.harness.picking.refusals import (
-    Refusal,
-    Stage,
-    UnfitError,
-    one_digit,
-    one_digit_up,
-    rounded_up,
-    too_far_off,
-    too_tight,
-    why_nothing,
-)
+from polhode.harness.picking.refusals import Refusal, Stage, UnfitError, rounded_up, too_far_off, why_nothing
+from polhode.harness.picking.trials import Candidate, with_trials
 from polhode.harness.references.errors import attainable
 from polhode.models.catalogue import FORMS, form as find_form
 from polhode.models.form import Form, FormNotValidError
@@ -31,10 +22,6 @@ from polhode.models.scene import Scene, SlowStart
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import SolverNotValidError
 
-# Laws were fitted between these tolerances.
-LOOSEST, TIGHTEST = 1e-3, 1e-15
-# So much tighter than its tightest measured run a method may be asked to be.
-BEYOND = 1e3
 # An averaged form whose model error leaves its solver less than this share of the error asked for is excluded.
 SHARE = 0.05
 DEFAULT_SAMPLES = 201
@@ -169,7 +156,9 @@ def _candidates(
     forms: Iterable[str],
     solvers: Collection[str],
 ) -> tuple[list[Way], list[Refusal]]:
-    ways, refusals = [], []
+    candidates: list[Candidate] = []
+    expected: list[Way | Refusal] = []
+    refusals: list[Refusal] = []
     for form_name in forms:
         form = find_form(form_name)
         try:
@@ -181,17 +170,20 @@ def _candidates(
         for solver in solvers:
             try:
                 find_solver(solver).check(problem)
-                law = _law(laws, form, solver, found)
-                sensitivity = form_sensitivity(form, found, solver).get(want)
-                tolerance, own = _tolerance(law, want, sensitivity, error, budget)
-                load = load_of(form, solver, found, samples, tolerance)
-                seconds = law.cost.predict(load, tolerance)
-                first_run, reason = law.compile_seconds + seconds.predicted, _reason(law, found, model, own)
-                whole = own.plus(model) if model else own
-                ways.append(Way(form_name, solver, tolerance, whole, seconds, first_run, False, reason))
+                own, at = _law(laws, form, solver, found), form_sensitivity(form, found, solver).get(want)
+                errors, sensitivity = _error_law(own, want, at)
+                each = Candidate(form, solver, own, errors, sensitivity, budget, model, found, samples)
             except (SolverNotValidError, PilotFailedError, UnfitError) as refusal:
                 refusals.append(Refusal.of(form_name, solver, refusal))
-    return ways, refusals
+                continue
+            candidates.append(each)
+            try:
+                expected.append(each.expected())
+            except (PilotFailedError, UnfitError) as refusal:
+                expected.append(Refusal.of(form_name, solver, refusal))
+    tried = with_trials(candidates, expected, want)
+    refusals += [each for each in tried if isinstance(each, Refusal)]
+    return [each for each in tried if isinstance(each, Way)], refusals
 
 
 def _problem(form: Form, scene: Scene, found: Pilot, want: str) -> Problem:
@@ -234,27 +226,11 @@ def _law(laws: Laws, form: Form, solver: str, found: Pilot) -> MethodLaws:
     return law
 
 
-def _tolerance(
-    law: MethodLaws, want: str, at: Sensitivity | None, error: float, budget: float
-) -> tuple[float, Interval]:
-    """The loosest tolerance in one digit at which a method's own error stays within its budget, and that error."""
+def _error_law(law: MethodLaws, want: str, at: Sensitivity | None) -> tuple[ErrorLaw, Sensitivity]:
     errors = law.error_law(want, at) if at else None
     if errors is None or at is None:
         raise UnfitError("no law of the error wanted: not measured often enough", Stage.LAW)
     if at.error == inf:
         chaotic = "the motion magnifies errors beyond all tolerances tried in trial runs: chaotic, or too long"
         raise UnfitError(chaotic, Stage.MOTION)
-    tolerance, tightest = one_digit(min(LOOSEST, errors.tolerance(at, budget))), max(TIGHTEST, law.tightest / BEYOND)
-    if tolerance < tightest:
-        raise too_tight(errors, at, one_digit_up(tightest), error, budget)
-    return tolerance, errors.predict(at, tolerance)
-
-
-def _reason(law: MethodLaws, found: Pilot, model: Interval | None, own: Interval) -> str:
-    if find_solver(law.solver).closed_form:
-        return "closed form: neither time nor tolerance matter"
-    if model is not None:
-        return f"averaged: costs the same at every St; model error {scientific(model.predicted)}"
-    if found.damping_times > STIFF:
-        return f"implicit: {found.damping_times:.2g} damping times would hold an explicit method back"
-    return f"full equations over {found.rotations:.3g} rotations; 97.5 % of like runs stay below {scientific(own.high)}"
+    return errors, at

@@ -1,0 +1,183 @@
+"""Trials: the first ways of a ranking are run, so that their tolerances follow from errors made on this very scene.
+
+A law's upper end holds for 97.5 % of like scenes, whose errors scatter a hundredfold; a trial shows the one error that
+counts, as its distance from a yardstick. That is a run of the pilot's solver whose own error, by its law, is a small
+share of what is asked for. Where no law promises one, or a run would take long, laws alone decide.
+"""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from math import inf, sqrt
+from typing import NamedTuple
+
+from polhode.harness.common.text import scientific
+from polhode.harness.picking.laws import STIFF, ErrorLaw, Interval, MethodLaws, Sensitivity
+from polhode.harness.picking.load import load_of
+from polhode.harness.picking.pilot import Pilot, PilotFailedError, follow, pilot_solver
+from polhode.harness.picking.recommendation import Way
+from polhode.harness.picking.refusals import Refusal, Stage, UnfitError, one_digit, one_digit_up, too_tight
+from polhode.harness.references.errors import errors
+from polhode.models.catalogue import full_form, reference_form
+from polhode.models.form import Form
+from polhode.models.observables import Observables
+from polhode.models.scene import Scene
+from polhode.solvers.catalogue import solver as find_solver
+
+# Laws were fitted between these tolerances.
+LOOSEST, TIGHTEST = 1e-3, 1e-15
+# So much tighter than its tightest measured run a method may be asked to be.
+BEYOND = 1e3
+# Seconds that a run may be expected to take to be tried, ways that are, and tolerances of each.
+MOST_SECONDS, WAYS, TOLERANCES, YARDSTICK = 0.02, 4, 4, 2.0
+# Shares of what the solver may err by: what the yardstick may be off by, what a trial may make, and what its next
+# tolerance aims at, which is worth another run if it is looser by the factor, and is at most so far from the last one.
+UNSURE, MET, AIM, WORTH, FAR = 0.15, 0.7, 0.4, 3.0, 1e3
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A method that takes a scene: its laws, and what its solver may err by, beside a model error."""
+
+    form: Form
+    solver: str
+    laws: MethodLaws
+    law: ErrorLaw
+    at: Sensitivity
+    budget: float
+    model: Interval | None
+    found: Pilot
+    samples: int
+
+    @property
+    def tightest(self) -> float:
+        """The tightest tolerance that it may be asked for."""
+        return max(TIGHTEST, self.laws.tightest / BEYOND)
+
+    def expected(self) -> Way:
+        """The way to run it by its laws alone; raises UnfitError if no tolerance will do."""
+        tolerance = self._tolerance(self.law.stray.high)
+        if tolerance < self.tightest:
+            spared = self.model.high if self.model else 0.0
+            raise too_tight(self.law, self.at, one_digit_up(self.tightest), self.budget + spared, self.budget)
+        own = self.law.predict(self.at, tolerance)
+        return self.way(tolerance, own, f"97.5 % of like runs stay below {scientific(own.high)}")
+
+    def hoped(self) -> Way | None:
+        """The way to run it if it errs as the middle one of like scenes does."""
+        tolerance = self._tolerance(self.law.stray.middle)
+        return None if tolerance < self.tightest else self.way(tolerance, self.law.predict(self.at, tolerance), "")
+
+    def _tolerance(self, stray: float) -> float:
+        return one_digit(min(LOOSEST, self.law.tolerance(self.at, self.budget, stray)))
+
+    def way(self, tolerance: float, own: Interval, error: str) -> Way:
+        """The method at a tolerance, with its solver's own error, and what is known of it in words."""
+        load = load_of(self.form, self.solver, self.found, self.samples, tolerance)
+        seconds = self.laws.cost.predict(load, tolerance)
+        first_run = self.laws.compile_seconds + seconds.predicted
+        whole = own.plus(self.model) if self.model else own
+        return Way(self.form.name, self.solver, tolerance, whole, seconds, first_run, False, self._reason(error))
+
+    def _reason(self, error: str) -> str:
+        if find_solver(self.solver).closed_form:
+            return "closed form: neither time nor tolerance matter"
+        if self.model is not None:
+            return f"averaged: costs the same at every St; model error {scientific(self.model.predicted)}"
+        if self.found.damping_times > STIFF:
+            return f"implicit: {self.found.damping_times:.2g} damping times would hold an explicit method back"
+        return f"full equations over {self.found.rotations:.3g} rotations; {error}"
+
+
+class Yardstick(NamedTuple):
+    """A run that trials are held against, and what it errs by at most."""
+
+    observables: Observables
+    unsure: float
+
+
+def with_trials(candidates: Sequence[Candidate], expected: Sequence[Way | Refusal], want: str) -> list[Way | Refusal]:
+    """What is expected of candidates, of the first ones by trials: of `WAYS` at most, until none may be quicker."""
+    found = list(expected)
+    hopes = [(hope, place) for place, each in enumerate(candidates) if (hope := _worth_trying(each))]
+    for hope, place in sorted(hopes, key=lambda each: each[0].seconds.predicted)[:WAYS]:
+        quickest = min((way.seconds.predicted for way in found if isinstance(way, Way)), default=inf)
+        if hope.seconds.predicted >= quickest:
+            break
+        if true := _yardstick(candidates[place], candidates):
+            found[place] = _tried(candidates[place], hope.tolerance, found[place], true, want)
+    return found
+
+
+def _worth_trying(candidate: Candidate) -> Way | None:
+    """The way that is hoped for, if the whole of the scene can be tried soon by a method that may come first."""
+    form, found, solver = candidate.form, candidate.found, find_solver(candidate.solver)
+    slow = form.angles or (solver.implicit and not form.averaged and found.damping_times <= STIFF)
+    if slow or solver.closed_form or not (form.averaged or found.direct):
+        return None
+    with suppress(PilotFailedError):
+        hope = candidate.hoped()
+        return hope if hope and hope.seconds.predicted < MOST_SECONDS else None
+    return None
+
+
+def _tried(
+    candidate: Candidate, tolerance: float, expected: Way | Refusal, true: Yardstick, want: str
+) -> Way | Refusal:
+    """A candidate at the loosest tolerance tried at which it meets the error; as expected if trials say nothing."""
+    best, made, missed, least = 0.0, inf, inf, inf
+    for _ in range(TOLERANCES):
+        error = _error(candidate, tolerance, true.observables, want)
+        if error <= MET * candidate.budget:
+            best, made = tolerance, error
+        else:
+            missed, least = tolerance, error
+        step = (AIM * candidate.budget / max(error, 1e-300)) ** (1 / candidate.law.order)
+        aimed = tolerance * min(FAR, max(1 / FAR, step))
+        if not best < aimed < missed:
+            aimed = sqrt(best * missed) if missed < inf else best
+        tolerance = one_digit(min(LOOSEST, aimed))
+        if tolerance < max(WORTH * best, candidate.tightest):
+            break
+    if best:
+        own = Interval(made, max(0.0, made - true.unsure), made + true.unsure)
+        return candidate.way(best, own, f"a trial run errs by {scientific(made)}")
+    if isinstance(expected, Way) and missed <= expected.tolerance and least > candidate.budget:
+        why = f"a trial run at {scientific(missed)} errs by {scientific(least)}"
+        return Refusal(expected.form, expected.solver, why, Stage.ERROR)
+    return expected
+
+
+def _yardstick(candidate: Candidate, others: Sequence[Candidate]) -> Yardstick | None:
+    """A run close enough to the true one, of the same averaged form or of a full one; none if no law promises one.
+
+    By the pilot's solver if that will do, else by the one that is soonest compiled.
+    """
+    found, unsure = candidate.found, UNSURE * candidate.budget
+    forms = {candidate.form.name} if candidate.form.averaged else {reference_form(found.scene), full_form(found.scene)}
+    able = [each for each in others if each.form.name in forms]
+    for each in sorted(able, key=lambda each: (each.solver != pilot_solver(found.scene), each.laws.compile_seconds)):
+        with suppress(PilotFailedError, UnfitError):
+            way = replace(each, budget=unsure).expected()
+            if way.seconds.predicted < YARDSTICK * MOST_SECONDS:
+                return Yardstick(_followed(each.form, found.scene, way.tolerance, each.solver), unsure)
+    return None
+
+
+def _error(candidate: Candidate, tolerance: float, true: Observables, want: str) -> float:
+    """What a candidate errs by; inf for a run that fails."""
+    scene = candidate.found.scene
+    with suppress(PilotFailedError):
+        made = errors(scene.ellipsoid, _followed(candidate.form, scene, tolerance, candidate.solver), true)
+        error = made.slow if want == "slow" else made.orientation
+        return inf if error is None else error
+    return inf
+
+
+@lru_cache(maxsize=64)
+def _followed(form: Form, scene: Scene, tolerance: float, solver: str) -> Observables:
+    run = follow(form, scene, tolerance, solver)
+    if not run.success:
+        raise PilotFailedError(f"pilot: {form.name!r} by {solver!r} ended with {run.status.value}")
+    return form.observe(scene, run.states)

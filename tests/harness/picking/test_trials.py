@@ -1,0 +1,74 @@
+"""Trials: tolerances of the first ways follow from errors made on the very scene, not from how wide a law is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from polhode.harness.picking import trials
+from polhode.harness.picking.laws import Laws, load_laws
+from polhode.harness.picking.ranking import pick
+from polhode.harness.references.errors import errors
+from polhode.models.catalogue import form
+from polhode.models.scenes import named_scene
+from polhode.solvers.solve import solve
+
+WAY = ("form", "solver", "tolerance")
+SAID = "a trial run errs by"
+
+
+def observed(scene, form_name, solver, tolerance):
+    problem = form(form_name).problem(scene)
+    return form(form_name).observe(scene, solve(problem, solver, tolerance, np.linspace(0, problem.end, 201)).states)
+
+
+def wider(laws: Laws, factor: float) -> Laws:
+    """The same laws, whose upper ends of errors are so much larger in logarithms."""
+    methods = {
+        name: replace(
+            law,
+            errors={
+                want: replace(each, stray=replace(each.stray, high=each.stray.high + factor))
+                for want, each in law.errors.items()
+            },
+        )
+        for name, law in laws.methods.items()
+    }
+    return replace(laws, methods=methods)
+
+
+@pytest.mark.parametrize(("name", "error", "want"), [("paper", 1e-6, "slow"), ("needle", 1e-4, "orientation")])
+def test_a_trial_knows_the_error(name, error, want):
+    scene = named_scene(name)
+    first = pick(scene, error, want).ranking[0]
+    assert SAID in first.reason
+    run, exact = (
+        observed(scene, *(getattr(first, each) for each in WAY)),
+        observed(scene, "quaternion", "taylor", 1e-15),
+    )
+    made = getattr(errors(scene.ellipsoid, run, exact), want)
+    assert first.error.low <= made <= first.error.high <= error
+    assert first.error.predicted == pytest.approx(made, rel=0.3)
+
+
+def test_caution_of_a_law_does_not_tighten_what_was_tried():
+    scene, laws = named_scene("paper"), load_laws()
+    usual, cautious = (pick(scene, 1e-6, laws=each).ranking for each in (laws, wider(laws, 3.0)))
+    assert (cautious[0].solver, cautious[0].tolerance) == (usual[0].solver, usual[0].tolerance)
+    later = {(way.form, way.solver): way.tolerance for way in usual if SAID not in way.reason}
+    assert all(way.tolerance < later[way.form, way.solver] for way in cautious if (way.form, way.solver) in later)
+
+
+def test_without_trials_laws_decide(monkeypatch):
+    scene, laws = named_scene("paper"), load_laws()
+    tried = pick(scene, 1e-6, laws=laws).ranking[0]
+    monkeypatch.setattr(trials, "WAYS", 0)
+    alone = pick(scene, 1e-6, laws=laws).ranking
+    assert all(SAID not in way.reason for way in alone)
+    assert tried.seconds.predicted < alone[0].seconds.predicted
+
+
+@pytest.mark.parametrize(("name", "error", "want"), [("long", 1e-3, "slow"), ("paper", 2e-13, "slow")])
+def test_laws_decide_where_a_run_is_long_or_no_yardstick_is_close_enough(name, error, want):
+    rows = pick(named_scene(name), error, want).ranking
+    assert all(SAID not in way.reason for way in rows)
