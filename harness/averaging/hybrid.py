@@ -85,10 +85,8 @@ class Speed:
 
 
 def random_scenes(count: int = RANDOM, seed: int = SEED) -> Iterator[Scene]:
-    """Random starts, every other one triaxial, over all St and slow times.
-
-    Axes are log-uniform, orientations isotropic, angular velocities of three standard normals.
-    """
+    """Random starts, every other one triaxial, over all St and slow times."""
+    # Axes are log-uniform, orientations isotropic, angular velocities of three standard normals.
     draw = np.random.default_rng(seed)
     for i in range(count):
         axes = np.exp(draw.uniform(np.log(LEAST_AXIS), 0.0, 3))

@@ -54,10 +54,8 @@ class Law:
 
     @cached_property
     def fit(self) -> tuple[float, float, float]:
-        """log₁₀ c, the order, and the half width of the order's 95 % interval.
-
-        NaN where fewer than `LEAST_POINTS` St were measured: with one degree of freedom an interval says nothing.
-        """
+        """log₁₀ c, the order, and the half width of the order's 95 % interval."""
+        # NaN where fewer than `LEAST_POINTS` St were measured: with one degree of freedom an interval says nothing.
         stokes, error = self.fitted
         if len(stokes) < LEAST_POINTS:
             return nan, nan, nan
@@ -106,10 +104,8 @@ class Slope:
 
 
 def laws(rows: Sequence[AveragingErrors], variable: str | None = None) -> list[Law]:
-    """The model error's law of each case and form: of the slow error, or of one of `VARIABLES`.
-
-    St at which the error lies within ten uncertainties of the reference is left out.
-    """
+    """The model error's law of each case and form: of the slow error, or of one of `VARIABLES`."""
+    # St at which the error lies within ten uncertainties of the reference is left out.
     groups: dict[tuple[str, str, str], list[tuple[float, float, float]]] = {}
     for row in sorted(rows, key=lambda row: row.stokes):
         error = row.model_error if variable is None else row.model[VARIABLES.index(variable)]

@@ -145,10 +145,8 @@ def measure_passage(case: Subject, stokes: float, whole: bool = True) -> Passage
 
 
 def costs(exponents: Sequence[int] = EXPONENTS, compared: float = COMPARED) -> Iterator[Cost]:
-    """Cost of the second-order form at each power of ten of St; of first order and the full form at one of them.
-
-    Of each full solver the loosest tolerance is taken that meets `TARGET`.
-    """
+    """Cost of the second-order form at each power of ten of St; of first order and the full form at one of them."""
+    # Of each full solver the loosest tolerance is taken that meets `TARGET`.
     there, tolerance, name = _spheroid(compared), COST_TOLERANCE, SecondOrder.name
     full, first = full_form(there), averaged_form(there)
     true = timed_run(there, full, TRUE_TOLERANCE, FEW).observables

@@ -169,11 +169,9 @@ def _digest(*content: object) -> str:
 
 
 def export(records: Iterable[Record], path: Path) -> None:
-    """Write records as CSV or JSON Lines, as the file's ending says, for sharing; ValueError if it has another one.
-
-    Records of a store are read one by one, for CSV twice. Numbers that are not finite are words, which `read_export`
-    and `float` read (`polhode.harness.common.plain_json`).
-    """
+    """Write records as CSV or JSON Lines, as the file's ending says, for sharing; ValueError if it has another one."""
+    # Records of a store are read one by one, for CSV twice. Numbers that are not finite are words, which `read_export`
+    # and `float` read (`polhode.harness.common.plain_json`).
     if path.suffix not in (".csv", ".jsonl"):
         raise ValueError(f"{path}: expected a file name ending in .csv or .jsonl")
     with PartialFile(path, summed=True) as file:

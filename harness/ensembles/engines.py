@@ -53,10 +53,8 @@ def serial(function: Callable[[Any], Any], tasks: Iterable[Any]) -> Generator[Fi
 def processes(
     count: int, function: Callable[[Any], Any], tasks: Iterable[Any], max_seconds: float = 24 * 3600.0
 ) -> Generator[Finished, None, None]:
-    """Spawned processes on this machine, each with a thread here that feeds it; they end when this process does.
-
-    One per core; more gain nothing. A process that takes twice `max_seconds` for a task is killed.
-    """
+    """Spawned processes on this machine, each with a thread here that feeds it; they end when this process does."""
+    # One per core; more gain nothing. A process that takes twice `max_seconds` for a task is killed.
     workers = [Worker() for _ in range(count)]
     idle: SimpleQueue[Worker] = SimpleQueue()
     for worker in workers:
@@ -118,10 +116,8 @@ def _client(address: str) -> Iterator[Any]:
 
 
 def dask(address: str, function: Callable[[Any], Any], tasks: Iterable[Any]) -> Generator[Finished, None, None]:
-    """Workers of a Dask scheduler, with polhode in the same version.
-
-    `task.key` is Dask's key, so that two clients share what is under way.
-    """
+    """Workers of a Dask scheduler, with polhode in the same version."""
+    # `task.key` is Dask's key, so that two clients share what is under way.
     distributed = import_module("distributed")
     with _client(address) as client:
         remaining, tasks_of = iter(tasks), {}

@@ -190,10 +190,8 @@ class Ensemble:
     def states(
         self, problem: Problem, starts: np.ndarray, times: np.ndarray, random: np.random.Generator
     ) -> tuple[np.ndarray, np.ndarray]:
-        """States, shape (m, n, d), of particles at times, with NaN from where one failed, and their statuses.
-
-        Phases that hybrid equations leave open are drawn from `random`.
-        """
+        """States, shape (m, n, d), of particles at times, with NaN from where one failed, and their statuses."""
+        # Phases that hybrid equations leave open are drawn from `random`.
         if self.equations == "averaged":
             return run_adaptive(problem, starts, times, self.tolerance)
         if self.equations == "hybrid":
@@ -272,13 +270,7 @@ class Task:
 
 
 def run_task(task: Task) -> Record:
-    """Statistics of a task as plain data: a pure function, with nothing of time, place or machine in its result.
-
-    Raises
-    ------
-    RuntimeError
-        If the task was made with other versions than those it would be run with here.
-    """
+    """Statistics of a task as plain data: a pure function, with nothing of time, place or machine in its result."""
     if digest(task.content) != task.key:
         raise RuntimeError(f"got a task of other versions, expected {task.content['versions']}")
     return task.ensemble.run(task.index).as_record()

@@ -41,17 +41,8 @@ Array = np.ndarray
 
 
 def least_momentum(scene: Scene, starts: Array, tolerance: float) -> float:
-    """|L| over I_max down to which averaging to first order keeps the error; inf if nowhere.
-
-    Parameters
-    ----------
-    scene : Scene
-        Its start is not used.
-    starts : ndarray, shape (n, d)
-        As states of the full equations. Of them the more run both ways the smaller |L| becomes.
-    tolerance : float
-        Error of L and E over the largest moment of inertia.
-    """
+    """|L| over I_max down to which averaging to first order keeps an error of L and E over I_max; inf if nowhere."""
+    # Of the starts, states of the full equations, the more run both ways the smaller |L| becomes.
     unit, form = max(scene.ellipsoid.inertia), find_form(full_form(scene))
     if tolerance * scene.stokes < OPEN or not form.observe(scene, starts).angular_momentum.any(axis=1).all():
         return inf

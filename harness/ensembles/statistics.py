@@ -40,10 +40,8 @@ class Layout:
 
 
 def squared_rates(ellipsoid: Ellipsoid, momentum: np.ndarray, rotation: np.ndarray, axis: int) -> np.ndarray:
-    """(ω·p)² and |dp/dt|² = ω² - (ω·p)² of a body axis p, shape (n, 2), from L and matrices whose rows are axes.
-
-    Of a spheroid its own axis' row is enough: about it L and ω differ by I_a, across it by I_e.
-    """
+    """(ω·p)² and |dp/dt|² = ω² - (ω·p)² of a body axis p, shape (n, 2), from L and matrices whose rows are axes."""
+    # Of a spheroid its own axis' row is enough: about it L and ω differ by I_a, across it by I_e.
     inertia = np.array(ellipsoid.inertia)
     along = np.einsum("nj,nj->n", momentum, rotation[:, axis])
     if ellipsoid.kind == "triaxial":

@@ -53,12 +53,10 @@ def arrived(statistics: Statistics, attractor: int) -> list[Estimate]:
 
 
 def transient_quantile(ensemble: Ensemble, statistics: Statistics, share: float) -> Estimate:
-    """Quantile of the time, in units of the inverse shear rate, after which a particle has arrived anywhere.
-
-    Without assumption on the distribution: the interval lies between the order statistics whose ranks bound a
-    binomial variable (Conover, Practical Nonparametric Statistics, section 3.2). Particles that have not arrived by
-    the end count as later; times are known to one sample, and rounded up.
-    """
+    """Quantile of the time, in units of the inverse shear rate, after which a particle has arrived anywhere."""
+    # Without assumption on the distribution: the interval lies between the order statistics whose ranks bound a
+    # binomial variable (Conover, Practical Nonparametric Statistics, section 3.2). Particles that have not arrived by
+    # the end count as later; times are known to one sample, and rounded up.
     n = statistics.finished
     reached = np.cumsum(np.sum(statistics.arrivals, axis=0))
     times = np.linspace(0.0, ensemble.time, ensemble.samples)
@@ -84,11 +82,9 @@ def moment_rows(ensemble: Ensemble, statistics: Statistics) -> list[dict[str, ob
 
 
 def voigt_rows(ensemble: Ensemble, statistics: Statistics) -> list[dict[str, object]]:
-    """Fourth moments as matrices in Voigt's order, one row per snapshot, body axis and entry from the diagonal on.
-
-    As tensors of stiffness are written: no factors stand before the components (Voigt 1910; of orientation: Advani and
-    Tucker, J. Rheol. 31 (1987) 751).
-    """
+    """Fourth moments as matrices in Voigt's order, one row per snapshot, body axis and entry from the diagonal on."""
+    # As tensors of stiffness are written: no factors stand before the components (Voigt 1910; of orientation: Advani
+    # and Tucker, J. Rheol. 31 (1987) 751).
     names = ["".join("xyz"[i] for i in pair) for pair in VOIGT]
     mean, error = (each[..., FOURTH_OF_VOIGT] for each in means(statistics, "fourth"))
     rows = _mean_rows(ensemble, (mean, error), row=names, column=names)

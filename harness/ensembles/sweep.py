@@ -111,10 +111,8 @@ def perform(task: Task) -> Record:
 
 
 def run_sweep(sweep: Sweep, store: Store, engine: Engine, *, quiet: bool = False, spread: bool = False) -> Tally:
-    """Run what the store does not hold yet; several runs may share it, at the same time too.
-
-    With `spread` the tasks are taken in random order, so that such runs seldom work on the same one.
-    """
+    """Run what the store does not hold yet; several runs may share it, at the same time too."""
+    # With `spread` the tasks are taken in random order, so that such runs seldom work on the same one.
     finished, failed, message = 0, 0, ""
     progress = tqdm(total=sweep.size, disable=quiet or None, unit="task", desc=sweep.name, leave=False)
     with progress, closing(engine(perform, _missing(sweep, store, spread))) as outcomes:

@@ -153,10 +153,8 @@ def long_runs(particles: int = 20_000, known: int = LONG_KNOWN) -> list[dict[str
 
 
 def ensemble_throughput(name: str, equations: Any, particles: int = 20_000) -> dict[str, Any]:
-    """Particles per second by how much is kept of them, the error of their ends, and the bytes of a task's record.
-
-    With the end alone, with 101 samples, and in whole tasks, statistics at 101 samples and 11 snapshots included.
-    """
+    """Particles per second by how much is kept of them, the error of their ends, and the bytes of a task's record."""
+    # With the end alone, with 101 samples, and in whole tasks, statistics at 101 samples and 11 snapshots included.
     problem, starts = _problem(SHAPES[name], equations, particles)
     two, samples, random = np.array([0.0, problem.end]), np.linspace(0.0, problem.end, 101), np.random.default_rng(1)
     ensemble = _ensemble(SHAPES[name], equations, particles)

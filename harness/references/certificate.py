@@ -127,10 +127,8 @@ def restart(scene: Scene, observables: Observables, ulps: np.ndarray) -> BodySta
 def _other_form(
     scene: Scene, by: tuple[str, str], before: Observables, after: Observables, length: float
 ) -> np.ndarray | None:
-    """Ratio of difference to own error, and differences, of a piece solved again; None where it cannot be solved.
-
-    Euler angles are taken about the three body axes in turn, from the one farthest from their pole on.
-    """
+    """Ratio of difference to own error, and differences, of a piece solved again; None where it cannot be solved."""
+    # Euler angles are taken about the three body axes in turn, from the one farthest from their pole on.
     form = find_form(by[0])
     axes = [2] if by[0] != "euler-angles" else np.argsort(np.abs(before.rotation[0, :, 2].astype(float))).tolist()
     best = None
@@ -174,10 +172,8 @@ def _tried(scene: Scene, form: Form, solver: str, problems: list[Problem], after
 
 
 def _compare(ellipsoid: Ellipsoid, runs: list[Observables], true: Observables, tolerance: float) -> np.ndarray:
-    """Ratio of difference to own error, slow difference, orientation difference.
-
-    Of the runs the first is compared; the second is looser, and the others start elsewhere by an ulp.
-    """
+    """Ratio of difference to own error, slow difference, orientation difference."""
+    # Of the runs the first is compared; the second is looser, and the others start elsewhere by an ulp.
     tight, loose, *moved = runs
     found = errors(ellipsoid, tight, true)
     own, spread = errors(ellipsoid, loose, tight), [errors(ellipsoid, other, tight) for other in moved]

@@ -58,11 +58,9 @@ def errors(ellipsoid: Ellipsoid, found: Observables, true: Observables, scene: S
 
 
 def orientation_difference(ellipsoid: Ellipsoid, found: np.ndarray, true: np.ndarray) -> np.ndarray | None:
-    """Angle in rad, shape (n,), between two sequences of matrices t_ij, shape (n, 3, 3); None where there is none.
-
-    Computed from the length of the chord, 2√2 sin(angle/2) in the Frobenius norm on SO(3) and 2 sin(angle/2) between
-    unit vectors, which keeps small angles exact; quaternions q and -q give the same matrix.
-    """
+    """Angle in rad, shape (n,), between two sequences of matrices t_ij, shape (n, 3, 3); None where there is none."""
+    # Computed from the length of the chord, 2√2 sin(angle/2) in the Frobenius norm on SO(3) and 2 sin(angle/2) between
+    # unit vectors, which keeps small angles exact; quaternions q and -q give the same matrix.
     if ellipsoid.kind == "sphere":
         return None
     if ellipsoid.kind == "triaxial":

@@ -24,10 +24,8 @@ class ReferenceFailedError(RuntimeError):
 def extended_run(
     problem: Problem, times: np.ndarray, precision: Precision, tolerance: float, deadline: float = inf
 ) -> np.ndarray:
-    """States in long double, shape (n, d), of a Taylor run in a precision that holds at least as much.
-
-    Given up at a deadline, as `time.perf_counter` reads.
-    """
+    """States in long double, shape (n, d), of a Taylor run in a precision that holds at least as much."""
+    # Given up at a deadline, as `time.perf_counter` reads.
     integrator = extended_integrator(problem, precision, tolerance)
     number = integrator.state.dtype
     integrator.time = number.type(0)

@@ -63,11 +63,9 @@ def _separation(scene: Scene) -> float:
 
 
 def _averaged_angle(scene: Scene) -> float | None:
-    """∫⟨|ω|⟩ dt along the averaged slow variables; None where they do not apply.
-
-    By Gauss-Legendre quadrature in s, t₂ = τ (exp(s) - 1), τ the fastest damping time, so that the transient and a long
-    rest are both resolved.
-    """
+    """∫⟨|ω|⟩ dt along the averaged slow variables; None where they do not apply."""
+    # By Gauss-Legendre quadrature in s, t₂ = τ (exp(s) - 1), τ the fastest damping time, so that the transient and a
+    # long rest are both resolved.
     if isinf(scene.stokes):
         return scene.time * float(mean_speed(scene.ellipsoid, scene.initial.slow)[0])
     form = find_form(averaged_form(scene))

@@ -139,10 +139,9 @@ def _stepper(field: Factory, dimension: int, parameters: int) -> Lanes:
 
 @cache
 def _filler(dimension: int, wide: int) -> Callable[..., None]:
-    """What fills the rows of states that steps in lanes have passed, and counts which is due next.
-
-    Particle k of `counts[0]` begins in `path` at `first[k]`, and has place `index[k]` among all in `due` and `states`.
-    """
+    """What fills the rows of states that steps in lanes have passed, and counts which is due next."""
+    # Particle k of `counts[0]` begins in `path` at `first[k]`, and has place `index[k]` among all in `due` and
+    # `states`.
     size = 3 * dimension + 2
     program = Program("fill", "path first index times due states counts")
     path, first, index, times, due, states, counts = program.arguments
