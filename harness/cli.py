@@ -20,7 +20,7 @@ GROUPS = {
     "Use": {
         "solve": ("solve:solve", "solve one scene: its L, E and orientation"),
         "pick": ("pick:pick", "what to run for a scene, and what it will cost"),
-        "draw": ("draw:draw", "the tumbling particle as a picture"),
+        "draw": ("show:draw", "the tumbling particle as a picture"),
         "shape": ("show:shape", "inertia, resistance and kind of an ellipsoid"),
         "scenes": ("show:scenes", "the built-in scenes, and scene files to start from"),
         "forms": ("show:forms", "the forms of the equations"),
@@ -39,7 +39,7 @@ GROUPS = {
     "Maintain": {
         "calibrate": ("calibrate:calibrate", "calibrate pick's cost model on this machine"),
         "validate": ("calibrate:validate", "measure how good pick is, on scenes held out"),
-        "report": ("report:report", "everything measured so far as one offline web site"),
+        "report": ("records:report", "everything measured so far as one offline web site"),
         "export": ("records:export", "a store as CSV or JSON Lines"),
         "compare": ("records:compare", "two saved runs, and what got worse"),
         "doctor": ("setup:doctor", "versions, libraries, caches, and whether the machine is steady"),

@@ -1,16 +1,15 @@
 """The motion of a scene: what `solve` returns."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from html import escape
 from math import nan
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
 from polhode.harness.common.machine import versions
-from polhode.harness.common.observables_csv import COLUMNS, OMEGA
 from polhode.harness.common.plain_json import dumps
 from polhode.harness.common.text import scientific, short
 from polhode.harness.picking.stated_error import UNKNOWN, RunError
@@ -28,6 +27,12 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
     from numpy.typing import ArrayLike
+
+# Rows between two notes on how much is written.
+ROWS = 10_000
+COLUMNS = ["t", "t2", "Lx", "Ly", "Lz", "E", *(f"R{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3))]
+# On demand: ω in space axes.
+OMEGA = ["wx", "wy", "wz"]
 
 
 @dataclass(frozen=True)
@@ -225,3 +230,15 @@ class SceneSolution(LikeSolveIvp):
 def _need(method: str, library: str) -> None:
     if not installed(library):
         raise ImportError(f"{method}: {library} is not installed: pip install 'polhode[data]'")
+
+
+def write_csv(file: IO[str], table: np.ndarray, advance: Callable[[float], None]) -> None:
+    """Write `COLUMNS`, and `OMEGA` if the table has them, in 17 significant digits, NaN as an empty cell.
+
+    `advance` hears how much is done, from 0 to 1.
+    """
+    file.write(",".join([*COLUMNS, *OMEGA][: table.shape[1]]) + "\n")
+    for first in range(0, len(table), ROWS):
+        rows = table[first : first + ROWS].tolist()
+        file.writelines(",".join("" if x != x else f"{x:.17g}" for x in row) + "\n" for row in rows)
+        advance(first / len(table))

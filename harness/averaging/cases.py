@@ -1,7 +1,9 @@
 """The bodies and starts that the studies of averaging follow: the paper's, and those of the second order."""
 
+import tomllib
 from dataclasses import dataclass
 from math import pi
+from pathlib import Path
 
 import numpy as np
 
@@ -71,46 +73,18 @@ def paper_cases() -> list[Subject]:
     return cases
 
 
-def _spheroid(kappa: float, name: str, slow_time: float, lowest: float = 4.0) -> Subject:
-    return Subject(name, (1.0, 1.0, kappa), NAMED[name], slow_time, _stokes(lowest, 5))
+def _subject(
+    axes: Triple, slow_time: float, points: int, start: str = "", spin: Triple = (0, 0, 0), lowest: float = 4.0
+) -> Subject:
+    """A case of the second order, over two decades of St, in three digits; `start` names one, or `spin` makes it."""
+    exponents = np.linspace(lowest, lowest + 2, points).tolist()
+    name = start or f"ω = ({', '.join(f'{rate:g}' for rate in spin)})"
+    made = NAMED[start] if start else BodyStart(TILTED, (*spin,))
+    return Subject(name, (*axes,), made, slow_time, tuple(float(f"{10**each:.3g}") for each in exponents))
 
 
-def _spinning(axes: Triple, spin: Triple, slow_time: float, points: int) -> Subject:
-    name = f"ω = ({', '.join(f'{rate:g}' for rate in spin)})"
-    return Subject(name, axes, BodyStart(TILTED, spin), slow_time, _stokes(4.0, points))
-
-
-def _stokes(lowest: float, points: int) -> tuple[float, ...]:
-    """Over two decades, in three digits."""
-    return tuple(float(f"{10**exponent:.3g}") for exponent in np.linspace(lowest, lowest + 2, points).tolist())
-
-
-# Cases of the second order away from resonances,
-AWAY = (
-    *(_spheroid(kappa, name, 0.1) for kappa in (0.1, 0.25, 0.5, 2.0) for name in ("paper", "against")),
-    *(_spheroid(kappa, "gentle", 0.1) for kappa in (0.5, 2.0)),
-    *(_spheroid(4.0, name, 0.05) for name in ("paper", "against")),
-    *(_spheroid(10.0, name, 0.02, 4.5) for name in ("paper", "against")),
-    _spinning((1.0, 0.8, 0.5), (0.3, 0.2, 1.5), 0.03, 5),
-    _spinning((1.0, 0.8, 0.5), (0.6, 0.5, 1.0), 0.03, 5),
-    _spinning((1.0, 0.8, 0.5), (1.5, 0.2, 0.1), 0.03, 5),
-    _spinning((0.5, 1.0, 0.8), (-1.2, 0.5, 0.4), 0.03, 5),
-    _spinning((1.0, 0.6, 0.4), (0.1, 0.1, -0.8), 0.03, 5),
-    _spinning((1.0, 0.6, 0.4), (0.3, 0.2, 1.5), 0.03, 5),
-    _spinning((1.0, 0.9, 0.3), (0.5, -0.4, -1.2), 0.03, 5),
-    _spinning((1.0, 0.9, 0.3), (0.6, 0.5, 1.0), 0.03, 5),
-)
-# through resonances of polhode and precession,
-RESONANT = (
-    _spinning((1.0, 0.8, 0.5), (0.6, 0.5, 0.5), 0.1, 3),
-    _spinning((1.0, 0.6, 0.4), (0.5, -0.4, -1.2), 0.05, 3),
-    _spinning((1.0, 0.6, 0.4), (1.5, 0.6, 0.4), 0.03, 3),
-    _spinning((1.0, 0.9, 0.3), (1.0, 0.6, 0.6), 0.03, 3),
-    _spinning((1.0, 0.8, 0.5), (1.2, 0.5, 0.2), 0.1, 3),
-)
-# and up to L² = 2EI₂.
-CROSSING = (
-    Subject("paper, ψ̇ = -1", (1.0, 0.8, 0.5), PAPER_START, 0.1, _stokes(4.0, 3)),
-    _spinning((1.0, 0.8, 0.5), (0.8, 0.5, 0.3), 0.1, 3),
-    _spinning((1.0, 0.6, 0.4), (1.5, 0.6, 0.4), 0.1, 3),
+_TABLES = tomllib.loads(Path(__file__).with_name("cases.toml").read_text(encoding="utf-8"))
+# Cases of the second order away from resonances, through those of polhode and precession, and up to L² = 2EI₂.
+AWAY, RESONANT, CROSSING = (
+    tuple(_subject(**row) for row in _TABLES[name]) for name in ("away", "resonant", "crossing")
 )

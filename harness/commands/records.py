@@ -1,4 +1,4 @@
-"""`polhode export` and `compare`: what to do with saved records."""
+"""`polhode export`, `compare` and `report`: what to do with what was measured."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -6,11 +6,13 @@ from typing import TYPE_CHECKING
 import click
 
 from polhode.harness.cli import BadInput, RunFailed, bad_input
-from polhode.harness.commands._study_options import as_json
+from polhode.harness.commands import setup
+from polhode.harness.commands._study_options import FOLDER, as_json, quiet
 
 if TYPE_CHECKING:
     from polhode.harness.analysis.comparison import Comparison
 
+REPORTS = Path("reports")
 ABOVE_ONE = click.FloatRange(min=1.0, min_open=True)
 
 
@@ -75,3 +77,41 @@ def _in_words(found: "Comparison", worse: list[dict]) -> str:
     header = ["scene_name", "stokes", "form", "solver", "tolerance", "what", "before", "after"]
     rows = [[f"{row[name]:.3g}" if isinstance(row[name], float) else row[name] for name in header] for row in worse]
     return "\n".join([counts, *([aligned(["scene", "St", *header[2:]], rows)] if rows else [])])
+
+
+@click.command(epilog="Example: polhode report --scene ice.toml")
+@click.option("--reports", type=FOLDER, default=REPORTS, help="Folder of the other commands' pages.")
+@click.option("--out", type=FOLDER, help="Folder; by default REPORTS/site.")
+@click.option(
+    "--scene",
+    "scenes",
+    multiple=True,
+    metavar="SCENE",
+    shell_complete=setup.scene_names,
+    help="Show the motion of this scene too; repeatable.",
+)
+@quiet
+def report(reports: Path, out: Path | None, scenes: tuple[str, ...], quiet: bool) -> None:
+    """Write a web site of all that was found: verdict, costs, every page of the reports, motions.
+
+    It shows what `bench`, `regimes`, `accuracy`, `validate`, `paper`, `equal-error` and `bench
+    harness/studies/hard_cases.toml` left in the folder --reports. The pages need no server and no network. The opening
+    page names what is not there yet, with the command that makes it.
+    """
+    from tqdm import tqdm
+
+    from polhode.harness.site.build import build
+    from polhode.harness.studies.scenes import find_scene
+
+    with bad_input():
+        if reports != REPORTS and not reports.is_dir():
+            raise ValueError(f"--reports: got {str(reports)!r}, expected an existing folder")
+        own = {name: find_scene(name) for name in scenes}
+        with tqdm(disable=quiet or None, unit="page", desc="report", leave=False) as progress:
+
+            def say(what: str) -> None:
+                progress.set_postfix_str(what)
+                progress.update()
+
+            page = build(reports, out or reports / "site", own, say)
+    click.echo(f"{page}")

@@ -136,8 +136,8 @@ def _run(what: "Plan", target: "PartialFile | None", progress: "Progress", omega
     from contextlib import nullcontext
 
     from polhode.harness.common.files import write_file
-    from polhode.harness.common.observables_csv import write_csv
     from polhode.harness.common.plain_json import dumps
+    from polhode.harness.solution import write_csv
     from polhode.models.spent import spent_on
     from polhode.solvers.solve import Interrupted
 

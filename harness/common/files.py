@@ -7,8 +7,7 @@ Files that are read again, such as tables and records, have their checksums in S
 import fcntl
 import os
 import secrets
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from hashlib import file_digest
 from pathlib import Path
 from typing import IO, Any
@@ -130,7 +129,10 @@ def _sums(folder: Path) -> dict[str, list[str]]:
 
 def _expect(path: Path, *coming: Path) -> None:
     """Keep the checksum of a file, and of one that is about to take its place: until then both hold."""
-    with _alone(path.parent):
+    folder = os.open(path.parent, os.O_RDONLY)
+    try:
+        # Other processes do the same.
+        fcntl.flock(folder, fcntl.LOCK_EX)
         sums = []
         for file in (path, *coming):
             with suppress(OSError), file.open("rb") as content:
@@ -138,14 +140,5 @@ def _expect(path: Path, *coming: Path) -> None:
         known = _sums(path.parent) | {path.name: sums}
         lines = [f"{checksum}  {name}\n" for name in sorted(known) for checksum in dict.fromkeys(known[name])]
         write_file(path.with_name(SUMS), "".join(lines))
-
-
-@contextmanager
-def _alone(folder: Path) -> Iterator[None]:
-    """Hold a folder against other processes that do the same."""
-    number = os.open(folder, os.O_RDONLY)
-    try:
-        fcntl.flock(number, fcntl.LOCK_EX)
-        yield
     finally:
-        os.close(number)
+        os.close(folder)

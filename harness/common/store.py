@@ -20,7 +20,7 @@ from polhode.harness.common.plain_json import dumps, loads
 
 Record = dict[str, Any]
 
-# What marks a file as ours: "plhd", and the version of the table. Before version 2 rows had no digest.
+# What marks a file as ours: "plhd", and the version of the table.
 APPLICATION, VERSION = 0x706C6864, 2
 _TABLE = """
 CREATE TABLE IF NOT EXISTS cases (
@@ -64,18 +64,11 @@ class Store:
             application, version = (run(f"PRAGMA {name}").fetchone()[0] for name in ("application_id", "user_version"))
             if (tables and "cases" not in tables) or application not in (0, APPLICATION):
                 raise DamagedStoreError(f"{self.path}: a database of something else")
-            if version > VERSION:
-                raise DamagedStoreError(f"{self.path}: got version {version} of the store, expected at most {VERSION}")
-            if version < VERSION:
-                if tables:
-                    run("ALTER TABLE cases RENAME TO before")
-                run(_TABLE)
-                if tables:
-                    old = run("""SELECT key, "case", result, strftime('%Y-%m-%dT%H:%M:%SZ', written) FROM before""")
-                    self._connection.executemany(_PUT, ((*row, _digest(*row)) for row in old))
-                    run("DROP TABLE before")
-                run(f"PRAGMA application_id = {APPLICATION}")
-                run(f"PRAGMA user_version = {VERSION}")
+            if tables and version != VERSION:
+                raise DamagedStoreError(f"{self.path}: got version {version} of the store, expected {VERSION}")
+            run(_TABLE)
+            run(f"PRAGMA application_id = {APPLICATION}")
+            run(f"PRAGMA user_version = {VERSION}")
 
     def close(self) -> None:
         """Close the file."""

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from polhode import Scene, SceneSolution, solve
-from polhode.harness.common.observables_csv import COLUMNS, OMEGA
 from polhode.harness.events import ARRIVED, EVENTS, Event, as_events, happened
+from polhode.harness.solution import COLUMNS, OMEGA
 from polhode.models.files.scene_file import parse_scene, scene_table
 from polhode.models.problem import Problem
 from polhode.models.scenes import named_scene

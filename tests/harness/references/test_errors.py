@@ -6,8 +6,7 @@ from math import cos, pi, sin
 import numpy as np
 import pytest
 
-from polhode.harness.references.energy_balance import balance_residual
-from polhode.harness.references.errors import errors, statistics_distance
+from polhode.harness.references.errors import balance_residual, errors, statistics_distance
 from polhode.models.catalogue import form as find_form
 from polhode.models.observables import Observables, completed
 from polhode.models.scene import Scene
