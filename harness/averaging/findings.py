@@ -1,28 +1,29 @@
 """What the studies of averaging found, in sentences made of their numbers; none where nothing was measured."""
 
+import tomllib
 from collections.abc import Iterable, Sequence
 from math import isnan
+from pathlib import Path
+from typing import Any
 
-from polhode.harness.averaging.data import (
-    VARIABLES,
-    AveragingErrors,
-    Cost,
-    Passage,
-    SecondOrderErrors,
-    SecondOrderStudy,
-)
+from polhode.harness.averaging import data
 from polhode.harness.averaging.orders import LEAST_POINTS, Law, Slope, first_order, laws, slopes
 from polhode.harness.averaging.second_order import COMPARED, TARGET
-from polhode.harness.common.text import duration, in_two_digits, scientific, short
+from polhode.harness.common.text import WORDING, in_two_digits
 from polhode.models.second_order.form import SecondOrder
 
 # Where the paper says that the averaged equations are good.
 GOOD_FROM = {"spheroid": 1e2, "ellipsoid": 1e3}
 # St at which second order is compared with first order.
 GAIN_AT = 1e5
+_SENTENCES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 
 
-def statements(rows: Sequence[AveragingErrors]) -> list[str]:
+def _say(what: str, **fields: Any) -> str:
+    return WORDING.vformat(_SENTENCES[what], (), fields)
+
+
+def statements(rows: Sequence[data.AveragingErrors]) -> list[str]:
     """How good the paper's "good from St ≈ 100" is, and which orders hold."""
     own = laws(rows)
     first = [law for law in own if first_order(law.form)]
@@ -34,58 +35,45 @@ def statements(rows: Sequence[AveragingErrors]) -> list[str]:
     return [sentence for sentence in found if sentence]
 
 
-def _good(rows: Sequence[AveragingErrors], first: Sequence[Law], family: str, stokes: float) -> str:
+def _good(rows: Sequence[data.AveragingErrors], first: Sequence[Law], family: str, stokes: float) -> str:
     there = [row for row in rows if row.family == family and row.stokes == stokes and first_order(row.form)]
     if not there:
         return ""
     best, worst = (pick(there, key=lambda row: row.model_error) for pick in (min, max))
     needed = [law.needed(1e-2)[0] for law in first if law.family == family]
-    needed = sorted(number for number in needed if not isnan(number))
-    if needed:
-        met = f"an error of 1 % is met from St ≈ {_span(needed)} on"
-    else:
-        met = "an error of 1 % is met at none of the St measured"
-    return (
-        f'The paper\'s "good from St ≈ {stokes:g} for the {family}" means, at that St, a slow error between '
-        f"{best.model_error:.2g} ({best.subject}) and {worst.model_error:.2g} ({worst.subject}); {met}, depending on "
-        "the case."
-    )
+    needed = [number for number in needed if not isnan(number)]
+    met = f"from St ≈ {_span(needed)} on" if needed else "at none of the St measured"
+    return _say("good", stokes=stokes, family=family, best=best, worst=worst, met=met)
 
 
 def _promise(title: str, own: Sequence[Law], promised: int) -> str:
     """How the fitted orders compare with the order that averaging promises."""
-    known = [law for law in own if not isnan(law.order)]
+    known = {law.subject: law for law in own if not isnan(law.order)}
     few = len(own) - len(known)
     if not known:
         return f"{title}: too few St for an order." if few else ""
-    orders = sorted(law.order for law in known)
-    intervals = {law.subject: _rounded(law) for law in known}
-    missed = [
-        f"{name} ({low:.2f} to {high:.2f})" for name, (low, high) in intervals.items() if not low <= promised <= high
-    ]
-    return (
-        f"{title}: the slow error falls like 1/St^p, p fitted between {orders[0]:.2f} and {orders[-1]:.2f}. Averaging "
-        f"promises p = {promised}, which lies in the 95 % interval of p in {len(known) - len(missed)} of {len(known)} "
-        "cases"
-        + (f", not in {' and '.join(missed)}" if missed else "")
-        + (f". In {few} more there are fewer than {LEAST_POINTS} St to fit." if few else ".")
+    intervals = {name: _rounded(law) for name, law in known.items()}
+    missed = [f"{name} ({a:.2f} to {b:.2f})" for name, (a, b) in intervals.items() if not a <= promised <= b]
+    orders = [law.order for law in known.values()]
+    counts = {"promised": promised, "known": len(known), "kept": len(known) - len(missed)}
+    return _say(
+        "promise",
+        title=title,
+        orders=(min(orders), max(orders)),
+        missed=f", not in {' and '.join(missed)}" if missed else "",
+        few=_say("few", few=few, points=LEAST_POINTS) if few else "",
+        **counts,
     )
 
 
-def _slower(rows: Sequence[AveragingErrors]) -> str:
+def _slower(rows: Sequence[data.AveragingErrors]) -> str:
     slower = [
         f"{name} of {law.subject} ({law.order:.2f})"
-        for name in VARIABLES
+        for name in data.VARIABLES
         for law in laws(rows, name)
         if first_order(law.form) and _rounded(law)[1] < 1
     ]
-    if not slower:
-        return ""
-    return (
-        "In single variables first order falls more slowly than 1/St, the whole interval of p lying below 1: "
-        + ", ".join(slower)
-        + ". The paper allows for that where the motion passes transient resonances."
-    )
+    return _say("slower", slower=slower) if slower else ""
 
 
 def _rounded(law: Law) -> tuple[float, float]:
@@ -94,7 +82,7 @@ def _rounded(law: Law) -> tuple[float, float]:
     return round(low, 2), round(high, 2)
 
 
-def findings(study: SecondOrderStudy) -> list[str]:
+def findings(study: data.SecondOrderStudy) -> list[str]:
     """Orders, estimates, gains and cost of the second order."""
     fitted = slopes(study.orders)
     triaxial = [slope for slope in fitted if len(set(slope.shape.split(":"))) == 3]
@@ -114,60 +102,44 @@ def findings(study: SecondOrderStudy) -> list[str]:
 def _orders(family: str, own: Sequence[Slope]) -> str:
     if not own:
         return ""
-    slow, turned = (sorted(values) for values in ([s.slow for s in own], [s.orientation for s in own]))
-    return (
-        f"{family}, {len(own)} starts: the slow error falls like St^{slow[-1]:.2f} to St^{slow[0]:.2f}, where second "
-        f"order promises St^-2, and the orientation's like St^{turned[-1]:.2f} to St^{turned[0]:.2f}, where it "
-        "promises St^-1."
-    )
+    slow, turned = ((min(values), max(values)) for values in zip(*((s.slow, s.orientation) for s in own), strict=True))
+    return _say("orders", family=family, starts=len(own), slow=slow, turned=turned)
 
 
-def _estimates(where: str, rows: Sequence[SecondOrderErrors] | Sequence[Passage]) -> str:
+def _estimates(where: str, rows: Sequence[data.SecondOrderErrors] | Sequence[data.Passage]) -> str:
     own = [row for row in rows if not isnan(row.slow)]
     if not own:
         return ""
     slow = _span(row.estimated_slow / row.slow for row in own)
     turned = _span(row.estimated_orientation / row.orientation for row in own)
-    return (
-        f"What the form estimates beforehand, {where}: {slow} times the slow error measured, {turned} times the "
-        "orientation's."
-    )
+    return _say("estimates", where=where, slow=slow, turned=turned)
 
 
-def _gains(where: str, rows: Sequence[Passage]) -> str:
-    gains = sorted(row.first_order_slow / row.slow for row in rows if row.stokes == GAIN_AT and not row.refused)
+def _gains(where: str, rows: Sequence[data.Passage]) -> str:
+    gains = [row.first_order_slow / row.slow for row in rows if row.stokes == GAIN_AT and not row.refused]
     if not gains:
         return ""
-    refused = sum(1 for row in rows if row.refused)
-    return (
-        f"{where}, at St = {short(GAIN_AT)}: a slow error {gains[0]:.0f} to {gains[-1]:.0f} times smaller than first "
-        f"order's ({len(gains)} starts). Refused at all St: {refused} of {len(rows)} runs."
-    )
+    counts = {"starts": len(gains), "refused": sum(bool(row.refused) for row in rows), "runs": len(rows)}
+    return _say("gains", where=where, stokes=GAIN_AT, least=min(gains), most=max(gains), **counts)
 
 
-def _steady(second: Sequence[Cost]) -> str:
+def _steady(second: Sequence[data.Cost]) -> str:
     if not second:
         return ""
-    times = sorted(each.seconds for each in second)
+    times = [each.seconds for each in second]
     first, last = (pick(second, key=lambda each: each.stokes) for pick in (min, max))
-    return (
-        f"A run of a spheroid with {first.samples} output times costs {duration(times[0])} to {duration(times[-1])} at "
-        f"St from {short(first.stokes)} to {short(last.stokes)}: at the largest St {last.seconds / first.seconds:.2f} "
-        "times what it costs at the smallest."
-    )
+    ratio = last.seconds / first.seconds
+    return _say("steady", first=first, last=last, least=min(times), most=max(times), ratio=ratio)
 
 
-def _compared(compared: Sequence[Cost]) -> str:
+def _compared(compared: Sequence[data.Cost]) -> str:
     own = [each for each in compared if each.form == SecondOrder.name]
     full = [each for each in compared if each.form == "spheroid-axis" and each.slow <= TARGET]
     if not (own and full):
         return ""
-    best = min(full, key=lambda each: each.seconds)
-    return (
-        f"At St = {short(COMPARED)} the full equations take {duration(best.seconds)} for a slow error of at most "
-        f"{short(TARGET)} (`{best.solver}`, the fastest of {len(full)} solvers), {best.seconds / own[0].seconds:.0f} "
-        f"times as long as second order, whose error is {scientific(own[0].slow)}."
-    )
+    best, counts = min(full, key=lambda each: each.seconds), {"stokes": COMPARED, "target": TARGET}
+    ratio = best.seconds / own[0].seconds
+    return _say("compared", best=best, own=own[0], solvers=len(full), ratio=ratio, **counts)
 
 
 def _span(numbers: Iterable[float]) -> str:
