@@ -53,8 +53,9 @@ class Entry:
         momentum = states[:, :3] * max(self.ellipsoid.inertia)
         a2 = np.maximum(states[:, 3] ** 2, tables.FLOOR)
         place = Place(self.series, a2, alpha, Polhodes(self.side, tables.level(a2), alpha, 1).z[:, 0])
-        q = frame(momentum, states[:, 4:7], beta + place.shape[:, 0])
-        change, turn = place.swing(q, np.linalg.norm(momentum, axis=1), self.torque_factor)
+        size = np.linalg.norm(momentum, axis=1)
+        q = frame(momentum / size[:, None], states[:, 4:7], beta + place.shape[:, 0])
+        change, turn = place.swing(q, size, self.torque_factor)
         return momentum + change, rotation_by(turn) @ q @ place.body
 
 

@@ -15,6 +15,7 @@ from math import pi, sqrt
 import numpy as np
 
 from polhode.models.files import kept
+from polhode.models.rotation import cross
 from polhode.models.second_order.polhodes import Polhodes, SidedBody
 from polhode.models.second_order.torus import least_rotation
 from polhode.models.shape import Ellipsoid
@@ -25,6 +26,8 @@ Array = np.ndarray
 VERSION = 3
 # Largest depth a² = -ln(1 - x), Chebyshev nodes in a up to there, polhode phases at them, Fourier terms kept.
 MOST, NODES, PHASES, TERMS = 6.0, 40, 96, 25
+_ANGLES = pi * (NODES - 0.5 - np.arange(NODES)) / NODES
+_DEPTHS = 0.5 * sqrt(MOST) * (1 + np.cos(_ANGLES))
 _E, _Z = np.array([1, -1j, 0]), np.array([0, 0, 1])
 _LEVEL, _TURN = np.diag([0.5, 0.5, -1]), np.array([[0, 0.5, 0], [-0.5, 0, 0], [0, 0, 0]])
 BASIS = np.array([np.outer(_E, _E), np.outer(_E, _Z), np.outer(_Z, _E), _LEVEL, _TURN])
@@ -46,6 +49,7 @@ HARMONICS = np.arange(-2, 4)
 ORDERS = 2 * np.arange(TERMS)[:, None] - (TERMS - 1) + HARMONICS % 2
 ORDERS = np.take_along_axis(ORDERS, np.argsort(np.abs(ORDERS), axis=0, kind="stable"), axis=0)
 _BOTH = np.stack(np.broadcast_arrays(ORDERS, HARMONICS)).reshape(2, -1).astype(float)
+_MEAN = int(np.flatnonzero(~_BOTH.any(axis=0))[0])
 # What makes the generator: all parts over D, and those of y and L₃ over D². Where each stands among the products of
 # parts with 1/D and 1/D² of all harmonics, real and imaginary; where those of one kind begin.
 _PARTS = np.concatenate([np.arange(len(RATE)), np.arange(len(RATE))[Y], np.arange(len(RATE))[ALONG]])
@@ -56,8 +60,8 @@ _FACTORS, _SOURCES = FACTOR[_PARTS] * np.where(_OVER, 1, -1j), SOURCE[_PARTS]
 _KINDS = [0, 6, 12, 18, 27, 33]
 # Terms are left out below this share of the largest times St: over St they are rounding. Bounds of that share.
 FAINT, LEAST_FAINT, MOST_FAINT = 1e-14, 1e-11, 1e-6
-# Change of a divisor over its square above which the asymptotic series does not hold.
-CLOSE = 0.01
+# Change of a divisor over its square above which the asymptotic series does not hold. What keeps 1/0 away.
+CLOSE, TINY = 0.01, 1e-100
 
 
 @dataclass(frozen=True)
@@ -83,40 +87,41 @@ class Place:
 
     def swing(self, q: Array, size: Array, torque_factor: float) -> tuple[Array, Array]:
         """What the transformation adds in frames Q, shape (m, 3, 3), at |L|: changes of L and turns of R in space."""
-        found = torque_factor * (q @ np.stack(self.generator(q, size, torque_factor), axis=-1))
-        return found[..., 0], found[..., 1]
-
-    def generator(self, q: Array, size: Array, torque_factor: float) -> tuple[Array, Array]:
-        """Changes of L and turns of R over 1/St, in frames Q, shape (m, 3) each."""
-        m, a = len(size), np.sqrt(self.a2)
-        terms = self.series.needed(float(a.max()), FAINT / torque_factor)
-        found = (self._levels @ self.series.rates[:, : len(RATE) * terms]).reshape(m, terms, -1)
-        nu = self._levels @ self.series.frequencies
+        series, m, a = self.series, len(size), np.sqrt(self.a2)
+        terms = series.needed(float(a.max()), FAINT / torque_factor)
+        found = (self._levels @ series.rates[:, : len(RATE) * terms]).reshape(m, terms, -1)
+        nu = self._levels @ series.frequencies
         c = coefficients(q, size)
-        rise = np.real(c[:, 4:6] * found[:, 0, 4:6]).sum(axis=1) / (a * size**2)
+        rise = torque_factor * np.sum(np.real(c[:, 4:6]) * found[:, 0, 4:6], axis=1) / (a * size**2)
 
         orders = _BOTH[:, : len(HARMONICS) * terms]
-        twice, once = tails(nu[:, :2] @ orders, (torque_factor * rise)[:, None] * (nu[:, 2:] @ orders))
+        divisor = nu[:, :2] @ orders
+        # The mean has no part in it.
+        divisor[:, _MEAN] = np.inf
+        twice, once = tails(divisor, rise[:, None] * (nu[:, 2:] @ orders))
         waves = np.concatenate([self._waves[:, : TERMS + 1], self._waves[:, TERMS:0:-1].conj()], axis=1)
         waves = waves[:, ORDERS[:terms]] * np.exp(-1j * self.shape[:, :1] * HARMONICS)[:, None]
-        over = np.concatenate([once.reshape(waves.shape) * waves, twice.reshape(waves.shape) * waves], axis=2)
+        over = np.empty((m, terms, 2 * len(HARMONICS)), complex)
+        np.multiply(once.reshape(waves.shape), waves, out=over[..., : len(HARMONICS)])
+        np.multiply(twice.reshape(waves.shape), waves, out=over[..., len(HARMONICS) :])
         products = (found.swapaxes(1, 2) @ over.view(float)).reshape(m, -1)
         summands = np.take(products, _PLACES, axis=1).view(complex) * _FACTORS
         summands *= np.concatenate([c, c.conj()], axis=1)[:, _SOURCES]
         kinds = np.add.reduceat(summands, _KINDS, axis=1).T
-        u_y, u_a, u_l, drawn, growth = np.real(kinds[[0, 1, 2, 4, 5]])
-        across = kinds[3] / size
+        u_y, u_a, u_l, _, drawn, growth = np.real(kinds)
 
         (nu1, nu2, rise1, rise2), drawn, u_y, z = nu.T, drawn / a, u_y / a, self.z
         u_a = u_a / a - nu1 * growth - rise1 * drawn
-        i = self.series.side.inverse_inertia
-        h = (i * z * z).sum(axis=1)
+        i = series.side.inverse_inertia
+        h = z * z @ i
         u_b = -h * growth - (rise2 + (h - nu2) / nu1 * rise1) * drawn
         along = (i[[2, 0, 1]] - i[[1, 2, 0]]) * z[:, [1, 2, 0]] * z[:, [2, 0, 1]]
-        moved = self.body @ ((u_a / nu1)[:, None] * along + u_y[:, None] * self.shape[:, 1:])[:, :, None]
-        change = np.stack([across.real, across.imag, u_l / size], axis=1)
-        turn = np.stack([moved[:, 1, 0] / size - across.imag, across.real - moved[:, 0, 0] / size, u_b / size], axis=1)
-        return change, turn / size[:, None]
+        moved = (u_a / nu1)[:, None] * along + u_y[:, None] * self.shape[:, 1:]
+        (x, y, _), across = (self.body @ moved[:, :, None])[:, :, 0].T / size, kinds[3] / size
+        changes = [across.real, across.imag, u_l / size]
+        turns = [(y - across.imag) / size, (across.real - x) / size, u_b / size**2]
+        added = q @ (torque_factor * np.array([changes, turns])).T
+        return added[..., 0], added[..., 1]
 
     @cached_property
     def _levels(self) -> Array:
@@ -125,7 +130,7 @@ class Place:
     @cached_property
     def _waves(self) -> Array:
         """Powers of exp(iα) from 0 on."""
-        found = np.tile(np.exp(1j * self.alpha)[:, None], PHASES // 2)
+        found = np.exp(1j * self.alpha)[:, None].repeat(PHASES // 2, axis=1)
         found[:, 0] = 1
         return np.multiply.accumulate(found, axis=1)
 
@@ -142,7 +147,7 @@ class Series:
     @cached_property
     def _sizes(self) -> Array:
         """Of the rates, over the largest: that of each term at each node's a."""
-        found = np.abs(_levels(_nodes()[1] ** 2) @ self.rates).reshape(NODES, TERMS, -1).max(axis=2)
+        found = np.abs(_levels(_DEPTHS**2) @ self.rates).reshape(NODES, TERMS, -1).max(axis=2)
         return found / found.max(axis=1)[:, None]
 
     @cached_property
@@ -153,24 +158,26 @@ class Series:
         """Terms that matter up to a, fainter ones left out."""
         faint = min(MOST_FAINT, max(LEAST_FAINT, faint))
         if faint not in self._needed:
-            self._needed[faint] = [int(np.flatnonzero(row > faint)[-1]) + 1 for row in self._sizes[::-1]]
-        rising = _nodes()[1][::-1]
-        return self._needed[faint][min(NODES - 1, bisect_left(rising, a))]
+            self._needed[faint] = [int(np.flatnonzero(row > faint)[-1]) + 1 for row in self._sizes]
+        return self._needed[faint][min(NODES - 1, bisect_left(_DEPTHS, a))]
 
 
 def tails(x: Array, q: Array) -> tuple[Array, Array]:
-    """What stands for 1/x² and 1/x of a divisor x that changes by q while the phase turns by a radian; 0 at x = q = 0.
+    """What stands for 1/x² and 1/x of a divisor x that changes by q while the phase turns by a radian.
 
     The integral of the mode from long before its resonance, behind it to long after, and the integral of that: their
     asymptotic series in q/x² or, near the resonance, what these belong to, Faddeeva's function.
     """
     from scipy.special import wofz
 
-    over = np.divide(1, x, out=np.zeros_like(x), where=x != 0)
-    close = np.abs(q) > CLOSE * x * x
-    u = np.where(close, 0, q * over * over)
-    once, twice = (over * (1 - 3 * u * u)).astype(complex), (over * over * (1 - 15 * u * u)).astype(complex)
-    once.imag, twice.imag = over * u * (15 * u * u - 1), over * over * u * (105 * u * u - 3)
+    over = 1 / (x + TINY)
+    square = over * over
+    u = q * square
+    close = np.abs(u) > CLOSE
+    u[close] = 0
+    v, once, twice = u * u, np.empty(x.shape, complex), np.empty(x.shape, complex)
+    once.real, once.imag = over * (1 - 3 * v), over * u * (15 * v - 1)
+    twice.real, twice.imag = square * (1 - 15 * v), square * u * (105 * v - 3)
     if close.any():
         x, q = x[close], q[close]
         root, sign = np.sqrt(-0.5j * q), np.where(x * q > 0, -1, 1)
@@ -192,21 +199,21 @@ def coefficients(q: Array, size: Array) -> Array:
     x, y = (q[:, :2, 0] + 1j * q[:, :2, 1]).T
     level = x * y.conj()
     up, down = x * q[:, 1, 2] / 2, q[:, 0, 2] * y / 2
-    return np.stack([x * y / 4, up, down, level.real, -level.imag, size], axis=1)
+    return np.array([x * y / 4, up, down, level.real, -level.imag, size]).T
 
 
-def frame(momentum: Array, first: Array, turn: Array | float = 0.0) -> Array:
+def frame(n: Array, first: Array, turn: Array) -> Array:
     """Q, shape (m, 3, 3), turned about n: columns e₁, n × e₁, n."""
-    n = momentum / np.linalg.norm(momentum, axis=1)[:, None]
     first = first - np.sum(n * first, axis=1)[:, None] * n
     first = first / np.linalg.norm(first, axis=1)[:, None]
-    cos, sin, second = np.cos(turn), np.sin(turn), np.cross(n, first)
-    return np.stack([(cos * first.T + sin * second.T).T, (cos * second.T - sin * first.T).T, n], axis=-1)
+    cos, sin, second = np.cos(turn)[:, None], np.sin(turn)[:, None], cross(n, first)
+    return np.array([(cos * first + sin * second).T, (cos * second - sin * first).T, n.T]).T
 
 
 def frame_of(momentum: Array) -> Array:
     """Frames Q of L alone, shape (m, 3, 3)."""
-    return frame(momentum, np.eye(3)[np.argmin(np.abs(momentum), axis=1)])
+    n = momentum / np.linalg.norm(momentum, axis=1)[:, None]
+    return frame(n, np.eye(3)[np.argmin(np.abs(n), axis=1)], np.zeros(1))
 
 
 def modes_at(series: "Series", momentum: Array, a2: Array, k1: Array, k2: Array) -> tuple[Array, Array, Array]:
@@ -230,12 +237,6 @@ def modes_at(series: "Series", momentum: Array, a2: Array, k1: Array, k2: Array)
     return np.sqrt((np.abs(flat) ** 2 + np.abs(other) ** 2) / 2 + np.abs(along) ** 2), along, rise
 
 
-def _nodes() -> tuple[Array, Array]:
-    """Angles of the Chebyshev nodes, and their a, from the largest on."""
-    angles = np.pi * (np.arange(NODES) + 0.5) / NODES
-    return angles, 0.5 * np.sqrt(MOST) * (1 + np.cos(angles))
-
-
 @lru_cache(maxsize=64)
 def series_for(ellipsoid: Ellipsoid, longest: bool) -> Series:
     """The series of one side: that around the longest semi-axis, or that around the shortest; kept on disk."""
@@ -253,7 +254,7 @@ def series_for(ellipsoid: Ellipsoid, longest: bool) -> Series:
 
 def series_of(side: SidedBody) -> Series:
     """The series of a side."""
-    angles, a = _nodes()
+    a = _DEPTHS
     p = Polhodes(side, np.log(np.expm1(a * a)), np.zeros(NODES), PHASES)
     z, dz, yz = p.z, p.along, p.beside.z
     least = least_rotation(z)
@@ -275,7 +276,7 @@ def series_of(side: SidedBody) -> Series:
     waves = waves[..., : PHASES // 2] * np.where(np.arange(PHASES // 2) > 0, 2, 1)
     shape = np.stack([-waves[0].imag, waves[1].real, -waves[2].imag, waves[3].real], axis=-1)
     frequencies = np.stack([p.rate, p.precession, p.beside.rate, p.beside.precession], axis=-1)
-    weights = 2 / NODES * np.cos(np.outer(np.arange(NODES), angles))
+    weights = 2 / NODES * np.cos(np.outer(np.arange(NODES), _ANGLES))
     weights[0] /= 2
     values = (picked / UNIT).real.swapaxes(0, 1), shape, frequencies
     return Series(side, *(weights @ each.reshape(NODES, -1) for each in values))

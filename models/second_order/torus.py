@@ -21,6 +21,7 @@ Array = np.ndarray
 
 # The torque holds |k₂| <= 3 in space, so that eight precession phases resolve it.
 PRECESSIONS = 8
+_UNITS, _UPSIDE = np.eye(3), np.array([[1.0], [1.0], [-1.0]])
 # Matrices of the cross products with unit vectors, as rows.
 _CROSS = np.array([[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]], float)
 
@@ -134,9 +135,8 @@ class Torus:
 
 def least_rotation(z: Array) -> Array:
     """Rotations, shape (..., 3, 3), about an axis normal to e₃ that carry z, shape (..., 3), z₃ > -1, to e₃."""
-    up = z + np.array([0.0, 0.0, 1.0])
-    sign = np.array([[1.0], [1.0], [-1.0]])
-    return sign * (np.eye(3) - up[..., :, None] * (up / up[..., 2:])[..., None, :])
+    up = z + _UNITS[2]
+    return _UPSIDE * (_UNITS - up[..., :, None] * (up / up[..., 2:])[..., None, :])
 
 
 def torque(side: SidedBody, rotation: Array, momentum: Array, flow: Array, gradient: Array) -> Array:
