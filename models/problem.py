@@ -27,90 +27,45 @@ class MassForm:
 
 @dataclass(frozen=True)
 class Part:
-    """One part of a vector field whose flow is known in closed form.
+    """One part of a vector field whose flow over a time h, which may be negative, is known in closed form."""
 
-    Parameters
-    ----------
-    constants : callable
-        ``constants(p, h, ops) -> tuple``: what the flow over a time h needs to know besides the state, over generic
-        numbers; h may be negative, and `ops` has `expm1` besides what fields may use. By default over floats.
-    flow : callable
-        The flow's factory, over generic numbers like a vector field: ``flow(ops) -> advance(y, constants) -> tuple``.
-    """
-
+    # ``constants(p, h, ops) -> tuple``, over generic numbers: what the flow needs to know besides the state. `ops` has
+    # `expm1` besides what fields may use; by default over floats.
     constants: Callable[..., tuple[Any, ...]]
+    # The flow's factory, like a vector field's: ``flow(ops) -> advance(y, constants) -> tuple``.
     flow: Factory
 
 
 @dataclass(frozen=True)
 class Parts:
-    """A field as the sum of a fast rotation and a slow rest, for solvers that know that the rest is small.
+    """A field as the sum of a fast rotation and a slow rest, for solvers that know that the rest is small."""
 
-    Parameters
-    ----------
-    fast : Part
-        The rotation. Every solution of it is periodic in its angle, with period 2π.
-    slow : Part
-        All else.
-    rate : callable
-        Rate of the fast angle, ``rate(ops) -> function(y, p)``, constant along the fast flow.
-    strength : callable
-        ``strength(p) -> float``: the largest rate of relaxation of the slow part; 0 where the fast flow is all.
-    forgetting : callable
-        ``forgetting(p) -> float``: the least rate at which the averaged motion forgets.
-    reach : float
-        Angle, in rad, up to which `fast` is exact to rounding.
-    moving : tuple of int
-        The first of the components that the fast flow changes, and the one behind the last.
-    slow_quantities : callable
-        ``slow_quantities(y) -> tuple``, over generic numbers: what the fast flow leaves alone.
-    """
-
-    fast: Part
-    slow: Part
-    rate: Callable[[Operations], Callable[[Any, Any], Any]]
-    strength: Callable[[Sequence[float]], float]
-    forgetting: Callable[[Sequence[float]], float]
-    reach: float
-    moving: tuple[int, int]
-    slow_quantities: Callable[[Any], tuple[Any, ...]]
+    fast: Part  # the rotation: every solution of it is periodic in its angle, with period 2π
+    slow: Part  # all else
+    rate: Callable[[Operations], Callable[[Any, Any], Any]]  # of the angle, (ops)(y, p), constant along the fast flow
+    strength: Callable[[Sequence[float]], float]  # of p: the slow part's largest rate of relaxation; 0 without one
+    forgetting: Callable[[Sequence[float]], float]  # of p: the least rate at which the averaged motion forgets
+    reach: float  # angle, in rad, up to which `fast` is exact to rounding
+    moving: tuple[int, int]  # the first of the components that the fast flow changes, and the one behind the last
+    slow_quantities: Callable[[Any], tuple[Any, ...]]  # of y, over generic numbers: what the fast flow leaves alone
 
 
 @dataclass(frozen=True)
 class Piece:
     """One piece of a run: a problem of its own, from where the run stands to a time of the run.
 
-    Parameters
-    ----------
-    problem : Problem
-        Its start is the run's state, and its clock the run's, in its own unit of time (`Problem.time_unit`).
-    end : float
-        Where it ends, in the run's time.
-    states : callable, optional
-        ``states(own) -> (n, d)``: states of the run, of the problem's own ones; the same ones if absent.
-    reason : str
-        Why this problem here, in words.
-    error : float
-        What is expected to be added here to the run's largest error of L and E, over I_max.
-    angle : float
-        The same of the orientation, in rad.
-    tolerance : float, optional
-        What the solver is asked for here; by default what it is asked for in the whole run.
-    then : callable, optional
-        The course from its end on, where that is another one.
-    averaged : bool
-        Whether its equations are averaged ones.
+    Its start is the run's state, and its clock the run's, in its own unit of time (`Problem.time_unit`).
     """
 
     problem: "Problem"
-    end: float
-    states: Callable[[np.ndarray], np.ndarray] | None = None
-    reason: str = ""
-    error: float = 0.0
-    angle: float = 0.0
-    tolerance: float | None = None
-    then: "Course | None" = None
-    averaged: bool = False
+    end: float  # in the run's time
+    states: Callable[[np.ndarray], np.ndarray] | None = None  # the run's, of the problem's own, where they differ
+    reason: str = ""  # why this problem here, in words
+    error: float = 0.0  # what it is expected to add to the run's largest error of L and E, over I_max
+    angle: float = 0.0  # the same of the orientation, in rad
+    tolerance: float | None = None  # of the solver here, where it is not that of the whole run
+    then: "Course | None" = None  # the course from its end on, where that is another one
+    averaged: bool = False  # whether its equations are averaged ones
 
 
 class PlannedPiece(NamedTuple):

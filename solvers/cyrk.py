@@ -47,11 +47,9 @@ class CyrkSolver(Solver):
     method: ClassVar[str]
 
     def load(self) -> None:
-        """Import the library's C functions."""
         load_cyrk()
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
-        """Compile the callback, once per field."""
         calls = np.zeros(1, dtype=np.int64)
         call = self._call(problem, settings, calls)
 

@@ -21,12 +21,10 @@ class Exact(Solver):
     error_constant = 0.0
 
     def check(self, problem: Problem) -> None:
-        """Refuse a problem without a closed form."""
         if problem.closed_form is None:
             raise SolverNotValidError(f"{problem.name!r} has no closed form here; use solver 'taylor'", self.name)
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
-        """Bind the closed form."""
         closed_form = problem.closed_form
         assert closed_form is not None
 

@@ -36,7 +36,6 @@ class ScipySolver(Solver):
     interpolation: ClassVar[int] = 0
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
-        """Bind the callbacks, compiled once per field."""
         with spent_on("import"):
             import scipy.integrate
 
@@ -83,7 +82,6 @@ class ScipySolver(Solver):
         return (contiguous if self.implicit and settings.jacobian == "difference" else fun), options
 
     def bare_call(self, problem: Problem, settings: Settings, times: np.ndarray) -> Callable[[], object] | None:
-        """`solve_ivp` with these times."""
         from scipy.integrate import solve_ivp
 
         fun, options = self.bind(problem, settings)

@@ -81,7 +81,6 @@ class Taylor(Solver):
     error_constant = 20.0  # 6 measured
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
-        """Compile the integrator, once per field and tolerance."""
         parameters = parameter_array(problem)
         integrator = taylor_integrator(problem.field, problem.dimension, len(parameters), settings.tolerance)
 
@@ -95,7 +94,6 @@ class Taylor(Solver):
         return integrate
 
     def bare_call(self, problem: Problem, settings: Settings, times: np.ndarray) -> Callable[[], object] | None:
-        """heyoka's `propagate_grid` over these times."""
         parameters, start = parameter_array(problem), np.array(problem.start)
         integrator = taylor_integrator(problem.field, problem.dimension, len(parameters), settings.tolerance)
 

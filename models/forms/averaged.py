@@ -134,7 +134,6 @@ class Averaged(Form):
             raise self.refuse("the start rotates about the middle axis, and lingers there", "quaternion")
 
     def problem(self, scene: Scene) -> Problem:
-        """Initial value problem in slow time t₂ = t/St."""
         self.check(scene)
         unit = max(scene.ellipsoid.inertia)
         *momentum, energy = (scene.initial.slow[0] / unit).tolist()
@@ -146,5 +145,4 @@ class Averaged(Form):
         return self.slow_problem(scene, field, start, coefficients(scene.ellipsoid), excess)
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
-        """Observables without orientation."""
         return observe_slow(states * max(scene.ellipsoid.inertia))

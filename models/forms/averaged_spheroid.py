@@ -63,12 +63,10 @@ class AveragedSpheroid(Form):
     averaged = True
 
     def check(self, scene: Scene) -> None:
-        """Refuse triaxial ellipsoids, St = 0 and inf, and L = 0."""
         require_spheroid(self, scene, "averaged")
         self.require_slow_motion(scene)
 
     def problem(self, scene: Scene) -> Problem:
-        """Initial value problem in slow time t₂ = t/St."""
         self.check(scene)
         spheroid = Spheroid.of(scene.ellipsoid)
         momentum = scene.initial.angular_momentum[0] / spheroid.equatorial_inertia
@@ -77,7 +75,6 @@ class AveragedSpheroid(Form):
         return self.slow_problem(scene, field, (*momentum.tolist(), initial_spin(scene)), parameters, excess)
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
-        """Observables without orientation."""
         spheroid = Spheroid.of(scene.ellipsoid)
         return observe_slow(slow_variables(spheroid, states[:, :3] * spheroid.equatorial_inertia, states[:, 3]))
 

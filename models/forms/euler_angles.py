@@ -83,11 +83,9 @@ class EulerAngles(Form):
     angles = True
 
     def check(self, scene: Scene) -> None:
-        """Refuse starts without orientation, and those too close to the pole."""
         require_distance_from_pole(self, self.require_orientation(scene).angles[0], "quaternion")
 
     def problem(self, scene: Scene) -> Problem:
-        """Initial value problem in time t."""
         self.check(scene)
         start = self.require_orientation(scene)
         rates = euler_rates_from_angular_velocity(start.angles, scene.angular_velocity)
@@ -98,6 +96,5 @@ class EulerAngles(Form):
         return full_problem(self, scene, field, start, inertial, shape, periodic=(1, 2))
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
-        """Observables."""
         omega = angular_velocity_from_euler(states[:, :3].T, states[:, 3:].T, numpy_operations())
         return observe_body(scene.ellipsoid, matrix_from_euler(states[:, :3]), np.stack(omega, axis=1))

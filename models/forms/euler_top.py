@@ -25,13 +25,11 @@ class EulerTop(Quaternion):
     valid_for = "St = inf, every ellipsoid; closed form (solver 'exact')"
 
     def check(self, scene: Scene) -> None:
-        """Refuse finite St and starts without orientation."""
         if scene.torque_factor > 0:
             raise self.refuse(f"St = {scene.stokes:g} is finite", reference_form(scene))
         self.require_orientation(scene)
 
     def problem(self, scene: Scene) -> Problem:
-        """Initial value problem in time t."""
         self.check(scene)
         quaternion = self.require_orientation(scene).quaternion
         top = TorqueFree(scene.ellipsoid.inertia, quaternion, scene.angular_velocity)

@@ -129,13 +129,11 @@ class Jeffery(Form):
     orientation = "full"
 
     def check(self, scene: Scene) -> None:
-        """Refuse St > 0 and starts without orientation."""
         if scene.stokes > 0:
             raise self.refuse(f"St = {scene.stokes:g} is not 0", "quaternion")
         self.require_orientation(scene)
 
     def problem(self, scene: Scene) -> Problem:
-        """Initial value problem in time t."""
         self.check(scene)
         start = self.require_orientation(scene).quaternion
         closed_form = None if scene.ellipsoid.kind == "triaxial" else _orbit(scene, start).at

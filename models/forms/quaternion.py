@@ -41,15 +41,12 @@ class Quaternion(Form):
     orientation = "full"
 
     def check(self, scene: Scene) -> None:
-        """Refuse a start without orientation."""
         self.require_orientation(scene)
 
     def problem(self, scene: Scene) -> Problem:
-        """Initial value problem in time t."""
         start = *self.require_orientation(scene).quaternion, *scene.angular_velocity
         inertial, shape = (False,) * 4 + (True,) * 3, motion.body_parameters(scene.ellipsoid)
         return motion.full_problem(self, scene, field, start, inertial, shape, invariant=motion.norm_drift)
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
-        """Observables; quaternions are normalised first."""
         return observe_body(scene.ellipsoid, matrix_from_quaternion(states[:, :4]), states[:, 4:])

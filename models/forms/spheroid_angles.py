@@ -55,13 +55,11 @@ class SpheroidAngles(Form):
     angles = True
 
     def check(self, scene: Scene) -> None:
-        """Refuse triaxial ellipsoids, starts without orientation, and those too close to the pole."""
         require_spheroid(self, scene, "euler-angles")
         angles = _angles(scene, self.require_orientation(scene))
         require_distance_from_pole(self, angles[0], "spheroid-axis")
 
     def problem(self, scene: Scene) -> Problem:
-        """Initial value problem in time t."""
         self.check(scene)
         spheroid = Spheroid.of(scene.ellipsoid)
         damping = spheroid.axial_damping, spheroid.equatorial_damping
@@ -70,7 +68,6 @@ class SpheroidAngles(Form):
         return full_problem(self, scene, field, start, inertial, shape, periodic=(1,))
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
-        """Observables; of the rotation, the symmetry axis alone."""
         spheroid = Spheroid.of(scene.ellipsoid)
         theta, phi, dtheta, dphi, spin = states.T
         st, ct, sf, cf = np.sin(theta), np.cos(theta), np.sin(phi), np.cos(phi)

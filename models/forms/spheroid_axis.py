@@ -187,12 +187,10 @@ class SpheroidAxis(Form):
     orientation = "axis"
 
     def check(self, scene: Scene) -> None:
-        """Refuse triaxial ellipsoids and starts without orientation."""
         require_spheroid(self, scene, "quaternion")
         self.require_orientation(scene)
 
     def problem(self, scene: Scene) -> Problem:
-        """Initial value problem in time t."""
         self.check(scene)
         spheroid = Spheroid.of(scene.ellipsoid)
         momentum = scene.initial.angular_momentum[0] / spheroid.equatorial_inertia
@@ -201,7 +199,6 @@ class SpheroidAxis(Form):
         return full_problem(self, scene, field, start, inertial, shape, invariant=axis_drift, parts=PARTS)
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
-        """Observables; p̂ is normalised first, and is all that is known of the rotation."""
         spheroid = Spheroid.of(scene.ellipsoid)
         momentum = states[:, :3] * spheroid.equatorial_inertia
         direction = states[:, 3:] / np.linalg.norm(states[:, 3:], axis=1, keepdims=True)

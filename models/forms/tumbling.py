@@ -57,12 +57,10 @@ class Tumbling(Form):
     orientation = "full"
 
     def check(self, scene: Scene) -> None:
-        """Refuse starts out of the plane, and those without orientation."""
         self.require_orientation(scene)
         self._plane(scene)
 
     def problem(self, scene: Scene) -> Problem:
-        """Initial value problem in time t."""
         self.check(scene)
         plane = self._plane(scene)
         start, shape = (plane.angle, plane.rate), (plane.damping, plane.anisotropy)

@@ -47,7 +47,6 @@ class CorrectedSpheroid(Form):
     averaged = True
 
     def check(self, scene: Scene) -> None:
-        """Refuse what `averaged-spheroid` refuses, and L off the vorticity axis."""
         AveragedSpheroid().check(scene)
         self.require_orientation(scene)
         lx, ly, lz = scene.initial.angular_momentum[0]
@@ -55,7 +54,6 @@ class CorrectedSpheroid(Form):
             raise self.refuse("the start has L off the vorticity axis", "averaged-spheroid")
 
     def problem(self, scene: Scene) -> Problem:
-        """Initial value problem in slow time t₂ = t/St."""
         self.check(scene)
         averaged = AveragedSpheroid().problem(scene)
         lz, spin = averaged.start[2:]
@@ -63,7 +61,6 @@ class CorrectedSpheroid(Form):
         return self.slow_problem(scene, field, (lz - shift, spin, 0.0), averaged.parameters or ())
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
-        """Observables with L_z corrected, without orientation."""
         spheroid = Spheroid.of(scene.ellipsoid)
         lz, spin, phase = states.T
         corrected = (lz + _correction(scene, lz, spin, phase)) * spheroid.equatorial_inertia

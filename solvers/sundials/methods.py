@@ -40,7 +40,6 @@ class SundialsSolver(Solver):
     options: ClassVar[dict[str, str]] = {}
 
     def lacks(self, choice: str) -> str | None:
-        """What a back end or Jacobian needs that is not there: of ``compiled``, SUNDIALS' C libraries."""
         found = choice != "compiled" or load_sundials(self.prefix)
         return super().lacks(choice) or (None if found else "SUNDIALS' C libraries, which its wheels bring")
 
@@ -51,12 +50,10 @@ class SundialsSolver(Solver):
         return "available, in Python's loop: no C libraries found" if slow else None
 
     def load(self) -> None:
-        """Open the C library, or import the package."""
         if self.lacks("compiled"):
             super().load()
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
-        """Bind field and Jacobian, compiled once per field."""
         # The library prints its warnings on standard output, where tables go.
         os.environ.setdefault("SUNLOGGER_WARNING_FILENAME", os.devnull)
         if settings.backend == "compiled":
@@ -141,6 +138,5 @@ class Ida(SundialsSolver):
     error_constant = 2500.0  # 667 measured
 
     def check(self, problem: Problem) -> None:
-        """Refuse a problem without any vector field."""
         if problem.parameters is None and problem.mass_form is None:
             raise SolverNotValidError(f"{problem.name!r} has no vector field; use solver 'exact'", self.name)
