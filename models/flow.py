@@ -1,8 +1,11 @@
-"""What the shear flow asks of a body: Jeffery's angular velocity (`jw1`–`jw3`)."""
+"""What the shear flow asks of a body: Jeffery's angular velocity (`jw1`–`jw3`), and the power of its torque."""
 
 from collections.abc import Callable
+from math import pi
 
-from polhode.models.operations import Operations
+import numpy as np
+
+from polhode.models.operations import Operations, numpy_operations
 from polhode.models.shape import Ellipsoid
 
 
@@ -23,3 +26,18 @@ def jeffery_angular_velocity(ops: Operations) -> Callable:
         )
 
     return spin
+
+
+def jeffery_spin(ellipsoid: Ellipsoid, rotation: np.ndarray) -> np.ndarray:
+    """Jeffery's angular velocity in body axes, shape (n, 3), of matrices t_ij, shape (n, 3, 3)."""
+    flow, gradient = rotation[:, :, 0].T, rotation[:, :, 1].T
+    return np.stack(jeffery_angular_velocity(numpy_operations())(flow, gradient, shares(ellipsoid)), axis=1)
+
+
+def dissipation(ellipsoid: Ellipsoid, rotation: np.ndarray, angular_velocity: np.ndarray) -> np.ndarray:
+    """St dE/dt = -8π Σ X_j (ω_j - ω_jJ) ω_j (`vispow`), shape (n,), positive where the flow drives the body.
+
+    Of matrices t_ij, shape (n, 3, 3), and body angular velocities, shape (n, 3); in units of E times the shear rate.
+    """
+    drag = 8 * pi * np.array(ellipsoid.resistance)
+    return -np.sum(drag * (angular_velocity - jeffery_spin(ellipsoid, rotation)) * angular_velocity, axis=1)

@@ -6,9 +6,8 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from polhode.models.flow import jeffery_angular_velocity, shares
+from polhode.models.flow import jeffery_spin
 from polhode.models.forms.spheroid import Spheroid
-from polhode.models.operations import numpy_operations
 from polhode.models.rotation import Triple, matrix_from_quaternion
 from polhode.models.shape import Ellipsoid
 
@@ -66,8 +65,7 @@ class Starts:
         if self.motion == "fluid":
             return -0.5 * rotation[:, :, 2]
         if self.motion == "jeffery":
-            jeffery = jeffery_angular_velocity(numpy_operations())
-            return np.stack(jeffery(rotation[:, :, 0].T, rotation[:, :, 1].T, shares(ellipsoid)), axis=1)
+            return jeffery_spin(ellipsoid, rotation)
         assert self.angular_momentum is not None
         inertia = np.array(ellipsoid.inertia)
         momentum = np.tile(np.array(self.angular_momentum) * inertia.max(), (len(rotation), 1))

@@ -5,10 +5,10 @@ from math import inf
 
 import numpy as np
 
+from polhode.models.flow import dissipation
 from polhode.models.observables import Observables, completed
 from polhode.models.scene import Scene
 from polhode.models.shape import Ellipsoid
-from polhode.models.theory.dissipation import dissipation
 
 # Beyond this angle, in rad, a difference of orientation no longer splits into phase and shape to first order.
 SPLIT_LIMIT = 0.3

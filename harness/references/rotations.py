@@ -9,9 +9,8 @@ import numpy as np
 
 from polhode.models.catalogue import averaged_form, form as find_form
 from polhode.models.flow import shares
-from polhode.models.forms import quaternion
-from polhode.models.forms.turning import JEFFERY_TURNING, TURNING
-from polhode.models.free_top.mean_speed import mean_speed
+from polhode.models.forms import jeffery, quaternion
+from polhode.models.free_top.polhode import mean_speed
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene, SlowStart
 from polhode.solvers.solve import solve
@@ -96,10 +95,10 @@ def _angle(scene: Scene) -> float:
     assert not isinstance(scene.start, SlowStart)
     if scene.stokes == 0:
         start, parameters = scene.start.quaternion, shares(scene.ellipsoid)
-        problem = Problem("jeffery", JEFFERY_TURNING, (*start, 0.0), scene.time, parameters)
+        problem = Problem("jeffery", jeffery.TURNING, (*start, 0.0), scene.time, parameters)
     else:
         full = quaternion.Quaternion().problem(scene)
-        problem = Problem("quaternion", TURNING, (*full.start, 0.0), full.end, full.parameters)
+        problem = Problem("quaternion", quaternion.TURNING, (*full.start, 0.0), full.end, full.parameters)
     damping = max(scene.ellipsoid.damping) * scene.torque_factor
     stiff = scene.stokes > 0 and damping > STIFF_FROM
     speed = max(0.5, float(np.linalg.norm(scene.angular_velocity)))

@@ -7,13 +7,13 @@ from math import hypot, pi
 
 import numpy as np
 
-from polhode.models.flow import jeffery_angular_velocity, shares
+from polhode.models.flow import jeffery_angular_velocity, jeffery_spin, shares
 from polhode.models.form import Form
 from polhode.models.forms.motion import directions, norm_drift, quaternion_rates
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.free_top.elliptic import PI
 from polhode.models.observables import Observables, observe_body
-from polhode.models.operations import Field, Operations, numpy_operations
+from polhode.models.operations import Field, Operations, WithRate, numpy_operations
 from polhode.models.problem import Problem
 from polhode.models.rotation import Quaternion, make_third, matrix_from_quaternion, quaternion_from_euler
 from polhode.models.scene import Scene
@@ -119,6 +119,21 @@ def _turned_about_third(q: np.ndarray, given: np.ndarray) -> np.ndarray:
     return np.stack([c * q0 - s * q3, c * q1 + s * q2, c * q2 - s * q1, c * q3 + s * q0], axis=1)
 
 
+def _speed(ops: Operations) -> Callable:
+    """|Ω_J|."""
+    rates, sqrt = ops.use(turning), ops.sqrt
+
+    def of(y, p):
+        _, (w1, w2, w3) = rates(y, p)
+        return sqrt(w1 * w1 + w2 * w2 + w3 * w3)
+
+    return of
+
+
+# The field with the angle ∫|Ω_J| dt beside the state, which counts the rotations of a run.
+TURNING = WithRate(field, _speed)
+
+
 class Jeffery(Form):
     """State (q₀, q₁, q₂, q₃): inertia is gone, the angular velocity follows from the orientation."""
 
@@ -143,9 +158,7 @@ class Jeffery(Form):
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         """Observables; L and E are those of Jeffery's angular velocity, quaternions are normalised first."""
         rotation = matrix_from_quaternion(states)
-        jeffery = jeffery_angular_velocity(numpy_operations())
-        omega = jeffery(rotation[:, :, 0].T, rotation[:, :, 1].T, shares(scene.ellipsoid))
-        return observe_body(scene.ellipsoid, rotation, np.stack(omega, axis=1))
+        return observe_body(scene.ellipsoid, rotation, jeffery_spin(scene.ellipsoid, rotation))
 
 
 def _orbit(scene: Scene, start: Quaternion) -> JefferyOrbit:

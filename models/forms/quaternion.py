@@ -1,11 +1,13 @@
 """Quaternion form: orientation as a unit quaternion, angular velocity in body axes. No singularity, any scene."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from polhode.models.form import Form
 from polhode.models.forms import motion
 from polhode.models.observables import Observables, observe_body
-from polhode.models.operations import Field, Operations
+from polhode.models.operations import Field, Operations, WithRate
 from polhode.models.problem import Problem
 from polhode.models.rotation import matrix_from_quaternion
 from polhode.models.scene import Scene
@@ -22,6 +24,14 @@ def field(ops: Operations) -> Field:
         return *turning, *acceleration(flow, gradient, (y[4], y[5], y[6]), p)
 
     return rhs
+
+
+def _speed(ops: Operations) -> Callable:
+    return lambda y, p: ops.sqrt(y[4] * y[4] + y[5] * y[5] + y[6] * y[6])
+
+
+# The field with the angle ∫|ω| dt beside the state, which counts the rotations of a run.
+TURNING = WithRate(field, _speed)
 
 
 class Quaternion(Form):

@@ -13,7 +13,7 @@ from hypothesis import assume, given, settings, strategies as st
 
 from oracle.accepting import accepting
 from oracle.runs import Run, runs
-from polhode.models.forms.turning import JEFFERY_TURNING, TURNING
+from polhode.models.forms import jeffery, quaternion
 from polhode.models.operations import WithRate
 from polhode.models.problem import Problem
 from polhode.solvers import compile as compilation
@@ -286,7 +286,7 @@ def test_any_c_signature_counting_or_not():
         assert out[0] == pytest.approx(math.sin(0.6) + math.sin(0.6) ** 2, rel=1e-15)
 
 
-@pytest.mark.parametrize(("turning", "d", "n"), [(TURNING, 7, 14), (JEFFERY_TURNING, 4, 6)])
+@pytest.mark.parametrize(("turning", "d", "n"), [(quaternion.TURNING, 7, 14), (jeffery.TURNING, 4, 6)])
 def test_a_field_with_one_more_rate_brings_the_same_code_along(turning: WithRate, d: int, n: int, monkeypatch):
     random = np.random.default_rng(3)
     monkeypatch.setattr(compilation, "_BROUGHT_ALONG", {})

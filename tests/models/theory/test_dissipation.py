@@ -6,13 +6,13 @@ from scipy.integrate import solve_ivp
 
 from oracle import first_principles
 from polhode.models.catalogue import form
-from polhode.models.free_top.mean_speed import mean_speed
+from polhode.models.flow import dissipation
+from polhode.models.free_top.polhode import mean_speed
 from polhode.models.free_top.torque_free import TorqueFree
 from polhode.models.observables import observe_body
 from polhode.models.rotation import matrix_from_quaternion
 from polhode.models.scene import EulerStart, Scene
 from polhode.models.shape import Ellipsoid
-from polhode.models.theory.dissipation import dissipation
 from polhode.solvers.solve import solve
 
 

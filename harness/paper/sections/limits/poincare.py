@@ -15,9 +15,8 @@ from polhode.harness.common.text import in_two_digits
 from polhode.harness.paper.drawing import BLACK, BLUE, VERMILLION, label, panels
 from polhode.harness.paper.item import Computed, Data, Grid, Table
 from polhode.harness.paper.runs import TOLERANCE, bisected, full_run
-from polhode.models.flow import jeffery_angular_velocity, shares
+from polhode.models.flow import jeffery_spin, shares
 from polhode.models.forms.jeffery import field as jeffery_field
-from polhode.models.operations import numpy_operations
 from polhode.models.rotation import matrix_from_quaternion, quaternion_from_euler
 from polhode.models.scene import EulerStart, Scene
 from polhode.models.shape import Ellipsoid
@@ -48,8 +47,7 @@ def section_points(ellipsoid: Ellipsoid, times: np.ndarray, orientation: np.ndar
     φ = nπ is where the flow component t₃₁ of z' vanishes; ψ is given from -π/2 to π/2, its symmetry taken out.
     """
     rotation = matrix_from_quaternion(orientation)
-    jeffery = jeffery_angular_velocity(numpy_operations())
-    omega = np.stack(jeffery(rotation[:, :, 0].T, rotation[:, :, 1].T, shares(ellipsoid)), axis=1)
+    omega = jeffery_spin(ellipsoid, rotation)
     # Each column c of t_ij, a space axis in body axes, obeys c' = c × ω.
     rates = np.cross(rotation, omega[:, :, None], axis=1)
     crossings = CubicHermiteSpline(times, rotation[:, 2, 0], rates[:, 2, 0]).roots(extrapolate=False)
