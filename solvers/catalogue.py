@@ -1,6 +1,9 @@
 """The catalogue of solvers: one line each; modules and libraries are imported on use."""
 
-from typing import TYPE_CHECKING
+import tomllib
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from polhode.models.registry import Catalogue
 
@@ -34,3 +37,20 @@ SOLVERS: "Catalogue[Solver]" = Catalogue(
     },
 )
 solver = SOLVERS.find
+Base = TypeVar("Base", bound="Solver")
+
+
+def methods(base: "type[Base]") -> "list[type[Base]]":
+    """Classes of the methods of a library, which differ by the traits that `methods.toml` gives them."""
+    tables = _tables()[base.__name__]
+    return [type(name, (base,), _traits(base, **table)) for name, table in tables.items()]  # pyright: ignore
+
+
+@cache
+def _tables() -> dict[str, dict[str, dict[str, Any]]]:
+    return tomllib.loads(Path(__file__).with_name("methods.toml").read_text(encoding="utf-8"))
+
+
+def _traits(base: type, doc: str, **traits: Any) -> dict[str, Any]:
+    own = {name: tuple(value) if isinstance(value, list) else value for name, value in traits.items()}
+    return {"__doc__": doc, "__module__": base.__module__, **own}

@@ -19,6 +19,7 @@ import numpy as np
 
 from polhode.models.problem import Problem
 from polhode.solvers import scipy_ivp
+from polhode.solvers.catalogue import methods
 from polhode.solvers.compile import c_callback, parameter_array
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status
 from polhode.solvers.cyrk_library import load_cyrk
@@ -164,41 +165,7 @@ def _array(pointer: Any, size: int) -> np.ndarray:
     return np.array((ctypes.c_double * size).from_address(ctypes.addressof(pointer.contents)))
 
 
-class Vern8(CyrkSolver):
-    """Verner's explicit Runge-Kutta pair of order 8(7), the "efficient" one; not for stiff problems.
-
-    A step with a row inside costs more right-hand sides; where the field has kinks, it notices late.
-    Source: Verner, Numerical Algorithms 53 (2010) 383.
-    """
-
-    name = "cyrk-vern8"
-    summary = "Verner's explicit Runge-Kutta 8(7), compiled (CyRK)"
-    method = "Vern8"
-    keeps_windows = True
-    error_constant = 600.0  # 193 measured
-
-
-class Vern7(CyrkSolver):
-    """Verner's explicit Runge-Kutta pair of order 7(6), otherwise as `Vern8`."""
-
-    name = "cyrk-vern7"
-    summary = "Verner's explicit Runge-Kutta 7(6), compiled (CyRK)"
-    method = "Vern7"
-    keeps_windows = True
-    error_constant = 200.0  # 65 measured
-
-
-class Tsit5(CyrkSolver):
-    """Explicit Runge-Kutta pair of order 5(4), low for tolerances below 1e-6; not for stiff problems.
-
-    Source: Tsitouras, Comput. Math. Appl. 62 (2011) 770.
-    """
-
-    name = "cyrk-tsit5"
-    summary = "Tsitouras' explicit Runge-Kutta 5(4), compiled (CyRK)"
-    method = "Tsit5"
-    low_order = True
-    error_constant = 400.0  # 106 measured
+Vern8, Vern7, Tsit5 = methods(CyrkSolver)
 
 
 def _twin(of: type[ScipySolver]) -> type[CyrkSolver]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from polhode.models.problem import Problem
 from polhode.models.spent import spent_on
+from polhode.solvers.catalogue import methods
 from polhode.solvers.compile import array_callback, exact_jacobian, parameter_array
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status
 
@@ -89,13 +90,6 @@ class ScipySolver(Solver):
         return lambda: solve_ivp(fun, span, start, self.method, times, **options)
 
 
-class ImplicitScipySolver(ScipySolver):
-    """One of SciPy's implicit `OdeSolver` classes."""
-
-    implicit = True
-    jacobians = ("exact", "difference")
-
-
 def _counted(fun: Callback, calls: list[int]) -> Callback:
     def counted(t: float, y: np.ndarray) -> np.ndarray:
         calls[0] += 1
@@ -138,72 +132,4 @@ def _step_through(stepper: Any, record: Record) -> tuple[Outcome, int]:
     return (Status.REACHED_END, ""), interpolated
 
 
-class Rk45(ScipySolver):
-    """Dormand and Prince's explicit Runge-Kutta pair of order 5(4); not for stiff problems.
-
-    Its tolerance is kept loosest of the explicit methods: error 800 tolerances per rotation.
-    Source: Dormand and Prince, J. Comput. Appl. Math. 6 (1980) 19.
-    """
-
-    name = "rk45"
-    summary = "explicit Runge-Kutta 5(4) (SciPy)"
-    method = "RK45"
-    attempt = 6
-    error_constant = 2000.0  # 811 measured
-
-
-class Dop853(ScipySolver):
-    """Explicit Runge-Kutta of order 8(5,3); not for stiff problems.
-
-    A step with a row inside costs three more right-hand sides.
-    Source: Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I, section II.5.
-    """
-
-    name = "dop853"
-    summary = "explicit Runge-Kutta 8(5,3) (SciPy)"
-    method = "DOP853"
-    attempt = 12
-    interpolation = 3
-    error_constant = 150.0  # 59 measured
-
-
-class Radau(ImplicitScipySolver):
-    """Implicit Runge-Kutta of Radau IIA type, order 5, L-stable; its dense output is of order 3.
-
-    Python's linear algebra at every step makes it slow whatever the problem.
-    Source: Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.8.
-    """
-
-    name = "radau"
-    summary = "implicit Runge-Kutta Radau IIA of order 5 (SciPy)"
-    method = "Radau"
-    error_constant = 10.0  # 2 measured
-
-
-class Bdf(ImplicitScipySolver):
-    """Backward differentiation formulas of order 1 to 5 with quasi-constant steps; for stiff problems.
-
-    Stable in a wedge about the negative axis alone from order 3 on; the state may end far from the solution and the
-    run be called a success, as Robertson's kinetics at tolerance 1e-6 does.
-    Source: Shampine and Reichelt, SIAM J. Sci. Comput. 18 (1997) 1.
-    """
-
-    name = "bdf"
-    summary = "backward differentiation formulas of order 1 to 5 (SciPy)"
-    method = "BDF"
-    error_constant = 2500.0  # 833 measured
-
-
-class Lsoda(ImplicitScipySolver):
-    """Adams methods or backward differentiation, chosen as stiffness comes and goes (ODEPACK).
-
-    It reports nothing of what happens in a step; a step too small to advance the time is no error to it, but here it
-    is.
-    Source: Petzold, SIAM J. Sci. Stat. Comput. 4 (1983) 136.
-    """
-
-    name = "lsoda"
-    switching = True
-    summary = "Adams or BDF, switching by itself (ODEPACK through SciPy)"
-    method = "LSODA"
-    error_constant = 300.0  # 86 measured
+Rk45, Dop853, Radau, Bdf, Lsoda = methods(ScipySolver)

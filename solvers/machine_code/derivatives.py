@@ -5,49 +5,16 @@ from functools import cache, partial
 from typing import Any
 
 from polhode.models.operations import Operations
-from polhode.solvers.machine_code.tracing import OPERATIONS, FieldFactory, Number, call, read, trace, written
-
-
-class Dual:
-    """A number and its derivatives by the components of the state, those that are not zero."""
-
-    # NumPy's numbers leave arithmetic to it.
-    __array_ufunc__ = None
-
-    def __init__(self, value: Any, slopes: dict[int, Any]) -> None:
-        self.value, self.slopes = value, slopes
-
-    def __add__(self, other: Any) -> "Dual":
-        return _chained(self.value + _value(other), (self, 1.0), (other, 1.0))
-
-    def __sub__(self, other: Any) -> "Dual":
-        return _chained(self.value - _value(other), (self, 1.0), (other, -1.0))
-
-    def __rsub__(self, other: Any) -> "Dual":
-        return _chained(other - self.value, (self, -1.0))
-
-    def __mul__(self, other: Any) -> "Dual":
-        return _chained(self.value * _value(other), (self, _value(other)), (other, self.value))
-
-    def __truediv__(self, other: Any) -> "Dual":
-        return _quotient(self, other)
-
-    def __rtruediv__(self, other: Any) -> "Dual":
-        return _quotient(other, self)
-
-    def __neg__(self) -> "Dual":
-        return _chained(-self.value, (self, -1.0))
-
-    def __pos__(self) -> "Dual":
-        return self
-
-    def __pow__(self, exponent: Any) -> "Dual":
-        return _power(self, exponent)
-
-    def __rpow__(self, base: Any) -> "Dual":
-        return _power(base, self)
-
-    __radd__, __rmul__ = __add__, __mul__
+from polhode.solvers.machine_code.tracing import (
+    OPERATIONS,
+    FieldFactory,
+    Number,
+    call,
+    either_side,
+    read,
+    trace,
+    written,
+)
 
 
 def _value(x: Any) -> Any:
@@ -58,7 +25,7 @@ def _slopes(x: Any) -> dict[int, Any]:
     return x.slopes if isinstance(x, Dual) else {}
 
 
-def _chained(value: Any, *parts: tuple[Any, Any]) -> Dual:
+def _chained(value: Any, *parts: tuple[Any, Any]) -> "Dual":
     """A number made of others, each beside the derivative by it."""
     slopes: dict[int, Any] = {}
     for x, derivative in parts:
@@ -75,17 +42,39 @@ def _product(a: Any, b: Any) -> Any:
     return b if isinstance(a, float) and a == 1.0 else a * b
 
 
-def _quotient(above: Any, below: Any) -> Dual:
+def _quotient(above: Any, below: Any) -> "Dual":
     inverse = 1.0 / _value(below)
     quotient = _value(above) / _value(below)
     return _chained(quotient, (above, inverse), (below, -quotient * inverse))
 
 
-def _power(base: Any, exponent: Any) -> Dual:
+def _power(base: Any, exponent: Any) -> "Dual":
     x, n = _value(base), _value(exponent)
     power = x**n
     by_base = n * x ** (n - 1) if isinstance(exponent, Dual) or n != 0 else 0.0
     return _chained(power, (base, by_base), (exponent, power * call("log", x) if _slopes(exponent) else 0.0))
+
+
+class Dual:
+    """A number and its derivatives by the components of the state, those that are not zero."""
+
+    # NumPy's numbers leave arithmetic to it.
+    __array_ufunc__ = None
+
+    def __init__(self, value: Any, slopes: dict[int, Any]) -> None:
+        self.value, self.slopes = value, slopes
+
+    __add__, __radd__ = either_side(lambda a, b: _chained(_value(a) + _value(b), (a, 1.0), (b, 1.0)))
+    __sub__, __rsub__ = either_side(lambda a, b: _chained(_value(a) - _value(b), (a, 1.0), (b, -1.0)))
+    __mul__, __rmul__ = either_side(lambda a, b: _chained(_value(a) * _value(b), (a, _value(b)), (b, _value(a))))
+    __truediv__, __rtruediv__ = either_side(_quotient)
+    __pow__, __rpow__ = either_side(_power)
+
+    def __neg__(self) -> "Dual":
+        return _chained(-self.value, (self, -1.0))
+
+    def __pos__(self) -> "Dual":
+        return self
 
 
 def _function(name: str, derivative: Callable[[Any], Any], x: Any) -> Any:

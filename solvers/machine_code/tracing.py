@@ -38,12 +38,31 @@ class _RefusedError(TypeError):
         self.in_function = f"{what}; use {in_function}"
 
 
-def _operators(instruction: str) -> tuple[Callable[[Any, Any], Any], Callable[[Any, Any], Any]]:
+def either_side(operation: Callable[[Any, Any], Any]) -> tuple[Callable[[Any, Any], Any], Callable[[Any, Any], Any]]:
     """An operator of numbers, and the one that Python calls where a number stands on the right alone."""
-    return (
-        lambda left, right: _arithmetic(instruction, left, right),
-        lambda right, left: _arithmetic(instruction, left, right),
-    )
+    return lambda left, right: operation(left, right), lambda right, left: operation(left, right)
+
+
+def operand(x: Any) -> str:
+    """How a line refers to a number or a constant."""
+    return x.name if isinstance(x, Number) else f"0x{unpack('<Q', pack('<d', float(x)))[0]:016X}"
+
+
+def _arithmetic(instruction: str, left: Any, right: Any) -> Any:
+    if not (isinstance(left, Number | Real) and isinstance(right, Number | Real)):
+        return _of_array(instruction, left, right)
+    number: Any = left if isinstance(left, Number) else right
+    return number.emit(f"{instruction} contract double {operand(left)}, {operand(right)}")
+
+
+def _of_array(instruction: str, left: Any, right: Any) -> Any:
+    for array in (left, right):
+        if isinstance(array, np.ndarray):
+            found = np.empty(array.shape, dtype=object)
+            pairs = ((left, each) if array is right else (each, right) for each in array.flat)
+            found.flat[:] = [_arithmetic(instruction, *pair) for pair in pairs]
+            return found
+    return NotImplemented
 
 
 class Number:
@@ -60,10 +79,10 @@ class Number:
         """The number that a line computes, a new line or an equal one from before."""
         return Number(self.lines, self.lines.setdefault(line, f"%v{len(self.lines)}"))
 
-    __add__, __radd__ = _operators("fadd")
-    __sub__, __rsub__ = _operators("fsub")
-    __mul__, __rmul__ = _operators("fmul")
-    __truediv__, __rtruediv__ = _operators("fdiv")
+    __add__, __radd__ = either_side(partial(_arithmetic, "fadd"))
+    __sub__, __rsub__ = either_side(partial(_arithmetic, "fsub"))
+    __mul__, __rmul__ = either_side(partial(_arithmetic, "fmul"))
+    __truediv__, __rtruediv__ = either_side(partial(_arithmetic, "fdiv"))
 
     def __neg__(self) -> "Number":
         return self.emit(f"fneg double {self.name}")
@@ -90,28 +109,6 @@ class Number:
 
     def __float__(self) -> float:
         raise _RefusedError("a field cannot use float() or math's functions", "ops.sin, ops.cos, ops.sqrt", FUNCTIONS)
-
-
-def operand(x: Any) -> str:
-    """How a line refers to a number or a constant."""
-    return x.name if isinstance(x, Number) else f"0x{unpack('<Q', pack('<d', float(x)))[0]:016X}"
-
-
-def _arithmetic(instruction: str, left: Any, right: Any) -> Any:
-    if not (isinstance(left, Number | Real) and isinstance(right, Number | Real)):
-        return _of_array(instruction, left, right)
-    number: Any = left if isinstance(left, Number) else right
-    return number.emit(f"{instruction} contract double {operand(left)}, {operand(right)}")
-
-
-def _of_array(instruction: str, left: Any, right: Any) -> Any:
-    for array in (left, right):
-        if isinstance(array, np.ndarray):
-            found = np.empty(array.shape, dtype=object)
-            pairs = ((left, each) if array is right else (each, right) for each in array.flat)
-            found.flat[:] = [_arithmetic(instruction, *pair) for pair in pairs]
-            return found
-    return NotImplemented
 
 
 def call(function: str, *arguments: Any) -> Any:

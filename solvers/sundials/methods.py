@@ -18,6 +18,7 @@ from typing import ClassVar
 import numpy as np
 
 from polhode.models.problem import Problem
+from polhode.solvers.catalogue import methods
 from polhode.solvers.contract import UNLIMITED, Integrator, Outcome, Record, Settings, Solver, SolverNotValidError
 from polhode.solvers.sundials.callbacks import Callbacks
 from polhode.solvers.sundials.compiled import Memory, integrator
@@ -94,32 +95,7 @@ class SundialsSolver(Solver):
         return lambda: callbacks.library.solve(times, *begin).y
 
 
-class CvodeAdams(SundialsSolver):
-    """Adams-Moulton methods of order 1 to 12; for problems that are not stiff.
-
-    The corrector is Newton's. Functional iteration, the cheaper one where there is no stiffness, is not offered by
-    scikit-sundae; a Jacobian of zeros, which amounts to it, takes as many steps and scatters as much.
-
-    Source: Hindmarsh et al., ACM Trans. Math. Software 31 (2005) 363.
-    """
-
-    name = "cvode-adams"
-    summary = "Adams methods of order 1 to 12 (SUNDIALS CVODE)"
-    number, options = (1,), {"method": "Adams"}
-    error_constant = 2000.0  # 439 measured
-
-
-class CvodeBdf(SundialsSolver):
-    """Backward differentiation formulas of order 1 to 5 with variable coefficients; for stiff problems.
-
-    Orders 3 to 5 are stable in a wedge about the negative axis alone: a fast undamped rotation costs order and steps.
-    Source: Hindmarsh et al., ACM Trans. Math. Software 31 (2005) 363.
-    """
-
-    name = "cvode-bdf"
-    summary = "backward differentiation formulas of order 1 to 5 (SUNDIALS CVODE)"
-    number, options = (2,), {"method": "BDF"}
-    error_constant = 6000.0  # 1862 measured
+CvodeAdams, CvodeBdf = methods(SundialsSolver)
 
 
 class Ida(SundialsSolver):
