@@ -18,16 +18,15 @@ from polhode.harness.calibration.evaluation import Evaluation
 from polhode.harness.common.store import read_export
 from polhode.harness.pages import ensembles, footing, problems
 from polhode.harness.pages.averaging import first_order, hybrid, second_order
+from polhode.harness.pages.bench import averaged_costs, verdict
 from polhode.harness.pages.known_stokes import write_page
 from polhode.harness.pages.outcomes import limit, sentences
 from polhode.harness.pages.picking.pick import stated_summary, summary
 from polhode.harness.pages.regimes import ERRORS, read_cells, sentence
-from polhode.harness.pages.verdict import averaged_costs, verdict
-from polhode.harness.paper import catalogue, store
+from polhode.harness.paper import claims, store
 from polhode.harness.paper.item import Grid
 from polhode.harness.paper.pages import write_pages
-from polhode.harness.studies.cost import FirstRun
-from polhode.harness.studies.overhead import Overhead
+from polhode.harness.studies.cost import FirstRun, Overhead
 from polhode.harness.studies.study_file import read_study as read_study_file
 from polhode.models.catalogue import FORMS
 from polhode.solvers.catalogue import SOLVERS
@@ -132,9 +131,9 @@ def test_pages_on_the_paper_follow_from_the_data(tmp_path: Path, monkeypatch: py
     # Which code made the data is not the question here.
     monkeypatch.setattr(store, "content_key", lambda item, grid: "")
     names = [path.name for path in (REPORTS / "paper").glob("*.md")]
-    for section in catalogue.sections():
+    for section in claims.sections():
         (tmp_path / section.name).symlink_to(REPORTS / "paper" / section.name)
-    write_pages(tmp_path, catalogue.sections(), Grid.FULL)
+    write_pages(tmp_path, claims.sections(), Grid.FULL)
     for name in names:
         made = re.sub("Made by older code.*\n\n", "", (tmp_path / name).read_text(encoding="utf-8"))
         assert made == text(f"paper/{name}"), name

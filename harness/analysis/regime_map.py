@@ -7,8 +7,7 @@ from math import isnan
 import pandas as pd
 
 from polhode.harness.analysis.frames import by_stokes, where
-from polhode.harness.analysis.pareto import Method, cost, front, methods, pareto_front
-from polhode.harness.analysis.winners import TIE
+from polhode.harness.analysis.pareto import TIE, Method, cost, front, methods, pareto_front
 from polhode.harness.references.uncertainty import known, least_known, uncertainty_of
 from polhode.solvers.contract import Status
 

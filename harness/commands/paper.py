@@ -34,7 +34,7 @@ def paper(
     Each item states what the paper claims, what is computed, and the number that confirms, sharpens or corrects it.
     Data that today's code has made before are kept, so that an interrupted run goes on where it stopped.
     """
-    from polhode.harness.paper.catalogue import find_items, section_of
+    from polhode.harness.paper.claims import find_items, section_of
     from polhode.harness.paper.engine import run
     from polhode.harness.paper.item import Grid
 

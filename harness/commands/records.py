@@ -48,8 +48,7 @@ def compare(before: Path, after: Path, slower: float, less_accurate: float, as_j
     tolerance. Times are corrected for the machine's drift, measured by a fixed piece of arithmetic, and count as longer
     only beyond the scatter of the repeated runs.
     """
-    from polhode.harness.analysis.comparison import compare as compare_runs
-    from polhode.harness.analysis.saved_runs import read_runs
+    from polhode.harness.analysis.comparison import compare as compare_runs, read_runs
     from polhode.harness.common.plain_json import dumps
 
     with bad_input():

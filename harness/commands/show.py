@@ -157,7 +157,7 @@ def draw(scene: str, out: Path, until: float | None, frames: int) -> None:
 
     from polhode.harness.api import solve
     from polhode.harness.common.files import PartialFile
-    from polhode.harness.pages.figures.particle import tumbling
+    from polhode.harness.pages.figures.motion import tumbling
     from polhode.harness.picking.choice import simplest
     from polhode.harness.references.rotations import rotations
     from polhode.harness.studies.scenes import find_scene

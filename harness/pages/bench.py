@@ -1,13 +1,20 @@
-"""The page of the main job: table, figures, verdict, all from the records."""
+"""The page of the main job: table, figures, who wins in sentences, all from the records."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from polhode.harness.analysis.frames import by_scene, by_stokes, frame, where, write_runs
-from polhode.harness.analysis.winners import TARGETS, TIE, cheapest
+from polhode.harness.analysis.pareto import (
+    TARGETS,
+    TIE,
+    averaged_forms,
+    averaged_wins_from,
+    cheapest,
+    costs_over_stokes,
+)
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record, export
@@ -15,7 +22,6 @@ from polhode.harness.common.text import duration, markdown, short
 from polhode.harness.pages.figures.profiles import profile_lines
 from polhode.harness.pages.figures.work_precision import save, work_precision_panels
 from polhode.harness.pages.tables import bullets, fill, table
-from polhode.harness.pages.verdict import averaged_costs, verdict
 from polhode.harness.references.uncertainty import least_known, uncertainty_of
 from polhode.harness.studies.study import Study
 
@@ -108,3 +114,69 @@ def _winner(runs: pd.DataFrame, target: float, error: str) -> str:
     more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
     tied = f" = {', '.join(names[:SHOWN])}{more}" if names else ""
     return f"{form}, {best['solver']}, {short(best['tolerance'])}: {duration(best['seconds'])}{tied}"
+
+
+# St further apart than this leave open where between them averaging begins to pay.
+GAP = 10.0 * (1 + 1e-9)
+
+
+def when_averaged_wins(records: pd.DataFrame, target: float, write: Callable[[float], str]) -> str | None:
+    """At which of the St measured an averaged form is the cheapest, in words; None if it is not at the largest.
+
+    Where the St before the start is more than a factor `GAP` away, both are named, for nothing is known between them.
+    `write` writes an St.
+    """
+    start = averaged_wins_from(records, target)
+    if start is None:
+        return None
+    numbers = [stokes for stokes, _ in by_stokes(records)]
+    onwards = f"from St = {write(start)} on" if start < numbers[-1] else f"at St = {write(start)}"
+    if len(numbers) == 1:
+        return f"{onwards}, the only one measured"
+    if start == numbers[0]:
+        return f"{onwards}, the smallest measured"
+    before = numbers[numbers.index(start) - 1]
+    if start > GAP * before:
+        return f"{onwards}, not at {write(before)} (no St between measured)"
+    return onwards if start < numbers[-1] else f"{onwards}, the largest measured"
+
+
+def verdict(records: pd.DataFrame, targets: Sequence[float] = TARGETS) -> list[str]:
+    """Where averaged forms win, in sentences, scene by scene."""
+    return _each_scene(records, lambda runs: _averaged_or_not(runs, targets))
+
+
+def averaged_costs(records: pd.DataFrame) -> list[str]:
+    """How little an averaged form's cost depends on St, scene by scene."""
+    return _each_scene(records, _costs_over_stokes)
+
+
+def _each_scene(records: pd.DataFrame, lines: Callable[[pd.DataFrame], list[str]]) -> list[str]:
+    return [f"{scene}: {line}" if scene else line for scene, runs in by_scene(records) for line in lines(runs)]
+
+
+def _averaged_or_not(records: pd.DataFrame, targets: Sequence[float]) -> list[str]:
+    if not averaged_forms(records):
+        return []
+    found = {short(target): when_averaged_wins(records, target, short) for target in targets}
+    lines = [
+        f"For a slow error of {target} an averaged form is the cheapest {words}."
+        for target, words in found.items()
+        if words
+    ]
+    never = ", ".join(target for target, words in found.items() if words is None)
+    nowhere = f"For a slow error of {never} no averaged form is the cheapest at the largest St measured."
+    return [*lines, nowhere] if never else lines
+
+
+def _costs_over_stokes(records: pd.DataFrame) -> list[str]:
+    lines = []
+    for name in averaged_forms(records):
+        found = costs_over_stokes(records, name)
+        if found is not None:
+            first, last, (low, middle, high) = found
+            lines.append(
+                f"The {name} form at St = {short(last)} costs {middle:.2f} times what it costs at St = {short(first)} "
+                f"(median over solvers and tolerances; nine in ten lie between {low:.2f} and {high:.2f})."
+            )
+    return lines

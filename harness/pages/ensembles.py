@@ -4,6 +4,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+import matplotlib.pyplot as plt
+
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.text import markdown, short
@@ -34,8 +36,6 @@ def write_page(found: Found, folder: Path) -> Path:
 
 def picture(rows: list[Found]) -> Any:
     """Particles per second against the largest error, a colour for each shape."""
-    import matplotlib.pyplot as plt
-
     figure, axes = plt.subplots(figsize=(6.5, 4), layout="constrained")
     for shape, shade in zip(dict.fromkeys(row["shape"] for row in rows), ("#0072B2", "#D55E00"), strict=False):
         some = [row for row in rows if row["shape"] == shape]

@@ -18,8 +18,7 @@ from polhode.harness.common.store import Record, export
 from polhode.harness.common.text import duration, in_two_digits, markdown, scientific, short
 from polhode.harness.pages.figures.work_precision import save, work_precision_panels
 from polhode.harness.pages.tables import bullets, fill
-from polhode.harness.studies.cost import STARTS, FirstRun
-from polhode.harness.studies.overhead import Overhead
+from polhode.harness.studies.cost import STARTS, FirstRun, Overhead
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Backend, Status
 

@@ -10,9 +10,8 @@ from statistics import median
 import pandas as pd
 
 from polhode.harness.analysis.frames import frame, where, write_runs
-from polhode.harness.analysis.pareto import Method
+from polhode.harness.analysis.pareto import TIE, Method
 from polhode.harness.analysis.regime_map import Cell, cells, standings
-from polhode.harness.analysis.winners import TIE
 from polhode.harness.common.files import read_file, write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record

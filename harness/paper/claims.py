@@ -1,4 +1,7 @@
-"""The claims and the words around what was measured: one file per section in sections/, numbers as expressions."""
+"""The claims, words and figures around what was measured: one file per section in sections/, values as expressions.
+
+The expressions belong to this package. A figure is described as panels with axes and curves.
+"""
 
 import sys
 import tomllib
@@ -6,30 +9,86 @@ from collections.abc import Iterator, Mapping
 from functools import cache
 from importlib import import_module
 from importlib.resources import files
+from itertools import cycle
 from math import inf
+from types import ModuleType
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from polhode.harness.paper.expressions import evaluated, names_of, worded
-from polhode.harness.paper.figures import drawn
+from polhode.harness.common.text import Wording
+from polhode.harness.paper import drawing, planes, runs, tables
 from polhode.harness.paper.item import Data, Item, Number, Parts, Section, Verdict, Word
+from polhode.models import scenes
 
-SECTIONS = "polhode.harness.paper.sections"
-# What a row of numbers may say, the last two together.
+PLACE = "polhode.harness.paper.sections"
+# In the paper's order.
+SECTIONS = ("periods", "limits", "spheroids", "ellipsoids", "rest", "appendix", "beyond")
+# Modules whose names all expressions may use.
+SHARED = (scenes, drawing, tables, runs, planes)
+# What a row of numbers may say, the last two together; what a curve says beside its style.
 BOUNDS, NEAR = {"value", "what", "each", "low", "high", "unit"}, {"near", "within"}
+CURVE = {"table", "by", "x", "y", "label", "slope", "level", "broken"}
 
 
-def section(name: str) -> Section:
-    """The section of a file of claims, its items in the file's order."""
-    title, entries = _entries()[name]
-    return Section(name, title, tuple(_item(key, entry) for key, entry in entries.items()))
+@cache
+def sections() -> tuple[Section, ...]:
+    """All sections, their items in the order of their files."""
+    found = {name: _entries()[name] for name in SECTIONS}
+    return tuple(
+        Section(name, title, tuple(_item(key, entry) for key, entry in entries.items()))
+        for name, (title, entries) in found.items()
+    )
+
+
+def items() -> tuple[Item, ...]:
+    """All items, in order."""
+    return tuple(item for section in sections() for item in section.items)
+
+
+def find_items(names: tuple[str, ...]) -> tuple[Item, ...]:
+    """Items, or all items of sections, of the given names, all of them without names; ValueError for unknown ones."""
+    known = {item.name: (item,) for item in items()} | {section.name: section.items for section in sections()}
+    for name in names:
+        if name not in known:
+            raise ValueError(f"item: got {name!r}, expected one of {', '.join(known)}")
+    wanted = {item.name for name in names for item in known[name]}
+    return tuple(item for item in items() if not names or item.name in wanted)
+
+
+def section_of(item: Item) -> Section:
+    """The section an item belongs to."""
+    return next(section for section in sections() if item in section.items)
+
+
+def names_of(*modules: ModuleType) -> dict[str, Any]:
+    """The names of the shared modules and of others."""
+    return {name: value for module in (*SHARED, *modules) for name, value in vars(module).items()}
+
+
+def evaluated(expression: Any, names: dict[str, Any]) -> Any:
+    """The value of an expression; what is none is its own value."""
+    return eval(expression, names) if isinstance(expression, str) else expression
+
+
+class _Words(Wording):
+    """Fields of texts are expressions, which end at the first : or ! outside brackets."""
+
+    def get_field(self, field_name: str, args: Any, kwargs: Any) -> tuple[Any, str]:
+        return evaluated(field_name, kwargs), field_name
+
+
+def worded(text: str, names: Mapping[str, Any]) -> str:
+    """A text with its fields."""
+    return _Words().vformat(text, (), names)
 
 
 @cache
 def _entries() -> dict[str, tuple[str, dict[str, dict[str, Any]]]]:
     """Title and items of every section; an item that is `like` another has all that it does not say itself from it."""
-    paths = [path for path in files(SECTIONS).iterdir() if path.name.endswith(".toml")]
+    paths = [path for path in files(PLACE).iterdir() if path.name.endswith(".toml")]
     found = {path.name.removesuffix(".toml"): tomllib.loads(path.read_text(encoding="utf-8")) for path in paths}
     titles = {name: entries.pop("title") for name, entries in found.items()}
     known = {key: entry for entries in found.values() for key, entry in entries.items()}
@@ -48,7 +107,7 @@ def _entries() -> dict[str, tuple[str, dict[str, dict[str, Any]]]]:
 def _item(name: str, entry: Mapping[str, Any]) -> Item:
     """An item whose experiment is given as "module: expression", of a module of the sections and in its names."""
     module, _, expression = entry["experiment"].partition(": ")
-    place = import_module(f"{SECTIONS}.{module}")
+    place = import_module(f"{PLACE}.{module}")
     experiment = evaluated(expression, names_of(place) | {"Parts": Parts})
     kinds = [sys.modules[kind.__module__] for kind in reversed(type(experiment).__mro__)]
 
@@ -78,14 +137,11 @@ def judged(entry: Mapping[str, Any], facts: dict[str, Any]) -> Verdict:
     numbers = [number for row in entry["numbers"] for number in _numbers(row, facts)]
     # What an item says beside the sentences that it shares with those that are `like` it.
     found = f"{entry['found']} {entry.get('also', '')}".rstrip()
-    return Verdict(Word(entry["verdict"]), worded(found, facts), worded(entry["caption"], facts), *numbers)
+    return Verdict(Word(entry["verdict"]), worded(found, facts), worded(entry["caption"], facts), numbers)
 
 
 def _numbers(row: Mapping[str, Any], facts: dict[str, Any]) -> Iterator[Number]:
-    """The numbers of a row: one, or one for each value of a list of facts.
-
-    Bounds are numbers or expressions.
-    """
+    """The numbers of a row, bounds as numbers or expressions: one, or one for each value of a list of facts."""
     if wrong := set(row) - BOUNDS - (NEAR if set(row) >= NEAR else set()):
         expected = f"{', '.join(sorted(BOUNDS))}, or {' with '.join(sorted(NEAR))}"
         raise ValueError(f"numbers: got {', '.join(sorted(wrong))}, expected of {expected}")
@@ -103,3 +159,44 @@ def _numbers(row: Mapping[str, Any], facts: dict[str, Any]) -> Iterator[Number]:
             low, high = middle - row["within"], middle + row["within"]
         value = fact(row["value"])
         yield Number(what, float(value), low, high, row.get("unit", ""), getattr(value, "interval", None))
+
+
+def drawn(entry: Mapping[str, Any], names: dict[str, Any]) -> Figure:
+    """The figure of an entry: its size, one table for each of its axes, and a legend below all if it has `columns`."""
+    figure, axes = drawing.panels(*entry["panels"], **entry.get("options", {}))
+    for own, panel in zip(axes, entry["axes"], strict=True):
+        for curve in panel["curves"]:
+            _draw(own, curve, names)
+        title, log = worded(panel.get("title", ""), names), panel.get("log", "")
+        drawing.label(own, panel["x"], panel["y"], title, log, **panel.get("limits", {}))
+        for call in panel.get("also", ()):
+            evaluated(call, {**names, "axes": own})
+        if "legend" in panel:
+            own.legend(**panel["legend"])
+    if "columns" in entry:
+        drawing.common_legend(figure, axes[0], entry["columns"])
+    return figure
+
+
+def _draw(axes: Axes, curve: Mapping[str, Any], names: dict[str, Any]) -> None:
+    """Draw a curve of a table, or one for each value of a column `by`; x and y may name its columns, and `part`."""
+    style = {key: value for key, value in curve.items() if key not in CURVE}
+    style["color"] = getattr(drawing, style.get("color", ""), style.get("color"))
+    table = evaluated(curve.get("table", "table"), names)
+    key, text = curve.get("by"), curve.get("label")
+    parts = tables.groups(table, key) if key else [(None, table)]
+    for color, (value, part) in zip(cycle(drawing.CYCLE), parts, strict=False):
+        own = {**names, "part": part, **{name: part[name] for name in part.dtype.names}}
+        chosen = {**style, "label": text}
+        if key:
+            own[key] = value
+            chosen |= {"label": text and worded(text, own), "color": style["color"] or color}
+        x, y, slope = (evaluated(curve.get(name), own) for name in ("x", "y", "slope"))
+        if "slope" in curve:
+            drawing.draw_law(axes, x, y, slope, **{name: each for name, each in chosen.items() if each is not None})
+        elif "level" in curve:
+            axes.axhline(evaluated(curve["level"], own), **chosen)
+        elif "broken" in curve:
+            drawing.draw_broken(axes, part, curve["x"], curve["y"], curve["broken"], **chosen)
+        else:
+            axes.plot(x, y, **chosen)

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from polhode.harness.common.files import write_file
-from polhode.harness.pages.figures.style import power
+from polhode.harness.pages.figures.style import few_colours, power
 from polhode.harness.paper.item import Table
 from polhode.harness.paper.tables import groups
 
@@ -30,8 +30,6 @@ BOUND = "0.55"
 NODE = PURPLE
 FORMATS = ("png", "svg")
 RESOLUTION = 150
-# Colours of a PNG's palette that are kept as they are.
-EXACT = 64
 STYLE: dict[Any, Any] = {
     "font.size": 9,
     "axes.titlesize": 9,
@@ -104,10 +102,7 @@ def draw_on_sphere(axes: Axes, path: Table, **style: Any) -> None:
 def styled_runs(
     table: Table, key: str, widths: tuple[float, float] = (1.4, 0.7)
 ) -> Iterator[tuple[dict[str, Any], Table]]:
-    """Line style and rows of every run of a table whose key is St: ∞ stands for the averaged run, drawn on top.
-
-    The two widths are those of the averaged and of the full runs.
-    """
+    """Line style and rows of every run by St, ∞ for the averaged one, on top; widths of averaged and full runs."""
     full = 0
     for stokes, part in groups(table, key):
         if np.isinf(stokes):
@@ -133,7 +128,7 @@ def draw_law(axes: Axes, x: np.ndarray, y: float, slope: float, line: str = ":",
 
 
 def save(figure: Figure, folder: Path, name: str, formats: Sequence[str] = FORMATS) -> None:
-    """Save a figure; the same figure gives the same files. A palette of 256 colours keeps the PNG small."""
+    """Save a figure; the same figure gives the same files. Few colours keep the PNG small."""
     for ending in formats:
         drawn = BytesIO()
         metadata = {"Date": None} if ending == "svg" else {"Software": None}
@@ -141,23 +136,5 @@ def save(figure: Figure, folder: Path, name: str, formats: Sequence[str] = FORMA
         if ending == "png":
             with Image.open(drawn) as image:
                 drawn = BytesIO()
-                with_palette(image.convert("RGB")).save(drawn, "png", optimize=True)
+                few_colours(image.convert("RGB")).save(drawn, "png", optimize=True)
         write_file(folder / f"{name}.{ending}", drawn.getvalue())
-
-
-def with_palette(image: Image.Image) -> Image.Image:
-    """An RGB image in 256 colours: its commonest ones as they are, the others near to one that covers them.
-
-    A palette by frequency alone turns a thin line, or a few markers, into the colour of another curve; one that covers
-    all colours alike tints the commonest.
-    """
-    red, green, blue = np.moveaxis(np.asarray(image).astype(int), 2, 0)
-    codes = (red << 16) + (green << 8) + blue
-    found, place, count = np.unique(codes, return_inverse=True, return_counts=True)
-    colors = np.stack([found >> 16, found >> 8 & 255, found & 255], axis=1)
-    covering = image.quantize(256 - EXACT, Image.Quantize.MAXCOVERAGE).getpalette() or []
-    palette = np.concatenate([colors[np.argsort(-count, kind="stable")[:EXACT]], np.reshape(covering, (-1, 3))])
-    nearest = np.argmin(np.sum((colors[:, None] - palette) ** 2, axis=2), axis=1)
-    drawn = Image.fromarray(nearest[place].reshape(image.height, image.width).astype(np.uint8))
-    drawn.putpalette(palette.astype(np.uint8).tobytes())
-    return drawn

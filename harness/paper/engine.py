@@ -5,7 +5,7 @@ from pathlib import Path
 from time import perf_counter
 
 from polhode.harness.paper import store
-from polhode.harness.paper.catalogue import section_of, sections
+from polhode.harness.paper.claims import section_of, sections
 from polhode.harness.paper.drawing import save, style
 from polhode.harness.paper.item import Grid, Item
 from polhode.harness.paper.pages import write_pages

@@ -1,6 +1,6 @@
 """What an item of the paper's reproduction is: a claim, the data that test it, a figure, a verdict."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from math import inf
@@ -69,18 +69,18 @@ class Number:
         return self.low <= self.value <= self.high
 
 
+@dataclass(frozen=True)
 class Verdict:
-    """What the data say about a claim, and the caption of their figure.
+    """What the data say about a claim, and the caption of their figure."""
 
-    The word is the one earned if every number lies in its range.
-    """
-
-    def __init__(self, earned: Word, sentence: str, caption: str, *numbers: Number) -> None:
-        self.earned, self.sentence, self.caption, self.numbers = earned, sentence, caption, numbers
+    earned: Word
+    sentence: str
+    caption: str
+    numbers: Sequence[Number]
 
     @property
     def word(self) -> Word:
-        """The verdict."""
+        """The one earned, if every number lies in its range."""
         return self.earned if all(number.holds for number in self.numbers) else Word.NOT_CONFIRMED
 
 

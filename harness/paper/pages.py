@@ -6,6 +6,7 @@ from pathlib import Path
 
 from polhode.harness.common.files import write_file
 from polhode.harness.common.text import markdown, short
+from polhode.harness.pages.tables import bullets, fill
 from polhode.harness.paper import store
 from polhode.harness.paper.item import MEANINGS, Data, Grid, Item, Number, Section, Verdict, Word
 
@@ -18,35 +19,21 @@ def write_pages(folder: Path, sections: Sequence[Section], grid: Grid) -> None:
     names = [(section, item) for section in sections for item in section.items]
     found = {item.name: store.judged(folder / section.name, item) for section, item in names}
     for section in sections:
-        lines = [f"# {section.title}", "", NOTICE, ""]
-        for item in section.items:
-            lines += _item_lines(section, item, found[item.name])
-        write_file(folder / f"{section.name}.md", "\n".join(lines).rstrip() + "\n")
-    write_file(folder / "README.md", "\n".join(_index(sections, found, grid)).rstrip() + "\n")
+        parts = [_described(section, item, found[item.name]) for item in section.items]
+        write_file(folder / f"{section.name}.md", "\n".join([f"# {section.title}\n\n{NOTICE}\n", *parts]))
+    write_file(folder / "README.md", _index(sections, found, grid))
 
 
-def _item_lines(section: Section, item: Item, found: Judged) -> list[str]:
-    lines = [f"## {item.title}", "", f"**Claim.** {item.claim}", ""]
+def _described(section: Section, item: Item, found: Judged) -> str:
+    """What the page of a section says of an item."""
     if isinstance(found, str):
-        return [*lines, f"{found}: `polhode paper {item.name}`.", ""]
+        return f"## {item.title}\n\n**Claim.** {item.claim}\n\n{found}: `polhode paper {item.name}`.\n"
     data, verdict, _ = found
+    files = [f"[{name or 'data'}]({section.name}/{store.file_name(item, name)})" for name in data]
+    rows = [_cells(number.what, measured(number), allowed(number)) for number in verdict.numbers]
+    numbers = markdown(["measured", "value", "verdict holds for"], rows)
     place = f"{section.name}/{item.name}"
-    tables = ", ".join(f"[{name or 'data'}]({section.name}/{store.file_name(item, name)})" for name in data)
-    return [
-        *lines,
-        f"**Verdict: {verdict.word}.** {verdict.sentence}",
-        "",
-        markdown(
-            ["measured", "value", "verdict holds for"],
-            [_cells(number.what, measured(number), allowed(number)) for number in verdict.numbers],
-        ),
-        f"![{item.title}]({place}.png)",
-        "",
-        f"*{verdict.caption}*",
-        "",
-        f"Reproduce: `polhode paper {item.name}`. Data: {tables}; also [SVG]({place}.svg).",
-        "",
-    ]
+    return fill("paper-item", item=item, verdict=verdict, numbers=numbers, place=place, tables=", ".join(files))
 
 
 def _cells(*texts: str) -> list[str]:
@@ -75,32 +62,24 @@ def _digits(value: float, count: int = 4) -> str:
     return short(float(f"{value:.{count}g}"))
 
 
-def _index(sections: Sequence[Section], found: Mapping[str, Judged], grid: Grid) -> list[str]:
+def _index(sections: Sequence[Section], found: Mapping[str, Judged], grid: Grid) -> str:
     known = {name: content for name, content in found.items() if not isinstance(content, str)}
     words = Counter(content[1].word for content in known.values())
-    counts = ", ".join(f"{words[word]} {word}" for word in Word if words[word])
-    lines = [
-        "# The paper, reproduced",
-        "",
-        f"{len(found)} items: {counts}.",
-        "",
-        NOTICE,
-        "",
-        'Every figure and table of "The orientation dynamics of a massive ellipsoid in simple shear flow" '
-        "(Vishwanathan, Gudda and Subramanian), computed anew, and some questions beyond it. "
-        "`polhode paper` makes all of it again, `polhode paper ITEM…` single ones. Each item's page says what was "
-        "found, with all numbers and the ranges in which its verdict holds.",
-        "",
-    ]
-    if grid is not Grid.FULL:
-        lines += ["**Made on the reduced grid: a look, not a result.**", ""]
     stale = [name for name, content in known.items() if not content[2]]
+    remarks = "**Made on the reduced grid: a look, not a result.**\n\n" if grid is not Grid.FULL else ""
     if stale:
-        lines += [f"Made by older code, to be computed again: {', '.join(stale)}.", ""]
+        remarks += f"Made by older code, to be computed again: {', '.join(stale)}.\n\n"
     rows = [_index_row(section, item, found[item.name]) for section in sections for item in section.items]
-    lines += [markdown(["item", "claim", "verdict", "number"], rows), ""]
-    lines += [f"- *{word}*: {MEANINGS[word]}." for word in Word]
-    return [*lines, "", "Sections: " + ", ".join(f"[{each.title}]({each.name}.md)" for each in sections) + "."]
+    return fill(
+        "paper",
+        count=len(found),
+        counts=", ".join(f"{words[word]} {word}" for word in Word if words[word]),
+        notice=NOTICE,
+        remarks=remarks,
+        items=markdown(["item", "claim", "verdict", "number"], rows),
+        meanings=bullets(f"*{word}*: {MEANINGS[word]}." for word in Word),
+        sections=", ".join(f"[{each.title}]({each.name}.md)" for each in sections),
+    )
 
 
 def _index_row(section: Section, item: Item, found: Judged) -> list[str]:

@@ -3,10 +3,8 @@
 import ast
 import hashlib
 import json
-import sys
 import tomllib
 from functools import cache
-from inspect import ismodule
 from io import BytesIO
 from pathlib import Path
 
@@ -16,66 +14,53 @@ from polhode import models, solvers
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import package_version
 from polhode.harness.common.plain_json import digest
+from polhode.harness.paper import sections
 from polhode.harness.paper.item import Computed, Data, Grid, Item, Table, Verdict
 from polhode.harness.paper.tables import tables_of
 
 SCHEMA = 1
 DIGITS = 8
 LIBRARIES = ("numpy", "scipy", "heyoka", "cyrk")
-# Modules of this package that change how items look, not what they compute.
-APPEARANCE = ("polhode.harness.paper.drawing", "polhode.harness.paper.item", "polhode.harness.paper.claims")
 # What the expressions and the computation of an item may end with.
 FAILURES = (ArithmeticError, AttributeError, LookupError, NameError, RuntimeError, TypeError, ValueError)
 NO_DATA = "Not computed yet"
 
 
 def content_key(item: Item, grid: Grid) -> str:
-    """Hash of all that an item's data depend on: its own code and formulas, models and solvers, the libraries."""
-    code = code_of(item)
+    """Hash of all that an item's data depend on: its settings, all code that computes, the libraries."""
     content = {
         "schema": SCHEMA,
         "item": item.name,
         "settings": repr(getattr(item.compute, "__self__", None)),
         "grid": grid,
-        "code": [_code(path) for path in code] + [_rooms()],
-        "formulas": [tomllib.loads(path.read_text("utf-8")) for path in formulas_of(code)],
+        "code": hash_of_code(),
         "libraries": {name: package_version(name) for name in LIBRARIES},
     }
     return digest(content)
 
 
-def code_of(item: Item) -> list[Path]:
-    """Files of this package that an item's data depend on: its module, and those from which that one takes names."""
-    found, waiting = set(), {item.compute.__module__}
-    while waiting:
-        name = waiting.pop()
-        found.add(name)
-        values = vars(sys.modules[name]).values()
-        sources = {value.__name__ if ismodule(value) else getattr(value, "__module__", None) or "" for value in values}
-        near = {source for source in sources if source.startswith("polhode.harness.paper.")}
-        waiting |= near - found - set(APPEARANCE)
-    return sorted(Path(sys.modules[name].__file__ or "") for name in found)
-
-
-def formulas_of(code: list[Path]) -> list[Path]:
-    """Files of formulas beside an item's code."""
-    return [path for folder in sorted({path.parent for path in code}) for path in folder.glob("entries.toml")]
+def code() -> list[Path]:
+    """Files that compute: of models, solvers and sections, and what these take from this package."""
+    rooms = [Path(room.__file__ or "").parent for room in (models, solvers, sections)]
+    beside = [rooms[-1].parent / name for name in ("planes.py", "runs.py", "tables.py")]
+    return [*beside, *rooms[-1].glob("*/*.toml"), *sorted(path for room in rooms for path in room.rglob("*.py"))]
 
 
 @cache
-def _rooms() -> str:
-    paths = (path for room in (models, solvers) for path in sorted(Path(room.__file__ or "").parent.rglob("*.py")))
-    return _hash("".join(_code(path) for path in paths).encode())
+def hash_of_code() -> str:
+    """Of all of `code`."""
+    return _hash("".join(map(_meaning, code())).encode())
 
 
-@cache
-def _code(path: Path) -> str:
-    """Hash of a module's code: neither comments nor docstrings nor the way it is broken into lines change it."""
+def _meaning(path: Path) -> str:
+    """A file without comments, docstrings and the way it is broken into lines."""
+    if path.suffix == ".toml":
+        return repr(tomllib.loads(path.read_text("utf-8")))
     tree = ast.parse(path.read_bytes())
     for node in ast.walk(tree):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node) is not None:
             node.body = node.body[1:]
-    return _hash(ast.dump(tree).encode())
+    return ast.dump(tree)
 
 
 def _hash(content: bytes) -> str:
@@ -83,10 +68,7 @@ def _hash(content: bytes) -> str:
 
 
 def write(folder: Path, item: Item, grid: Grid, parts: Computed) -> Data:
-    """Write the tables of an item and, last, its record; return them as they read back.
-
-    Whatever an interrupted run leaves is not taken for data.
-    """
+    """Write the tables of an item and, last, its record; return them as they read back."""
     folder.mkdir(parents=True, exist_ok=True)
     record = folder / f"{item.name}.json"
     record.unlink(missing_ok=True)

@@ -7,13 +7,12 @@ from html import escape
 from importlib import resources
 from io import BytesIO
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 from PIL import Image
 
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import machine, versions
+from polhode.harness.pages.figures.style import few_colours
 from polhode.harness.pages.tables import fill
 from polhode.harness.site.cost import cost_page
 from polhode.harness.site.markdown import FIGURES, page_name, render, section
@@ -41,8 +40,6 @@ REPORTS = {
 # What the opening page takes from the page of the bench, by its own heading.
 SECTIONS = {"Robust or fast": "Robust or fast", "When averaging pays": "Verdict"}
 SCENE_CELL = re.compile(r"<td>([\w-]+)</td>")
-# Of a picture, and how far apart, of 255: more and nearer ones only weigh.
-COLOURS, APART = 128, 16
 OVERWRITTEN = " Do not edit: the next run overwrites this page."
 # What these pictures show is on the page of costs.
 ON_COSTS = re.compile(r"(slow|orientation)(-[\w-]+)?\.png")
@@ -118,22 +115,8 @@ def _copy(source: Path, target: Path) -> None:
     """Copy a picture in few colours and a format that keeps the site small."""
     copied = BytesIO()
     with Image.open(source) as image:
-        full = image.convert("RGB")
-    few = full.quantize(palette=_palette(full), dither=Image.Dither.NONE)
-    few.convert("RGB").save(copied, "webp", lossless=True, quality=50, method=2)
+        few_colours(image.convert("RGB")).convert("RGB").save(copied, "webp", lossless=True, quality=50, method=2)
     write_file(target, copied.getvalue())
-
-
-def _palette(image: Image.Image) -> Image.Image:
-    """The colours that most of the picture has: lines keep theirs, whereas a mean of areas would shift them."""
-    counted: Any = image.getcolors(image.width * image.height)
-    left, chosen = np.array([colour for _, colour in sorted(counted, reverse=True)]), []
-    while len(left) and len(chosen) < COLOURS:
-        chosen.append(left[0])
-        left = left[np.max(np.abs(left - left[0]), axis=1) >= APART]
-    palette = Image.new("P", (1, 1))
-    palette.putpalette(np.resize(chosen, (256, 3)).astype(np.uint8).tobytes())
-    return palette
 
 
 def _foot() -> str:

@@ -1,4 +1,4 @@
-"""What one right-hand side costs, and what a fresh process pays for that later runs do not."""
+"""What one right-hand side, a first run in a fresh process, and `solve` beside the bare library call cost."""
 
 import ctypes
 import os
@@ -8,7 +8,9 @@ import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
+from math import inf
 from tempfile import TemporaryDirectory
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -19,7 +21,8 @@ from polhode.models.catalogue import form as find_form
 from polhode.models.files.kept import CACHE_VARIABLE
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
-from polhode.solvers.catalogue import solver as find_solver
+from polhode.models.scenes import named_scene
+from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.compile import array_callback, c_callback, parameter_array
 from polhode.solvers.contract import Backend
 from polhode.solvers.machine_code.llvm import Signature, compile_lines
@@ -167,3 +170,60 @@ def startup_seconds() -> float:
         subprocess.run([sys.executable, "-c", code], check=True, stdout=subprocess.DEVNULL)
 
     return min(seconds_of(start) for _ in range(STARTS))
+
+
+# What is allowed: a share of the bare call or a time in seconds, whichever is more.
+ALLOWED_SHARE = 0.05
+ALLOWED_SECONDS = 50e-6
+
+
+@dataclass(frozen=True)
+class Overhead:
+    """Minima, in seconds, of a bare library call and of `solve` for the same rows."""
+
+    solver: str
+    bare: float
+    solve: float
+
+    @property
+    def seconds(self) -> float:
+        """What `solve` costs on top."""
+        return self.solve - self.bare
+
+    @property
+    def allowed(self) -> bool:
+        """Whether that is at most 5 % or 50 µs."""
+        return self.seconds <= max(ALLOWED_SHARE * self.bare, ALLOWED_SECONDS)
+
+
+def paper_problem() -> Problem:
+    """The paper's ellipsoid at St = 1e3, 500 units of time, quaternion form."""
+    return find_form("quaternion").problem(named_scene("paper"))
+
+
+def measure(
+    problem: Problem,
+    tolerance: float = 1e-8,
+    solvers: tuple[str, ...] = tuple(name for name in SOLVERS if name != "exact"),
+    samples: int = 201,
+    seconds: float = 1.0,
+) -> list[Overhead]:
+    """Measure the overhead of solvers, about `seconds` for each: bare call and `solve` in turns, the minimum of each.
+
+    Solvers that are not installed, or whose bare call is not known, are left out.
+    """
+    times = np.linspace(0.0, problem.end, samples)
+    table = []
+    for name in solvers:
+        method = find_solver(name)
+        bare = method.bare_call(problem, method.settings(tolerance), times) if method.available else None
+        if bare is None:
+            continue
+        best, calls = [inf, inf], (bare, lambda name=name: solve(problem, name, tolerance, times))
+        for call in calls:
+            call()
+        end = perf_counter() + seconds
+        while perf_counter() < end or best[1] == inf:
+            best = [min(before, seconds_of(call)) for before, call in zip(best, calls, strict=True)]
+        table.append(Overhead(name, *best))
+    return table

@@ -2,17 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
+from polhode.harness.averaging.hybrid import Study
 from polhode.harness.pages.figures.style import colour, power as power_of
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from polhode.harness.averaging.hybrid import Study
 
 COLOURS = {1: colour("averaged"), 2: colour("averaged-second-order")}
 NAMES = {1: "first order", 2: "second order"}
@@ -29,10 +26,8 @@ class Line:
     error: Sequence[float]
 
 
-def against_stokes(panels: Mapping[str, Sequence[Line]], label: str) -> "Figure":
+def against_stokes(panels: Mapping[str, Sequence[Line]], label: str) -> Figure:
     """A panel for each title, one thin line for each case; dotted, the promised slopes."""
-    import matplotlib.pyplot as plt
-
     figure, row = plt.subplots(1, len(panels), figsize=SIZE, sharex=True, sharey=True, layout="constrained")
     for axes, (title, lines) in zip(row, panels.items(), strict=True):
         for line in lines:
@@ -50,10 +45,8 @@ def against_stokes(panels: Mapping[str, Sequence[Line]], label: str) -> "Figure"
     return figure
 
 
-def errors_and_speed(study: "Study") -> "Figure":
+def errors_and_speed(study: "Study") -> Figure:
     """Of the form `hybrid`: errors against those asked for; how many times as fast as the best full solution."""
-    import matplotlib.pyplot as plt
-
     figure, (left, right) = plt.subplots(1, 2, figsize=SIZE, layout="constrained")
     draw = np.random.default_rng(0)
     for stokes in sorted({row.stokes for row in study.errors}):
@@ -78,7 +71,7 @@ def errors_and_speed(study: "Study") -> "Figure":
     return figure
 
 
-def _promise(axes: "Axes", own: Sequence[Line], power: int) -> None:
+def _promise(axes: Axes, own: Sequence[Line], power: int) -> None:
     """A dotted line of the promised slope above nine in ten of the errors."""
     stokes, errors = (np.concatenate([getattr(line, name) for line in own]) for name in ("stokes", "error"))
     ends = np.array([stokes.min(), stokes.max()])

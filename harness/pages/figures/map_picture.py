@@ -2,16 +2,17 @@
 
 from collections.abc import Mapping, Sequence
 from math import inf, isnan
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from polhode.harness.analysis.pareto import Side
+import matplotlib.pyplot as plt
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
+from matplotlib.patches import Patch, Polygon, Rectangle
+
+from polhode.harness.analysis.pareto import TIE, Side
 from polhode.harness.analysis.regime_map import Cell, usual_form
-from polhode.harness.analysis.winners import TIE
 from polhode.harness.common.text import duration, factor, short
 from polhode.harness.pages.figures.style import colour, power, rank
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 # Colours darker than this carry white numbers.
 DARK = 0.4
@@ -37,8 +38,6 @@ def picture(panels: Sequence[Sequence[Cell]], times: Mapping[float, float]) -> A
 
     `times` are the durations of the runs by St, in units of the inverse shear rate.
     """
-    import matplotlib.pyplot as plt
-
     columns, rows = (len({getattr(cell, name) for cell in panels[0]}) for name in ("stokes", "target"))
     width = LEFT + CELL[0] * max(columns, LEAST_COLUMNS) + 0.1
     cells = [cell for found in panels for cell in found]
@@ -63,10 +62,8 @@ def picture(panels: Sequence[Sequence[Cell]], times: Mapping[float, float]) -> A
     return drawing
 
 
-def draw(axes: "Axes", found: Sequence[Cell]) -> "Axes":
+def draw(axes: Axes, found: Sequence[Cell]) -> Axes:
     """Draw one map: colour names the winner, a corner who ties with it, numbers its time and its lead."""
-    from matplotlib.patches import Polygon, Rectangle
-
     numbers = sorted({cell.stokes for cell in found})
     targets = sorted({cell.target for cell in found}, reverse=True)
     at = {(cell.stokes, cell.target): cell for cell in found}
@@ -92,7 +89,7 @@ def draw(axes: "Axes", found: Sequence[Cell]) -> "Axes":
     return axes
 
 
-def _durations(axes: "Axes", numbers: Sequence[float], times: Mapping[float, float]) -> None:
+def _durations(axes: Axes, numbers: Sequence[float], times: Mapping[float, float]) -> None:
     """Three rows below a map: St, and over what time and slow time its runs go; bold where that is less than usual."""
     slow = [times[stokes] / stokes if stokes else inf for stokes in numbers]
     usual = max(slow, key=slow.count)
@@ -115,10 +112,8 @@ def _durations(axes: "Axes", numbers: Sequence[float], times: Mapping[float, flo
     axes.annotate(note, (0, 0), (0, -58), xycoords="axes fraction", textcoords="offset points", fontsize=9.5)
 
 
-def _write_in(axes: "Axes", cell: Cell, i: int, j: int, usual: str) -> None:
+def _write_in(axes: Axes, cell: Cell, i: int, j: int, usual: str) -> None:
     """Time and lead of the winner, and its form where that is not the usual one."""
-    from matplotlib.colors import to_rgb
-
     if cell.winner is None:
         axes.text(i + 0.5, j + 0.5, "–" if cell.known else "?", ha="center", va="center", fontsize=9, color="0.55")
         return
@@ -134,7 +129,7 @@ def _write_in(axes: "Axes", cell: Cell, i: int, j: int, usual: str) -> None:
         axes.text(i + 0.44, y, line, ha="center", va="center", fontsize=size, color=ink)
 
 
-def _borders(axes: "Axes", sides: Sequence[Sequence[Side | None]]) -> None:
+def _borders(axes: Axes, sides: Sequence[Sequence[Side | None]]) -> None:
     """Heavy lines where one kind of method hands over to another."""
     style = {"color": "black", "linewidth": 2.2, "solid_capstyle": "round", "zorder": 3}
     for i, column in enumerate(sides):
@@ -147,8 +142,6 @@ def _borders(axes: "Axes", sides: Sequence[Sequence[Side | None]]) -> None:
 
 def _entries(found: Sequence[Cell]) -> list[list[Any]]:
     """Entries of the legend by column: a heading and the methods of each side, and what empty cells mean."""
-    from matplotlib.patches import Patch
-
     methods = [method for cell in found for method in (cell.winner, cell.second if cell.tied else None) if method]
     shown = {method.label: method.side for method in methods}
     columns: list[list[Any]] = []

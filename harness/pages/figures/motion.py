@@ -1,21 +1,20 @@
 """Plots of one motion: functions that draw on Matplotlib axes and return them."""
 
-from typing import TYPE_CHECKING
+from math import cos, sin
 
+import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from polhode.harness.solution import SceneSolution
+from polhode.harness.solution import SceneSolution
 
 # Okabe and Ito's palette, safe for colour-blind readers.
 COLOURS = {"Lx": "#E69F00", "Ly": "#56B4E9", "Lz": "#0072B2", "E": "#D55E00"}
 
 
-def slow_variables(
-    axes: "Axes", solution: "SceneSolution", *, names: tuple[str, ...] = ("Lx", "Ly", "Lz", "E")
-) -> "Axes":
+def slow_variables(axes: Axes, solution: SceneSolution, *, names: tuple[str, ...] = ("Lx", "Ly", "Lz", "E")) -> Axes:
     """Draw L and E over I_max against slow time t₂, or against time where there is no slow time.
 
     Parameters
@@ -39,3 +38,84 @@ def slow_variables(
     axes.set_ylabel("L and E over $I_{max}$")
     axes.grid(True, linewidth=0.4, alpha=0.5)
     return axes
+
+
+# The view: round the gradient axis, then down on it, in rad, as on the page of motions.
+TURN, TILT = 0.45, 0.3
+LIGHT = np.array([-0.5, 0.6, 0.62])
+PARALLELS, MERIDIANS = 36, 72
+# Share of the parallels that the coloured caps take at each end of the longest axis.
+CAP = 0.14
+ONE_HALF, OTHER_HALF, CAPS, INK = (0.47, 0.65, 0.80), (0.63, 0.76, 0.88), (0.84, 0.37, 0.0), "#5b6470"
+
+
+def tumbling(solution: SceneSolution) -> Figure:
+    """One picture for each sample of a solution that knows the orientation, from left to right."""
+    count = len(solution.times)
+    drawing, row = plt.subplots(1, count, figsize=(1.75 * count, 1.75), squeeze=False)
+    ellipsoid = solution.scene.ellipsoid
+    semi_axes = np.array(ellipsoid.semi_axes) / max(ellipsoid.semi_axes)
+    for axes, time, rotation in zip(row[0], solution.times, solution.rotation, strict=True):
+        body(axes, semi_axes, _frame(rotation))
+        axes.set_title(f"$t$ = {time:.3g}", fontsize=9, color=INK, y=0.0)
+    drawing.subplots_adjust(left=0, right=1, bottom=0.02, top=1, wspace=0)
+    return drawing
+
+
+def body(axes: Axes, semi_axes: np.ndarray, rotation: np.ndarray) -> Axes:
+    """Draw an ellipsoid, rows of `rotation` its axes in space, between arrows of the flow u = y along x."""
+    pole = int(np.argmax(semi_axes))
+    polar, around = np.meshgrid(np.linspace(0, np.pi, PARALLELS + 1), np.linspace(0, 2 * np.pi, MERIDIANS + 1))
+    unit = np.stack([np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], axis=-1)
+    unit = np.roll(unit, pole + 1, axis=-1)
+    corners = _project((unit * semi_axes) @ rotation)
+    normals = _project((unit / semi_axes) @ rotation)
+    faces, normal = _faces(corners), _faces(normals).sum(axis=1)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    at = np.indices((MERIDIANS, PARALLELS)).reshape(2, -1)
+    cap = np.minimum(at[1], PARALLELS - 1 - at[1]) < CAP * PARALLELS
+    tint = np.where(cap[:, None], CAPS, np.where(at[0][:, None] < MERIDIANS // 2, ONE_HALF, OTHER_HALF))
+    shade = np.minimum(1, tint * (0.35 + 0.75 * np.maximum(0, normal @ LIGHT))[:, None])
+    seen = normal[:, 2] > 0
+    for x in (-1.25, 1.25):
+        ends = _project(np.array([[x, -1.25, 0], [x, 1.25, 0]]))
+        axes.plot(ends[:, 0], ends[:, 1], color=INK, linewidth=0.6, alpha=0.5)
+        for y in np.linspace(-1.2, 1.2, 7):
+            tail, tip = _project(np.array([[x, y, 0], [x + 0.38 * y, y, 0]]))
+            style = {"arrowstyle": "->", "color": INK, "lw": 0.7, "alpha": 0.6, "shrinkA": 0, "shrinkB": 0}
+            axes.annotate("", tip[:2], tail[:2], arrowprops=style)
+    patches = PolyCollection(
+        list(faces[seen][:, :, :2]), facecolors=shade[seen], edgecolors=shade[seen], linewidths=0.3
+    )
+    axes.add_collection(patches)
+    axes.set_xlim(-1.75, 1.75)
+    axes.set_ylim(-1.6, 1.6)
+    axes.set_aspect("equal")
+    axes.axis("off")
+    return axes
+
+
+def _faces(points: np.ndarray) -> np.ndarray:
+    """Corners of every face of the mesh, shape (faces, 4, 3)."""
+    first, later = slice(None, -1), slice(1, None)
+    corners = [points[i, j] for i, j in ((first, first), (first, later), (later, later), (later, first))]
+    return np.stack(corners, axis=2).reshape(-1, 4, 3)
+
+
+def _project(points: np.ndarray) -> np.ndarray:
+    """Points in space as right, up and towards the eye."""
+    x, y, z = np.moveaxis(points, -1, 0)
+    right, near = cos(TURN) * x - sin(TURN) * z, sin(TURN) * x + cos(TURN) * z
+    return np.stack([right, cos(TILT) * y - sin(TILT) * near, sin(TILT) * y + cos(TILT) * near], axis=-1)
+
+
+def _frame(rotation: np.ndarray) -> np.ndarray:
+    """The rotation matrix; of a spheroid whose form knows the symmetry axis alone, any two axes beside it."""
+    known = ~np.isnan(rotation).any(axis=1)
+    if known.all():
+        return rotation
+    symmetry = int(np.argmax(known))
+    axis = rotation[symmetry]
+    aside = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+    aside /= np.linalg.norm(aside)
+    return np.roll(np.stack([axis, aside, np.cross(axis, aside)]), symmetry, axis=0)

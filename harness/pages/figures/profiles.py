@@ -6,19 +6,17 @@ COCO, Optim. Methods Softw. 36 (2021).
 """
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
 from polhode.harness.analysis.frames import by_scene, by_stokes
 from polhode.harness.analysis.pareto import cost, front, methods
 from polhode.harness.common.text import in_two_digits, short
 from polhode.harness.pages.figures.style import looks
 from polhode.harness.pages.figures.work_precision import name_lines, save
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TARGETS = tuple(float(f"1e-{exponent}") for exponent in range(2, 13))
 # Factors over the fastest shown, and the one that the sentence is about.
@@ -74,10 +72,8 @@ def sentence(found: pd.DataFrame) -> str:
     )
 
 
-def profiles(found: pd.DataFrame) -> "Figure":
+def profiles(found: pd.DataFrame) -> Figure:
     """The share of problems solved within a factor of the fastest, and within a time."""
-    import matplotlib.pyplot as plt
-
     figure, (left, right) = plt.subplots(1, 2, figsize=(9.8, 4.0), sharey=True)
     ratios = found.div(found.min(axis=1), axis=0)
     fastest, longest = (float(end) for end in (np.nanmin(found.to_numpy(float)), np.nanmax(found.to_numpy(float))))

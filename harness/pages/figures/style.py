@@ -5,6 +5,10 @@ from dataclasses import dataclass
 from math import floor, inf, log10
 from typing import Any
 
+import numpy as np
+from matplotlib.markers import MarkerStyle
+from PIL import Image
+
 from polhode.models.catalogue import FORMS, form as find_form
 from polhode.solvers.catalogue import SOLVERS
 
@@ -40,6 +44,9 @@ LOOKS: dict[str, tuple[str, Any]] = {
 # Solvers and forms without a look of their own, those outside the catalogue among them: markers in turn.
 OTHER, OTHER_MARKERS = "#6B3F1D", ("X", (5, 1, 180), (3, 1, 0), (7, 1, 0))
 
+# Of a picture, and how far apart, of 255: more and nearer ones only weigh.
+COLOURS, APART = 128, 16
+
 
 @dataclass(frozen=True)
 class Look:
@@ -51,8 +58,6 @@ class Look:
     @property
     def outline(self) -> str:
         """The marker as an SVG path, y downwards, of about unit size."""
-        from matplotlib.markers import MarkerStyle
-
         style = MarkerStyle(self.marker)
         path = style.get_path().transformed(style.get_transform())
         parts = []
@@ -97,3 +102,15 @@ def power(value: float) -> str:
         return f"{value:g}"
     factor = f"{value / 10.0**exponent:.3g}"
     return f"$10^{{{exponent}}}$" if factor == "1" else f"${factor}\\times10^{{{exponent}}}$"
+
+
+def few_colours(image: Image.Image) -> Image.Image:
+    """An RGB picture in the colours that most of it has: lines keep theirs, which a mean of areas would shift."""
+    counted: Any = image.getcolors(image.width * image.height)
+    left, chosen = np.array([colour for _, colour in sorted(counted, reverse=True)]), []
+    while len(left) and len(chosen) < COLOURS:
+        chosen.append(left[0])
+        left = left[np.max(np.abs(left - left[0]), axis=1) >= APART]
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(np.resize(chosen, (256, 3)).astype(np.uint8).tobytes())
+    return image.quantize(palette=palette, dither=Image.Dither.NONE)

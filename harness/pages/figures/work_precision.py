@@ -3,20 +3,21 @@
 from collections.abc import Sequence
 from itertools import cycle
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.transforms import offset_copy
 
 from polhode.harness.analysis.frames import by_stokes, where
 from polhode.harness.analysis.pareto import pareto_front
 from polhode.harness.common.files import PartialFile
 from polhode.harness.pages.figures.style import GREY, is_averaged, looks, power
 from polhode.harness.references.uncertainty import KNOWN, known
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 REACHED = "reached_end"
 # The band under the Pareto front.
@@ -39,7 +40,7 @@ LETTERS, APART = 8.5, 10.5
 BEHIND, BEHIND_NAME = "#BDBDBD", "behind the front"
 
 
-def work_precision(axes: "Axes", runs: pd.DataFrame, error: str = "slow_error") -> "Axes":
+def work_precision(axes: Axes, runs: pd.DataFrame, error: str = "slow_error") -> Axes:
     """Draw cost against error of all runs of one scene; averaged forms by their cheapest runs and their model error.
 
     A band lies under the Pareto front of the full forms' known runs; methods that are nowhere on it stand behind,
@@ -85,13 +86,13 @@ def _points(runs: pd.DataFrame, error: str) -> tuple[np.ndarray, np.ndarray]:
     return runs[error].to_numpy(float), runs["seconds"].to_numpy(float)
 
 
-def _front(axes: "Axes", front: pd.DataFrame, error: str) -> None:
+def _front(axes: Axes, front: pd.DataFrame, error: str) -> None:
     if len(front):
         band = {"color": FRONT, "solid_capstyle": "round", "solid_joinstyle": "round", "zorder": 0.5}
         axes.plot(*_points(front, error), linewidth=7, label=FRONT_NAME, **band)
 
 
-def _grey_out(axes: "Axes", runs: pd.DataFrame, error: str, marker: Any, size: float) -> None:
+def _grey_out(axes: Axes, runs: pd.DataFrame, error: str, marker: Any, size: float) -> None:
     """Cover the points that lie below what the reference resolves in grey."""
     unknown = where(runs, ~known(runs, error))
     if len(unknown):
@@ -100,7 +101,7 @@ def _grey_out(axes: "Axes", runs: pd.DataFrame, error: str, marker: Any, size: f
         axes.plot(*_points(unknown, error), label=label, **style)
 
 
-def _averaged(axes: "Axes", runs: pd.DataFrame, form: str, error: str) -> None:
+def _averaged(axes: Axes, runs: pd.DataFrame, form: str, error: str) -> None:
     look, front = looks([form])[form], pareto_front(runs, error)
     style = {"marker": look.marker, "markersize": 9, "linewidth": 0, "color": look.colour}
     axes.plot(*_points(front, error), label=f"{form} form,\ncheapest runs", **style)
@@ -111,10 +112,8 @@ def _averaged(axes: "Axes", runs: pd.DataFrame, form: str, error: str) -> None:
         axes.axvline(float(model.iloc[0]), color=look.colour, linewidth=1.0, linestyle=":", label=label)
 
 
-def _without_result(axes: "Axes", runs: pd.DataFrame) -> None:
+def _without_result(axes: Axes, runs: pd.DataFrame) -> None:
     """A hollow marker above the upper edge for each run without a result, at its tolerance, side by side."""
-    from matplotlib.transforms import offset_copy
-
     figure: Any = axes.figure
     failed = where(runs, runs["status"] != REACHED)
     for tolerance in sorted(set(failed["tolerance"].astype(float))):
@@ -125,7 +124,7 @@ def _without_result(axes: "Axes", runs: pd.DataFrame) -> None:
             axes.plot([tolerance], [1.0], transform=place, clip_on=False, label=f"_{solver}: no result", **style)
 
 
-def name_lines(axes: "Axes") -> None:
+def name_lines(axes: Axes) -> None:
     """Write each line's name beside the panel, at the height where it ends, as near as its neighbours allow.
 
     Pale lines become grey, without markers or names.
@@ -162,17 +161,14 @@ def name_lines(axes: "Axes") -> None:
         axes.annotate(name, end, place, textcoords="figure points", arrowprops=arrow, annotation_clip=False, **style)
 
 
-def work_precision_panels(records: pd.DataFrame, error: str, label: str) -> "Figure":
+def work_precision_panels(records: pd.DataFrame, error: str, label: str) -> Figure:
     """One panel of `work_precision` per St, on the same axes."""
     groups = [(f"St = {power(stokes)}", runs) for stokes, runs in by_stokes(records)]
     return panels(groups, error, label)
 
 
-def panels(groups: Sequence[tuple[str, pd.DataFrame]], error: str, label: str, *, alike: bool = True) -> "Figure":
+def panels(groups: Sequence[tuple[str, pd.DataFrame]], error: str, label: str, *, alike: bool = True) -> Figure:
     """One panel of `work_precision` for each title and its runs, with one legend; `alike` ones share their axes."""
-    import matplotlib.pyplot as plt
-    from matplotlib.lines import Line2D
-
     columns = 2 if len(groups) > 1 else 1
     lines = -(-len(groups) // columns)
     between = NAMES + (0.0 if alike else TICKS)
@@ -214,7 +210,7 @@ def panels(groups: Sequence[tuple[str, pd.DataFrame]], error: str, label: str, *
     return figure
 
 
-def _limits(axes: "Axes", records: pd.DataFrame, error: str) -> None:
+def _limits(axes: Axes, records: pd.DataFrame, error: str) -> None:
     """More accurate to the right; times over more than a decade, so that a power of ten names one."""
     low, high = axes.get_ylim()
     if high < 10 * low:
@@ -225,10 +221,8 @@ def _limits(axes: "Axes", records: pd.DataFrame, error: str) -> None:
         axes.set_xlim(values.max() * 3, values.min() / 3)
 
 
-def save(figure: "Figure", folder: Path, name: str) -> None:
+def save(figure: Figure, folder: Path, name: str) -> None:
     """Save a figure and close it."""
-    import matplotlib.pyplot as plt
-
     with PartialFile(folder / f"{name}.png", binary=True) as file:
         figure.savefig(file, format="png", dpi=150)
     plt.close(figure)

@@ -6,6 +6,7 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
@@ -137,8 +138,6 @@ def _law_frame(laws: Laws) -> pd.DataFrame:
 
 def _write_figures(folder: Path, evaluation: Evaluation) -> None:
     """Write `choices.png`, a point for each scene, and `predicted.png`, one for each run, into a folder."""
-    import matplotlib.pyplot as plt
-
     scenes: Any = evaluation.scenes
     figure, axes = plt.subplots(figsize=(8.0, 4.2))
     for stratum, mine in scenes.groupby("stratum"):

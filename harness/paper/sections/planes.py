@@ -19,7 +19,7 @@ from polhode.models.theory.fixed_points import fixed_points
 INSIDE = 1 - 1e-13
 STOKES = (1e3, 1e4)
 STARTS = tuple((momentum, theta) for momentum in (-0.7, 0.7) for theta in (0.4, 0.9, 1.4))
-NAMES = {"stable node": "stable node", "saddle": "saddle", "singular": "singular point"}
+POINTS = {"stable node": "stable node", "saddle": "saddle", "singular": "singular point"}
 
 
 def plane_tables(
@@ -29,12 +29,10 @@ def plane_tables(
     on_edge: float,
     kept: Callable[[np.ndarray], np.ndarray],
 ) -> Computed:
-    """Slow trajectories from L_z/I_max and shares as of `energy_at`, thinned to the points kept, and where they end.
-
-    Those that start on the upper parabola are followed for the slow time `on_edge`, before rounding carries them off.
-    """
+    """Slow trajectories from L_z/I_max and shares as of `energy_at`, thinned to the points kept, and where they end."""
     slow_times = graded(1.0, points)
     for number, (momentum, share) in enumerate(starts):
+        # From the upper parabola, before rounding carries them off.
         times = slow_times[slow_times <= on_edge] if share == 1.0 else slow_times
         run = planes.plane_path(body, momentum, planes.energy_at(body, momentum, min(share, INSIDE)), times)
         chosen = kept(run.slow)
@@ -90,7 +88,7 @@ class Planes:
                 own.bar(place + np.linspace(-0.3, 0.3, len(found)), found.difference, 0.1, color=BLUE)
             own.set_xticks(range(len(self.bodies)), [*map(name_of, self.bodies.values())], fontsize=6.5, rotation=15)
             label(own, "body, one bar per start", "largest difference$/I_{max}$", f"St = {stokes:g}")
-        planes.name_points(axes[0], {point.stability: NAMES[point.stability] for point in fixed_points(first)})
+        planes.name_points(axes[0], {point.stability: POINTS[point.stability] for point in fixed_points(first)})
         planes.name_lines(axes[0], first, "bounds of $L_z^2/2E$")
         common_legend(figure, axes[0])
         return figure

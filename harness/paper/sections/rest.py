@@ -204,10 +204,7 @@ class Transient:
 
 
 def _onset_of(run: Run, scaled: np.ndarray) -> dict[str, Any]:
-    """Scaled times of the first radian and of the first wiggle, and the angular velocity at t = √St.
-
-    L_z falls from 0; it wiggles first where the torque that drives it down is weakest for the first time.
-    """
+    """Scaled times of the first radian, and of the first wiggle of L_z, its weakest torque; the speed at t = √St."""
     speed = np.linalg.norm(angular_velocity(run.scene.ellipsoid, run.observables), axis=1)
     turned = np.interp(ONSET, cumulative_trapezoid(speed, run.times, initial=0.0), scaled)
     torque = np.gradient(run.observables.angular_momentum[:, 2], run.times)

@@ -12,9 +12,8 @@ import pandas as pd
 import pytest
 from commandline import Run
 
-from polhode.harness.analysis.comparison import compare
+from polhode.harness.analysis.comparison import benchmark_records, compare, read_runs
 from polhode.harness.analysis.frames import frame
-from polhode.harness.analysis.saved_runs import benchmark_records, read_runs
 from polhode.harness.cli import main
 from polhode.harness.common.store import Store, export
 

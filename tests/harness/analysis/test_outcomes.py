@@ -9,8 +9,7 @@ import pandas as pd
 import pytest
 from commandline import STUDY
 
-from polhode.harness.analysis.outcomes import INACCURATE, limits, outcome
-from polhode.harness.pages.outcomes import sentences, write_page
+from polhode.harness.pages.outcomes import INACCURATE, limits, outcome, sentences, write_page
 from polhode.harness.studies.study_file import parse_study
 from polhode.models.files.scene_file import scene_table
 from polhode.models.scenes import named_scene

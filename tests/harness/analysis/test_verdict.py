@@ -4,9 +4,9 @@ import pandas as pd
 import pytest
 
 from polhode.harness.analysis.frames import frame
-from polhode.harness.analysis.winners import TIE, averaged_wins_from, cheapest
+from polhode.harness.analysis.pareto import TIE, averaged_wins_from, cheapest
 from polhode.harness.common.text import short
-from polhode.harness.pages.verdict import verdict, when_averaged_wins
+from polhode.harness.pages.bench import verdict, when_averaged_wins
 
 
 def run(solver: str, seconds: float | None, error: float | None, **more: object) -> dict:

@@ -23,8 +23,7 @@ from polhode.harness.ensembles.ensemble import Ensemble, Task
 from polhode.harness.ensembles.statistics import SECOND, Statistics
 from polhode.harness.ensembles.summary import means
 from polhode.harness.ensembles.sweep import gather, parse_sweep, perform, read_sweep, run_sweep
-from polhode.harness.pages.figures.ensembles import picture
-from polhode.harness.pages.sweep import write_results
+from polhode.harness.pages.sweep import picture, write_results
 
 # Tasks of some hundredths of a second.
 SWEEP = """\

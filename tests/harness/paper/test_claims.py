@@ -6,10 +6,9 @@ from scipy import stats
 
 from polhode.harness.common.text import WORDING
 from polhode.harness.paper import claims
-from polhode.harness.paper.claims import facts_of, judged
-from polhode.harness.paper.figures import drawn
+from polhode.harness.paper.claims import drawn, facts_of, judged
 from polhode.harness.paper.item import Word
-from polhode.harness.paper.sections.beyond.crossings import SPREAD, fitted_level, law
+from polhode.harness.paper.sections.beyond import SPREAD, fitted_level, law
 from polhode.harness.paper.sections.limits.weak_inertia import turns
 from polhode.harness.paper.tables import Estimate
 

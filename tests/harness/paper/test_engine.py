@@ -12,9 +12,10 @@ from PIL import Image
 
 from polhode.harness.commands.paper import paper
 from polhode.harness.common.fits import mean_interval, power_law
-from polhode.harness.paper import catalogue as catalogue_module, engine, store
-from polhode.harness.paper.catalogue import find_items, section_of
-from polhode.harness.paper.drawing import FORMATS, with_palette
+from polhode.harness.pages.figures.style import few_colours
+from polhode.harness.paper import claims, engine, store
+from polhode.harness.paper.claims import find_items, section_of
+from polhode.harness.paper.drawing import FORMATS
 from polhode.harness.paper.engine import run
 from polhode.harness.paper.item import Grid, Item, Number, Section, Verdict, Word
 from polhode.harness.paper.pages import allowed, measured
@@ -38,7 +39,7 @@ def made_up(calls, slope=-1.0):
 
     def verdict(data):
         number = Number("slope", power_law(data[""]["x"], data[""]["y"])[0], -1.001, -0.999)
-        return Verdict(Word.CONFIRMED, "It falls.", "A line.", number)
+        return Verdict(Word.CONFIRMED, "It falls.", "A line.", [number])
 
     return Item("made-up", "Made up", "It falls.", compute, figure, verdict)
 
@@ -49,7 +50,7 @@ def catalogue(monkeypatch):
 
     def replace_by(*items):
         section = Section("made", "Made", items)
-        for module in (catalogue_module, engine):
+        for module in (claims, engine):
             monkeypatch.setattr(module, "sections", lambda: (section,))
 
     return replace_by
@@ -102,35 +103,40 @@ def test_the_key_knows_settings_and_grid():
         assert (store.content_key(other, Grid.FULL) in keys) is expected
 
 
-def test_data_depend_on_every_module_that_computes_them():
-    (item,) = find_items(("ellipsoid-plane",))
-    names = {f"{path.parent.name}/{path.stem}" for path in store.code_of(item)}
-    assert names >= {"ellipsoids/planes", "ellipsoids/motion", "paper/planes", "paper/runs", "sections/slow_motion"}
-    assert not names & {"paper/drawing", "paper/pages", "paper/engine", "limits/poincare"}
-
-
-def test_the_key_knows_formulas_beside_the_code(tmp_path, monkeypatch):
+def test_the_key_knows_the_code_and_the_formulas_of_what_computes(tmp_path, monkeypatch):
+    names = {f"{path.parent.name}/{path.name}" for path in store.code()}
+    assert names >= {"sections/ellipsoids.py", "paper/planes.py", "appendix/entries.toml", "solvers/solve.py"}
+    assert not names & {"paper/drawing.py", "paper/pages.py", "paper/claims.py", "sections/limits.toml"}
     (item,) = find_items(("averages-spheroid",))
-    assert [path.name for path in store.formulas_of(store.code_of(item))] == ["entries.toml"]
-    keys = set()
-    for text in ('a = ["z1"]', 'a = ["z1"] # the same', 'a = ["z2"]'):
-        (tmp_path / "entries.toml").write_text(text)
-        monkeypatch.setattr(store, "formulas_of", lambda code: [tmp_path / "entries.toml"])
-        keys.add(store.content_key(item, Grid.FULL))
+    (tmp_path / "one.py").write_text("x = 1")
+    keys = {store.content_key(item, Grid.FULL)}
+    monkeypatch.setattr(store, "code", lambda: [tmp_path / "one.py"])
+    store.hash_of_code.cache_clear()
+    keys.add(store.content_key(item, Grid.FULL))
+    store.hash_of_code.cache_clear()
     assert len(keys) == 2
 
 
-def test_the_key_follows_code_alone(tmp_path):
+@pytest.mark.parametrize(
+    ("ending", "texts"),
+    [
+        (
+            "py",
+            [
+                'def f():\n    "One."\n    return 1\n',
+                'def f():  # two\n    "Two."\n\n    return 1\n',
+                "def f():\n    return 2\n",
+            ],
+        ),
+        ("toml", ['a = ["z1"]', 'a = ["z1"] # the same', 'a = ["z2"]']),
+    ],
+)
+def test_the_key_follows_code_alone(tmp_path, ending, texts):
     """Docstrings and comments may change, a number may not."""
-    texts = (
-        'def f():\n    "One."\n    return 1\n',
-        'def f():  # two\n    "Two."\n\n    return 1\n',
-        "def f():\n    return 2\n",
-    )
-    paths = [tmp_path / f"{number}.py" for number in range(3)]
+    paths = [tmp_path / f"{number}.{ending}" for number in range(3)]
     for path, text in zip(paths, texts, strict=True):
         path.write_text(text)
-    first, second, third = (store._code(path) for path in paths)
+    first, second, third = (store._meaning(path) for path in paths)
     assert first == second != third
 
 
@@ -272,7 +278,7 @@ def test_palette_keeps_common_and_rare_colours(tmp_path):
     pixels[50:, :, 2] = generator.integers(150, 200, size=(150, 200))
     green = (0, 158, 60)
     pixels[60:63, 7] = green
-    drawn = np.asarray(with_palette(Image.fromarray(pixels)).convert("RGB")).astype(int)
+    drawn = np.asarray(few_colours(Image.fromarray(pixels)).convert("RGB")).astype(int)
     assert (drawn[:50] == 255).all()
     assert np.max(np.abs(drawn[61, 7] - green)) < 40
     assert len(np.unique(drawn.reshape(-1, 3), axis=0)) <= 256

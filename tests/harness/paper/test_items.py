@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from polhode.harness.paper.catalogue import find_items, items, sections
+from polhode.harness.paper.claims import find_items, items, sections
 from polhode.harness.paper.drawing import style
 from polhode.harness.paper.item import Grid, Word
 from polhode.harness.paper.store import read, write

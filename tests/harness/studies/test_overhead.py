@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from polhode.harness.studies import overhead
-from polhode.harness.studies.overhead import Overhead, measure, paper_problem
+from polhode.harness.studies import cost as overhead
+from polhode.harness.studies.cost import Overhead, measure, paper_problem
 from polhode.models.problem import Problem
 from polhode.solvers.catalogue import SOLVERS, solver
 from polhode.solvers.contract import Integrator, Settings, Solver

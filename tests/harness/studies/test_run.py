@@ -15,7 +15,7 @@ import pytest
 from commandline import SCRIPT, STUDY, Run
 
 from polhode.harness.analysis.frames import frame
-from polhode.harness.analysis.winners import cheapest
+from polhode.harness.analysis.pareto import cheapest
 from polhode.harness.common.store import Record, Store, read_export
 from polhode.harness.common.worker import KilledFromOutsideError
 from polhode.harness.references.reference import reference

@@ -60,10 +60,7 @@ def section_points(ellipsoid: Ellipsoid, times: np.ndarray, orientation: np.ndar
 
 
 def chaos_border(turns: float) -> float:
-    """Stretching, as a logarithm, above which an orbit of so many half turns counts as chaotic.
-
-    Neighbours of a regular orbit part linearly in time, so that their stretching grows like the logarithm of the turns.
-    """
+    """Logarithm of the stretching above which an orbit is chaotic: of a regular one it grows like that of the turns."""
     return 3 * float(np.log(turns))
 
 
@@ -108,14 +105,10 @@ def orbit(ellipsoid: Ellipsoid, theta: float, psi: float, duration: float) -> tu
 
 
 def measure_layer(ellipsoid: Ellipsoid, turns: int) -> tuple[float, float]:
-    """Bisect, along θ at ψ = 0, for the ends of pure libration and of pure circulation: two values of θ - π/2, in rad.
+    """Ends of pure libration and of pure circulation along θ at ψ = 0, which all orbits cross: θ - π/2 in rad.
 
-    Up to the first every orbit stays between the saddles, from the other on every orbit stays on one side of θ = π/2;
-    the first is the larger one while orbits next to a sharp separatrix have not yet left the saddle.
-
-    The section's own symmetry makes ψ = 0 a line that all of these orbits cross. A sharp separatrix gives two equal
-    ends; orbits between them do both. Where the edge of a layer is frayed the bisection finds a place in the fringe, so
-    that the width is a lower bound.
+    The first is the larger one while orbits next to a sharp separatrix have not yet left the saddle. The edge of a
+    layer may be frayed, so that the width is a lower bound.
     """
     duration = turns * half_turn(ellipsoid)
 
@@ -141,11 +134,7 @@ def saddle_growth(ellipsoid: Ellipsoid) -> float:
 
 @dataclass(frozen=True)
 class Sections:
-    """Poincaré sections of one ellipsoid.
-
-    Its z' is the longest axis of a prolate-like body and the shortest of an oblate-like one, so that the saddles lie at
-    θ = π/2, ψ = ±π/2 for all of them.
-    """
+    """Poincaré sections of one ellipsoid; z' is the axis that is unlike the others: the saddles are at θ = ψ = π/2."""
 
     ellipsoid: Ellipsoid
     sections: int  # half turns to follow, about

@@ -8,7 +8,7 @@ from commandline import Run
 from scipy.spatial.transform import Rotation
 
 from polhode.harness.api import solve
-from polhode.harness.pages.figures.particle import TILT, TURN, body, tumbling
+from polhode.harness.pages.figures.motion import TILT, TURN, body, tumbling
 
 
 @pytest.mark.parametrize("semi_axes", [(1.0, 0.6, 0.3), (0.2, 0.2, 1.0)])

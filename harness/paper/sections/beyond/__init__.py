@@ -1,1 +1,0 @@
-"""Beyond the paper: where bodies end, basins, the order of averaging."""

@@ -1,1 +1,0 @@
-"""Massive triaxial ellipsoids: planes, space, motion."""
