@@ -27,18 +27,10 @@ class _Absent:
 
 @dataclass(frozen=True)
 class OwnField:
-    """The factory of a field that a function ``f(t, y, *parameters)`` makes.
-
-    Parameters
-    ----------
-    function : callable
-    timed : bool
-        Whether it uses t, which then is the state's last component.
-    t_start : float
-    """
+    """The factory of a field that a function ``f(t, y, *parameters)`` makes."""
 
     function: Callable[..., Any]
-    timed: bool
+    timed: bool  # whether it uses t, which then is the state's last component
     t_start: float
 
     def __call__(self, ops: Operations) -> Field:

@@ -58,10 +58,7 @@ class Catalogue(dict[str, str], Generic[T]):
     def find(self, name: str | T) -> T:
         """The instance of a catalogue name, or of a "module:class" outside, or the object that is one already.
 
-        Raises
-        ------
-        NotFoundError
-            If there is none, or its class lacks what the contract requires.
+        A NotFoundError says that there is none, or what its class lacks of the contract.
         """
         if not isinstance(name, str):
             return self._object(name)

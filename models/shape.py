@@ -77,10 +77,7 @@ class Ellipsoid:
     def aspect_ratio(self) -> float:
         """Aspect ratio kappa = (axial length) / (equatorial length) of a spheroid; 1 for a sphere.
 
-        Raises
-        ------
-        ValueError
-            For a triaxial ellipsoid, which has two.
+        ValueError for a triaxial ellipsoid, which has two.
         """
         if len(set(self.semi_axes)) == 1:
             return 1.0

@@ -32,13 +32,7 @@ def plain_field(factory: FieldFactory) -> Field:
 
 
 def check_field(problem: Problem) -> None:
-    """Refuse a field that does what no field may do.
-
-    Raises
-    ------
-    FieldError
-        Naming the file and the line.
-    """
+    """Refuse a field that does what no field may do: a FieldError names the file and the line."""
     parameters = problem.mass_form.parameters if problem.mass_form else problem.parameters
     if parameters is not None:
         trace(problem.field, problem.dimension, len(parameters))
@@ -99,13 +93,10 @@ def array_callback(problem: Problem, backend: Backend, values: np.ndarray) -> tu
 @cache
 @spent_on("import")
 def load_heyoka() -> Any:
-    """Import heyoka: quiet, and with its cache where the user wants it.
-
-    heyoka keeps compiled code on disk (`cache_folder`). It prints warnings about a cache that it cannot write on
-    standard output, where tables go; hence the logger level.
-    """
+    """Import heyoka: quiet, and with its cache of compiled code where the user wants it."""
     import heyoka
 
+    # It prints warnings about a cache that it cannot write on standard output, where tables go.
     heyoka.set_logger_level_critical()
     folder = cache_folder("heyoka")
     if kept_code.check(folder):

@@ -243,11 +243,7 @@ class Solver(ABC):
     ) -> Settings:
         """Settings for this solver; a backend or Jacobian not named is the first offered one that is installed.
 
-        Raises
-        ------
-        SolverNotValidError
-            If the tolerance is not a finite positive number, or the solver does not offer a choice, or what the
-            choice needs is not installed.
+        A SolverNotValidError names a tolerance out of range, a choice not offered, or what a choice needs.
         """
         if not (isfinite(tolerance) and tolerance > 0):
             raise SolverNotValidError(f"tolerance: got {tolerance!r}, expected a finite positive number")
@@ -270,13 +266,7 @@ class Solver(ABC):
         return choice
 
     def check(self, problem: Problem) -> None:
-        """Refuse a problem that this solver cannot solve.
-
-        Raises
-        ------
-        SolverNotValidError
-            Naming the condition and what to use instead.
-        """
+        """Refuse what this solver cannot solve: a SolverNotValidError names the condition and what to use instead."""
         if problem.parameters is None:
             condition = f"{problem.name!r} has no explicit form at St = 0; use solver 'ida' or form 'jeffery'"
             raise SolverNotValidError(condition, self.name)

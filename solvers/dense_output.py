@@ -55,13 +55,9 @@ def states_at(solution: Any, times: np.ndarray, run: Callable[..., Any]) -> np.n
     """States at any times of a run, shape (k, d): from the last row before each, by the run's own solver and tolerance.
 
     So they lie on the solver's own interpolation within steps of its own, and add one step's error to that of the row.
-    Where a run has pieces with problems of their own, the exact one serves.
-    Solvers that choose their step over many periods leave this to an explicit Runge-Kutta method of order 8.
-
-    Raises
-    ------
-    ValueError
-        If a time lies outside the run, or the solver fails between two rows.
+    Where a run has pieces with problems of their own, the exact one serves; solvers that choose their step over many
+    periods leave this to an explicit Runge-Kutta method of order 8. ValueError if a time lies outside the run, or the
+    solver fails between two rows.
     """
     known, settings, problem = solution.times, solution.settings, solution.problem
     outside = times[~((times >= known[0]) & (times <= known[-1]))]

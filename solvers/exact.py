@@ -13,8 +13,6 @@ class Exact(Solver):
     name = "exact"
     summary = "closed-form solution"
     accepts = "forms with a closed form: euler-top, jeffery of a spheroid"
-    library = "numpy"
-    package = "numpy"
     family = "closed form"
     closed_form = True
     backends = ("compiled",)

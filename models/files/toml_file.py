@@ -20,12 +20,7 @@ MOST = 4_000_000
 def read_toml(source: Path | Traversable, parse: Callable[[dict[str, Any]], Made], where: str | None = None) -> Made:
     """Read a TOML file and make of its contents what `parse` makes of them; messages call it `where`, or by its path.
 
-    Raises
-    ------
-    ValueError
-        In one line: the file, and what is wrong, which `parse` says by a ValueError.
-    OSError
-        If the file cannot be read.
+    A ValueError says in one line the file and what is wrong, as `parse` does; an OSError that it cannot be read.
     """
     where = where or str(source)
     try:

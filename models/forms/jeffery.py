@@ -60,11 +60,6 @@ class JefferyOrbit:
         """Aspect ratio kappa."""
         return self.axial / self.equatorial
 
-    @property
-    def period(self) -> float:
-        """Time 2π(κ + 1/κ) of one revolution of the symmetry axis."""
-        return 2 * pi * (self.aspect_ratio + 1 / self.aspect_ratio)
-
     @cached_property
     def _ellipse(self) -> tuple[float, float, np.longdouble]:
         """s, z and τ₀ of the symmetry axis at the start."""
@@ -151,16 +146,13 @@ class Jeffery(Form):
     def problem(self, scene: Scene) -> Problem:
         self.check(scene)
         start = self.require_orientation(scene).quaternion
-        closed_form = None if scene.ellipsoid.kind == "triaxial" else _orbit(scene, start).at
-        parameters = shares(scene.ellipsoid)
+        axes, parameters, closed_form = scene.ellipsoid.scaled_axes, shares(scene.ellipsoid), None
+        if scene.ellipsoid.kind != "triaxial":
+            axis = Spheroid.of(scene.ellipsoid).axis
+            closed_form = JefferyOrbit(axes[axis], axes[(axis + 1) % 3], axis, start).at
         return Problem(self.name, field, start, scene.time, parameters, closed_form=closed_form, invariant=norm_drift)
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         """Observables; L and E are those of Jeffery's angular velocity, quaternions are normalised first."""
         rotation = matrix_from_quaternion(states)
         return observe_body(scene.ellipsoid, rotation, jeffery_spin(scene.ellipsoid, rotation))
-
-
-def _orbit(scene: Scene, start: Quaternion) -> JefferyOrbit:
-    axes, axis = scene.ellipsoid.scaled_axes, Spheroid.of(scene.ellipsoid).axis
-    return JefferyOrbit(axes[axis], axes[(axis + 1) % 3], axis, start)

@@ -25,20 +25,11 @@ class TorqueFree:
     are singular where the polhode passes close to its axis, their sum with the spin is used: the angle about L of the
     frame carried along by the shortest rotation from L to axis c (Celledoni, Fassò, Säfström & Zanna, SIAM J. Sci.
     Comput. 30 (2008) 2084), regular for every start.
-
-    Parameters
-    ----------
-    inertia : (I₁, I₂, I₃)
-        Moments of inertia about the body axes, positive, in any order.
-    quaternion : (q₀, q₁, q₂, q₃)
-        Unit quaternion of the start, q̇ = ½ q∘(0, ω); its norm may be off by 1e-6.
-    angular_velocity : (ω₁, ω₂, ω₃)
-        Start, in body axes and any inverse unit of the times asked for.
     """
 
-    inertia: Triple
-    quaternion: Quaternion
-    angular_velocity: Triple
+    inertia: Triple  # about the body axes, positive, in any order
+    quaternion: Quaternion  # of the start, q̇ = ½ q∘(0, ω); its norm may be off by 1e-6
+    angular_velocity: Triple  # of the start, in body axes and any inverse unit of the times asked for
 
     def __post_init__(self) -> None:
         """Refuse starts without meaning."""

@@ -40,10 +40,7 @@ class Lanes:
     def march(self, starts: np.ndarray, rows: int, constants: np.ndarray, steps: int) -> np.ndarray:
         """States in lanes, shape (groups, rows, d, width), each row so many times the map of the one before.
 
-        Parameters
-        ----------
-        starts : ndarray, shape (n, d)
-            The last one fills the lanes that are left over.
+        Of starts, shape (n, d), the last one fills the lanes that are left over.
         """
         groups = -(-len(starts) // width())
         states = np.empty((groups, rows, self.dimension, width()))
