@@ -63,6 +63,16 @@ class SidedBody:
         a2 = (i2 - i3) / (i1 - i3) * x
         return a2, 1 - a2, np.minimum(rest / (1 - a2), 1)
 
+    def normal(self, x: Array, rest: Array, phase: Array) -> Array:
+        """Body components of n, shape (..., 3), from x, 1 - x and α (`eq:omg1`–`eq:omg3` over the frequency)."""
+        from scipy.special import ellipj, ellipkm1
+
+        a2, c2, complement = self.moduli(x, rest)
+        turns = np.remainder(phase + pi, 2 * pi) - pi
+        sn, cn, dn, _ = ellipj(2 / pi * ellipkm1(complement) * turns, 1 - complement)
+        sign = np.sign(self.inverse_inertia[1] - self.inverse_inertia[2])
+        return np.stack([np.sqrt(a2) * cn, sign * np.sqrt(x) * sn, np.sqrt(c2) * dn], axis=-1)
+
 
 @dataclass(frozen=True)
 class Polhodes:
@@ -113,16 +123,9 @@ class Polhodes:
 
     @cached_property
     def z(self) -> Array:
-        """Body components of n, shape (m, a, 3) (`eq:omg1`–`eq:omg3` over the frequency)."""
-        from scipy.special import ellipj, ellipkm1
-
-        _, i2, i3 = self.side.inverse_inertia
-        a2, c2, complement = self.moduli
+        """Body components of n, shape (m, a, 3)."""
         phases = self.phase[:, None] + 2 * pi / self.nodes * np.arange(self.nodes)
-        turns = np.remainder(phases + pi, 2 * pi) - pi
-        sn, cn, dn, _ = ellipj(2 / pi * ellipkm1(complement)[:, None] * turns, (1 - complement)[:, None])
-        sizes = np.sqrt(a2), np.sign(i2 - i3) * np.sqrt(self.x), np.sqrt(c2)
-        return np.stack([size[:, None] * part for size, part in zip(sizes, (cn, sn, dn), strict=True)], axis=-1)
+        return self.side.normal(self.x[:, None], 1 / (1 + np.exp(self.y))[:, None], phases)
 
     @cached_property
     def along(self) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from polhode.models.observables import Observables
 from polhode.models.scene import Scene
 from polhode.models.second_order import tables
-from polhode.models.second_order.polhodes import Polhodes, SidedBody
+from polhode.models.second_order.polhodes import SidedBody
 from polhode.models.second_order.swing import Place, Series, frame, series_for
 from polhode.models.second_order.torus import skew
 from polhode.models.shape import Ellipsoid
@@ -52,7 +52,7 @@ class Entry:
         alpha, beta = (phase + states[:, 7 + i] / self.torque_factor for i, phase in enumerate(self.phases))
         momentum = states[:, :3] * max(self.ellipsoid.inertia)
         a2 = np.maximum(states[:, 3] ** 2, tables.FLOOR)
-        place = Place(self.series, a2, alpha, Polhodes(self.side, tables.level(a2), alpha, 1).z[:, 0])
+        place = Place(self.series, a2, alpha, self.side.normal(-np.expm1(-a2), np.exp(-a2), alpha))
         size = np.linalg.norm(momentum, axis=1)
         q = frame(momentum / size[:, None], states[:, 4:7], beta + place.shape[:, 0])
         change, turn = place.swing(q, size, self.torque_factor)

@@ -179,12 +179,13 @@ def tails(x: Array, q: Array) -> tuple[Array, Array]:
     once.real, once.imag = over * (1 - 3 * v), over * u * (15 * v - 1)
     twice.real, twice.imag = square * (1 - 15 * v), square * u * (105 * v - 3)
     if close.any():
-        x, q = x[close], q[close]
+        at = close.nonzero()
+        x, q = x[at], q[at]
         root, sign = np.sqrt(-0.5j * q), np.where(x * q > 0, -1, 1)
         z = -sign * x / (2 * root)
-        found = wofz(z)
-        once[close] = sign * 0.5j * sqrt(pi) / root * found
-        twice[close] = -0.5 / root**2 * (1 + 1j * sqrt(pi) * z * found)
+        found = sqrt(pi) * wofz(z)
+        once[at] = sign * 0.5j / root * found
+        twice[at] = -0.5 / root**2 * (1 + 1j * z * found)
     return twice, once
 
 
