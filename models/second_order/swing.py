@@ -11,6 +11,7 @@ from bisect import bisect_left
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from math import pi, sqrt
+from typing import Any
 
 import numpy as np
 
@@ -87,18 +88,19 @@ class Place:
 
     def swing(self, q: Array, size: Array, torque_factor: float) -> tuple[Array, Array]:
         """What the transformation adds in frames Q, shape (m, 3, 3), at |L|: changes of L and turns of R in space."""
-        series, m, a = self.series, len(size), np.sqrt(self.a2)
-        terms = series.needed(float(a.max()), FAINT / torque_factor)
+        series, m, c = self.series, len(size), coefficients(q, size)
+        terms = series.needed(float(self.a2.max()) ** 0.5, FAINT / torque_factor)
         found = (self._levels @ series.rates[:, : len(RATE) * terms]).reshape(m, terms, -1)
         nu = self._levels @ series.frequencies
-        c = coefficients(q, size)
-        rise = torque_factor * np.sum(np.real(c[:, 4:6]) * found[:, 0, 4:6], axis=1) / (a * size**2)
+        a, size, (nu1, nu2, rise1, rise2) = _columns(np.sqrt(self.a2)), _columns(size), _columns(nu)
+        spun, dragged = _columns(np.real(c[:, 4:6]) * found[:, 0, 4:6])
+        rise = torque_factor * (spun + dragged) / (a * size**2)
 
         orders = _BOTH[:, : len(HARMONICS) * terms]
         divisor = nu[:, :2] @ orders
         # The mean has no part in it.
         divisor[:, _MEAN] = np.inf
-        twice, once = tails(divisor, rise[:, None] * (nu[:, 2:] @ orders))
+        twice, once = tails(divisor, np.reshape(rise, (-1, 1)) * (nu[:, 2:] @ orders))
         waves = np.concatenate([self._waves[:, : TERMS + 1], self._waves[:, TERMS:0:-1].conj()], axis=1)
         waves = waves[:, ORDERS[:terms]] * np.exp(-1j * self.shape[:, :1] * HARMONICS)[:, None]
         over = np.empty((m, terms, 2 * len(HARMONICS)), complex)
@@ -107,20 +109,22 @@ class Place:
         products = (found.swapaxes(1, 2) @ over.view(float)).reshape(m, -1)
         summands = np.take(products, _PLACES, axis=1).view(complex) * _FACTORS
         summands *= np.concatenate([c, c.conj()], axis=1)[:, _SOURCES]
-        kinds = np.add.reduceat(summands, _KINDS, axis=1).T
-        u_y, u_a, u_l, _, drawn, growth = np.real(kinds)
+        kinds = np.add.reduceat(summands, _KINDS, axis=1)
 
-        (nu1, nu2, rise1, rise2), drawn, u_y, z = nu.T, drawn / a, u_y / a, self.z
-        u_a = u_a / a - nu1 * growth - rise1 * drawn
-        i = series.side.inverse_inertia
-        h = z * z @ i
+        (u_y, u_a, u_l, _, drawn, growth), across = _columns(np.real(kinds)), _columns(kinds)[3] / size
+        (z1, z2, z3), (_, y1, y2, y3) = _columns(self.z), _columns(self.shape)
+        i1, i2, i3 = series.side.inverse_inertia.tolist()
+        drawn, u_y = drawn / a, u_y / a
+        u_a = (u_a / a - nu1 * growth - rise1 * drawn) / nu1
+        h = i1 * z1 * z1 + i2 * z2 * z2 + i3 * z3 * z3
         u_b = -h * growth - (rise2 + (h - nu2) / nu1 * rise1) * drawn
-        along = (i[[2, 0, 1]] - i[[1, 2, 0]]) * z[:, [1, 2, 0]] * z[:, [2, 0, 1]]
-        moved = (u_a / nu1)[:, None] * along + u_y[:, None] * self.shape[:, 1:]
-        (x, y, _), across = (self.body @ moved[:, :, None])[:, :, 0].T / size, kinds[3] / size
-        changes = [across.real, across.imag, u_l / size]
-        turns = [(y - across.imag) / size, (across.real - x) / size, u_b / size**2]
-        added = q @ (torque_factor * np.array([changes, turns])).T
+        # The change of n in the body, which S carries across L.
+        x, y = u_a * (i3 - i2) * z2 * z3 + u_y * y1, u_a * (i1 - i3) * z3 * z1 + u_y * y2
+        least = (z1 * x + z2 * y) / (1 + z3) + u_a * (i2 - i1) * z1 * z2 + u_y * y3
+        x, y = x - z1 * least, y - z2 * least
+        changes = across.real, across.imag, u_l / size
+        turns = (y / size - across.imag) / size, (across.real - x / size) / size, u_b / size**2
+        added = q @ (torque_factor * np.array([changes, turns])).reshape(2, 3, m).T
         return added[..., 0], added[..., 1]
 
     @cached_property
@@ -135,7 +139,7 @@ class Place:
         return np.multiply.accumulate(found, axis=1)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Series:
     """Chebyshev coefficients in a, NODES of each."""
 
@@ -144,22 +148,16 @@ class Series:
     shape: Array  # of χ and the change of n per y: factors of sin kα or cos kα, k × 4
     frequencies: Array  # ν₁, ν₂ and their derivatives with respect to y
 
-    @cached_property
-    def _sizes(self) -> Array:
-        """Of the rates, over the largest: that of each term at each node's a."""
-        found = np.abs(_levels(_DEPTHS**2) @ self.rates).reshape(NODES, TERMS, -1).max(axis=2)
-        return found / found.max(axis=1)[:, None]
-
-    @cached_property
-    def _needed(self) -> dict[float, list[int]]:
-        return {}
-
     def needed(self, a: float, faint: float) -> int:
         """Terms that matter up to a, fainter ones left out."""
-        faint = min(MOST_FAINT, max(LEAST_FAINT, faint))
-        if faint not in self._needed:
-            self._needed[faint] = [int(np.flatnonzero(row > faint)[-1]) + 1 for row in self._sizes]
-        return self._needed[faint][min(NODES - 1, bisect_left(_DEPTHS, a))]
+        return _needed(self, min(MOST_FAINT, max(LEAST_FAINT, faint)))[min(NODES - 1, bisect_left(_DEPTHS, a))]
+
+
+@lru_cache(maxsize=64)
+def _needed(series: Series, faint: float) -> list[int]:
+    """Of the rates, terms that matter at each node's a."""
+    sizes = np.abs(_levels(_DEPTHS**2) @ series.rates).reshape(NODES, TERMS, -1).max(axis=2)
+    return [int(np.flatnonzero(row > faint * row.max())[-1]) + 1 for row in sizes]
 
 
 def tails(x: Array, q: Array) -> tuple[Array, Array]:
@@ -197,10 +195,16 @@ def _levels(a2: Array) -> Array:
 
 def coefficients(q: Array, size: Array) -> Array:
     """The tensors' c, shape (m, 6), from frames Q, shape (m, 3, 3), and |L|; Q's rows x and y are the flow's."""
-    x, y = (q[:, :2, 0] + 1j * q[:, :2, 1]).T
-    level = x * y.conj()
-    up, down = x * q[:, 1, 2] / 2, q[:, 0, 2] * y / 2
-    return np.array([x * y / 4, up, down, level.real, -level.imag, size]).T
+    x1, x2, x3, y1, y2, y3 = _columns(q[:, :2].reshape(-1, 6))
+    x, y = x1 + 1j * x2, y1 + 1j * y2
+    level = x * y.conjugate()
+    c = x * y / 4, x * y3 / 2, x3 * y / 2, level.real, -level.imag, _columns(size)
+    return np.array(c, complex).reshape(6, -1).T
+
+
+def _columns(rows: Array) -> Any:
+    """Columns of an array; of a single row they are floats, which cost a tenth of arrays of one."""
+    return rows[0].tolist() if len(rows) == 1 else rows.T
 
 
 def frame(n: Array, first: Array, turn: Array) -> Array:
