@@ -138,6 +138,7 @@ COST_PRIOR = {
     "exponent": (-0.12, 0.1),
     "stiff_exponent": (-0.02, 0.05),
 }
+STEP_PRIOR = {"per_step": (log(1e-6), 3.0), "step_exponent": (0.0, 0.1)}
 AVERAGED = "per_piece", "per_entering", "per_row"
 ERROR_PRIOR = {
     "offset": (0.0, 5.0),
@@ -224,7 +225,30 @@ def fit_cost(runs: Sequence[Sample]) -> CostLaw:
 
     scenes = [run.scene for run in runs]
     readable: dict[str, Callable[[float], float]] = dict.fromkeys(list(prior)[:-2], exp)
-    return CostLaw(**bootstrap(scenes, predicted, measured, prior, SOFT_COST, readable))
+    law = bootstrap(scenes, predicted, measured, prior, SOFT_COST, readable)
+    found = CostLaw(**law)
+    counted = fit_steps(found, runs)
+    usual, own = found.stray, counted.step_stray
+    # Steps are worth counting where they tell the time more closely.
+    return counted if own and own.high - own.low < usual.high - usual.low else found
+
+
+def fit_steps(found: CostLaw, runs: Sequence[Sample]) -> CostLaw:
+    """The same law with what a step costs, beside what any run does, if enough runs have counted theirs."""
+    counted = [run for run in runs if run.load.steps]
+    if _scenes(counted) < LEAST_SCENES:
+        return found
+    steps, any_run, tolerances, measured = np.array(
+        [(r.load.steps, found.fixed + found.per_sample * r.load.samples, r.tolerance, r.seconds) for r in counted]
+    ).T
+
+    def predicted(x: Array) -> Array:
+        return np.log(any_run + np.exp(x[0]) * tolerances ** x[1] * steps)
+
+    scenes = [run.scene for run in counted]
+    law = bootstrap(scenes, predicted, np.log(measured), STEP_PRIOR, SOFT_COST, {"per_step": exp})
+    values, intervals = {name: law[name] for name in STEP_PRIOR}, found.intervals | law["intervals"]
+    return replace(found, step_stray=law["stray"], intervals=intervals, **values)
 
 
 def special(form: str, solver: str) -> Prior:

@@ -1,7 +1,7 @@
 """Measured runs in the laws' terms: what they are fitted to."""
 
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from math import inf
 
@@ -9,7 +9,7 @@ from polhode.harness.common.store import Record
 from polhode.harness.common.timing import Pace
 from polhode.harness.picking.laws import EPS, Load, Sensitivity
 from polhode.harness.picking.load import held_back, load_of
-from polhode.harness.picking.pilot import Pilot, PilotFailedError, form_sensitivity, pilot
+from polhode.harness.picking.pilot import Pilot, PilotFailedError, form_sensitivity, over_whole_run, pilot
 from polhode.models.catalogue import form as find_form
 from polhode.models.files.scene_file import parse_scene
 from polhode.models.scene import Scene
@@ -63,6 +63,8 @@ def sample_of(record: Record, pace: Pace) -> Sample | None:
         if not held_back(form, solver, pilot):
             pairs = form_sensitivity(form, pilot, solver).items()
             known = {want: (at, error) for want, at in pairs if (error := _error(record, want, at)) is not None}
+    if not over_whole_run(form, solver):
+        load = replace(load, steps=record.get("work", {}).get("steps"))
     return Sample(record["scene_name"], record["tolerance"], load, pace.seconds(record), known)
 
 

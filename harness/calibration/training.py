@@ -8,7 +8,7 @@ import numpy as np
 
 from polhode.harness.calibration.scenes import STRATA, TRAINING_SCENES, TRAINING_SEED, Question, Stratum, questions
 from polhode.harness.common.store import Record, Store
-from polhode.harness.picking.laws import Laws
+from polhode.harness.picking.laws import STIFF, Laws
 from polhode.harness.picking.load import planned
 from polhode.harness.picking.model_error import LEAST_ROTATIONS
 from polhode.harness.picking.pilot import InPieces, Pilot, damping_times, pilot
@@ -29,6 +29,8 @@ LOW_ORDER_ROWS = 3
 MOST_EXPLICIT = 2e5
 # Angles only stand where something better does: they are measured on every third scene, on some rows of the ladder.
 ANGLES_EVERY, ANGLES_ROWS = 3, (0, 2)
+# Where nothing is stiff implicit solvers stand beside what is quicker: they are measured at every second row.
+IMPLICIT_EVERY = 2
 # Solvers with Python in the loop: measured on every fourth scene, at two tolerances, to show where they stand; on every
 # second one in averaged forms, whose cost does not grow with the rotations.
 ASIDE_EVERY, ASIDE_ROTATIONS, ASIDE_AVERAGED_EVERY = 4, 300.0, 2
@@ -110,7 +112,10 @@ def studies(question: Question, index: int, stratum: Stratum = "short") -> Itera
         tolerance = float(random.choice(choices))
         angles = stratum == "short" and index % ANGLES_EVERY == 0 and row in ANGLES_ROWS
         for name, solvers in methods_for(known, tolerance, angles, row in STEADY_ROWS and rotations < MOST_FULL):
-            yield study(question, name, solvers, (tolerance,), rotations)
+            stiff = known.damping_times > STIFF and not find_form(name).averaged
+            kept = stiff or (index + row) % IMPLICIT_EVERY == 0
+            chosen = [each for each in solvers if kept or not find_solver(each).implicit]
+            yield study(question, name, chosen, (tolerance,), rotations)
     if stratum == "long":
         return
     plain, slow = [name for name in forms_for(scene, rotations) if not find_form(name).angles], []

@@ -10,7 +10,8 @@ the flow: the duration T, in inverse shear rates, where damping is faster than s
 the particle spins freely. N, F and S count by the steps that they cost the form in the scene at hand, which pilot
 runs count (`polhode.harness.picking.load`). A form that averages in P pieces of a run enters E of them with a triaxial
 body and maps R rows there; tol is then that of its full equations. Explicit methods on stiff scenes are held back by
-stability, whatever the tolerance; hence the damping times have an exponent of their own.
+stability: damping times have an exponent of their own. Where trials count the steps, it is fixed + per_sample m +
+per_step tol^step_exponent steps.
 
 Error, in the pilot's terms (`polhode.harness.picking.pilot`), e₀ being the pilot's error at its tolerance tol₀::
 
@@ -63,9 +64,9 @@ class Interval:
 
 @dataclass(frozen=True)
 class Load:
-    """What the cost of a run depends on: N, F and S, counted by the form's own steps, samples, and P, E and R.
+    """What a run's cost depends on: N, F and S, counted by the form's own steps, samples, and P, E and R.
 
-    And its tolerance, where that is not the one that was asked for.
+    Its tolerance, where that is not the one asked for, and its steps, where a trial counted them.
     """
 
     rotations: float
@@ -76,6 +77,7 @@ class Load:
     entered: int = 0
     rows: float = 0.0
     tolerance: float | None = None
+    steps: int | None = None
 
 
 @dataclass(frozen=True)
@@ -110,19 +112,24 @@ class CostLaw:
     per_piece: float = 0.0
     per_entering: float = 0.0
     per_row: float = 0.0
+    per_step: float = 0.0
+    step_exponent: float = 0.0
+    step_stray: Stray | None = None
 
     def seconds(self, load: Load, tolerance: float) -> float:
         """The prediction's middle before strays are known."""
         tolerance = load.tolerance or tolerance
+        any_run = self.fixed + self.per_sample * load.samples
+        if load.steps and self.step_stray:
+            return self.scale * (any_run + self.per_step * tolerance**self.step_exponent * load.steps)
         work = self.start + self.per_rotation * load.rotations + self.per_time * load.following
         stiff = self.per_damping_time * load.damping_times * tolerance**self.stiff_exponent
         averaged = self.per_piece * load.pieces + self.per_entering * load.entered + self.per_row * load.rows
-        any_run = self.fixed + self.per_sample * load.samples
         return self.scale * (any_run + tolerance**self.exponent * work + stiff + averaged)
 
     def predict(self, load: Load, tolerance: float) -> Interval:
         """Seconds with their interval."""
-        return self.stray.around(self.seconds(load, tolerance))
+        return ((load.steps and self.step_stray) or self.stray).around(self.seconds(load, tolerance))
 
 
 @dataclass(frozen=True)
@@ -176,8 +183,7 @@ class ErrorLaw:
 
     def tolerance(self, at: Sensitivity, error: float, stray: float | None = None) -> float:
         """Loosest tolerance at which 97.5 % of the runs meet an error, or those of a stray; 0 by none, inf by all."""
-        stray = self.stray.high if stray is None else stray
-        allowed = error * exp(-stray) - self.rounding(at)
+        allowed = error * exp(-(self.stray.high if stray is None else stray)) - self.rounding(at)
         if not (allowed > 0 and isfinite(at.error)):
             return 0.0
         at_pilot = self.truncation(at, at.tolerance)
@@ -221,11 +227,6 @@ class Laws:
         """The pace that the times hold for."""
         return Pace(self.source.get("machine"), self.source.get("sentinel_seconds"))
 
-    @property
-    def fitted_to(self) -> list[Any]:
-        """What they were fitted to."""
-        return [self.source.get(name) for name in ("scenes", "records", "added")]
-
     def save(self, path: Path) -> None:
         """Write as JSON, a line for each method."""
         lines = ",\n".join(_json(asdict(law)) for law in self.methods.values())
@@ -253,7 +254,8 @@ def parse_laws(text: str) -> Laws:
 
 def _method(cost: dict[str, Any], errors: dict[str, dict[str, Any]], **rest: Any) -> MethodLaws:
     known = {name: _law(ErrorLaw, **each) for name, each in errors.items()}
-    return MethodLaws(cost=_law(CostLaw, **cost), errors=known, **rest)
+    counted = cost.pop("step_stray", None)
+    return MethodLaws(cost=_law(CostLaw, step_stray=counted and Stray(**counted), **cost), errors=known, **rest)
 
 
 def _law(kind: type, stray: dict[str, float], intervals: dict[str, list[float]], **rest: Any) -> Any:
@@ -275,7 +277,8 @@ def load_laws() -> Laws:
         try:
             found = read_laws(own)
             # Times of the package's laws scaled to this machine are of no use once there are other laws.
-            if "refitted" not in found.source or found.fitted_to == shipped.fitted_to:
+            same = all(found.source.get(each) == shipped.source.get(each) for each in ("scenes", "records", "added"))
+            if same or "refitted" not in found.source:
                 return found
         except OtherSchemaError:
             pass
@@ -288,13 +291,10 @@ def read_laws(path: Path) -> Laws:
     """Laws of a file, if it is what was written; raises as `parse_laws` does."""
     try:
         return parse_laws(read_file(path).decode())
-    except OtherSchemaError:
-        raise
     except ValueError as error:
-        raise ValueError(f"{path}: {error}, expected laws") from None
+        raise error if isinstance(error, OtherSchemaError) else ValueError(f"{path}: {error}, expected laws") from None
 
 
 def _json(content: Any) -> str:
     """JSON with numbers at six digits: more would be noise."""
-    rounded = json.loads(json.dumps(content), parse_float=lambda digits: float(f"{float(digits):.6g}"))
-    return json.dumps(rounded)
+    return json.dumps(json.loads(json.dumps(content), parse_float=lambda digits: float(f"{float(digits):.6g}")))

@@ -15,7 +15,7 @@ from typing import NamedTuple
 from polhode.harness.common.text import scientific
 from polhode.harness.picking.laws import STIFF, ErrorLaw, Interval, MethodLaws, Sensitivity
 from polhode.harness.picking.load import load_of
-from polhode.harness.picking.pilot import Pilot, PilotFailedError, follow, pilot_solver
+from polhode.harness.picking.pilot import Pilot, PilotFailedError, follow, over_whole_run, pilot_solver
 from polhode.harness.picking.recommendation import Way
 from polhode.harness.picking.refusals import Refusal, Stage, UnfitError, one_digit, one_digit_up, too_tight
 from polhode.harness.references.errors import errors
@@ -72,9 +72,9 @@ class Candidate:
     def _tolerance(self, stray: float) -> float:
         return one_digit(min(LOOSEST, self.law.tolerance(self.at, self.budget, stray)))
 
-    def way(self, tolerance: float, own: Interval, error: str) -> Way:
-        """The method at a tolerance, with its solver's own error, and what is known of it in words."""
-        load = load_of(self.form, self.solver, self.found, self.samples, tolerance)
+    def way(self, tolerance: float, own: Interval, error: str, steps: int | None = None) -> Way:
+        """The method at a tolerance, with its solver's own error, what is known of it in words, and steps counted."""
+        load = replace(load_of(self.form, self.solver, self.found, self.samples, tolerance), steps=steps)
         seconds = self.laws.cost.predict(load, tolerance)
         first_run = self.laws.compile_seconds + seconds.predicted
         whole = own.plus(self.model) if self.model else own
@@ -90,11 +90,12 @@ class Candidate:
         return f"full equations over {self.found.rotations:.3g} rotations; {error}"
 
 
-class Yardstick(NamedTuple):
-    """A run that trials are held against, and what it errs by at most."""
+class Trial(NamedTuple):
+    """A run: its steps, what it gave, and what it errs by at most, where a law says."""
 
+    steps: int | None
     observables: Observables
-    unsure: float
+    unsure: float = inf
 
 
 def with_trials(candidates: Sequence[Candidate], expected: Sequence[Way | Refusal], want: str) -> list[Way | Refusal]:
@@ -122,15 +123,13 @@ def _worth_trying(candidate: Candidate) -> Way | None:
     return None
 
 
-def _tried(
-    candidate: Candidate, tolerance: float, expected: Way | Refusal, true: Yardstick, want: str
-) -> Way | Refusal:
+def _tried(candidate: Candidate, tolerance: float, expected: Way | Refusal, true: Trial, want: str) -> Way | Refusal:
     """A candidate at the loosest tolerance tried at which it meets the error; as expected if trials say nothing."""
-    best, made, missed, least = 0.0, inf, inf, inf
+    best, made, count, missed, least = 0.0, inf, None, inf, inf
     for _ in range(TOLERANCES):
-        error = _error(candidate, tolerance, true.observables, want)
+        error, steps = _error(candidate, tolerance, true.observables, want)
         if error <= MET * candidate.budget:
-            best, made = tolerance, error
+            best, made, count = tolerance, error, steps
         else:
             missed, least = tolerance, error
         step = (AIM * candidate.budget / max(error, 1e-300)) ** (1 / candidate.law.order)
@@ -142,14 +141,14 @@ def _tried(
             break
     if best:
         own = Interval(made, max(0.0, made - true.unsure), made + true.unsure)
-        return candidate.way(best, own, f"a trial run errs by {scientific(made)}")
-    if isinstance(expected, Way) and missed <= expected.tolerance and least > candidate.budget:
+        return candidate.way(best, own, f"a trial run errs by {scientific(made)}", count)
+    if isinstance(expected, Way) and missed <= expected.tolerance and candidate.budget < least < inf:
         why = f"a trial run at {scientific(missed)} errs by {scientific(least)}"
         return Refusal(expected.form, expected.solver, why, Stage.ERROR)
     return expected
 
 
-def _yardstick(candidate: Candidate, others: Sequence[Candidate]) -> Yardstick | None:
+def _yardstick(candidate: Candidate, others: Sequence[Candidate]) -> Trial | None:
     """A run close enough to the true one, of the same averaged form or of a full one; none if no law promises one.
 
     By the pilot's solver if that will do, else by the one that is soonest compiled.
@@ -161,23 +160,24 @@ def _yardstick(candidate: Candidate, others: Sequence[Candidate]) -> Yardstick |
         with suppress(PilotFailedError, UnfitError):
             way = replace(each, budget=unsure).expected()
             if way.seconds.predicted < YARDSTICK * MOST_SECONDS:
-                return Yardstick(_followed(each.form, found.scene, way.tolerance, each.solver), unsure)
+                return _run(each.form, found.scene, way.tolerance, each.solver)._replace(unsure=unsure)
     return None
 
 
-def _error(candidate: Candidate, tolerance: float, true: Observables, want: str) -> float:
-    """What a candidate errs by; inf for a run that fails."""
+def _error(candidate: Candidate, tolerance: float, true: Observables, want: str) -> tuple[float, int | None]:
+    """What a candidate errs by, inf for a run that fails, and its steps."""
     scene = candidate.found.scene
     with suppress(PilotFailedError):
-        made = errors(scene.ellipsoid, _followed(candidate.form, scene, tolerance, candidate.solver), true)
+        run = _run(candidate.form, scene, tolerance, candidate.solver)
+        made = errors(scene.ellipsoid, run.observables, true)
         error = made.slow if want == "slow" else made.orientation
-        return inf if error is None else error
-    return inf
+        return inf if error is None else error, run.steps
+    return inf, None
 
 
 @lru_cache(maxsize=64)
-def _followed(form: Form, scene: Scene, tolerance: float, solver: str) -> Observables:
+def _run(form: Form, scene: Scene, tolerance: float, solver: str) -> Trial:
     run = follow(form, scene, tolerance, solver)
     if not run.success:
         raise PilotFailedError(f"pilot: {form.name!r} by {solver!r} ended with {run.status.value}")
-    return form.observe(scene, run.states)
+    return Trial(None if over_whole_run(form, solver) else run.work.steps, form.observe(scene, run.states))

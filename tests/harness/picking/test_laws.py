@@ -7,7 +7,7 @@ from math import exp, inf, pi
 import numpy as np
 import pytest
 
-from polhode.harness.calibration.fit import fit_cost, fit_error, fit_errors, refit
+from polhode.harness.calibration.fit import fit_cost, fit_error, fit_errors, fit_steps, refit
 from polhode.harness.calibration.samples import Sample
 from polhode.harness.calibration.scenes import HELD_OUT_SEED, TRAINING_SEED, questions
 from polhode.harness.calibration.training import fast_solvers, forms_for, solvers_for, training
@@ -99,6 +99,28 @@ def test_planted_cost_law_is_found():
     others = planted_runs(seed=6, disturbed=0.0)
     ratios = [run.seconds / found.predict(run.load, run.tolerance).predicted for run in others]
     assert np.quantile(np.abs(np.log(ratios)), 0.9) < np.log(1.25)
+
+
+def test_steps_that_were_counted_tell_the_time_more_closely():
+    """Their cost is found from runs that counted them; where none did, or they tell less, there is no such law."""
+    random, runs = np.random.default_rng(3), planted_runs(disturbed=0.0)
+    base, stepped, senseless = fit_cost(runs), [], []
+    for run in runs:
+        steps, noise = int(10 ** random.uniform(1, 5)), exp(0.02 * random.normal())
+        any_run = COST.fixed + COST.per_sample * run.load.samples
+        seconds = (any_run + 2e-6 * run.tolerance**-0.1 * steps) * noise
+        stepped.append(replace(run, load=replace(run.load, steps=steps), seconds=seconds))
+        senseless.append(replace(run, load=replace(run.load, steps=steps)))
+    assert base == fit_steps(base, runs)
+    assert base == fit_cost(senseless)
+    found = fit_steps(replace(base, fixed=COST.fixed, per_sample=COST.per_sample), stepped)
+    assert found.step_exponent == pytest.approx(-0.1, abs=0.01)
+    assert found.per_step == pytest.approx(2e-6, rel=0.1)
+    counted, usual = stepped[0].load, runs[0].load
+    assert found.predict(counted, 1e-8).high < 1.1 * found.predict(counted, 1e-8).predicted
+    assert found.predict(usual, 1e-8).high == pytest.approx(
+        found.predict(usual, 1e-8).predicted * exp(found.stray.high - found.stray.middle)
+    )
 
 
 def test_strays_hold_what_they_say():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from polhode.harness.picking import trials
-from polhode.harness.picking.laws import Laws, load_laws
+from polhode.harness.picking.laws import Interval, Laws, load_laws
 from polhode.harness.picking.ranking import pick
 from polhode.harness.references.errors import errors
 from polhode.models.catalogue import form
@@ -72,3 +72,14 @@ def test_without_trials_laws_decide(monkeypatch):
 def test_laws_decide_where_a_run_is_long_or_no_yardstick_is_close_enough(name, error, want):
     rows = pick(named_scene(name), error, want).ranking
     assert all(SAID not in way.reason for way in rows)
+
+
+@pytest.mark.parametrize(("error", "count"), [(1e-2, trials.WAYS), (np.inf, 0)])
+def test_an_error_shown_to_be_missed_excludes_a_way_and_a_run_that_fails_does_not(error, count, monkeypatch):
+    """Whatever the law promises."""
+    soon = Interval(0.0, 0.0, 0.0)
+    monkeypatch.setattr(trials.Candidate, "hoped", lambda self: replace(self.expected(), tolerance=1e-12, seconds=soon))
+    monkeypatch.setattr(trials, "_error", lambda *_: (error, None))
+    monkeypatch.setattr(trials, "TOLERANCES", 1)
+    excluded = pick(named_scene("needle"), 1e-4, "orientation", laws=load_laws()).excluded
+    assert [each.reason for each in excluded].count("a trial run at 1.0e-12 errs by 1.0e-2") == count
