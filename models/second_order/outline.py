@@ -33,8 +33,9 @@ RANDOM = 1.77
 TURNS = 300
 # Share of the slowest damping rate at which errors are forgotten, by trial, and so many e-foldings in a run at most.
 FADING, LONG_AGO = 0.15, 600.0
-# Levels between which windows are chosen, of the largest; where a window is looked at, in half widths from its middle.
-FALL = np.geomspace(1, 1e-8, 30)
+# Levels between which windows are chosen: the share of the one before, and the least one's of the largest.
+FALL, LEAST = 0.53, 1e-8
+# Where a window is looked at, in half widths from its middle.
 INSIDE = np.concatenate([[-1.01], np.linspace(-1, 1, 9) * (1 - 1e-9), [1.01]])
 
 # Reasons by number; beyond the first two, for which averaging means nothing, a first-order path means little.
@@ -80,7 +81,7 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
     if kicks:
         # A window may be narrower than the path's steps.
         halves = [ahead.strong.get(each, each.width) for each in kicks]
-        path = path.at(np.add.outer(INSIDE, 0 * np.array(halves)) * halves + [each.time for each in kicks])
+        path = path.at(np.outer(INSIDE, halves) + [each.time for each in kicks])
     times, weight, why, reasons = path.times, ahead.weight(path.times), _reasons(path, budget), [*REASONS]
     sound, sudden = why == 0, np.zeros(len(times))
     swing, second = (np.where(sound, each, 0) for each in (path.swing, path.second))
@@ -96,20 +97,24 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
     sound = why == 0
     sudden = RANDOM * np.sqrt(np.cumsum(np.where(sound, sudden, 0) ** 2))
     held = np.where(sound, MARGIN * second * swing, 0) * np.gradient(times) * weight
-    late = np.exp(min(FADING * min(scene.ellipsoid.damping), LONG_AGO / times[-1]) * times)[:, None]
-    levels = np.append(FALL * held.max(), 0)
-    errors = np.cumsum(late * np.where(held[:, None] <= levels, held[:, None], 0), axis=0) / late
+    late = np.exp(min(FADING * min(scene.ellipsoid.damping), LONG_AGO / times[-1]) * times)
     # Where the phase is wrong, the swing is put back wrongly.
-    wrong = path.phase(errors) * np.where(sound, swing * path.size, 0)[:, None]
-    kept = int(np.argmax((errors + wrong).max(axis=0) <= share))
-    why[sound & ((held > levels[kept]) | (local > share))] = INACCURATE
+    swung = np.where(sound, swing * path.size, 0)
+    level = most = held.max()
+    while True:
+        errors = np.cumsum(late * np.where(held <= level, held, 0)) / late
+        wrong = path.phase(errors) * swung
+        if not (errors + wrong).max() > share:
+            break
+        level = FALL * level if level > LEAST * most else 0.0
+    why[sound & ((held > level) | (local > share))] = INACCURATE
     lag = path.lag(np.where(why == 0, swing, 0))
     local = local + HARMONIC * np.minimum(lag, 1) * swing * path.size
     why[(why == 0) & (local > share)] = INACCURATE
-    drifting, passing = errors[:, kept] + sudden, np.where(why == 0, local + wrong[:, kept], 0)
+    drifting, passing = errors + sudden, np.where(why == 0, local + wrong, 0)
     orientation = pi
     if np.isfinite(path.swing).all():
-        orientation = min(pi, path.phase(drifting[:, None])[-1, 0] + lag[-1] + path.swing.max())
+        orientation = min(pi, path.phase(drifting)[-1] + lag[-1] + path.swing.max())
     stretches = tuple(_stretches(path, why, reasons, drifting, passing, lag, weight))
     return Outline(times, path.slow, stretches, kicks, float(orientation))
 
@@ -131,8 +136,10 @@ class Ahead:
     def of(cls, path: Path, budget: float) -> "Ahead":
         """The kicks of a path, where windows are to miss no more than a budget."""
         found, together = cls(path, {}, {}, []), 0.0
-        g, last = np.diag([1.0, 1, 0, 0]), path.turned[-1]
         kicks = sorted((*path.kicks, *path.crossings()), key=lambda each: -each.time)
+        if not kicks:
+            return found
+        g, last = np.diag([1.0, 1, 0, 0]), path.turned[-1]
         for kick, here in zip(kicks, path.turned_at(np.array([each.time for each in kicks])), strict=True):
             onwards = np.eye(4)
             onwards[2:, :2] = last - here
@@ -152,10 +159,10 @@ class Ahead:
     def weight(self, times: Array) -> Array:
         """By how much later kicks amplify an error made at these times."""
         weight, turned = np.ones(len(times)), self.path.turned_at(times) if self.behind else np.empty(0)
-        for until, g, last in self.behind:
-            at = int(np.searchsorted(times, until))
-            onwards = np.concatenate([np.tile(np.eye(2), (at, 1, 1)), last - turned[:at]], axis=1)
-            weight[:at] = np.sqrt(np.maximum(0.5 * np.sum(onwards * (g @ onwards), axis=(1, 2)), 1))
+        ends = np.searchsorted(times, [until for until, *_ in self.behind]).tolist()
+        for (_, g, last), begin, end in zip(self.behind, [*ends[1:], 0], ends, strict=False):
+            onwards = np.concatenate([np.tile(np.eye(2), (end - begin, 1, 1)), last - turned[begin:end]], axis=1)
+            weight[begin:end] = np.sqrt(np.maximum(0.5 * np.sum(onwards * (g @ onwards), axis=(1, 2)), 1))
         return weight
 
 

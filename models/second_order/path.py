@@ -157,12 +157,12 @@ class Path:
     def crossings(self) -> list[Kick]:
         """Jumps at L² = 2EI₂, as kicks by the phase α."""
         inside, unit = np.isfinite(self.a2), max(self.ellipsoid.inertia)
-        rates = np.gradient(self.slow[:, 3] / unit, self.times) if len(self.times) > 1 else np.zeros(1)
         found = []
         for at in np.flatnonzero(inside[:-1] & ~inside[1:]):
             series = tables.table(self.ellipsoid, bool(self.longest[at])).series[-2:-1]
             nu1 = tables.evaluated(series, 2 * self.a2[at : at + 1] / tables.MOST - 1)[0, 0]
-            taken = abs(rates[at]) * self.torque_factor * 2 * pi / (unit * self.size[at] * nu1)
+            rate = abs(np.gradient(self.slow[:, 3], self.times)[at]) / unit
+            taken = rate * self.torque_factor * 2 * pi / (unit * self.size[at] * nu1)
             jump = np.array([0, sqrt(2 * SADDLE) * taken / (4 * pi)])
             found.append(Kick(float(self.times[at]), inf, (1, 0), 0.0, jump, 0.0, 0.0))
         return found
@@ -241,7 +241,7 @@ class Path:
         return self.summed(self.speed * swing**2 / 2) / self.torque_factor
 
     def phase(self, error: Array) -> Array:
-        """Errors of the angles, in rad, from errors of L that last, shape (m, n): what these make of their rates."""
+        """Errors of the angles, in rad, from errors of L that last: what these make of their rates."""
         speed = max(self.ellipsoid.inertia) / sorted(self.ellipsoid.inertia)[1] / self.torque_factor
         return np.minimum(speed * self.summed(error), pi)
 
