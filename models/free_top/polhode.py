@@ -94,11 +94,9 @@ def _mean_inverse_inertia(a: Long, b: Long, n: Long, m1: Long) -> Long:
     return (complete_cel(kc, p, Long(1), Long(0)) / a + complete_cel(kc, p, Long(0), p) / b) / complete_k(m1)
 
 
-def positive_inertia(inertia: Triple) -> tuple[Fraction, ...]:
-    """Exact moments of inertia; raises ValueError unless there are three, finite and positive."""
-    if len(inertia) != 3 or not all(np.isfinite(moment) and moment > 0 for moment in inertia):
-        raise ValueError(f"inertia: got {inertia}, expected three finite positive numbers")
-    return tuple(exact(Long(moment)) for moment in inertia)
+def exactly(numbers: Triple) -> tuple[Fraction, ...]:
+    """The rational numbers that floating-point numbers are."""
+    return tuple(exact(Long(number)) for number in numbers)
 
 
 def mean_speed(ellipsoid: Ellipsoid, slow: np.ndarray) -> np.ndarray:

@@ -11,8 +11,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from polhode.models.free_top.elliptic import PI, Long, LongArray, carlson_rf, exact, jacobi, rounded, theta4_phase
-from polhode.models.free_top.polhode import Polhode, positive_inertia
+from polhode.models.free_top.elliptic import PI, Long, LongArray, carlson_rf, jacobi, rounded, theta4_phase
+from polhode.models.free_top.polhode import Polhode, exactly
 from polhode.models.rotation import Quaternion, Triple
 
 
@@ -31,17 +31,9 @@ class TorqueFree:
     quaternion: Quaternion  # of the start, q̇ = ½ q∘(0, ω); its norm may be off by 1e-6
     angular_velocity: Triple  # of the start, in body axes and any inverse unit of the times asked for
 
-    def __post_init__(self) -> None:
-        """Refuse starts without meaning."""
-        positive_inertia(self.inertia)
-        if len(self.angular_velocity) != 3 or not np.all(np.isfinite(self.angular_velocity)):
-            raise ValueError(f"angular_velocity: got {self.angular_velocity}, expected three finite numbers")
-        if len(self.quaternion) != 4 or not abs(np.linalg.norm(np.asarray(self.quaternion, float)) - 1) < 1e-6:
-            raise ValueError(f"quaternion: got {self.quaternion}, expected four numbers of norm 1")
-
     @cached_property
     def _exact(self) -> tuple[tuple[Fraction, ...], tuple[Fraction, ...]]:
-        return positive_inertia(self.inertia), tuple(exact(Long(rate)) for rate in self.angular_velocity)
+        return exactly(self.inertia), exactly(self.angular_velocity)
 
     @cached_property
     def _polhode(self) -> Polhode:
@@ -72,8 +64,6 @@ class TorqueFree:
         At finite times since the start, shape (n,), of either sign; rounded from long double to `dtype`.
         """
         t = np.asarray(times, dtype=Long)
-        if t.ndim != 1 or not np.all(np.isfinite(t)):
-            raise ValueError(f"times: got shape {t.shape}, expected a one-dimensional array of finite numbers")
         turn, omega = self._permanent(t) if self.is_permanent else self._wobbling(t)
         start = np.asarray(self.quaternion, dtype=Long)
         quaternion = _product(start / np.sqrt(np.sum(start**2)), turn)

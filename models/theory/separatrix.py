@@ -20,19 +20,12 @@ class Separatrix:
     """Local solution on one side of L² = 2EI₂.
 
     Every run that passes goes from the "long" side, where the polhodes encircle the longest axis (L² < 2EI₂), to the
-    "short" side (L² > 2EI₂). One on each side, the critical trajectory, meets the singular point. Other sides, and
-    ellipsoids that are not triaxial, raise ValueError.
+    "short" side (L² > 2EI₂). One on each side, the critical trajectory, meets the singular point. The ellipsoid is
+    triaxial.
     """
 
     ellipsoid: Ellipsoid
     side: Side
-
-    def __post_init__(self) -> None:
-        if self.ellipsoid.kind != "triaxial":
-            kind = f"{self.ellipsoid.semi_axes} are those of a {self.ellipsoid.kind}"
-            raise ValueError(f"semi_axes: {kind}, expected a triaxial ellipsoid")
-        if self.side not in ("long", "short"):
-            raise ValueError(f"side: got {self.side!r}, expected 'long' or 'short'")
 
     @cached_property
     def _sorted(self) -> tuple[list[float], list[float]]:

@@ -6,7 +6,7 @@ import pytest
 from scipy.special import ellipj, ellipk
 
 from polhode.models.free_top.elliptic import exact
-from polhode.models.free_top.polhode import Polhode, positive_inertia
+from polhode.models.free_top.polhode import Polhode, exactly
 from polhode.models.free_top.torque_free import TorqueFree
 from polhode.models.rotation import matrix_from_quaternion
 
@@ -61,7 +61,7 @@ def test_corrected_precession_period(exchange):
         ratio = mp.pi * mp.jtheta(4, 1j * mp.pi * zeta, nome, 1) / mp.jtheta(4, 1j * mp.pi * zeta, nome)
         term = float(mp.re(2j * ratio * rate / (4 * quarter)))
     sign = -1 if exchange else 1
-    _, precession_period = Polhode.of(positive_inertia((i1, i2, i3)), exact(momentum) ** 2, 2 * exact(energy)).periods
+    _, precession_period = Polhode.of(exactly((i1, i2, i3)), exact(momentum) ** 2, 2 * exact(energy)).periods
     assert 2 * np.pi / precession_period == pytest.approx(momentum / i1 + sign * term, rel=1e-14)
     assert abs(2 * np.pi / precession_period - (momentum / i1 - sign * term)) > 0.1
 

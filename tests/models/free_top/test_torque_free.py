@@ -231,14 +231,3 @@ def test_every_start_keeps_its_invariants(moments, omega):
     assert np.max(np.abs(momenta - momenta[0])) <= 2e-15 * size
     assert np.max(np.abs(energies - energies[0])) <= 2e-15 * size**2
     assert not np.isnan([body.period, body.precession_period]).any()
-
-
-def test_refusals_name_what_came():
-    with pytest.raises(ValueError, match="inertia: got"):
-        TorqueFree((1.0, 0.0, 1.0), UNTURNED, (0.0, 0.0, 1.0))
-    with pytest.raises(ValueError, match="quaternion: got"):
-        TorqueFree((1.0, 1.0, 1.0), (1.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
-    with pytest.raises(ValueError, match="angular_velocity: got"):
-        TorqueFree((1.0, 1.0, 1.0), UNTURNED, (0.0, np.inf, 1.0))
-    with pytest.raises(ValueError, match="times: got"):
-        TorqueFree((1.0, 1.0, 1.0), UNTURNED, (0.0, 0.0, 1.0)).at([0.0, np.nan])
