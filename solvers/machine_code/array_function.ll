@@ -1,39 +1,42 @@
 ; A built-in function of Python around a field's lines.
 
-; Where the data of an array are; null if it is not one-dimensional, contiguous, of float64 and of this length.
+; Where the data of an array are; null if it is not one-dimensional, contiguous, of float64 and of this length. Behind the
+; head of every object of Python, which ends with its type, NumPy's `PyArrayObject` keeps data, number of dimensions, their
+; lengths, element type and flags, and `PyArray_Descr` byte order and number (ndarraytypes.h, alike in NumPy 1 and 2).
 define internal ptr @data(ptr %array, i64 %length, i32 %flags) alwaysinline {
-%type_at = getelementptr i8, ptr %array, i64 $type_at
+%behind = getelementptr i8, ptr %array, i64 $head
+%type_at = getelementptr i8, ptr %behind, i64 -8
 %type = load ptr, ptr %type_at
 %is_array = icmp eq ptr %type, inttoptr (i64 $ndarray to ptr)
 br i1 %is_array, label %typed, label %wrong
 typed:
-%dimensions_at = getelementptr i8, ptr %array, i64 $dimensions_at
+%dimensions_at = getelementptr i8, ptr %behind, i64 8
 %dimensions = load i32, ptr %dimensions_at
 %is_vector = icmp eq i32 %dimensions, 1
 br i1 %is_vector, label %vector, label %wrong
 vector:
-%lengths_at = getelementptr i8, ptr %array, i64 $lengths_at
+%lengths_at = getelementptr i8, ptr %behind, i64 16
 %lengths = load ptr, ptr %lengths_at
 %got = load i64, ptr %lengths
 %is_long = icmp eq i64 %got, %length
 br i1 %is_long, label %long, label %wrong
 long:
-%element_at = getelementptr i8, ptr %array, i64 $element_at
+%element_at = getelementptr i8, ptr %behind, i64 40
 %element = load ptr, ptr %element_at
-%order_at = getelementptr i8, ptr %element, i64 $order_at
+%element_behind = getelementptr i8, ptr %element, i64 $head
+%order_at = getelementptr i8, ptr %element_behind, i64 10
 %order = load i8, ptr %order_at
 %is_native = icmp eq i8 %order, $native
 br i1 %is_native, label %ordered, label %wrong
 ordered:
-%number_at = getelementptr i8, ptr %element, i64 $number_at
+%number_at = getelementptr i8, ptr %element_behind, i64 12
 %number = load i32, ptr %number_at
 %is_double = icmp eq i32 %number, $double
 br i1 %is_double, label %doubles, label %wrong
 doubles:
-%got_flags_at = getelementptr i8, ptr %array, i64 $flags_at
+%got_flags_at = getelementptr i8, ptr %behind, i64 48
 %got_flags = load i32, ptr %got_flags_at
-%data_at = getelementptr i8, ptr %array, i64 $data_at
-%data = load ptr, ptr %data_at
+%data = load ptr, ptr %behind
 %common = and i32 %got_flags, %flags
 %usable = icmp eq i32 %common, %flags
 %found = select i1 %usable, ptr %data, ptr null

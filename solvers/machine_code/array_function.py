@@ -3,42 +3,19 @@
 import ctypes
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from struct import pack
 
 import numpy as np
 
 from polhode.solvers.machine_code.llvm import compile_file
 
-_HEAD = object.__basicsize__
-# NumPy's `PyArrayObject` and `PyArray_Descr` (ndarraytypes.h, alike in NumPy 1 and 2): where an array keeps its type,
-# data, number of dimensions, their lengths, element type and flags; an element type its byte order and number.
-_PLACES = {
-    "type_at": _HEAD - 8,
-    "data_at": _HEAD,
-    "dimensions_at": _HEAD + 8,
-    "lengths_at": _HEAD + 16,
-    "element_at": _HEAD + 40,
-    "flags_at": _HEAD + 48,
-    "order_at": _HEAD + 10,
-    "number_at": _HEAD + 12,
-}
-# What is expected there, and what else the function knows of Python.
-_VALUES = {"native": ord("="), "double": np.dtype(float).num, "ndarray": id(np.ndarray)}
-_VALUES |= {"type_error": id(TypeError), "none": id(None)}
+# What the function knows of Python and of NumPy.
+_KNOWN = {"head": object.__basicsize__, "native": ord("="), "double": np.dtype(float).num}
+_KNOWN |= {"ndarray": id(np.ndarray), "type_error": id(TypeError), "none": id(None)}
 _READABLE, _WRITEABLE = 0x0101, 0x0501  # C-contiguous and aligned; writeable as well
 # Python's flag of a function that receives its arguments as a C array.
 _FASTCALL = 0x0080
 _EXPECTED = b"expected one-dimensional contiguous arrays of float64, of the field's sizes, the last one writeable"
-
-
-class _Definition(ctypes.Structure):
-    """Python's `PyMethodDef`."""
-
-    _fields_ = (
-        ("name", ctypes.c_char_p),
-        ("function", ctypes.c_void_p),
-        ("flags", ctypes.c_int),
-        ("doc", ctypes.c_char_p),
-    )
 
 
 def array_function(lines: str, arrays: Mapping[str, int]) -> Callable[..., None]:
@@ -50,12 +27,14 @@ def array_function(lines: str, arrays: Mapping[str, int]) -> Callable[..., None]
     calls = {name: ctypes.cast(python[name], ctypes.c_void_p).value for name in ("PyErr_SetString", "Py_IncRef")}
     checks = "\n".join(_check(i, name, length) for i, (name, length) in enumerate(arrays.items()))
     own = {"lines": lines, "checks": checks, "count": len(arrays), "message": ctypes.addressof(message)}
-    code = compile_file(Path(__file__).with_suffix(".ll"), **_PLACES, **_VALUES, **calls, **own)
-    definition = _Definition(b"field", code.address, _FASTCALL, None)
+    code = compile_file(Path(__file__).with_suffix(".ll"), **_KNOWN, **calls, **own)
+    # Python's `PyMethodDef`: name, function, flags and no documentation.
+    name = ctypes.create_string_buffer(b"field")
+    definition = ctypes.create_string_buffer(pack("PPiP", ctypes.addressof(name), code.address, _FASTCALL, 0))
     new = python.PyCFunction_NewEx
     new.argtypes, new.restype = [ctypes.c_void_p, ctypes.py_object, ctypes.c_void_p], ctypes.py_object
     # The function keeps alive what it is bound to.
-    return new(ctypes.addressof(definition), (code, definition, message), None)
+    return new(ctypes.addressof(definition), (code, definition, name, message), None)
 
 
 def _check(i: int, name: str, length: int) -> str:
