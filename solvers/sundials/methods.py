@@ -50,6 +50,12 @@ class SundialsSolver(Solver):
         slow = self.available and self.lacks("compiled")
         return "available, in Python's loop: no C libraries found" if slow else None
 
+    def check(self, problem: Problem) -> None:
+        if self.prefix != "IDA":
+            super().check(problem)
+        elif problem.parameters is None and problem.mass_form is None:
+            raise SolverNotValidError(f"{problem.name!r} has no vector field; use solver 'exact'", self.name)
+
     def load(self) -> None:
         if self.lacks("compiled"):
             super().load()
@@ -95,24 +101,4 @@ class SundialsSolver(Solver):
         return lambda: callbacks.library.solve(times, *begin).y
 
 
-CvodeAdams, CvodeBdf = methods(SundialsSolver)
-
-
-class Ida(SundialsSolver):
-    """Backward differentiation formulas of order 1 to 5 for the mass form, which stays valid down to St = 0.
-
-    At St = 0 the angular velocity is algebraic; the library computes consistent initial values. For St > 0 the
-    initial rates are the field's own. Fixed leading coefficients: the step doubles or stays, so that the error and the
-    number of steps scatter more than CVODE's.
-    Source: Brown, Hindmarsh, Petzold, SIAM J. Sci. Comput. 15 (1994) 1467 and 19 (1998) 1495.
-    """
-
-    name = "ida"
-    summary = "backward differentiation formulas for implicit equations (SUNDIALS IDA)"
-    prefix = "IDA"
-    accepts = "every form; the full forms with body angular velocity also at St = 0"
-    error_constant = 2500.0  # 667 measured
-
-    def check(self, problem: Problem) -> None:
-        if problem.parameters is None and problem.mass_form is None:
-            raise SolverNotValidError(f"{problem.name!r} has no vector field; use solver 'exact'", self.name)
+CvodeAdams, CvodeBdf, Ida = methods(SundialsSolver)
