@@ -52,17 +52,19 @@ ORDERS = np.take_along_axis(ORDERS, np.argsort(np.abs(ORDERS), axis=0, kind="sta
 _BOTH = np.stack(np.broadcast_arrays(ORDERS, HARMONICS)).reshape(2, -1).astype(float)
 _MEAN = int(np.flatnonzero(~_BOTH.any(axis=0))[0])
 # What makes the generator: all parts over D, and those of y and L₃ over D². Where each stands among the products of
-# parts with 1/D and 1/D² of all harmonics, real and imaginary; where those of one kind begin.
+# parts with 1/D of all harmonics and 1/D² of those up to 0, real and imaginary; where those of one kind begin.
 _PARTS = np.concatenate([np.arange(len(RATE)), np.arange(len(RATE))[Y], np.arange(len(RATE))[ALONG]])
-_OVER = len(HARMONICS) * (np.arange(len(_PARTS)) >= len(RATE))
-_PLACES = 2 * (2 * len(HARMONICS) * _PARTS + _OVER + K2[_PARTS] - HARMONICS[0])
+_ALL, _FIRST = len(HARMONICS), int(np.sum(HARMONICS <= 0))
+_COLUMNS, _OVER = K2[_PARTS] - HARMONICS[0], _ALL * (np.arange(len(_PARTS)) >= len(RATE))
+_PLACES = 2 * ((_ALL + _FIRST) * _PARTS + _OVER + _COLUMNS)
 _PLACES = np.stack([_PLACES, _PLACES + 1], axis=1).ravel()
 _FACTORS, _SOURCES = FACTOR[_PARTS] * np.where(_OVER, 1, -1j), SOURCE[_PARTS]
 _KINDS = [0, 6, 12, 18, 27, 33]
 # Terms are left out below this share of the largest times St: over St they are rounding. Bounds of that share.
 FAINT, LEAST_FAINT, MOST_FAINT = 1e-14, 1e-11, 1e-6
-# Change of a divisor over its square above which the asymptotic series does not hold. What keeps 1/0 away.
-CLOSE, TINY = 0.01, 1e-100
+# Change of a divisor over its square above which it matters, and above which the asymptotic series does not hold. What
+# keeps 1/0 away.
+BENT, CLOSE, TINY = 1e-5, 0.01, 1e-100
 
 
 @dataclass(frozen=True)
@@ -96,18 +98,18 @@ class Place:
         spun, dragged = _columns(np.real(c[:, 4:6]) * found[:, 0, 4:6])
         rise = torque_factor * (spun + dragged) / (a * size**2)
 
-        orders = _BOTH[:, : len(HARMONICS) * terms]
+        orders = _BOTH[:, : _ALL * terms]
         divisor = nu[:, :2] @ orders
         # The mean has no part in it.
         divisor[:, _MEAN] = np.inf
         twice, once = tails(divisor, np.reshape(rise, (-1, 1)) * (nu[:, 2:] @ orders))
         waves = np.concatenate([self._waves[:, : TERMS + 1], self._waves[:, TERMS:0:-1].conj()], axis=1)
-        waves = waves[:, ORDERS[:terms]] * np.exp(-1j * self.shape[:, :1] * HARMONICS)[:, None]
-        over = np.empty((m, terms, 2 * len(HARMONICS)), complex)
-        np.multiply(once.reshape(waves.shape), waves, out=over[..., : len(HARMONICS)])
-        np.multiply(twice.reshape(waves.shape), waves, out=over[..., len(HARMONICS) :])
+        waves, over = waves[:, ORDERS[:terms]], np.empty((m, terms, _ALL + _FIRST), complex)
+        np.multiply(once.reshape(waves.shape), waves, out=over[..., :_ALL])
+        np.multiply(twice.reshape(waves.shape)[..., :_FIRST], waves[..., :_FIRST], out=over[..., _ALL:])
         products = (found.swapaxes(1, 2) @ over.view(float)).reshape(m, -1)
         summands = np.take(products, _PLACES, axis=1).view(complex) * _FACTORS
+        summands *= np.exp(-1j * self.shape[:, :1] * HARMONICS)[:, _COLUMNS]
         summands *= np.concatenate([c, c.conj()], axis=1)[:, _SOURCES]
         kinds = np.add.reduceat(summands, _KINDS, axis=1)
 
@@ -170,15 +172,14 @@ def tails(x: Array, q: Array) -> tuple[Array, Array]:
 
     over = 1 / (x + TINY)
     square = over * over
-    u = q * square
+    bent = (np.abs(q) * square > BENT).nonzero()
+    once, twice, x, q = over.astype(complex), square.astype(complex), x[bent], q[bent]
+    u = -1j * q * square[bent]
+    once[bent] *= 1 + u * (1 + u * (3 + u * 15))
+    twice[bent] *= 1 + u * (3 + u * (15 + u * 105))
     close = np.abs(u) > CLOSE
-    u[close] = 0
-    v, once, twice = u * u, np.empty(x.shape, complex), np.empty(x.shape, complex)
-    once.real, once.imag = over * (1 - 3 * v), over * u * (15 * v - 1)
-    twice.real, twice.imag = square * (1 - 15 * v), square * u * (105 * v - 3)
     if close.any():
-        at = close.nonzero()
-        x, q = x[at], q[at]
+        at, x, q = tuple(each[close] for each in bent), x[close], q[close]
         root, sign = np.sqrt(-0.5j * q), np.where(x * q > 0, -1, 1)
         z = -sign * x / (2 * root)
         found = sqrt(pi) * wofz(z)
