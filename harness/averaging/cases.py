@@ -7,17 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from polhode.models import scenes
 from polhode.models.rotation import Triple
 from polhode.models.scene import BodyStart, EulerStart, Scene
-from polhode.models.scenes import (
-    NEAR_POLE_START,
-    PAPER_ELLIPSOID,
-    PAPER_START,
-    PROLATE,
-    SADDLE_START,
-    SPHEROID_START,
-    aligned_start,
-)
 from polhode.models.shape import Ellipsoid
 
 # St of the paper's cases; those up to QUICK make a first look. A run over T = 5e5 in long double takes half a minute:
@@ -27,7 +19,7 @@ STOKES, LARGEST_STOKES, QUICK = (1e2, 10**2.5, 1e3, 10**3.5, 1e4, 1e5), 1e6, 1e3
 AGAINST = EulerStart((1.0, 0.3, 0.2), (-1.0, 0.5, -2.0))
 GENTLE = EulerStart((1.5, 2.0, 0.2), (0.6, 0.4, -0.3))
 # Starts of the second order's cases by name; the others are angular velocities at the orientation TILTED.
-NAMED = {"paper": SPHEROID_START, "paper, ψ̇ = -1": PAPER_START, "against": AGAINST, "gentle": GENTLE}
+NAMED = {"paper": scenes.SPHEROID_START, "paper, ψ̇ = -1": scenes.PAPER_START, "against": AGAINST, "gentle": GENTLE}
 TILTED = (0.8, 0.3, -0.4, 0.2)
 
 
@@ -58,18 +50,18 @@ class Subject:
 
 def paper_cases() -> list[Subject]:
     """The paper's cases: its two starts of each shape, and one start of each phase plane."""
-    far = (*STOKES, LARGEST_STOKES)
+    far, prolate, triaxial = (*STOKES, LARGEST_STOKES), scenes.PROLATE, scenes.PAPER_ELLIPSOID
     cases = [
-        Subject("spheroid κ = 2", PROLATE, SPHEROID_START, 0.5, far),
-        Subject("spheroid κ = 2, near the saddle", PROLATE, NEAR_POLE_START, 0.5, STOKES),
-        Subject("ellipsoid (1, 0.8, 0.5)", PAPER_ELLIPSOID, PAPER_START, 0.5, far),
-        Subject("ellipsoid (1, 0.8, 0.5), near the saddle", PAPER_ELLIPSOID, SADDLE_START, 0.5, STOKES),
+        Subject("spheroid κ = 2", prolate, scenes.SPHEROID_START, 0.5, far),
+        Subject("spheroid κ = 2, near the saddle", prolate, scenes.NEAR_POLE_START, 0.5, STOKES),
+        Subject("ellipsoid (1, 0.8, 0.5)", triaxial, scenes.PAPER_START, 0.5, far),
+        Subject("ellipsoid (1, 0.8, 0.5), near the saddle", triaxial, scenes.SADDLE_START, 0.5, STOKES),
     ]
     planes = {f"phase plane κ = {kappa:g}": (1.0, 1.0, kappa) for kappa in (2.0, 3.33, 0.5, 0.3)}
     planes |= {f"phase plane (1, {b:g}, {c:g})": (1.0, b, c) for b in (0.55, 0.75, 0.95) for c in (0.5, 0.3)}
     for name, axes in planes.items():
         body = Ellipsoid(axes)
-        cases.append(Subject(name, axes, aligned_start(body, -max(body.inertia), pi / 4), 0.5, STOKES))
+        cases.append(Subject(name, axes, scenes.aligned_start(body, -max(body.inertia), pi / 4), 0.5, STOKES))
     return cases
 
 

@@ -25,9 +25,7 @@ FOLDERS = {"1": Path("reports/accuracy"), "2": Path("reports/second-order"), "hy
 @click.option("--out", type=FOLDER, help="Folder; by default reports/accuracy, second-order or hybrid.")
 @as_json
 @click.option("--quick", is_flag=True, help="St up to 1000 or a few cases alone: a look, not a result.")
-@click.option(
-    "--part", type=click.Choice([*PARTS["2"], *PARTS["hybrid"]]), help="Of order 2 or hybrid, measure that alone anew."
-)
+@click.option("--part", type=click.Choice([*PARTS["2"], *PARTS["hybrid"]]), help="Measure that alone anew.")
 @click.option("--page-only", is_flag=True, help="Measure nothing: write the page anew from the data in --out.")
 @quiet
 def accuracy(

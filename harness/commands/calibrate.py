@@ -12,9 +12,7 @@ from polhode.solvers.catalogue import SOLVERS
 
 @click.command(epilog="Example: polhode calibrate --resume")
 @out_folder("reports/pick")
-@click.option(
-    "--to", type=click.Path(path_type=Path, dir_okay=False), help="File for the laws; by default this user's."
-)
+@click.option("--to", type=click.Path(path_type=Path, dir_okay=False), help="File of laws; by default this user's.")
 @click.option("--scenes", type=click.IntRange(min=3), default=110, help="Training scenes.")
 @click.option("--add", is_flag=True, help="Measure only what the file's laws lack, and keep them.")
 @click.option("--anew", multiple=True, metavar="NAME", help="A form or solver that has changed: measured again.")
@@ -64,12 +62,7 @@ def calibrate(
 @click.option("--scenes", type=click.IntRange(min=1), default=16, help="Held-out scenes of a seed.")
 @click.option("--seed", type=click.IntRange(min=0), default=1765, help="What they are drawn from.")
 @click.option("--seeds", type=click.IntRange(min=1), default=3, help="So many seeds from it on.")
-@click.option(
-    "--errors",
-    type=click.IntRange(min=0),
-    default=0,
-    help="Runs whose stated errors are held against references, instead.",
-)
+@click.option("--errors", type=click.IntRange(min=0), default=0, help="Runs whose stated errors are tested instead.")
 @resume
 @quiet
 def validate(out: Path, scenes: int, seed: int, seeds: int, errors: int, resume: bool, quiet: bool) -> None:

@@ -23,12 +23,7 @@ FEW = 8
 @click.command(epilog="Example: polhode pick paper --error 1e-6 --want slow")
 @click.argument("scene", shell_complete=setup.scene_names)
 @click.option("--error", type=float, default=1e-6, help="Largest error allowed along the run.")
-@click.option(
-    "--want",
-    default="slow",
-    metavar="slow|orientation",
-    help="L and E, their error over I_max, or the orientation, its error in rad.",
-)
+@click.option("--want", default="slow", metavar="slow|orientation", help="L and E over I_max, or orientation in rad.")
 @click.option("--samples", type=int, default=201, help="Equispaced times of the output.")
 @click.option("--why", is_flag=True, help="Show why this way is the first, and why other forms will not do.")
 @click.option("--all", "everything", is_flag=True, help="Show all ways, and why each other one will not do.")

@@ -81,16 +81,9 @@ def _in_words(found: "Comparison", worse: list[dict]) -> str:
 @click.command(epilog="Example: polhode report --scene ice.toml")
 @click.option("--reports", type=FOLDER, default=REPORTS, help="Folder of the other commands' pages.")
 @click.option("--out", type=FOLDER, help="Folder; by default REPORTS/site.")
-@click.option(
-    "--scene",
-    "scenes",
-    multiple=True,
-    metavar="SCENE",
-    shell_complete=setup.scene_names,
-    help="Show the motion of this scene too; repeatable.",
-)
+@click.option("--scene", multiple=True, metavar="SCENE", shell_complete=setup.scene_names, help="Show its motion too.")
 @quiet
-def report(reports: Path, out: Path | None, scenes: tuple[str, ...], quiet: bool) -> None:
+def report(reports: Path, out: Path | None, scene: tuple[str, ...], quiet: bool) -> None:
     """Write a web site of all that was found: verdict, costs, every page of the reports, motions.
 
     It shows what `bench`, `regimes`, `accuracy`, `validate`, `paper`, `equal-error` and `bench
@@ -105,7 +98,7 @@ def report(reports: Path, out: Path | None, scenes: tuple[str, ...], quiet: bool
     with bad_input():
         if reports != REPORTS and not reports.is_dir():
             raise ValueError(f"--reports: got {str(reports)!r}, expected an existing folder")
-        own = {name: find_scene(name) for name in scenes}
+        own = {name: find_scene(name) for name in scene}
         with tqdm(disable=quiet or None, unit="page", desc="report", leave=False) as progress:
 
             def say(what: str) -> None:

@@ -20,31 +20,19 @@ if TYPE_CHECKING:
 
 # Rows of the table on the terminal, and its columns, the CSV's first ones: the orientation is for files.
 FEW, SHOWN = 11, ["t", "t2", "Lx", "Ly", "Lz", "E"]
+WANTS = click.Choice(["slow", "orientation"])
 
 
 @click.command(epilog="Example: polhode solve paper --samples 501 --out paper.csv")
 @click.argument("scene", shell_complete=setup.scene_names)
-@click.option(
-    "--form",
-    shell_complete=setup.form_names,
-    help="Form of the equations (`polhode forms`); by default what fits the scene.",
-)
-@click.option(
-    "--solver", shell_complete=setup.solver_names, help="Solver (`polhode solvers`); by default what fits the scene."
-)
+@click.option("--form", shell_complete=setup.form_names, help="Of `polhode forms`; by default what fits the scene.")
+@click.option("--solver", shell_complete=setup.solver_names, help="Of `polhode solvers`; by default what fits.")
 @click.option("--tolerance", type=float, help="The solver's tolerance, from 1e-16 to 1; by default what meets --error.")
 @click.option("--error", type=float, default=1e-6, help="Error wanted, where no tolerance is given.")
-@click.option(
-    "--want",
-    type=click.Choice(["slow", "orientation"]),
-    default="slow",
-    help="What that error is of: L and E, over I_max, or the orientation, in rad.",
-)
+@click.option("--want", type=WANTS, default="slow", help="What it is of: L and E over I_max, or orientation, in rad.")
 @click.option("--samples", type=int, default=201, help="Equispaced times, start and end included.")
 @click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    help="CSV file to write (or .parquet), - for standard output; by default a short table.",
+    "--out", type=click.Path(path_type=Path), help="CSV or .parquet file, - for standard output; else a table."
 )
 @click.option("--omega", is_flag=True, help="The angular velocity in space axes too: wx, wy, wz.")
 @click.option("--restart", type=click.Path(path_type=Path), help="Scene file to write that goes on from the end.")

@@ -18,11 +18,7 @@ if TYPE_CHECKING:
 @click.command(epilog="Example: polhode sweep sweep.toml --workers 4 --out results")
 @click.argument("sweep_file", metavar="[SWEEP.toml]", required=False, type=click.Path(path_type=Path))
 @click.option("--out", type=FOLDER, help="Folder; by default reports/NAME.")
-@click.option(
-    "--workers",
-    type=click.IntRange(min=0),
-    help="Processes on this machine; by default one per core, 0 for none besides this.",
-)
+@click.option("--workers", type=click.IntRange(min=0), help="Processes; by default one per core, 0 for this one alone.")
 @click.option("--dask", "address", help="Address of a Dask scheduler that runs the tasks instead.")
 @click.option("--resume", is_flag=True, help="Take up an interrupted run, or join one that is under way.")
 @as_json
