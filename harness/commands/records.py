@@ -81,7 +81,7 @@ def _in_words(found: "Comparison", worse: list[dict]) -> str:
 @click.command(epilog="Example: polhode report --scene ice.toml")
 @click.option("--reports", type=FOLDER, default=REPORTS, help="Folder of the other commands' pages.")
 @click.option("--out", type=FOLDER, help="Folder; by default REPORTS/site.")
-@click.option("--scene", multiple=True, metavar="SCENE", shell_complete=setup.scene_names, help="Show its motion too.")
+@click.option("--scene", multiple=True, shell_complete=setup.scene_names, help="Show its motion too; repeatable.")
 @quiet
 def report(reports: Path, out: Path | None, scene: tuple[str, ...], quiet: bool) -> None:
     """Write a web site of all that was found: verdict, costs, every page of the reports, motions.

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 # Rows of the table on the terminal, and its columns, the CSV's first ones: the orientation is for files.
 FEW, SHOWN = 11, ["t", "t2", "Lx", "Ly", "Lz", "E"]
-WANTS = click.Choice(["slow", "orientation"])
+WANTS, FILE = click.Choice(["slow", "orientation"]), click.Path(path_type=Path)
 
 
 @click.command(epilog="Example: polhode solve paper --samples 501 --out paper.csv")
@@ -31,11 +31,9 @@ WANTS = click.Choice(["slow", "orientation"])
 @click.option("--error", type=float, default=1e-6, help="Error wanted, where no tolerance is given.")
 @click.option("--want", type=WANTS, default="slow", help="What it is of: L and E over I_max, or orientation, in rad.")
 @click.option("--samples", type=int, default=201, help="Equispaced times, start and end included.")
-@click.option(
-    "--out", type=click.Path(path_type=Path), help="CSV or .parquet file, - for standard output; else a table."
-)
+@click.option("--out", type=FILE, help="CSV or .parquet file, - for standard output; by default a short table.")
 @click.option("--omega", is_flag=True, help="The angular velocity in space axes too: wx, wy, wz.")
-@click.option("--restart", type=click.Path(path_type=Path), help="Scene file to write that goes on from the end.")
+@click.option("--restart", type=FILE, help="Scene file to write that goes on from the end.")
 @click.option("--estimate/--no-estimate", default=True, help="Look again, to estimate the error.")
 @click.option("--quiet", is_flag=True, help="No progress and no notes.")
 @click.option("-v", "--verbose", is_flag=True, help="Say where the time went, on standard error.")
