@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_type_hints
 
@@ -151,10 +151,7 @@ def read_study(kind: type[Study], folder: Path) -> Study:
         name: read_table(folder / f"{name}.csv", row, _COLUMNS.get(row, ())) for name, row in _tables(kind).items()
     }
     made: Any = kind
-    # Of a study with a default for it, `timed` was not always kept.
-    optional = any(each.name == "timed" and each.default_factory is not MISSING for each in fields(made))
-    timed = "{}" if optional and not (folder / TIMED).exists() else read_file(folder / TIMED)
-    return made(**tables, timed=json.loads(timed))
+    return made(**tables, timed=json.loads(read_file(folder / TIMED)))
 
 
 def _tables(kind: type) -> dict[str, type]:

@@ -59,10 +59,6 @@ class Wanted:
         values = [value for kind in KINDS for value in self.filters[kind]]
         return replace(study.part(**self.filters), name="-".join([study.name, *values])) if values else study
 
-    def folder(self, study: "Study") -> Path:
-        """Where results go."""
-        return self.out or Path("reports") / study.name
-
 
 def study_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add [STUDY.toml], --out, --quick, --resume, --quiet, --disturbed, and --scene and so on, as `Wanted`."""

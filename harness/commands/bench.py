@@ -47,7 +47,8 @@ def bench(wanted: Wanted, problems: bool, page_only: bool) -> None:
 
     with bad_input():
         study = wanted.study()
-        study, folder = study.quick() if wanted.quick else study, wanted.folder(study)
+        study = study.quick() if wanted.quick else study
+    folder = wanted.out or Path("reports") / study.name
     write_page = import_module(f"polhode.harness.pages.{PAGES[study.page]}").write_page
     if page_only:
         with bad_input():
@@ -96,10 +97,10 @@ def regimes(wanted: Wanted) -> None:
 
     with bad_input():
         study = replace(wanted.study("regimes"), longest_slow_time=LONGEST_SLOW_TIME)
-        folder = wanted.folder(study)
         if wanted.quick:
             some = tuple((name, scene) for name, scene in study.scenes if 0.1 <= scene.stokes <= 1e4)
             study = replace(study.quick(), scenes=some or study.scenes)
+    folder = wanted.out or Path("reports") / study.name
     store = open_store(folder, wanted.resume)
     with running_into(store):
         if not wanted.quiet:

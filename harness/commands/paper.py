@@ -16,18 +16,11 @@ from polhode.harness.commands._study_options import out_folder, quiet
 @click.option("--force", is_flag=True, help="Compute again even what is there.")
 @click.option("--redraw", is_flag=True, help="Draw from the data that are there, whatever code made them.")
 @click.option("--quick", is_flag=True, help="Coarse grids: a look, not a result.")
-@click.option("--list", "only_list", is_flag=True, help="Print the items and stop.")
+@click.option("--list", "listed", is_flag=True, help="Print the items and stop.")
 @click.option("--json", "as_json", is_flag=True, help="With --list: print JSON.")
 @quiet
 def paper(
-    names: tuple[str, ...],
-    out: Path,
-    force: bool,
-    redraw: bool,
-    quick: bool,
-    only_list: bool,
-    as_json: bool,
-    quiet: bool,
+    names: tuple[str, ...], out: Path, force: bool, redraw: bool, quick: bool, listed: bool, as_json: bool, quiet: bool
 ) -> None:
     """Regenerate the paper's figures and tables: all of them, or the ITEMs (or sections) named.
 
@@ -42,9 +35,9 @@ def paper(
         items = find_items(names)
         if force and redraw:
             raise ValueError("--force computes anew and --redraw does not, expected one of them")
-        if as_json and not only_list:
+        if as_json and not listed:
             raise ValueError("--json: got it without --list, expected both: the results stand in the folder's files")
-    if only_list:
+    if listed:
         rows = [{"name": item.name, "section": section_of(item).name, "title": item.title} for item in items]
         click.echo(json.dumps(rows) if as_json else "\n".join(f"{row['name']:28}{row['title']}" for row in rows))
         return

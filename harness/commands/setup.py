@@ -70,16 +70,10 @@ def examine(watch: float = WATCH) -> dict[str, Any]:
     from polhode.solvers.catalogue import SOLVERS, solver
     from polhode.solvers.compile import cache_folder
 
-    adapters = [
-        {
-            "name": name,
-            "package": method.package,
-            "version": version(method.package) if method.available else None,
-            "available": method.available,
-            "why_not": method.why_not,
-        }
-        for name, method in ((name, solver(name)) for name in SOLVERS)
-    ]
+    keys = ("name", "package", "available", "why_not")
+    adapters = [{key: getattr(method, key) for key in keys} for method in map(solver, SOLVERS)]
+    for row in adapters:
+        row["version"] = version(row["package"]) if row["available"] else None
     caches = [look("references", cache_folder() / "references"), look("compiled integrators", cache_folder("heyoka"))]
     cold, steadiness = cold_start(), watch_sentinel(watch)
     advice = [f"{row['name']}: {row['why_not']}" for row in adapters if not row["available"]]

@@ -16,21 +16,15 @@ if TYPE_CHECKING:
 
 
 @click.command(epilog="Example: polhode sweep sweep.toml --workers 4 --out results")
-@click.argument("sweep_file", metavar="[SWEEP.toml]", required=False, type=click.Path(path_type=Path))
+@click.argument("file", metavar="[SWEEP.toml]", required=False, type=click.Path(path_type=Path))
 @click.option("--out", type=FOLDER, help="Folder; by default reports/NAME.")
 @click.option("--workers", type=click.IntRange(min=0), help="Processes; by default one per core, 0 for this one alone.")
-@click.option("--dask", "address", help="Address of a Dask scheduler that runs the tasks instead.")
+@click.option("--dask", help="Address of a Dask scheduler that runs the tasks instead.")
 @click.option("--resume", is_flag=True, help="Take up an interrupted run, or join one that is under way.")
 @as_json
 @quiet
 def sweep(
-    sweep_file: Path | None,
-    out: Path | None,
-    workers: int | None,
-    address: str | None,
-    resume: bool,
-    as_json: bool,
-    quiet: bool,
+    file: Path | None, out: Path | None, workers: int | None, dask: str | None, resume: bool, as_json: bool, quiet: bool
 ) -> None:
     """Run ensembles of particles over a grid of shapes and Stokes numbers and write their statistics.
 
@@ -40,12 +34,12 @@ def sweep(
     from polhode.harness.ensembles.sweep import read_sweep, run_sweep
 
     with bad_input():
-        what = read_sweep(sweep_file)
+        what = read_sweep(file)
         folder = out or Path("reports") / what.name
         path = folder / "store.sqlite"
         if path.exists() and not resume:
             raise BadInput(f"{path}: exists, expected --resume to go on with it, or another --out")
-        engine = _engine(workers, address)
+        engine = _engine(workers, dask)
     with running_into(open_store(folder, resume=True), "tasks") as store:
         tally = run_sweep(what, store, engine, quiet=quiet, spread=resume)
         if tally.failed:

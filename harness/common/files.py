@@ -50,12 +50,6 @@ class PartialFile:
                 self._file = open(where, "w" + self._binary, closefd=ours, **self._how)  # noqa: SIM115
         return self._file
 
-    def discard(self) -> None:
-        """Remove what a failure left."""
-        if self.atomic:
-            for left in (self._private, self.partial):
-                left.unlink(missing_ok=True)
-
     def __enter__(self) -> IO[Any]:
         return self.open()
 
@@ -96,7 +90,9 @@ def write_file(path: Path, content: str | bytes, *, summed: bool = False) -> Non
         with target as file:
             file.write(content)
     except BaseException:
-        target.discard()
+        if target.atomic:
+            for left in (target._private, target.partial):
+                left.unlink(missing_ok=True)
         raise
 
 

@@ -3,6 +3,7 @@
 import os
 import platform
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -54,22 +55,17 @@ def header(title: str, command: str, records: Sequence[Mapping[str, Any]]) -> li
     """First lines of a page: the command that made it, dates, machines and versions, where these were kept."""
     machines = dict.fromkeys(_place(record) for record in records if "machine" in record)
     where = f" on {' and '.join(machines)}" if machines else ""
+    disturbed, known = disturbance(records)
+    rule = f"had the processor for less than {HAD:.0%} of its time, or the machine took {BUSY:g} × its shortest"
+    said = f" Disturbed by other work: {disturbed} of {known} timed runs (the fastest {rule})." if known else ""
     return [
         f"# {title}",
         "",
         f"Made by `{command}`. Do not edit: the next run overwrites this page.",
         "",
-        f"Measured {dates(records)}{where}.{_disturbed(records)}",
+        f"Measured {dates(records)}{where}.{said}",
         "",
     ]
-
-
-def _disturbed(records: Sequence[Mapping[str, Any]]) -> str:
-    disturbed, known = disturbance(records)
-    if not known:
-        return ""
-    rule = f"had the processor for less than {HAD:.0%} of its time, or the machine took {BUSY:g} × its shortest"
-    return f" Disturbed by other work: {disturbed} of {known} timed runs (the fastest {rule})."
 
 
 def dates(records: Sequence[Mapping[str, Any]]) -> str:
@@ -84,14 +80,12 @@ def dates(records: Sequence[Mapping[str, Any]]) -> str:
 def _place(record: Mapping[str, Any]) -> str:
     machine = record["machine"]
     packages = ", ".join(f"{name} {number}" for name, number in record["versions"].items())
-    place = f"{machine['processor']}, {machine['cores']} cores, {machine['system']}, Python {machine['python']}"
-    return f"{place} ({packages})"
+    return "{processor}, {cores} cores, {system}, Python {python}".format(**machine) + f" ({packages})"
 
 
 def _processor() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return platform.processor()
-    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.processor()
+    with suppress(OSError):
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.split(":", 1)[1].strip()
+    return platform.processor()

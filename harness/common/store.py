@@ -8,7 +8,7 @@ import json
 import reprlib
 import sqlite3
 from collections.abc import Iterable, Iterator
-from contextlib import closing, contextmanager, suppress
+from contextlib import AbstractContextManager, closing, contextmanager, suppress
 from hashlib import sha256
 from itertools import islice
 from pathlib import Path
@@ -35,7 +35,7 @@ class DamagedStoreError(ValueError):
     """The file is not a store, or a damaged one; its contents are left as they are."""
 
 
-class Store:
+class Store(AbstractContextManager["Store"]):
     """A store file, made if it does not exist; two runs may share one.
 
     Raises DamagedStoreError if the file is no readable SQLite database, which is never overwritten; OSError, here and
@@ -74,9 +74,6 @@ class Store:
         """Close the file."""
         self._connection.close()
 
-    def __enter__(self) -> "Store":
-        return self
-
     def __exit__(self, *exception: object) -> None:
         self.close()
 
@@ -111,10 +108,6 @@ class Store:
             for row in self._connection.execute(_ROW + "ORDER BY rowid"):
                 key, case, result, written, _ = self._sound(row)
                 yield {"key": key, "date": written, **json.loads(case), **json.loads(result)}
-
-    def records(self) -> list[Record]:
-        """All at once."""
-        return list(self)
 
     def _sound(self, row: tuple[str, ...]) -> tuple[str, ...]:
         """The row, whose digest is that of its content."""

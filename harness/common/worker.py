@@ -11,13 +11,13 @@ import pickle
 import signal
 import traceback
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from enum import StrEnum
 from multiprocessing.connection import wait
 from threading import Thread
 from time import perf_counter
-from typing import Any, Self
+from typing import Any
 
 # Beyond twice the limit, in seconds: a run that stops by itself is not killed for a slow machine.
 GRACE = 0.5
@@ -51,7 +51,7 @@ class Reply:
     seconds: float  # sending and receiving included
 
 
-class Worker:
+class Worker(AbstractContextManager["Worker"]):
     """One spawned process, started on first use and again after every kill or crash.
 
     It is spawned, not forked, since forked processes inherit the locks of threads that they do not inherit. Functions,
@@ -62,9 +62,6 @@ class Worker:
         self._process: Any = None
         self._connection: Any = None
         self._stopped = False
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *exception: object) -> None:
         self.close()

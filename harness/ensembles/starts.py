@@ -12,8 +12,6 @@ from polhode.models.rotation import Triple, matrix_from_quaternion
 from polhode.models.shape import Ellipsoid
 
 Motion = Literal["rest", "fluid", "jeffery", "momentum", "momentum-isotropic"]
-# Forms that ensembles can use: those without angles, which would need wrapping.
-ENSEMBLE_FORMS = ("quaternion", "spheroid-axis", "jeffery", "averaged", "averaged-spheroid")
 # "fluid" turns with the fluid, ω = -½ ẑ; "jeffery" as without inertia, ω = Ω_J; "momentum" has the given angular
 # momentum, in space axes, "momentum-isotropic" one of its length in any direction.
 MOTIONS = get_args(Motion)
@@ -84,7 +82,7 @@ class Drawn:
     angular_velocity: np.ndarray
 
     def states(self, form: str, ellipsoid: Ellipsoid) -> np.ndarray:
-        """Starting states, shape (n, d), of a form: what `Form.problem` makes of each, for all of them at once."""
+        """Starting states, shape (n, d), of a form without angles: what `Form.problem` makes of each, at once."""
         q, omega, inertia = self.quaternion, self.angular_velocity, np.array(ellipsoid.inertia)
         if form == "jeffery":
             return q

@@ -15,7 +15,7 @@ from tqdm import tqdm
 from polhode.harness.common.machine import machine
 from polhode.harness.common.store import Record, Store
 from polhode.harness.ensembles.engines import Engine
-from polhode.harness.ensembles.ensemble import AVERAGING, Ensemble, Equations, Task, run_task
+from polhode.harness.ensembles.ensemble import AVERAGING, BOUNDS, Ensemble, Equations, Task, run_task
 from polhode.harness.ensembles.hybrid import ERROR_OVER_TOLERANCE
 from polhode.harness.ensembles.starts import Starts
 from polhode.harness.ensembles.statistics import Statistics
@@ -29,8 +29,6 @@ NO_TIMES = "no times: tasks may run side by side"
 # Seconds after which the store is asked again what another run has added.
 REFRESH = 5.0
 DEFAULT_TOLERANCE = 1e-6
-# Keys of a sweep file that an ensemble takes as they are.
-SHARED = {"particles", "block", "seed", "samples", "snapshots", "bins", "radius"}
 
 
 class StartTable(BaseModel):
@@ -185,5 +183,5 @@ def _ensemble(table: SweepTable, shape: list[float], stokes: float) -> Ensemble:
         table.start.starts(),
         equations=equations,
         tolerance=tolerance,
-        **table.model_dump(include=SHARED, exclude_unset=True),
+        **table.model_dump(include={*BOUNDS, "radius"}, exclude_unset=True),
     )

@@ -51,22 +51,13 @@ class Certificate:
     orientation: float
 
 
-@dataclass(frozen=True)
-class Piece:
-    """Times of a piece, in the form's own time: where it starts, ends, and ends if it is gone back over."""
-
-    start: float
-    end: float
-    back: float
-
-
-def pieces(scene: Scene, form: Form, end: float) -> list[Piece]:
-    """Pieces evenly spread over a run from 0 to `end` in the form's own time."""
+def pieces(scene: Scene, form: Form, end: float) -> list[tuple[float, float, float]]:
+    """Pieces evenly spread over a run to `end`, in the form's own time: start, end, and end if gone back over."""
     length = min(end / PIECES, LONGEST[opposite(scene, form)[1]])
     damping = max(scene.ellipsoid.damping) * (1.0 if form.averaged else min(scene.torque_factor, 1e300))
     short = length if damping * length < LARGEST_EXPONENT else 0.9 * LARGEST_EXPONENT / damping
     starts = np.arange(PIECES) * (end / PIECES)
-    return [Piece(float(start), float(start + length), float(start + short)) for start in starts]
+    return [(start, start + length, start + short) for start in starts.tolist()]
 
 
 def certify(scene: Scene, form: Form, states: dict[float, np.ndarray], flow: Flow) -> Certificate:
@@ -78,22 +69,21 @@ def certify(scene: Scene, form: Form, states: dict[float, np.ndarray], flow: Flo
     other, solver = opposite(scene, form)
     seen = {time: observe(form, scene, state[None]) for time, state in states.items()}
     agreed, back, worst = 0, 0, np.zeros(3)
-    for piece in pieces(scene, form, end):
-        length = piece.end - piece.start
+    for start, stop, turn in pieces(scene, form, end):
         if form.averaged:
-            outcome = _same_form(scene, form, solver, states[piece.start], seen[piece.end], length)
+            outcome = _same_form(scene, form, solver, states[start], seen[stop], stop - start)
         else:
-            outcome = _other_form(scene, (other, solver), seen[piece.start], seen[piece.end], length)
+            outcome = _other_form(scene, (other, solver), seen[start], seen[stop], stop - start)
         if outcome is not None:
             agreed += 1
             worst = np.maximum(worst, outcome)
         if scene.stokes > 0:
-            worst[0] = max(worst[0], _backward(scene, form, states, piece, flow))
+            worst[0] = max(worst[0], _backward(scene, form, states, (start, turn), flow))
             back += 1
         if worst[0] > 1:
             raise UncertifiedError(
                 f"the reference of form {form.name!r} at St = {scene.stokes:g} differs from form {other!r} by "
-                f"{solver} on the piece from {piece.start:g} to {piece.end:g}: {worst[0]:.1f} times the method's error"
+                f"{solver} on the piece from {start:g} to {stop:g}: {worst[0]:.1f} times the method's error"
             )
     if agreed < REQUIRED:
         raise UncertifiedError(f"only {agreed} of {PIECES} pieces could be tried, expected at least {REQUIRED}")
@@ -184,13 +174,14 @@ def _compare(ellipsoid: Ellipsoid, runs: list[Observables], true: Observables, t
     return np.array([ratio, found.slow, found.orientation or 0.0])
 
 
-def _backward(scene: Scene, form: Form, states: dict[float, np.ndarray], piece: Piece, flow: Flow) -> float:
+def _backward(
+    scene: Scene, form: Form, states: dict[float, np.ndarray], piece: tuple[float, float], flow: Flow
+) -> float:
     """Ratio of the difference after going back over a piece to what an ulp at its end makes of it."""
-    length = piece.back - piece.start
-    at_end = states[piece.back]
-    ulp = np.abs(at_end.astype(float)) * np.finfo(float).eps
-    returned, moved = (flow(state, piece.back, -length) for state in (at_end, at_end + ulp))
-    true, found, other = (observe(form, scene, state[None]) for state in (states[piece.start], returned, moved))
+    start, end = piece
+    ulp = np.abs(states[end].astype(float)) * np.finfo(float).eps
+    returned, moved = (flow(state, end, start - end) for state in (states[end], states[end] + ulp))
+    true, found, other = (observe(form, scene, state[None]) for state in (states[start], returned, moved))
     return float(_compare(scene.ellipsoid, [found, found, other], true, 0.0)[0])
 
 
@@ -207,5 +198,5 @@ def _turned(observables: Observables, axis: int) -> Observables:
 def expected_times(scene: Scene, form: Form, end: float) -> Iterator[float]:
     """Times at which `certify` wants states."""
     for piece in pieces(scene, form, end):
-        yield from (piece.start, piece.back, piece.end)
+        yield from piece
     yield end

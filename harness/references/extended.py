@@ -1,7 +1,6 @@
 """Runs in extended precision: Taylor's method in long double or quadruple, from the problem's own doubles."""
 
 from math import inf
-from typing import Any
 
 import numpy as np
 
@@ -26,7 +25,8 @@ def extended_run(
 ) -> np.ndarray:
     """States in long double, shape (n, d), of a Taylor run in a precision that holds at least as much."""
     # Given up at a deadline, as `time.perf_counter` reads.
-    integrator = extended_integrator(problem, precision, tolerance)
+    count = len(problem.parameters or ())
+    integrator = taylor_integrator(problem.field, problem.dimension, count, tolerance, precision)
     number = integrator.state.dtype
     integrator.time = number.type(0)
     integrator.state[:] = np.array(problem.start).astype(number)
@@ -37,17 +37,8 @@ def extended_run(
     status, message = propagate(integrator, Record(times, rows, deadline, most))
     if not status.success:
         raise ReferenceFailedError(f"the reference of form {problem.name!r} ended with {status}: {message}", status)
-    return _long_double(rows)
-
-
-def extended_integrator(problem: Problem, precision: Precision, tolerance: float) -> Any:
-    """Heyoka's integrator of a problem in an extended precision."""
-    return taylor_integrator(problem.field, problem.dimension, len(problem.parameters or ()), tolerance, precision)
-
-
-def _long_double(rows: np.ndarray) -> np.ndarray:
-    """Rows in long double; NumPy knows no cast from quadruple, so that it goes by two doubles."""
     if rows.dtype == np.longdouble:
         return rows
+    # NumPy knows no cast from quadruple: it goes by two doubles.
     high = rows.astype(float)
     return high.astype(np.longdouble) + (rows - high.astype(rows.dtype)).astype(float)

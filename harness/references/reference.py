@@ -15,7 +15,7 @@ from polhode.harness.references import two_methods
 from polhode.harness.references.certificate import Certificate, Flow, UncertifiedError, certify, expected_times, observe
 from polhode.harness.references.chaos import Growth, growth
 from polhode.harness.references.errors import errors, magnitude, statistics_distance
-from polhode.harness.references.extended import ReferenceFailedError, extended_integrator, extended_run
+from polhode.harness.references.extended import ReferenceFailedError, extended_run
 from polhode.harness.references.rotations import rotations
 from polhode.models.catalogue import form as find_form, reference_form
 from polhode.models.form import Form
@@ -24,7 +24,7 @@ from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 from polhode.solvers.compile import load_heyoka
 from polhode.solvers.contract import Status
-from polhode.solvers.taylor import Precision
+from polhode.solvers.taylor import Precision, taylor_integrator
 
 Run = tuple[Precision, float]
 
@@ -208,7 +208,9 @@ def _runs(scene: Scene, form: Form) -> tuple[Run, Run, tuple[int, ...]]:
 
 def _flow(problem: Problem) -> Flow:
     """The reference's own method, in long double, over a piece, backwards too."""
-    integrator = extended_integrator(problem, *ROUNDING_RUN)
+    precision, tolerance = ROUNDING_RUN
+    count = len(problem.parameters or ())
+    integrator = taylor_integrator(problem.field, problem.dimension, count, tolerance, precision)
 
     def flow(state: np.ndarray, time: float, duration: float) -> np.ndarray:
         integrator.time = np.longdouble(time)

@@ -17,7 +17,7 @@ import numpy as np
 from polhode.models.operations import numpy_operations
 from polhode.models.problem import Factory, Problem
 from polhode.solvers.contract import Status
-from polhode.solvers.ensembles.methods import change, moved
+from polhode.solvers.ensembles.methods import Array, change, moved
 from polhode.solvers.machine_code.lanes import Lanes, lanes, width
 from polhode.solvers.machine_code.program import Program, compare, compiled
 from polhode.solvers.machine_code.tracing import OPERATIONS
@@ -52,9 +52,7 @@ BENDS = (
 )
 
 
-def run_adaptive(
-    problem: Problem, starts: np.ndarray, times: np.ndarray, tolerance: float
-) -> tuple[np.ndarray, np.ndarray]:
+def run_adaptive(problem: Problem, starts: Array, times: Array, tolerance: float) -> tuple[Array, Array]:
     """Solve a problem from starts, shape (n, d): states, shape (m, n, d), NaN from where one failed, and statuses.
 
     The times increase from 0 to the end; the tolerance is of the local error per step, absolute below 1 and relative

@@ -12,7 +12,7 @@ import numpy as np
 from polhode.models.operations import numpy_operations
 from polhode.models.problem import Problem
 from polhode.solvers.contract import Status
-from polhode.solvers.ensembles.methods import RUNGE_KUTTA, Method, method, names
+from polhode.solvers.ensembles.methods import RUNGE_KUTTA, Array, Method, method, names
 from polhode.solvers.ensembles.taylor_batch import run_batches
 from polhode.solvers.machine_code.lanes import by_particle
 
@@ -41,7 +41,7 @@ class Plan:
     cost: float  # of a particle, in flows of a splitting
 
 
-def plan(problem: Problem, sample: np.ndarray, times: np.ndarray, tolerance: float) -> Plan | None:
+def plan(problem: Problem, sample: Array, times: Array, tolerance: float) -> Plan | None:
     """The cheapest method and step that keep a sample's errors; None if none does, as where motion is chaotic.
 
     The problem has no periodic components; the sample holds starts, shape (n, d); the times are equispaced from 0 to
@@ -56,16 +56,14 @@ def plan(problem: Problem, sample: np.ndarray, times: np.ndarray, tolerance: flo
     return min((each for each in found if each), key=lambda each: each.cost, default=None)
 
 
-def unplanned(problem: Problem, starts: np.ndarray, times: np.ndarray, tolerance: float) -> Plan:
+def unplanned(problem: Problem, starts: Array, times: Array, tolerance: float) -> Plan:
     """Steps that are a fair guess, for so few particles that none is worth a sample; parameters as those of `plan`."""
     by, (times, _) = method(RUNGE_KUTTA, problem), _in_pieces(times)
     steps = 2 * int(np.ceil(_first_steps(problem, starts, times) * tolerance ** (-1 / ORDER) / 2))
     return Plan(by.name, steps, tolerance * by.sure, tolerance, 1.5 * by.cost * steps)
 
 
-def run(
-    problem: Problem, starts: np.ndarray, times: np.ndarray, tolerance: float, chosen: Plan
-) -> tuple[np.ndarray, np.ndarray]:
+def run(problem: Problem, starts: Array, times: Array, tolerance: float, chosen: Plan) -> tuple[Array, Array]:
     """States, shape (m, n, d), NaN where a particle failed, and statuses, of many starts; parameters as of `plan`."""
     by, steps, (times, pieces) = method(chosen.method, problem), chosen.steps, _in_pieces(times)
     found = _march(by, starts, times, steps)
@@ -89,16 +87,16 @@ def run(
     return states, statuses
 
 
-def _march(by: Method, starts: np.ndarray, times: np.ndarray, steps: int) -> np.ndarray:
+def _march(by: Method, starts: Array, times: Array, steps: int) -> Array:
     """States in lanes by so many steps from one time to the next."""
     return by.lanes.march(starts, len(times), by.constants(_step(times, steps)), steps)
 
 
-def _step(times: np.ndarray, steps: int) -> float:
+def _step(times: Array, steps: int) -> float:
     return float(times[-1]) / (len(times) - 1) / steps
 
 
-def _apart(states: np.ndarray, others: np.ndarray, stride: int = 1) -> np.ndarray:
+def _apart(states: Array, others: Array, stride: int = 1) -> Array:
     """Largest difference of each particle's states over the largest component at the start or 1."""
     with np.errstate(invalid="ignore", over="ignore"):
         apart = states[:, ::stride][:, : others.shape[1]] - others
@@ -106,7 +104,7 @@ def _apart(states: np.ndarray, others: np.ndarray, stride: int = 1) -> np.ndarra
         return (apart / np.maximum(1.0, np.abs(states[:, 0]).max(axis=1))).ravel()
 
 
-def _doubt(by: Method, starts: np.ndarray, times: np.ndarray, steps: int, states: np.ndarray) -> np.ndarray:
+def _doubt(by: Method, starts: Array, times: Array, steps: int, states: Array) -> Array:
     """Difference of each particle's states from those by steps twice as wide, shape (n,)."""
     # An even number of times lies from one check to the next.
     stride = 2 * -(-(len(times) - 1) // (2 * PIECES))
@@ -114,14 +112,14 @@ def _doubt(by: Method, starts: np.ndarray, times: np.ndarray, steps: int, states
     return _apart(states, by.lanes.march(starts, rows, wide, steps * stride // 2), stride)[: len(starts)]
 
 
-def _in_pieces(times: np.ndarray) -> tuple[np.ndarray, int]:
+def _in_pieces(times: Array) -> tuple[Array, int]:
     """Times with others between them, if there are few, and how many of these make one."""
     intervals = len(times) - 1
     pieces = -(-PIECES // intervals)
     return np.linspace(0.0, times[-1], intervals * pieces + 1), pieces
 
 
-def _first_steps(problem: Problem, sample: np.ndarray, times: np.ndarray) -> int:
+def _first_steps(problem: Problem, sample: Array, times: Array) -> int:
     """Steps between two times that are a fair guess."""
     rates = problem.field(numpy_operations())(sample.T, np.array(problem.parameters))
     length = ANGLE / max(0.5, *(float(np.max(np.abs(rate))) for rate in rates))
@@ -130,9 +128,7 @@ def _first_steps(problem: Problem, sample: np.ndarray, times: np.ndarray) -> int
     return max(1, int(np.ceil(_step(times, 1) / length)))
 
 
-def _reference(
-    problem: Problem, sample: np.ndarray, times: np.ndarray, tolerance: float, steps: int
-) -> np.ndarray | None:
+def _reference(problem: Problem, sample: Array, times: Array, tolerance: float, steps: int) -> Array | None:
     """States of the sample whose error is small against the tolerance."""
     by, before = method(RUNGE_KUTTA, problem), None
     for _ in range(DOUBLINGS):
@@ -143,16 +139,14 @@ def _reference(
     return None
 
 
-def _kept(errors: np.ndarray) -> float:
+def _kept(errors: Array) -> float:
     """What most errors of the sample stay below."""
     return float(np.quantile(np.nan_to_num(errors, nan=np.inf), KEPT, method="higher"))
 
 
-def _fitting(
-    by: Method, sample: np.ndarray, times: np.ndarray, tolerance: float, exact: np.ndarray, steps: int
-) -> Plan | None:
+def _fitting(by: Method, sample: Array, times: Array, tolerance: float, exact: Array, steps: int) -> Plan | None:
     """The fewest steps found that keep the sample's errors, if any do."""
-    tried: dict[int, np.ndarray] = {}
+    tried: dict[int, Array] = {}
     good: list[int] = []
     for _ in range(ROUNDS):
         states = tried[steps] = _march(by, sample, times, steps)

@@ -15,6 +15,7 @@ from polhode.solvers.parts.schemes import SCHEMES, Scheme, dop853
 RUNGE_KUTTA = "DOP853"
 # Time of an evaluation of a field over that of a splitting's slow and fast flow.
 EVALUATION = 1.6
+Array = np.ndarray
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,7 @@ class Method:
 
     name: str
     lanes: Lanes
-    constants: Callable[[float], np.ndarray]  # what a step of a given length needs to know
+    constants: Callable[[float], Array]  # what a step of a given length needs to know
     cost: float  # of a step, in slow and fast flows of a splitting
     sure: float  # difference from steps twice as wide over the error, hardly ever less
 
@@ -46,7 +47,7 @@ def method(name: str, problem: Problem) -> Method:
     fast = *scheme.fast, 2 * scheme.fast[0], -scheme.fast[0]
     shares = *((parts.fast, share) for share in fast), *((parts.slow, share) for share in scheme.slow)
 
-    def constants(h: float) -> np.ndarray:
+    def constants(h: float) -> Array:
         return np.concatenate([part.constants(p, share * h) for part, share in shares])
 
     return Method(name, _splitting(parts, scheme, problem.dimension), constants, scheme.stages, 2.0**5)

@@ -148,7 +148,7 @@ def test_the_suites_json_gives_the_stores_table(tmp_path: Path):
         for each in records:
             row = {**each, "machine": {"cores": 2}, "versions": {"numpy": "2"}}
             store.put(row.pop("key"), {}, row)
-        export(store.records(), tmp_path / "runs.jsonl")
+        export(list(store), tmp_path / "runs.jsonl")
     tables = [read_runs(tmp_path / f"runs.{ending}") for ending in ("json", "sqlite", "jsonl")]
     for table in tables:
         assert set(table.columns) == set(tables[0].columns)

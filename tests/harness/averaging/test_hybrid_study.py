@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from polhode.harness.averaging.data import TIMED, read_study, write_study
+from polhode.harness.averaging.data import read_study, write_study
 from polhode.harness.averaging.hybrid import (
     ERRORS,
     SLOW_TIMES,
@@ -46,8 +46,6 @@ def test_rows_come_back_from_their_files(tmp_path: Path):
     write_study(study, tmp_path)
     assert read_study(Study, tmp_path) == study
     assert "unknown date" not in page(study, "polhode")
-    (tmp_path / TIMED).unlink()
-    assert read_study(Study, tmp_path) == replace(study, timed={})
 
 
 def test_a_page_says_when_each_part_was_measured():

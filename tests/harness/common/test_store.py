@@ -44,7 +44,7 @@ def test_records_come_back_in_the_order_of_writing(path: Path):
         store.put("a", {"tolerance": 1e-6}, {"seconds": inf, "flag": True})
     with Store(path) as store:
         assert store.keys() == {"a", "b"}
-        records = store.records()
+        records = list(store)
         for record in records:
             assert abs(datetime.now(UTC) - datetime.fromisoformat(record.pop("date"))).total_seconds() < 60
         assert records == [
@@ -65,7 +65,7 @@ def test_a_store_of_another_version_is_left_alone(path: Path, version: int):
 def test_no_single_flipped_bit_is_used_as_good(path: Path):
     filled(path)
     with Store(path) as store:
-        true = store.records()
+        true = list(store)
     content, random = path.read_bytes(), Random(5)
     for bit in random.sample(range(8 * len(content)), 60):
         damaged = bytearray(content)
@@ -106,7 +106,7 @@ def test_a_second_result_of_a_case_changes_nothing(path: Path):
     with Store(path) as store:
         store.put("a", {"form": "x"}, {"seconds": 1.0})
         store.put("a", {"form": "x"}, {"seconds": 2.0})
-        assert [record["seconds"] for record in store.records()] == [1.0]
+        assert [record["seconds"] for record in list(store)] == [1.0]
 
 
 def test_two_processes_write_at_once(path: Path):
@@ -124,7 +124,7 @@ def test_two_processes_write_at_once(path: Path):
         writer.communicate("go\n", timeout=60)
         assert writer.returncode == 0
     with Store(path) as store:
-        records = store.records()
+        records = list(store)
     assert sorted(record["number"] for record in records) == list(range(100))
     assert {record["writer"] for record in records if record["number"] < 40} == {"one"}
     assert {record["writer"] for record in records if record["number"] >= 60} == {"two"}
@@ -143,7 +143,7 @@ def test_a_killed_writer_leaves_a_readable_store(path: Path):
             time.sleep(0.01)
         writer.kill()
         writer.wait()
-        records = store.records()
+        records = list(store)
     assert [record["number"] for record in records] == list(range(len(records)))
     assert records
 

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import DOP853, RK45
 
 from polhode.harness.ensembles.ensemble import Ensemble, Task, run_task
-from polhode.harness.ensembles.starts import ENSEMBLE_FORMS, Drawn, Starts
+from polhode.harness.ensembles.starts import Drawn, Starts
 from polhode.models.catalogue import form as find_form
 from polhode.models.observables import observe_body
 from polhode.models.rotation import matrix_from_quaternion
@@ -24,6 +24,8 @@ TRIAXIAL = Ellipsoid((0.8, 1.0, 0.5))
 PROLATE = Ellipsoid((2.0, 1.0, 1.0))
 OBLATE = Ellipsoid((1.0, 1.0, 0.5))
 SHAPE_OF = {"quaternion": TRIAXIAL, "averaged": TRIAXIAL, "jeffery": TRIAXIAL}
+
+ENSEMBLE_FORMS = ("quaternion", "spheroid-axis", "jeffery", "averaged", "averaged-spheroid")
 
 
 def shape_of(form: str) -> Ellipsoid:

@@ -170,7 +170,7 @@ LASTING = ("status", "slow_error", "orientation_error", "errors", "work", "slow_
 
 def stored(path: Path) -> dict[str, Record]:
     with Store(path) as store:
-        records = store.records()
+        records = list(store)
     assert len(records) == len({record["key"] for record in records})
     return {record["key"]: record for record in records}
 
