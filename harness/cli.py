@@ -31,7 +31,7 @@ GROUPS = {
         "bench": ("bench:bench", "the main job: cost against accuracy"),
         "regimes": ("bench:regimes", "the map of who wins, over St and error"),
         "equal-error": ("bench:equal_error", "every solver at equal error, and what solve itself costs"),
-        "accuracy": ("accuracy:accuracy", "the averaged equations against the full ones"),
+        "accuracy": ("paper:accuracy", "the averaged equations against the full ones"),
         "paper": ("paper:paper", "the paper's figures and tables, each with a verdict"),
         "sweep": ("sweep:sweep", "ensembles of many particles, on one machine or many"),
         "throughput": ("sweep:throughput", "what ensembles cost on this machine"),

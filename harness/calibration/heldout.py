@@ -15,9 +15,8 @@ from polhode.harness.common.store import Record, Store
 from polhode.harness.picking.laws import Laws
 from polhode.harness.picking.pilot import PilotFailedError, pilot
 from polhode.harness.picking.ranking import NotAttainableError, pick
-from polhode.harness.references.extended import ReferenceFailedError
+from polhode.harness.references.extended import MOST_ROTATIONS, ReferenceFailedError
 from polhode.harness.references.reference import reference
-from polhode.harness.references.two_methods import MOST
 from polhode.harness.studies.case import Case
 from polhode.harness.studies.runner import Runner
 from polhode.harness.studies.study import Study
@@ -78,8 +77,8 @@ def no_reference(question: Question) -> str:
     """Why a question has no reference within its budget; empty if it has one."""
     scene = question.scene
     try:
-        if pilot(scene).rotations > MOST:
-            return f"more than {MOST:g} rotations"
+        if pilot(scene).rotations > MOST_ROTATIONS:
+            return f"more than {MOST_ROTATIONS:g} rotations"
         known = reference(scene, reference_form(scene), question.samples, REFERENCE_SECONDS)
     except PilotFailedError as failure:
         return str(failure)

@@ -1,13 +1,19 @@
-"""`polhode paper`: every figure and table of the paper from this code, with a verdict on each claim."""
+"""`polhode paper` and `accuracy`: each claim of the paper with a verdict, and how far averaging is from the truth."""
 
 import json
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import click
 
 from polhode.harness.cli import RunFailed, bad_input
-from polhode.harness.commands._study_options import out_folder, quiet
+from polhode.harness.commands._study_options import FOLDER, as_json, out_folder, quiet
+
+# Again in `averaging.second_order` and `averaging.hybrid`, so that `--help` needs no numerics.
+PARTS = {"1": (), "2": ("orders", "resonances", "cost"), "hybrid": ("errors", "speed")}
+FOLDERS = {"1": Path("reports/accuracy"), "2": Path("reports/second-order"), "hybrid": Path("reports/hybrid")}
 
 
 @click.command(epilog="Example: polhode paper period-change spheroids")
@@ -48,3 +54,61 @@ def paper(
     if failed:
         raise RunFailed(f"failed: {', '.join(failed)}")
     click.echo(f"{out / 'README.md'}")
+
+
+@click.command(epilog="Example: polhode accuracy --quick --out look")
+@click.option(
+    "--order",
+    type=click.Choice(list(FOLDERS)),
+    default="1",
+    help="1: both orders in the paper's cases. 2: second order beyond them, through resonances, and its cost. "
+    "hybrid: second order with windows of the full equations, on random starts.",
+)
+@click.option("--out", type=FOLDER, help="Folder; by default reports/accuracy, second-order or hybrid.")
+@as_json
+@click.option("--quick", is_flag=True, help="St up to 1000 or a few cases alone: a look, not a result.")
+@click.option("--part", type=click.Choice([*PARTS["2"], *PARTS["hybrid"]]), help="Measure that alone anew.")
+@click.option("--page-only", is_flag=True, help="Measure nothing: write the page anew from the data in --out.")
+@quiet
+def accuracy(
+    order: str, out: Path | None, as_json: bool, quick: bool, part: str | None, page_only: bool, quiet: bool
+) -> None:
+    """Measure the averaged forms' errors in L_x, L_y, L_z and E against full solutions.
+
+    For every case of the paper: model error and solver error, the fitted order in 1/St, and the St from which on an
+    averaged form meets a given error; or, with --order 2, how the second order does away from resonances, through
+    them, and up to L² = 2EI₂, and what it costs. Writes a page with its data into the folder --out.
+    """
+    from polhode.harness.averaging import hybrid as hybrid_study
+    from polhode.harness.averaging.data import PaperStudy, SecondOrderStudy, read_study
+    from polhode.harness.averaging.measure import measure_all
+    from polhode.harness.averaging.second_order import measure_study
+    from polhode.harness.common.plain_json import dumps
+    from polhode.harness.pages.averaging import first_order, hybrid, second_order
+    from polhode.harness.references.reference import ReferenceFailedError
+
+    pages: dict[str, Any] = {"1": first_order, "2": second_order, "hybrid": hybrid}
+    kinds: dict[str, Any] = {"1": PaperStudy, "2": SecondOrderStudy, "hybrid": hybrid_study.Study}
+    page, out = pages[order], out or FOLDERS[order]
+    with bad_input():
+        if quick + bool(part) + page_only > 1:
+            raise ValueError("--quick, --part, --page-only: got several of them, expected one")
+        if part and part not in PARTS[order]:
+            fitting = next(each for each, parts in PARTS.items() if part in parts)
+            raise ValueError(f"--part: got --order {order}, expected --order {fitting} for {part!r}")
+        found: Any = read_study(kinds[order], out) if part or page_only else None
+        out.mkdir(parents=True, exist_ok=True)
+    try:
+        if order == "1" and not page_only:
+            found = measure_all(quick=quick, quiet=quiet)
+        elif not page_only:
+            measure: Any = measure_study if order == "2" else hybrid_study.measure
+            found = measure(found, part or "", quick=quick, quiet=quiet)
+    except ReferenceFailedError as error:
+        raise RunFailed(str(error)) from None
+    page.write_page(found, out, "polhode accuracy" + f" --order {order}" * (order != "1") + " --quick" * quick)
+    if as_json:
+        click.echo(dumps(page.as_json(found) if order == "1" else asdict(found)))
+    else:
+        click.echo(page.as_text(found) if order == "1" else "\n".join(page.findings(found)))
+    click.echo(str(out / "README.md"), err=True)

@@ -66,9 +66,10 @@ class Store(AbstractContextManager["Store"]):
                 raise DamagedStoreError(f"{self.path}: a database of something else")
             if tables and version != VERSION:
                 raise DamagedStoreError(f"{self.path}: got version {version} of the store, expected {VERSION}")
-            run(_TABLE)
-            run(f"PRAGMA application_id = {APPLICATION}")
-            run(f"PRAGMA user_version = {VERSION}")
+            if not tables:
+                run(_TABLE)
+                run(f"PRAGMA application_id = {APPLICATION}")
+                run(f"PRAGMA user_version = {VERSION}")
 
     def close(self) -> None:
         """Close the file."""

@@ -11,7 +11,7 @@ import numpy as np
 from polhode.harness.common import cache
 from polhode.harness.common.plain_json import digest
 from polhode.harness.common.timing import within
-from polhode.harness.references import two_methods
+from polhode.harness.references import extended
 from polhode.harness.references.certificate import Certificate, Flow, UncertifiedError, certify, expected_times, observe
 from polhode.harness.references.chaos import Growth, growth
 from polhode.harness.references.errors import errors, magnitude, statistics_distance
@@ -93,9 +93,9 @@ def reference(scene: Scene, form: str | Form, samples: int, seconds: float = inf
             raise ReferenceFailedError(f"time: got {scene.time:g}, expected at most {HORIZON:g} above St = 1e6")
     problem, long = shape.problem(scene), False
     if not shape.averaged and seconds < inf and 0 < scene.stokes < inf:
-        if (turns := _rotations(scene)) > two_methods.MOST:
-            raise ReferenceFailedError(f"more than {two_methods.MOST:g} rotations")
-        long = turns > two_methods.EXTENDED_UP_TO
+        if (turns := _rotations(scene)) > extended.MOST_ROTATIONS:
+            raise ReferenceFailedError(f"more than {extended.MOST_ROTATIONS:g} rotations")
+        long = turns > extended.EXTENDED_UP_TO
     key = _key(problem, samples, long)
     arrays = cache.load(key)
     if arrays is None or _tried_less(arrays, seconds):
@@ -103,7 +103,7 @@ def reference(scene: Scene, form: str | Form, samples: int, seconds: float = inf
         def computed(limit: float) -> dict[str, np.ndarray]:
             try:
                 if long:
-                    return two_methods.compared(scene, samples, limit)
+                    return extended.compared(scene, samples, limit)
                 return _compute(scene, shape, problem, samples, perf_counter() + limit)
             except ReferenceFailedError as error:
                 said = {"failure": str(error), "status": error.status, "seconds": seconds, "certificates": CERTIFICATES}
@@ -249,5 +249,5 @@ def _key(problem: Problem, samples: int, long: bool = False) -> str:
         "heyoka": version("heyoka"),
     }
     if long:
-        content["runs"] = two_methods.SPHEROIDS, two_methods.OTHERS, two_methods.AGAINST
+        content["runs"] = extended.SPHEROIDS, extended.OTHERS, extended.AGAINST
     return digest(content)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from polhode.harness.references import two_methods
+from polhode.harness.references import extended
 from polhode.harness.references.errors import errors
 from polhode.harness.references.reference import ReferenceFailedError, reference
 from polhode.models.catalogue import reference_form
@@ -15,7 +15,7 @@ def test_two_methods_know_a_run_as_well_as_they_say(name, monkeypatch, tmp_path)
     monkeypatch.setenv("POLHODE_CACHE", str(tmp_path))
     scene = named_scene(name)
     exact = reference(scene, reference_form(scene), 51)
-    monkeypatch.setattr(two_methods, "EXTENDED_UP_TO", 10.0)
+    monkeypatch.setattr(extended, "EXTENDED_UP_TO", 10.0)
     found = reference(scene, reference_form(scene), 51, seconds=60.0)
     assert (found.precision, found.certificate.solver) == ("double", "cyrk-vern8")
     apart = errors(scene.ellipsoid, found.observables, exact.observables)
@@ -26,17 +26,17 @@ def test_two_methods_know_a_run_as_well_as_they_say(name, monkeypatch, tmp_path)
 
 
 def test_beyond_so_many_rotations_there_is_none_in_limited_time(monkeypatch):
-    monkeypatch.setattr(two_methods, "MOST", 30.0)
+    monkeypatch.setattr(extended, "MOST_ROTATIONS", 30.0)
     with pytest.raises(ReferenceFailedError, match="more than 30 rotations"):
         reference(named_scene("paper"), "quaternion", 51, seconds=1.0)
 
 
 def test_methods_that_disagree_are_no_reference_and_share_a_limit(monkeypatch):
     runs = []
-    monkeypatch.setattr(two_methods, "solve", lambda *args, **kw: runs.append((kw, solve(*args, **kw))) or runs[-1][1])
-    monkeypatch.setattr(two_methods, "AGAINST", ("cyrk-tsit5", 1e-3))
-    monkeypatch.setattr(two_methods, "APART", 1e-6)
+    monkeypatch.setattr(extended, "solve", lambda *args, **kw: runs.append((kw, solve(*args, **kw))) or runs[-1][1])
+    monkeypatch.setattr(extended, "AGAINST", ("cyrk-tsit5", 1e-3))
+    monkeypatch.setattr(extended, "APART", 1e-6)
     with pytest.raises(ReferenceFailedError, match="two methods are"):
-        two_methods.compared(named_scene("paper"), 51, 10.0)
+        extended.compared(named_scene("paper"), 51, 10.0)
     (first, found), (second, _) = runs
     assert second["max_seconds"] <= first["max_seconds"] - found.seconds < 10
