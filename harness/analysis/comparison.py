@@ -143,7 +143,7 @@ def _repeated(folder: Path) -> list[Record]:
 def _records(path: Path) -> list[Record]:
     if path.suffix == ".sqlite" and path.is_file():
         with Store(path) as store:
-            return store.records()
+            return list(store)
     try:
         if path.suffix == ".jsonl":
             return list(read_export(path))
