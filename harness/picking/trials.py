@@ -13,9 +13,9 @@ from math import inf, sqrt
 from typing import NamedTuple
 
 from polhode.harness.common.text import scientific
-from polhode.harness.picking.laws import STIFF, ErrorLaw, Interval, MethodLaws, Sensitivity
+from polhode.harness.picking.laws import STIFF, ErrorLaw, Interval, Load, MethodLaws, Sensitivity
 from polhode.harness.picking.load import load_of
-from polhode.harness.picking.pilot import Pilot, PilotFailedError, follow, over_whole_run, pilot_solver
+from polhode.harness.picking.pilot import InPieces, Pilot, PilotFailedError, follow, pilot_solver
 from polhode.harness.picking.recommendation import Way
 from polhode.harness.picking.refusals import Refusal, Stage, UnfitError, one_digit, one_digit_up, too_tight
 from polhode.harness.references.errors import errors
@@ -24,6 +24,7 @@ from polhode.models.form import Form
 from polhode.models.observables import Observables
 from polhode.models.scene import Scene
 from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.contract import Work
 
 # Laws were fitted between these tolerances.
 LOOSEST, TIGHTEST = 1e-3, 1e-15
@@ -72,9 +73,13 @@ class Candidate:
     def _tolerance(self, stray: float) -> float:
         return one_digit(min(LOOSEST, self.law.tolerance(self.at, self.budget, stray)))
 
-    def way(self, tolerance: float, own: Interval, error: str, steps: int | None = None) -> Way:
-        """The method at a tolerance, with its solver's own error, what is known of it in words, and steps counted."""
-        load = replace(load_of(self.form, self.solver, self.found, self.samples, tolerance), steps=steps)
+    def way(self, tolerance: float, own: Interval, error: str, work: Work | None = None) -> Way:
+        """The method at a tolerance, with its solver's own error, what is known of it in words, and a trial's work."""
+        if work and work.steps and find_solver(self.solver).many_periods:
+            load = Load(work.steps + (work.rejected or 0), work.inner or 0, 0.0, self.samples)
+        else:
+            load = load_of(self.form, self.solver, self.found, self.samples, tolerance)
+            load = replace(load, steps=work and work.steps)
         seconds = self.laws.cost.predict(load, tolerance)
         first_run = self.laws.compile_seconds + seconds.predicted
         whole = own.plus(self.model) if self.model else own
@@ -91,9 +96,9 @@ class Candidate:
 
 
 class Trial(NamedTuple):
-    """A run: its steps, what it gave, and what it errs by at most, where a law says."""
+    """A run: its work, what it gave, and what it errs by at most, where a law says."""
 
-    steps: int | None
+    work: Work | None
     observables: Observables
     unsure: float = inf
 
@@ -125,11 +130,11 @@ def _worth_trying(candidate: Candidate) -> Way | None:
 
 def _tried(candidate: Candidate, tolerance: float, expected: Way | Refusal, true: Trial, want: str) -> Way | Refusal:
     """A candidate at the loosest tolerance tried at which it meets the error; as expected if trials say nothing."""
-    best, made, count, missed, least = 0.0, inf, None, inf, inf
+    best, made, counted, missed, least = 0.0, inf, None, inf, inf
     for _ in range(TOLERANCES):
-        error, steps = _error(candidate, tolerance, true.observables, want)
+        error, work = _error(candidate, tolerance, true.observables, want)
         if error <= MET * candidate.budget:
-            best, made, count = tolerance, error, steps
+            best, made, counted = tolerance, error, work
         else:
             missed, least = tolerance, error
         step = (AIM * candidate.budget / max(error, 1e-300)) ** (1 / candidate.law.order)
@@ -141,7 +146,7 @@ def _tried(candidate: Candidate, tolerance: float, expected: Way | Refusal, true
             break
     if best:
         own = Interval(made, max(0.0, made - true.unsure), made + true.unsure)
-        return candidate.way(best, own, f"a trial run errs by {scientific(made)}", count)
+        return candidate.way(best, own, f"a trial run errs by {scientific(made)}", counted)
     if isinstance(expected, Way) and missed <= expected.tolerance and candidate.budget < least < inf:
         why = f"a trial run at {scientific(missed)} errs by {scientific(least)}"
         return Refusal(expected.form, expected.solver, why, Stage.ERROR)
@@ -164,14 +169,14 @@ def _yardstick(candidate: Candidate, others: Sequence[Candidate]) -> Trial | Non
     return None
 
 
-def _error(candidate: Candidate, tolerance: float, true: Observables, want: str) -> tuple[float, int | None]:
-    """What a candidate errs by, inf for a run that fails, and its steps."""
+def _error(candidate: Candidate, tolerance: float, true: Observables, want: str) -> tuple[float, Work | None]:
+    """What a candidate errs by, inf for a run that fails, and its work."""
     scene = candidate.found.scene
     with suppress(PilotFailedError):
         run = _run(candidate.form, scene, tolerance, candidate.solver)
         made = errors(scene.ellipsoid, run.observables, true)
         error = made.slow if want == "slow" else made.orientation
-        return inf if error is None else error, run.steps
+        return inf if error is None else error, run.work
     return inf, None
 
 
@@ -180,4 +185,4 @@ def _run(form: Form, scene: Scene, tolerance: float, solver: str) -> Trial:
     run = follow(form, scene, tolerance, solver)
     if not run.success:
         raise PilotFailedError(f"pilot: {form.name!r} by {solver!r} ended with {run.status.value}")
-    return Trial(None if over_whole_run(form, solver) else run.work.steps, form.observe(scene, run.states))
+    return Trial(None if isinstance(form, InPieces) else run.work, form.observe(scene, run.states))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from polhode.harness.picking import trials
-from polhode.harness.picking.laws import Interval, Laws, load_laws
+from polhode.harness.picking.laws import Interval, Laws, Load, load_laws
 from polhode.harness.picking.ranking import pick
 from polhode.harness.references.errors import errors
 from polhode.models.catalogue import form
@@ -72,6 +72,17 @@ def test_without_trials_laws_decide(monkeypatch):
 def test_laws_decide_where_a_run_is_long_or_no_yardstick_is_close_enough(name, error, want):
     rows = pick(named_scene(name), error, want).ranking
     assert all(SAID not in way.reason for way in rows)
+
+
+def test_steps_that_a_trial_made_price_a_way_of_many_periods():
+    scene, laws = replace(named_scene("spheroid"), stokes=1e4, time=3e3), load_laws()
+    way = pick(scene, 1e-7, laws=laws).ranking[0]
+    assert SAID in way.reason
+    assert way.solver in ("splitting", "stroboscopic")
+    problem = form(way.form).problem(scene)
+    work = solve(problem, way.solver, way.tolerance, np.linspace(0, problem.end, 401)).work
+    load = Load((work.steps or 0) + (work.rejected or 0), work.inner or 0, 0.0, 201)
+    assert way.seconds == laws.methods[way.form, way.solver].cost.predict(load, way.tolerance)
 
 
 @pytest.mark.parametrize(("error", "count"), [(1e-2, trials.WAYS), (np.inf, 0)])
