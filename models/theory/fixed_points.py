@@ -2,16 +2,13 @@
 
 from dataclasses import dataclass
 from math import pi
-from typing import Literal
+from typing import Literal, get_args
 
 from polhode.models.shape import Ellipsoid
 
-Rotation = Literal[
-    "longest axis", "middle axis", "shortest axis", "symmetry axis", "equatorial axis", "any axis of a sphere"
-]
+ByLength = Literal["longest axis", "middle axis", "shortest axis"]
+Rotation = ByLength | Literal["symmetry axis", "equatorial axis", "any axis of a sphere"]
 Stability = Literal["stable node", "saddle", "singular"]
-
-_BY_LENGTH: tuple[Rotation, ...] = ("longest axis", "middle axis", "shortest axis")
 
 
 @dataclass(frozen=True)
@@ -19,10 +16,8 @@ class FixedPoint:
     """One fixed point of the averaged equations, where the body turns with the fluid, ω = -½ ẑ."""
 
     rotation: Rotation  # the body axis along the vorticity; a spheroid tumbles about an equatorial axis
-    variables: tuple[
-        str, ...
-    ]  # with E of a triaxial ellipsoid (`lxmain`–`emain`), η of a spheroid (`lxsmain`–`nsmain`)
-    state: tuple[float, ...]  # in the units of `Observables`
+    # L and E of a triaxial ellipsoid (`lxmain`–`emain`), L and η of a spheroid (`lxsmain`–`nsmain`), L of a sphere.
+    state: tuple[float, ...]
     # Per unit of slow time, in the order of the paper: along L_x and L_y first. A singular point has these two alone.
     eigenvalues: tuple[float, ...]
 
@@ -43,22 +38,20 @@ def fixed_points(ellipsoid: Ellipsoid) -> tuple[FixedPoint, ...]:
     """
     if ellipsoid.kind == "sphere":
         momentum = (0.0, 0.0, -ellipsoid.inertia[0] / 2)
-        return (FixedPoint("any axis of a sphere", ("Lx", "Ly", "Lz"), momentum, eigenvalues(ellipsoid, 0)[:3]),)
+        return (FixedPoint("any axis of a sphere", momentum, eigenvalues(ellipsoid, 0)[:3]),)
     if ellipsoid.symmetry_axis is None:
         return tuple(
             FixedPoint(
                 rotation,
-                ("Lx", "Ly", "Lz", "E"),
                 (0.0, 0.0, -ellipsoid.inertia[axis] / 2, ellipsoid.inertia[axis] / 8),
                 eigenvalues(ellipsoid, axis)[: 2 if rotation == "middle axis" else 4],
             )
-            for axis, rotation in zip(ellipsoid.order, _BY_LENGTH, strict=True)
+            for axis, rotation in zip(ellipsoid.order, get_args(ByLength), strict=True)
         )
     axial, equatorial = ellipsoid.symmetry_axis, (ellipsoid.symmetry_axis + 1) % 3
     return tuple(
         FixedPoint(
             "symmetry axis" if eta else "equatorial axis",
-            ("Lx", "Ly", "Lz", "eta"),
             (0.0, 0.0, -ellipsoid.inertia[axis] / 2, eta),
             eigenvalues(ellipsoid, axis),
         )
