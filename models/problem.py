@@ -48,6 +48,8 @@ class Parts:
     reach: float  # angle, in rad, up to which `fast` is exact to rounding
     moving: tuple[int, int]  # the first of the components that the fast flow changes, and the one behind the last
     slow_quantities: Callable[[Any], tuple[Any, ...]]  # of y, over generic numbers: what the fast flow leaves alone
+    # (ops)(y, constants, constants): the fast flow and the slow one behind it, where they take less time together.
+    both: Callable[[Operations], Callable[[Any, Any, Any], Sequence[Any]]] | None = None
 
 
 @dataclass(frozen=True)

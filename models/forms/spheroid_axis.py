@@ -65,27 +65,27 @@ def rotation_constants(p: Any, h: Any, ops: Operations = FLOAT) -> tuple[Any, ..
     return (h,)
 
 
+def polynomial(coefficients: Sequence[Any], x: Any) -> Any:
+    """Its value, in pairs that a processor computes side by side."""
+    while len(coefficients) > 1:
+        pairs = [low + high * x for low, high in zip(coefficients[::2], coefficients[1::2], strict=False)]
+        coefficients, x = [*pairs, *coefficients[2 * len(pairs) :]], x * x
+    return coefficients[0]
+
+
 def rotation(ops: Operations) -> Field:
     """Exact flow of dp̂/dt = (L/I_e) × p̂ at fixed L, for angles θ = |L|h/I_e up to 3.4 rad: the torque-free motion.
 
     With l = hL/I_e, p̂ becomes p̂ + (sin θ/θ) l×p̂ + ((1 - cos θ)/θ²) l×(l×p̂). As θ² = l·l, neither a root nor a
     trigonometric function is needed, and l = 0 is nothing special.
     """
-    s0, s1, s2, s3, s4, s5, s6, s7, s8, s9, s10 = SINE
-    c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10 = COSINE
 
     def advance(y, c):
         lx, ly, lz, px, py, pz = y[0], y[1], y[2], y[3], y[4], y[5]
         # In the order and in pairs that a processor computes side by side.
         kx, ky, kz = c[0] * lx, c[0] * ly, c[0] * lz
         x = kx * kx + ky * ky + kz * kz
-        x2 = x * x
-        x4 = x2 * x2
-        x8 = x4 * x4
-        sine = ((s0 + s1 * x) + (s2 + s3 * x) * x2) + ((s4 + s5 * x) + (s6 + s7 * x) * x2) * x4
-        sine = sine + ((s8 + s9 * x) + s10 * x2) * x8
-        cosine = ((c0 + c1 * x) + (c2 + c3 * x) * x2) + ((c4 + c5 * x) + (c6 + c7 * x) * x2) * x4
-        cosine = cosine + ((c8 + c9 * x) + c10 * x2) * x8
+        sine, cosine = polynomial(SINE, x), polynomial(COSINE, x)
         ux, uy, uz = ky * pz - kz * py, kz * px - kx * pz, kx * py - ky * px
         vx, vy, vz = ky * uz - kz * uy, kz * ux - kx * uz, kx * uy - ky * ux
         return (
@@ -106,26 +106,33 @@ def relaxation_constants(p: Any, h: Any, ops: Operations = FLOAT) -> tuple[Any, 
     return across, 0.5 * across, 0.5 * p[5] * across, across - along, 0.5 * (across - along / to_axial_spin)
 
 
-def relaxation(ops: Operations) -> Field:
+def relaxation(ops: Operations) -> Callable[..., tuple[Any, ...]]:
     """Exact flow of dL/dt of `field` at fixed p̂, |p̂| = 1, with mass 1 on L.
 
     Across p̂, L/I_e relaxes at the rate βY = 8πY_c/(St I_e) towards the part of Ω_J across p̂; along p̂ at the rate
     8πX_c/(St I_a) towards (I_a/I_e) Ω_J·p̂, where Ω_J·p̂ = -p_z/2: there the spheroid rotates as the flow would have it.
     """
 
-    def advance(y, c):
+    def advance(y, c, before=None):
         lx, ly, lz, px, py, pz = y[0], y[1], y[2], y[3], y[4], y[5]
         across, half, strain = c[0], c[1], c[2]
-        axial = c[3] * (lx * px + ly * py + lz * pz) + c[4] * pz
+        at = y if before is None else before
+        axial = c[3] * (lx * at[3] + ly * at[4] + lz * at[5]) + c[4] * pz
         tilt = strain * pz
         return (
-            lx - (across * lx + tilt * px) + axial * px,
-            ly - (across * ly - tilt * py) + axial * py,
-            lz - (across * lz + half - strain * (px * px - py * py)) + axial * pz,
+            (lx - across * lx) + (axial - tilt) * px,
+            (ly - across * ly) + (axial + tilt) * py,
+            (lz - across * lz - half) + strain * (px * px - py * py) + axial * pz,
             *(px, py, pz),
         )
 
     return advance
+
+
+def both(ops: Operations) -> Callable[[Any, Any, Any], Sequence[Any]]:
+    """`rotation`, then `relaxation`, which need not wait for all of it: L·p̂ stays the same."""
+    turn, relax = rotation(ops), relaxation(ops)
+    return lambda y, fast, slow: relax(turn(y, fast), slow, y)
 
 
 def rotation_rate(ops: Operations) -> Callable[[Any, Any], Any]:
@@ -163,6 +170,7 @@ PARTS = Parts(
     reach=3.4,
     moving=(3, 6),
     slow_quantities=slow_quantities,
+    both=both,
 )
 
 

@@ -85,6 +85,7 @@ class Pieces:
         self.fast, self.slow = parts.fast.flow(OPERATIONS), parts.slow.flow(OPERATIONS)
         numbers = (0.5,) * 64, 0.5
         self.sizes = len(parts.fast.constants(*numbers)), len(parts.slow.constants(*numbers))
+        self.both = parts.both(OPERATIONS) if parts.both else lambda y, *made: self.slow(self.fast(y, made[0]), made[1])
         self.prepare = self._prepare()
         self.spread = self._spread()
 
@@ -107,6 +108,11 @@ class Pieces:
     def slow_flow(self, y: Array, constants: Array) -> None:
         """Advance a state."""
         y.store(self.slow(y.load(self.dimension), (constants + self.sizes[0]).load(self.sizes[1])))
+
+    def flows(self, y: Array, fast: Array, slow: Array) -> None:
+        """Advance a state by a fast flow and a slow one, with the constants of two rows."""
+        made = fast.load(self.sizes[0]), (slow + self.sizes[0]).load(self.sizes[1])
+        y.store(self.both(y.load(self.dimension), *made))
 
     def _prepare(self) -> Program:
         program = Program("prepare", "scheme p constants", "h", "internal", "noinline")
@@ -138,9 +144,8 @@ class Pieces:
                 program.call(self.prepare, scheme, p, constants, times[j] / steps)
             with program.times(steps):
                 with program.times(stages) as k:
-                    for flow in (self.fast_flow, self.slow_flow):
-                        for constants, y in pair:
-                            flow(y, self.row(constants, k))
+                    for constants, y in pair:
+                        self.flows(y, self.row(constants, k), self.row(constants, k))
                 for constants, y in pair:
                     self.fast_flow(y, self.row(constants, stages))
             for (_, y), j in zip(pair, places, strict=True):
@@ -206,8 +211,7 @@ def _advance(pieces: Pieces) -> Program:
         code[0] = float(Code.FINISHED)
         first = open_[0] * (stages + 1.0)
         with program.times(stages) as i:
-            pieces.fast_flow(y, pieces.row(constants, where_positive(i, i, first)))
-            pieces.slow_flow(y, pieces.row(constants, i))
+            pieces.flows(y, pieces.row(constants, where_positive(i, i, first)), pieces.row(constants, i))
         open_[0], since[0], steps[0] = 1.0, since[0] + 1.0, steps[0] + 1.0
     with program.when(compare("ogt", open_[0], 0.0)):
         pieces.fast_flow(y, pieces.row(constants, stages))

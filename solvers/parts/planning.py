@@ -1,7 +1,7 @@
 """How large steps may be: a law, checked by short runs with two steps."""
 
 from dataclasses import dataclass
-from math import inf, isfinite, pi, sqrt
+from math import inf, isfinite, log, pi, sqrt
 from typing import Any
 
 import numpy as np
@@ -22,18 +22,19 @@ FEW = 12.0
 # A check takes this share of what is left of the run, within so many turns, against steps smaller by this factor, at so
 # many times within some turns at its beginning and at its end. It takes all of a run of few turns, or of more where
 # they are damped, in proportion.
-CHECKED, LEAST_TURNS, MOST_TURNS = 0.005, 2.0, 2000.0
+CHECKED, LEAST_TURNS, MOST_TURNS = 0.003, 2.0, 500.0
 ALL, DAMPED, MOST_ALL = 4.0, 4.0, 200.0
 FINER, MEAN_OVER = 0.8, 5.0
 # No step is a larger share of the run.
 SEEN = 0.4
-# The step stands if the estimated error is within these factors of the one wanted; else the law is scaled, so often.
-FITTING, ROUNDS = (0.1, 2.0), 4
-# Of the errors, where they fall more slowly than by the law: where the slow part is not so small.
+# The step stands if the estimated error is within these factors of the one wanted; else the law is scaled, so often,
+# for an error so much of that; where none is estimated the least is taken.
+FITTING, MIDDLE, LEAST, ROUNDS = (0.3, 2.0), 0.8, 1e-6, 4
+# Of the errors of steps that are not checked again, where they fall more slowly: where the slow part is not so small.
 LEAST_ORDER = 4
-# Another round for wider steps pays if they cost no more than this share of those at hand, and saves a check, which
-# costs as much as so many steps beside its own. A plan so little off needs no other check once its step follows.
-REWARDING, CHECK, NEARLY = 0.85, 250.0, 10.0
+# Another round pays if wider steps cost no more than this share of those at hand, and if the plans differ by a check,
+# which costs as much as so many steps beside its own.
+REWARDING, CHECK = 0.85, 250.0
 # An angle of the fast components, in rad, that may be off per turn, in tolerances.
 PER_TURN = 3.0
 # Slow components remember for so many times of relaxation, between that of the fastest and that of the slowest one.
@@ -76,31 +77,40 @@ class Planner:
 
     def plan(self, old: Plan | None, state: np.ndarray, now: float, record: Record) -> Plan:
         """The widest plan found that a check lets stand, beginning with that in use."""
-        rate, length, good, worst = self.problem.rate(state), float(record.times[-1]) - now, None, inf
+        rate, length = self.problem.rate(state), float(record.times[-1]) - now
         # Rows within the first step are the same whatever its length: a check sees nothing there.
         longest = SEEN * length
-        plan = before = old or self.by_law(rate, longest)
-        for again in range(ROUNDS):
+        plan, good, bad = old or self.by_law(rate, longest), None, None
+        for _ in range(ROUNDS):
             ratio = self.off(plan, state, now, record)
-            if worst <= ratio != HOPELESS:
+            if bad and bad[1] <= ratio != HOPELESS:
                 # What is left is rounding, which more steps add to.
-                return before
+                return bad[0]
             if ratio <= FITTING[1]:
-                good = plan
+                good = plan, ratio
+            else:
+                bad = plan, ratio
             if FITTING[0] <= ratio <= FITTING[1] or record.expired:
                 break
-            worst = ratio if ratio > FITTING[1] else inf
-            law = COEFFICIENT * rate ** (ORDER - POWER) * plan.step(rate) ** ORDER
-            self.scale = ratio * self.error / (self.problem.strength * law)
-            if ratio > 1 and (again or ratio < NEARLY):
-                self.scale *= ratio ** (ORDER / LEAST_ORDER - 1)
-            before, plan = plan, self.by_law(rate, longest)
-            saved = 1 / before.step(rate) - 1 / plan.step(rate)
-            if good and saved < max((1 - REWARDING) / before.step(rate), CHECK / length):
+            order = ORDER
+            if good and bad:
+                order = log(bad[1] / max(good[1], LEAST)) / log(bad[0].step(rate) / good[0].step(rate))
+            before, plan = plan, self.next(plan, ratio, order, rate, longest)
+            if good and bad:
+                # Between two that were checked.
+                return plan
+            saved = abs(1 / before.step(rate) - 1 / plan.step(rate))
+            if saved * length < CHECK or (good and saved * before.step(rate) < 1 - REWARDING):
+                plan = good[0] if good else self.next(before, ratio, LEAST_ORDER, rate, longest)
                 break
-            if not good and ratio < NEARLY:
-                break
-        return good or plan
+        return good[0] if good else plan
+
+    def next(self, plan: Plan, ratio: float, order: float, rate: float, longest: float) -> Plan:
+        """A plan of the error aimed at, after one whose error, so many times that, falls by an order."""
+        step = plan.step(rate) * (MIDDLE / max(ratio, LEAST)) ** (1 / order)
+        law = COEFFICIENT * rate ** (ORDER - POWER) * step**ORDER
+        self.scale = self.error / (self.problem.strength * law)
+        return self.by_law(rate, longest)
 
     def off(self, plan: Plan, state: np.ndarray, now: float, record: Record) -> float:
         """Estimated error of a plan over the one aimed at."""

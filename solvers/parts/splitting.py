@@ -32,7 +32,7 @@ SHEAR = 0.5
 # Plans are made anew after these shares of a run, if that is so many turns at least.
 AGAIN, LEAST_BETWEEN = (0.1, 0.4), 50.0
 # And where the rate has changed by this factor, which widens by another each time.
-WIDTH, WIDER = 1.8, 1.15
+WIDTH, WIDER = 2.4, 1.15
 
 _FAILED: dict[int, Status] = {Code.NOT_FINITE: Status.NON_FINITE, Code.NO_STEP: Status.STEP_UNDERFLOW}
 

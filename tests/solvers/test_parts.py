@@ -94,6 +94,16 @@ def test_the_slow_flow_is_that_of_the_field_at_fixed_axis(seed: int):
     assert got[3:].tolist() == state[3:].tolist()
 
 
+def test_both_flows_at_once_are_one_after_the_other():
+    assert PARTS.both
+    together, (fast, slow) = PARTS.both(FLOAT), (part.flow(FLOAT) for part in (PARTS.fast, PARTS.slow))
+    for seed in range(20):
+        state, p = any_state(seed)
+        constants = PARTS.fast.constants(p, 0.5), PARTS.slow.constants(p, 0.3)
+        expected = slow(fast(state, constants[0]), constants[1])
+        assert np.array(together(state, *constants)) == pytest.approx(np.array(expected), abs=2e-15)
+
+
 def test_flows_of_many_states_at_once():
     states = np.array([any_state(seed)[0] for seed in range(5)])
     for part in (PARTS.fast, PARTS.slow):
