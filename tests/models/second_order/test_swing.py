@@ -64,3 +64,11 @@ def test_modes_are_those_of_the_torus(longest: bool):
     assert np.abs(strength / np.linalg.norm(spectrum[:, :3], axis=1) - 1).max() < 1e-6
     for found, exact in ((along, spectrum[:, 2]), (rise, spectrum[:, 3])):
         assert np.abs(found - exact.conj()).max() < 1e-7 * np.abs(exact).max()
+
+
+def test_series_go_on_smoothly_where_a_run_steps_beyond_their_end():
+    series, beyond = series_for(Ellipsoid((1.0, 0.8, 0.5)), True), np.array([[-2e-3], [-1e-3], [1e-3], [2e-3]])
+    a2, alpha = (swing_module.MOST + beyond).ravel(), np.full(4, 0.7)
+    first, second, third, last = Place(series, a2, alpha, np.eye(3)[[2] * 4]).shape
+    assert np.abs(last - first).max() > 1e-4
+    assert np.abs((last - first) - 2 * (third - second)).max() < 1e-6
