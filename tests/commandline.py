@@ -28,7 +28,7 @@ samples = 11
 max_seconds = 5.0
 tolerances = [1e-4, 1e-6, 1e-8]
 forms = ["quaternion"]
-solvers = ["taylor", "cyrk-dop853"]
+solvers = ["cyrk-vern8", "cyrk-dop853"]
 [[scenes]]
 name = "paper"
 stokes = [50.0, 100.0]

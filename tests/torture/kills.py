@@ -26,7 +26,8 @@ TIMES = (
     *("date", "seconds", "seconds_spread", "seconds_runs", "prepare_seconds", "counted_seconds", "rhs_seconds"),
     *("sentinel_seconds", "disturbed"),
 )
-BRIEF = STUDY.replace("[1e-4, 1e-6, 1e-8]", "[1e-4, 1e-6]")
+# heyoka keeps compiled code on disk.
+BRIEF = STUDY.replace("[1e-4, 1e-6, 1e-8]", "[1e-4, 1e-6]").replace("cyrk-vern8", "taylor")
 MANY = SWEEP.replace("particles = 4", "particles = 60\nblock = 5")
 # Processes that outlive their parent by this, in seconds, are orphans.
 GONE = 5.0

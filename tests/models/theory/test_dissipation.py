@@ -27,7 +27,7 @@ def test_energy_is_the_integral_of_the_power(semi_axes, stokes):
     inner = edges[:-1, None] + half * (node + 1)
     times = np.unique(np.concatenate([edges, inner.ravel()]))
     quaternion = form("quaternion")
-    run = solve(quaternion.problem(scene), "taylor", 1e-15, times)
+    run = solve(quaternion.problem(scene), "cyrk-vern8", 1e-15, times)
     assert run.success
     power = dissipation(scene.ellipsoid, matrix_from_quaternion(run.states[:, :4]), run.states[:, 4:])
     gained = np.cumsum(np.sum(half * weight * power[np.searchsorted(times, inner)], axis=1)) / stokes
