@@ -126,7 +126,7 @@ def test_the_wheel_works_from_another_folder(installed: Path, tmp_path: Path):
     assert [Path(each).is_relative_to(installed.parent) for each in path] == [True]
     (tmp_path / "small.toml").write_text(STUDY, encoding="utf-8")
     assert "README.md" in polhode(
-        "bench", "small.toml", "--quick", "--quiet", "--solver", "taylor", "--out", "reports/bench"
+        "bench", "small.toml", "--quick", "--quiet", "--solver", "cyrk-vern8", "--out", "reports/bench"
     )
     assert "polhode solve paper" in polhode("pick", "paper")
     assert "reports/site/index.html" in polhode("report", "--quiet")

@@ -143,7 +143,7 @@ def test_no_liar_wins(records: list[Record]):
 
 def test_a_slow_back_end_says_nothing_of_the_others(study: Study, tmp_path: Path):
     name, scene = study.scenes[0]
-    long = replace(scene, time=500.0)
+    long = replace(scene, time=1e3)
     ways = {"solvers": ("rk45",), "backends": ("python", "numba"), "tolerances": (1e-8, 1e-10), "max_seconds": 0.02}
     with Store(tmp_path / "store.sqlite") as store:
         found = Runner(store, quiet=True).run(replace(study, scenes=((name, long),), choices={}, samples=3, **ways))
