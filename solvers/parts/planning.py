@@ -51,9 +51,9 @@ class Plan:
     floor: float
     few: bool = False
 
-    def law(self, smaller: float = 1.0, between: tuple[float, float] = (0.0, inf)) -> np.ndarray:
+    def law(self, smaller: float = 1.0, between: tuple[float, float] = (0.0, inf)) -> tuple[float, ...]:
         """What machine code receives as law; all steps smaller by a factor, if asked; it holds between two rates."""
-        return np.array([self.factor * smaller, EXPONENT, WIDEST * smaller, self.floor, *between, self.few])
+        return self.factor * smaller, EXPONENT, WIDEST * smaller, self.floor, *between, self.few
 
     def step(self, rate: float) -> float:
         """A step at a rate of the fast angle."""
@@ -132,8 +132,8 @@ class Planner:
             window = length
         span = MEAN_OVER * turn if window > 4 * MEAN_OVER * turn else window / 2
         laws, setting, found = (
-            problem.numbers(each)
-            for each in ([*plan.law(), *plan.law(FINER)], [now, span, window, 2 * pi / turn], [0.0] * 7)
+            np.array(each, problem.number)
+            for each in (plan.law() + plan.law(FINER), (now, span, window, 2 * pi / turn), (0.0,) * 7)
         )
         problem.kernels.check(BEST.addresses[problem.number], laws, problem.address, state, setting, found)
         slow, fast, change, begin, end, steps, failed = found.tolist()

@@ -1,5 +1,6 @@
 """Splitting: exact flows of a problem's fast and slow parts in turns, by schemes for nearly integrable systems."""
 
+from collections.abc import Sequence
 from functools import cached_property
 from math import inf, pi, sqrt
 from typing import Any, ClassVar
@@ -80,7 +81,7 @@ class Split:
         width = WIDTH if marks else inf
         state, own = record.start.astype(self.number), clock(float(record.times[0]), self.number)
         times, rows = self.numbers(record.times), self.numbers(record.rows)
-        plan, law, code = None, np.empty(0), Code.PAUSED
+        plan, law, code = None, (), Code.PAUSED
         while code != Code.FINISHED:
             if plan is None or code in (Code.PAUSED, Code.OUTSIDE):
                 now, rate = now_of(own), self.rate(state)
@@ -102,12 +103,12 @@ class Split:
                 return _FAILED[code], f"after {work.steps} steps"
         return Status.REACHED_END, ""
 
-    def advance(self, scheme: Scheme, law: np.ndarray, *arrays: np.ndarray, limit: int = UNLIMITED) -> int:
+    def advance(self, scheme: Scheme, law: Sequence[float], *arrays: np.ndarray, limit: int = UNLIMITED) -> int:
         """Advance state and clock until rows at times are filled, or a limit is met; says which."""
         state, own, times, rows = arrays
         own[At.LIMIT], own[At.ROWS] = limit, len(times)
-        law, rests = self.numbers(law), np.empty_like(times)
-        self.kernels.advance(scheme.addresses[self.number], law, self.address, state, own, times, rests, rows)
+        own_law, rests = np.array(law, self.number), np.empty_like(times)
+        self.kernels.advance(scheme.addresses[self.number], own_law, self.address, state, own, times, rests, rows)
         return int(own[At.CODE])
 
     def free(self, record: Record) -> Outcome:
