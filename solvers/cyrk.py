@@ -34,6 +34,7 @@ MAX_RAM_MB = 2000
 
 # CyrkErrorCodes of the library's c_common.hpp.
 _STEPS_EXCEEDED = (-52, -53)
+_FIELD = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
 _UNDERFLOW = (-54, -55, -80, -90, -91, -92)
 
 
@@ -55,6 +56,8 @@ class CyrkSolver(Solver):
         call = self._call(problem, settings, calls)
 
         def integrate(record: Record) -> Outcome:
+            if not call.begins(record.start):
+                return Status.NON_FINITE, "rates at the start are no numbers"
             calls[0] = 0
             outcome = _run(call, record)
             record.work.rhs_calls = int(calls[0]) if settings.count else None
@@ -92,6 +95,12 @@ class Call:
         self.library = load_cyrk()
         self.address, self.method = address, method
         self.parameters, self.tolerance = parameters, np.array([tolerance])
+
+    def begins(self, state: np.ndarray) -> bool:
+        """Whether rates are numbers at a state; else the library would look for a first step without end."""
+        rates = np.empty_like(state)
+        _FIELD(self.address)(rates.ctypes.data, 0.0, state.ctypes.data, self.parameters.ctypes.data)
+        return bool(np.isfinite(rates).all())
 
     def __call__(self, start: float, end: float, state: np.ndarray, times: np.ndarray, max_steps: int) -> Any:
         """Run; the pointer returned is to be freed by ``library.c_free``."""
@@ -141,9 +150,11 @@ def _run(call: Call, record: Record) -> Outcome:
 
 
 def followed(problem: Problem, tolerance: float, points: int) -> tuple[np.ndarray, np.ndarray]:
-    """About so many times of a solution, as dense as its steps are, and the states there, as far as it goes."""
+    """About so many times of a solution, dense where its steps are, and its states there, as far as it goes."""
     call = Vern7()._call(problem, Settings(tolerance, "compiled"), np.empty(0))
     start, library = np.array(problem.start), call.library
+    if not call.begins(start):
+        return np.zeros(1), start[None]
 
     def run(end: float, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         with FlushedToZero():

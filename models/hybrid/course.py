@@ -26,7 +26,7 @@ PER_RADIAN = 1.5e-2
 # Tolerance below which rounding makes the error, not the tolerance.
 ROUNDING = 1e-13
 # Tolerance of averaged pieces, which cost nothing, and those of windows: some solvers compile for each one anew.
-AVERAGED_TOLERANCE, FULL = 1e-12, (1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1e-14)
+AVERAGED_TOLERANCE, FULL = 1e-12, (1e-8, 1e-10, 1e-12, 1e-14)
 # A run of so few turns costs less than to look ahead.
 SHORT = 1000
 # Turns by which a window is lengthened where no slow state belongs to its end, chosen by trial.

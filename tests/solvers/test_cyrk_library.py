@@ -3,7 +3,13 @@
 import subprocess
 import sys
 
+import numpy as np
 import pytest
+
+from polhode.models.problem import Problem
+from polhode.solvers.contract import Status
+from polhode.solvers.cyrk import followed
+from polhode.solvers.solve import solve
 
 PROGRAM = """
 import sys
@@ -29,3 +35,21 @@ def test_the_package_runs_when_it_is_asked_for(known: tuple[str, ...]):
     assert first.split()[1] == str(bool(known)), "the package's own bridge to versions unknown imports numba"
     assert second.split()[1:] == ["True", "True"]
     assert float(third) == pytest.approx(0.36787944117144233, abs=1e-8)
+
+
+def test_a_solution_is_followed_at_the_pace_of_its_steps_and_as_far_as_it_goes():
+    """To a pole: y' = y² has the solution 1/(1 - t)."""
+    problem = Problem("pole", lambda ops: lambda y, p: (y[0] * y[0],), (1.0,), 2.0)
+    times, states = followed(problem, 1e-9, 1000)
+    assert len(times) == pytest.approx(1000, abs=5)
+    assert times[-1] == pytest.approx(1, abs=1e-6)
+    early = times < 0.9
+    assert states[early, 0] == pytest.approx(1 / (1 - times[early]), rel=1e-6)
+    assert np.all(np.diff(times) > 0)
+    assert np.diff(times[early])[-1] < 0.5 * (times[1] - times[0])
+
+
+def test_a_start_without_rates_ends_at_once():
+    problem = Problem("root", lambda ops: lambda y, p: (-ops.sqrt(y[0]),), (-1.0,), 2.0)
+    assert solve(problem, "cyrk-vern8", 1e-9).status is Status.NON_FINITE
+    assert followed(problem, 1e-9, 100)[0].tolist() == [0.0]
