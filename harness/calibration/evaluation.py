@@ -107,7 +107,7 @@ def miss(answer: Answer, first: Record, best: Record, met: bool, factor: float) 
     looser = best["tolerance"] / same[0].tolerance
     return (
         f"the first was predicted at {off[0]:.2g} and the best at {off[1]:.2g} times its time, "
-        f"at a tolerance {looser:.2g} times as loose as the law allows it"
+        f"at a tolerance {looser:.2g} times as loose as the one foreseen"
     )
 
 

@@ -157,7 +157,6 @@ def _candidates(
     solvers: Collection[str],
 ) -> tuple[list[Way], list[Refusal]]:
     candidates: list[Candidate] = []
-    expected: list[Way | Refusal] = []
     refusals: list[Refusal] = []
     for form_name in forms:
         form = find_form(form_name)
@@ -170,18 +169,11 @@ def _candidates(
         for solver in solvers:
             try:
                 find_solver(solver).check(problem)
-                own, at = _law(laws, form, solver, found), form_sensitivity(form, found, solver).get(want)
-                errors, sensitivity = _error_law(own, want, at)
-                each = Candidate(form, solver, own, errors, sensitivity, budget, model, found, samples)
+                known = _laws(laws, form, solver, found, want)
+                candidates.append(Candidate(form, solver, *known, budget, model, found, samples))
             except (SolverNotValidError, PilotFailedError, UnfitError) as refusal:
                 refusals.append(Refusal.of(form_name, solver, refusal))
-                continue
-            candidates.append(each)
-            try:
-                expected.append(each.expected())
-            except (PilotFailedError, UnfitError) as refusal:
-                expected.append(Refusal.of(form_name, solver, refusal))
-    tried = with_trials(candidates, expected, want)
+    tried = with_trials(candidates, want)
     refusals += [each for each in tried if isinstance(each, Refusal)]
     return [each for each in tried if isinstance(each, Way)], refusals
 
@@ -213,7 +205,8 @@ def _budget(form: Form, found: Pilot, error: float, want: str) -> tuple[float, I
     return budget, model
 
 
-def _law(laws: Laws, form: Form, solver: str, found: Pilot) -> MethodLaws:
+def _laws(laws: Laws, form: Form, solver: str, found: Pilot, want: str) -> tuple[MethodLaws, ErrorLaw, Sensitivity]:
+    """What is known of a method, of its error, and what this depends on in the scene."""
     method = find_solver(solver)
     if not method.available:
         raise UnfitError(str(method.why_not), Stage.LIBRARY)
@@ -223,14 +216,11 @@ def _law(laws: Laws, form: Form, solver: str, found: Pilot) -> MethodLaws:
     if held_back(form, solver, found):
         stability = "explicit: stability, not the tolerance, sets its steps"
         raise UnfitError(f"{stability} over {found.damping_times:.2g} damping times", Stage.STABILITY)
-    return law
-
-
-def _error_law(law: MethodLaws, want: str, at: Sensitivity | None) -> tuple[ErrorLaw, Sensitivity]:
+    at = form_sensitivity(form, found, solver).get(want)
     errors = law.error_law(want, at) if at else None
     if errors is None or at is None:
         raise UnfitError("no law of the error wanted: not measured often enough", Stage.LAW)
     if at.error == inf:
         chaotic = "the motion magnifies errors beyond all tolerances tried in trial runs: chaotic, or too long"
         raise UnfitError(chaotic, Stage.MOTION)
-    return errors, at
+    return law, errors, at

@@ -34,7 +34,7 @@ BEYOND = 1e3
 MOST_SECONDS, WAYS, TOLERANCES, YARDSTICK = 0.02, 4, 4, 2.0
 # Shares of what the solver may err by: what the yardstick may be off by, what a trial may make, and what its next
 # tolerance aims at, which is worth another run if it is looser by the factor, and is at most so far from the last one.
-UNSURE, MET, AIM, WORTH, FAR = 0.15, 0.7, 0.4, 3.0, 1e3
+UNSURE, MET, AIM, WORTH, FAR = 0.15, 0.7, 0.5, 2.0, 1e3
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,9 +103,9 @@ class Trial(NamedTuple):
     unsure: float = inf
 
 
-def with_trials(candidates: Sequence[Candidate], expected: Sequence[Way | Refusal], want: str) -> list[Way | Refusal]:
+def with_trials(candidates: Sequence[Candidate], want: str) -> list[Way | Refusal]:
     """What is expected of candidates, of the first ones by trials: of `WAYS` at most, until none may be quicker."""
-    found = list(expected)
+    found = [_expected(each) for each in candidates]
     hopes = [(hope, place) for place, each in enumerate(candidates) if (hope := _worth_trying(each))]
     for hope, place in sorted(hopes, key=lambda each: each[0].seconds.predicted)[:WAYS]:
         quickest = min((way.seconds.predicted for way in found if isinstance(way, Way)), default=inf)
@@ -114,6 +114,13 @@ def with_trials(candidates: Sequence[Candidate], expected: Sequence[Way | Refusa
         if true := _yardstick(candidates[place], candidates):
             found[place] = _tried(candidates[place], hope.tolerance, found[place], true, want)
     return found
+
+
+def _expected(candidate: Candidate) -> Way | Refusal:
+    try:
+        return candidate.expected()
+    except (PilotFailedError, UnfitError) as refusal:
+        return Refusal.of(candidate.form.name, candidate.solver, refusal)
 
 
 def _worth_trying(candidate: Candidate) -> Way | None:
