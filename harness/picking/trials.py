@@ -34,7 +34,9 @@ BEYOND = 1e3
 MOST_SECONDS, WAYS, TOLERANCES, YARDSTICK = 0.02, 4, 4, 2.0
 # Shares of what the solver may err by: what the yardstick may be off by, what a trial may make, and what its next
 # tolerance aims at, which is worth another run if it is looser by the factor, and is at most so far from the last one.
-UNSURE, MET, AIM, WORTH, FAR = 0.15, 0.7, 0.5, 2.0, 1e3
+UNSURE, MET, AIM, WORTH, FAR = 0.15, 0.6, 0.45, 2.0, 1e3
+# At other output times than a trial's an error may be so much larger or smaller.
+PEAKS = 1.4
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +154,7 @@ def _tried(candidate: Candidate, tolerance: float, expected: Way | Refusal, true
         if tolerance < max(WORTH * best, candidate.tightest):
             break
     if best:
-        own = Interval(made, max(0.0, made - true.unsure), made + true.unsure)
+        own = Interval(made, max(0.0, made / PEAKS - true.unsure), made * PEAKS + true.unsure)
         return candidate.way(best, own, f"a trial run errs by {scientific(made)}", counted)
     if isinstance(expected, Way) and missed <= expected.tolerance and candidate.budget < least < inf:
         why = f"a trial run at {scientific(missed)} errs by {scientific(least)}"

@@ -19,7 +19,7 @@ SAID = "a trial run errs by"
 
 def observed(scene, form_name, solver, tolerance):
     problem = form(form_name).problem(scene)
-    return form(form_name).observe(scene, solve(problem, solver, tolerance, np.linspace(0, problem.end, 201)).states)
+    return form(form_name).observe(scene, solve(problem, solver, tolerance, np.linspace(0, problem.end, 401)).states)
 
 
 def wider(laws: Laws, factor: float) -> Laws:
