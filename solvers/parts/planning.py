@@ -37,8 +37,6 @@ LEAST_ORDER = 4
 REWARDING, CHECK = 0.85, 250.0
 # An angle of the fast components, in rad, that may be off per turn, in tolerances.
 PER_TURN = 3.0
-# Slow components remember for so many times of relaxation, between that of the fastest and that of the slowest one.
-MEMORY = 1.0
 # Scale of the error of a plan that ends in nothing.
 HOPELESS = 1e3
 
@@ -142,6 +140,7 @@ class Planner:
             return inf
         if end > begin:
             fast /= min(1.0, end)
-        remaining = max(0.0, min(length, MEMORY / sqrt(problem.strength * problem.forgetting)) - window)
+        # Slow components remember for a time between those of the fastest and of the slowest one.
+        remaining = max(0.0, min(length, 1 / sqrt(problem.strength * problem.forgetting)) - window)
         error = max(slow + change / (window - span) * remaining, fast / PER_TURN)
         return error / (1 - FINER**ORDER)
