@@ -23,7 +23,7 @@ from polhode.models.scenes import named_scene
 from polhode.solvers.contract import Status
 from polhode.solvers.taylor import Taylor
 
-WAY = {"form": "quaternion", "solver": "taylor", "tolerance": 1e-10}
+WAY = {"form": "quaternion", "solver": "cyrk-vern8", "tolerance": 1e-10}
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +84,7 @@ def test_slow_time_at_the_limits(name: str, t2: float):
 
 def test_averaged_forms_count_time_in_shear_units_and_know_no_rotation():
     scene = named_scene("paper")
-    found = solve(scene, form="averaged", solver="taylor", tolerance=1e-9)
+    found = solve(scene, form="averaged", solver="cyrk-vern8", tolerance=1e-9)
     assert found.times[-1] == pytest.approx(scene.time)
     assert found.slow_times[-1] == pytest.approx(0.5)
     assert found.frame()[["R11", "R33"]].isna().all(axis=None)
@@ -107,7 +107,7 @@ def test_failure_is_a_status_with_the_rows_so_far():
     # Euler angles through their pole: the run cannot reach its end.
     start = EulerStart((1e-4, 0.3, 0.2), (-1e-5, 0.0, 0.0))
     scene = Scene(Ellipsoid((1.0, 0.8, 0.5)), 1e6, start, 40.0)
-    found = solve(scene, form="euler-angles", solver="taylor", tolerance=1e-8, samples=201)
+    found = solve(scene, form="euler-angles", solver="cyrk-vern8", tolerance=1e-8, samples=201)
     assert not found.success
     assert found.status in set(Status)
     assert 1 < len(found.frame()) == len(found.times) < 201
@@ -191,9 +191,9 @@ def test_plots_take_and_return_axes(solution: SceneSolution):
 
 
 def test_a_printed_solution_is_short():
-    found = solve("paper", form="quaternion", solver="taylor", tolerance=1e-8, samples=11)
+    found = solve("paper", form="quaternion", solver="cyrk-vern8", tolerance=1e-8, samples=11)
     lines = repr(found).splitlines()
     assert lines[0] == "SceneSolution"
-    assert "  solver: taylor at tolerance 1e-8" in lines
+    assert "  solver: cyrk-vern8 at tolerance 1e-8" in lines
     assert "  rows: 11, t = 0 to 500" in lines
     assert len(lines) < 10

@@ -21,7 +21,7 @@ from polhode.models.observables import Observables
 from polhode.models.rotation import Triple, matrix_from_quaternion
 
 # Nothing left open, so that nothing needs to be picked.
-GIVEN = ("--form", "quaternion", "--tolerance", "1e-8", "--solver", "taylor")
+GIVEN = ("--form", "quaternion", "--tolerance", "1e-8", "--solver", "cyrk-vern8")
 HEADER = "t,t2,Lx,Ly,Lz,E,R11,R12,R13,R21,R22,R23,R31,R32,R33"
 
 
@@ -313,7 +313,7 @@ def test_ctrl_c_keeps_the_finished_rows(polhode: Run, environment, scene_file: P
 
 
 def test_omega_parquet_and_a_scene_to_go_on(here: Run, tmp_path: Path):
-    way = ("--form", "quaternion", "--solver", "taylor", "--tolerance", "1e-10", "--samples", "3")
+    way = ("--form", "quaternion", "--solver", "cyrk-vern8", "--tolerance", "1e-10", "--samples", "3")
     done = here("solve", "paper", *way, "--omega", "--out", "a.csv", "--restart", "next.toml")
     assert done.returncode == 0, done.stderr
     header, *rows = (tmp_path / "a.csv").read_text().splitlines()

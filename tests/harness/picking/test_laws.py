@@ -226,7 +226,7 @@ def test_pilot_knows_its_own_error(name):
     assert found.direct
     which = form(reference_form(scene))
     times = np.linspace(0, scene.time, laws_pilot.SAMPLES)
-    exact = solve(which.problem(scene), "cyrk-radau" if name == "tumbler" else "taylor", 1e-13, times)
+    exact = solve(which.problem(scene), "cyrk-radau" if name == "tumbler" else "cyrk-vern8", 1e-13, times)
     loose = laws_pilot.follow(which, scene, found.gains["slow"].tolerance)
     own = errors(scene.ellipsoid, which.observe(scene, loose.states), which.observe(scene, exact.states))
     assert found.gains["slow"].error == pytest.approx(own.slow, rel=0.1)
@@ -265,7 +265,9 @@ def test_steps_over_many_periods_are_foreseen(method, tolerance):
 
 def test_where_a_run_stands_is_known_from_its_pilot_or_from_its_beginning(monkeypatch):
     scene = named_scene("paper")
-    states = solve(form("quaternion").problem(scene), "taylor", 1e-12, np.array([0.0, 0.25, 1.0]) * scene.time).states
+    states = solve(
+        form("quaternion").problem(scene), "cyrk-vern8", 1e-12, np.array([0.0, 0.25, 1.0]) * scene.time
+    ).states
     true = form("quaternion").observe(scene, states).slow[1]
     for most in (5000.0, 30.0):
         monkeypatch.setattr(laws_pilot, "MOST_ROTATIONS", most)
@@ -324,7 +326,7 @@ def test_model_error_is_that_of_tight_runs(name, averaged):
     seen = []
     for each in (averaged, "quaternion"):
         problem = form(each).problem(scene)
-        run = solve(problem, "taylor", 1e-13, np.linspace(0, problem.end, 401))
+        run = solve(problem, "cyrk-vern8", 1e-13, np.linspace(0, problem.end, 401))
         seen.append(form(each).observe(scene, run.states))
     assert told.low < errors(scene.ellipsoid, *seen).slow < told.high
 

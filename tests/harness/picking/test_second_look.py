@@ -18,7 +18,7 @@ from polhode.models.scenes import named_scene
 from polhode.solvers.contract import Work
 from polhode.solvers.solve import solve as run
 
-TIGHT = {"form": "quaternion", "solver": "taylor", "tolerance": 1e-15, "estimate": False}
+TIGHT = {"form": "quaternion", "solver": "cyrk-vern8", "tolerance": 1e-15, "estimate": False}
 
 
 @pytest.mark.parametrize(

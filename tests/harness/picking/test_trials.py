@@ -44,7 +44,7 @@ def test_a_trial_knows_the_error(name, error, want):
     assert SAID in first.reason
     run, exact = (
         observed(scene, *(getattr(first, each) for each in WAY)),
-        observed(scene, "quaternion", "taylor", 1e-15),
+        observed(scene, "quaternion", "cyrk-vern8", 1e-15),
     )
     made = getattr(errors(scene.ellipsoid, run, exact), want)
     assert first.error.low <= made <= first.error.high <= error
