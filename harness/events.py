@@ -65,14 +65,8 @@ def distance_to_settled(solution: SceneSolution) -> np.ndarray:
     return np.min([np.linalg.norm(slow - each.state, axis=1) - each.reach for each in states], axis=0)
 
 
-EVENTS = {
-    event.name: event
-    for event in (
-        Event("separatrix", separatrix),
-        Event("lz", vorticity_momentum),
-        Event("settled", distance_to_settled, direction=-1.0),
-    )
-}
+_KNOWN = Event("separatrix", separatrix), Event("lz", vorticity_momentum), Event("settled", distance_to_settled, -1.0)
+EVENTS = {event.name: event for event in _KNOWN}
 
 
 def as_events(given: Iterable[EventLike] | EventLike) -> list[Event]:

@@ -1,16 +1,12 @@
 """`polhode export`, `compare` and `report`: what to do with what was measured."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from polhode.harness.cli import BadInput, RunFailed, bad_input
 from polhode.harness.commands import setup
 from polhode.harness.commands._study_options import FOLDER, as_json, quiet
-
-if TYPE_CHECKING:
-    from polhode.harness.analysis.comparison import Comparison
 
 REPORTS = Path("reports")
 ABOVE_ONE = click.FloatRange(min=1.0, min_open=True)
@@ -50,6 +46,7 @@ def compare(before: Path, after: Path, slower: float, less_accurate: float, as_j
     """
     from polhode.harness.analysis.comparison import compare as compare_runs, read_runs
     from polhode.harness.common.plain_json import dumps
+    from polhode.harness.common.text import aligned
 
     with bad_input():
         tables = read_runs(before), read_runs(after)
@@ -61,21 +58,15 @@ def compare(before: Path, after: Path, slower: float, less_accurate: float, as_j
         numbers = {"shared": found.shared, "only_before": found.only_before, "only_after": found.only_after}
         click.echo(dumps({**numbers, "drift": found.drift, "same_machine": found.same_machine, "regressions": worse}))
     else:
-        click.echo(_in_words(found, worse))
+        pace = f"the machine takes {found.drift:.2f} times as long"
+        pace = pace if found.same_machine else "another machine or Python: times as they are"
+        click.echo(f"{found.shared} cases compared, {found.only_before} gone, {found.only_after} new; {pace}")
+    if worse and not as_json:
+        header = ["scene_name", "stokes", "form", "solver", "tolerance", "what", "before", "after"]
+        rows = [[f"{row[name]:.3g}" if isinstance(row[name], float) else row[name] for name in header] for row in worse]
+        click.echo(aligned(["scene", "St", *header[2:]], rows))
     if worse:
         raise RunFailed(f"regressions: {len(worse)} in {found.shared} cases")
-
-
-def _in_words(found: "Comparison", worse: list[dict]) -> str:
-    from polhode.harness.common.text import aligned
-
-    pace = f"the machine takes {found.drift:.2f} times as long"
-    if not found.same_machine:
-        pace = "another machine or Python: times as they are"
-    counts = f"{found.shared} cases compared, {found.only_before} gone, {found.only_after} new; {pace}"
-    header = ["scene_name", "stokes", "form", "solver", "tolerance", "what", "before", "after"]
-    rows = [[f"{row[name]:.3g}" if isinstance(row[name], float) else row[name] for name in header] for row in worse]
-    return "\n".join([counts, *([aligned(["scene", "St", *header[2:]], rows)] if rows else [])])
 
 
 @click.command(epilog="Example: polhode report --scene ice.toml")

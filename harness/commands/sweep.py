@@ -4,15 +4,12 @@ import json
 import os
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import click
 
 from polhode.harness.cli import BadInput, RunFailed, bad_input
 from polhode.harness.commands._study_options import FOLDER, as_json, open_store, out_folder, quiet, running_into
-
-if TYPE_CHECKING:
-    from polhode.harness.ensembles.engines import Engine
 
 
 @click.command(epilog="Example: polhode sweep sweep.toml --workers 4 --out results")
@@ -66,7 +63,7 @@ def throughput(out: Path) -> None:
     click.echo(f"{write_page(measure(), out)}")
 
 
-def _engine(workers: int | None, address: str | None) -> "Engine":
+def _engine(workers: int | None, address: str | None) -> Any:
     from polhode.harness.ensembles.engines import check_dask, dask, processes, serial
 
     if address is not None:
