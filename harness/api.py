@@ -46,11 +46,6 @@ class Plan:
     estimate: bool = True  # Whether a second look estimates the error.
 
     @property
-    def samples(self) -> int:
-        """Number of rows."""
-        return len(self.times)
-
-    @property
     def _times(self) -> np.ndarray:
         """Those of the run: of the output, after the start."""
         return self.times if self.times[0] == 0 else np.concatenate([[0.0], self.times])

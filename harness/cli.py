@@ -72,8 +72,6 @@ _EXPECTED = {
     errno.EPERM: ", expected one that you may read and write",
     errno.EROFS: ", expected a place that can be written",
 }
-
-
 # A full disk is nobody's bad input.
 _FULL = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
 

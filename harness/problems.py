@@ -73,11 +73,9 @@ def run_problems(
     wanted, found = {digest(case) for case in cases}, []
     for record in store:
         if record["key"] in wanted:
-            found += [{**row, **{name: record[name] for name in _KEPT}} for row in record["rows"]]
+            kept = {name: record[name] for name in ("problem", "machine", "versions", "date")}
+            found += [{**row, **kept} for row in record["rows"]]
     return found
-
-
-_KEPT = ("problem", "machine", "versions", "date")
 
 
 def _takes(name: str, solver: str) -> bool:

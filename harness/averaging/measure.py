@@ -22,8 +22,6 @@ SAMPLES = 501
 # What a user would integrate an averaged form with; its error is the column of the solver error.
 SOLVER, TOLERANCE = "taylor", 1e-9
 
-UNCERTIFIED = "its own exact solution is not certified"
-
 
 def measure(subject: Subject, stokes: float) -> tuple[list[AveragingErrors], list[Absent]]:
     """Errors of first and second order in a case at one St, as far as each form follows it.
@@ -46,7 +44,7 @@ def measure(subject: Subject, stokes: float) -> tuple[list[AveragingErrors], lis
         try:
             exact = reference(scene, form, SAMPLES)
         except ReferenceFailedError as failure:
-            absent.append(Absent(*head, stokes, f"{UNCERTIFIED}: {failure}"))
+            absent.append(Absent(*head, stokes, f"its own exact solution is not certified: {failure}"))
             continue
         solution = solve(form.problem(scene), SOLVER, TOLERANCE, exact.times)
         if not solution.success:

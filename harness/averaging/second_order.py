@@ -30,7 +30,6 @@ REFERENCE_TOLERANCES = (1e-18, 1e-16)
 TOLERANCE = 1e-14
 # Resonances want many small steps of these runs; each time is the fastest of so many.
 PASSAGE_SOLVER, PASSAGE_REPEATS = "cyrk-vern8", 3
-QUICK_CASES, QUICK_POINTS = 1, 2
 # Kicks below this share of the slow error estimated are not named.
 SMALL_KICK = 0.1
 # What may be measured alone.
@@ -175,7 +174,7 @@ def measure_study(
 ) -> SecondOrderStudy:
     """All that the study asks, or one of `PARTS` measured anew; quick: one case of each kind, and no cost."""
     study = old or SecondOrderStudy([], [], [], [], {})
-    cases, points = (QUICK_CASES, QUICK_POINTS) if quick else (None, None)
+    cases, points = (1, 2) if quick else (None, None)
     if part in ("", "orders"):
         orders = _rows("orders", AWAY[:cases], quiet, measure_away, points and points + 1)
         study = replace(study, orders=orders)

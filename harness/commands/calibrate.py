@@ -16,18 +16,11 @@ from polhode.solvers.catalogue import SOLVERS
 @click.option("--scenes", type=click.IntRange(min=3), default=110, help="Training scenes.")
 @click.option("--add", is_flag=True, help="Measure only what the file's laws lack, and keep them.")
 @click.option("--anew", multiple=True, metavar="NAME", help="A form or solver that has changed: measured again.")
-@click.option("--first-runs", is_flag=True, help="Measure first runs alone, and keep all else in the file.")
+@click.option("--first-runs", "firsts", is_flag=True, help="Measure first runs alone, and keep all else in the file.")
 @resume
 @quiet
 def calibrate(
-    out: Path,
-    to: Path | None,
-    scenes: int,
-    add: bool,
-    anew: tuple[str, ...],
-    first_runs: bool,
-    resume: bool,
-    quiet: bool,
+    out: Path, to: Path | None, scenes: int, add: bool, anew: tuple[str, ...], firsts: bool, resume: bool, quiet: bool
 ) -> None:
     """Measure the training scenes on this machine, half an hour, and fit the laws behind `polhode pick`."""
     from polhode.harness.calibration.fit import fit_laws, with_first_runs
@@ -38,7 +31,7 @@ def calibrate(
     if unknown := [name for name in anew if name not in FORMS and name not in SOLVERS]:
         raise BadInput(f"--anew: got {unknown[0]!r}, expected the name of a form or solver")
     path = to or own_laws_path()
-    if first_runs:
+    if firsts:
         with bad_input():
             known = read_laws(path)
         with_first_runs(known).save(path)

@@ -81,7 +81,7 @@ def solve(
         if not target:
             click.echo(_table(solution))
         elif target.atomic:
-            say(f"{out}: {what.samples} rows, solved in {duration(solution.seconds)}")
+            say(f"{out}: {len(what.times)} rows, solved in {duration(solution.seconds)}")
         for piece in solution.pieces_in_words():
             say(f"note: {piece}")
         if what.estimate:
@@ -147,7 +147,7 @@ def _run(what: "Plan", target: "PartialFile | None", progress: "Progress", omega
                         write_csv(file, solution.table(omega), progress.advance)
             if how or not solution.success:
                 where = f"in {target.partial}" if target else "finished"
-                rows = f"{len(solution.times)} of {what.samples} rows are {where}"
+                rows = f"{len(solution.times)} of {len(what.times)} rows are {where}"
                 raise RunFailed(f"{how or solution.status}: {rows}. {solution.message}".strip())
         if target and target.atomic:
             beside = target.path.with_name(target.path.name + ".json")
@@ -157,7 +157,7 @@ def _run(what: "Plan", target: "PartialFile | None", progress: "Progress", omega
         raise
     except OSError as full:
         place = target.path if target else "-"
-        raise RunFailed(f"{place}: {full.strerror or full}, expected room for {what.samples} rows") from None
+        raise RunFailed(f"{place}: {full.strerror or full}, expected room for {len(what.times)} rows") from None
     return solution
 
 

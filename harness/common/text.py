@@ -1,15 +1,7 @@
 """Numbers and tables as people read them: one convention for tables, figures, terminal and site.
 
 Powers of ten are plain: 1e-4, neither 1e-04 nor 0.0001 nor 10⁻⁴; a number below 1e-3 or from 1e5 on has an exponent.
-
-- `scientific`: an error or another measured size, in two digits: 1.2e-4, 1.0e0.
-- `bracketed`: the same, in brackets where the reference is not good enough to know it.
-- `short`: a number that somebody chose, as an St or a tolerance: 1000, 0.5, 1e-8.
-- `in_full`: the same in all its digits.
-- `in_two_digits`: a number that was fitted or interpolated, as an St or a ratio: 5900, 0.31.
-- `duration`: a time: 1.2 ms, 63 s.
-
-Fields of texts have them as formats, as in "{seconds:time}": `WORDING`.
+Fields of texts have the functions as formats, as in "{seconds:time}": `WORDING`.
 """
 
 import sys
@@ -85,7 +77,7 @@ def markdown(header: Sequence[str], rows: Sequence[Sequence[Any]], right: Sequen
 
 
 def scientific(value: float | None) -> str:
-    """A number in two digits, as 1.3e-7; a dash where there is none."""
+    """An error or another measured size, in two digits: 1.3e-7; a dash where there is none."""
     if value is None or isnan(value):
         return "–"
     mantissa, exponent = f"{value:.1e}".split("e")
@@ -99,7 +91,7 @@ def bracketed(value: float | None, known: bool | None) -> str:
 
 
 def short(value: float) -> str:
-    """A number in as few characters as it takes, in six digits at most: 1000, 0.5, 1e-8."""
+    """A number that somebody chose, in as few characters as it takes, six digits at most: 1000, 0.5, 1e-8."""
     return _plain(f"{value:.6g}")
 
 
