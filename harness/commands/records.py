@@ -19,8 +19,7 @@ def export(store: Path, out: Path) -> None:
     """Write the records of STORE to OUT, as CSV or JSON Lines by its ending.
 
     Numbers that JSON has no sign for are the words "Infinity", "-Infinity" and "NaN"; nested results are JSON in CSV's
-    cells. OUT appears when it is complete; a run that fails leaves what it wrote as
-    OUT.partial.
+    cells. OUT appears when it is complete; a run that fails leaves what it wrote as OUT.partial.
     """
     from polhode.harness.common.store import Store, export as write
 
