@@ -42,12 +42,6 @@ SCENES = {
     "forms": "form",
 }
 NOTHING = "No run gave a result: how each ended stands in runs.csv."
-UNCERTAINTIES = {
-    "scene": "{scene_name}",
-    "St": "{stokes:short}",
-    "slow": "{slow_uncertainty:error}",
-    "orientation, rad": "{orientation_uncertainty:error}",
-}
 
 
 def write_page(study: Study, records: Sequence[Record], folder: Path, command: str) -> Path:
@@ -77,7 +71,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         profiles=profile_lines(runs, folder),
         described=table(_scenes(runs), {name: f"{{{name}}}" for name in SCENES}, left=len(SCENES)),
         samples=study.samples,
-        uncertainties=table(known.reset_index().to_dict("records"), UNCERTAINTIES),
+        uncertainties=table(known.reset_index().to_dict("records"), "bench-uncertainties"),
     )
     write_file(folder / "README.md", text)
     return folder / "README.md"

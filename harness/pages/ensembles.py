@@ -58,50 +58,16 @@ def page(found: Found) -> str:
         "throughput",
         header=header("What ensembles cost", "polhode throughput", [found]),
         findings=bullets(_findings(found)),
-        full=table(found["full"], FULL),
-        long=table(found["long"], LONG),
-        tasks=table(found["tasks"], TASKS),
+        full=table(found["full"], "throughput-full"),
+        long=table(found["long"], "throughput-long"),
+        tasks=table(found["tasks"], "throughput-tasks"),
         block=BLOCK,
         plan=_plan(found),
-        overhead=table(found["overhead"], ENGINES),
+        overhead=table(found["overhead"], "throughput-engines"),
         mib=(found["memory"]["bytes"] or 0) / 2**20,
         cores=found["machine"]["cores"],
         **{name: found[name] for name in ("settings", "memory", "two_processes")},
     )
-
-
-FULL = {
-    "shape": "{shape}",
-    "error asked for": "{target:short}",
-    "method": "{method}",
-    "steps": "{steps}",
-    "particles/s": "{per_second:,.0f}",
-    "Taylor's": "{taylor_per_second:,.0f}",
-    "ratio": "{speedup:.1f}",
-    "error": "{error:error}",
-    "median": "{median_error:error}",
-    "Taylor's error": "{taylor_error:error}",
-    "seconds to choose": "{plan_seconds:.2f}",
-}
-LONG = {
-    "equations": "{equations}",
-    "particles/s": "{per_second:,.0f}",
-    "within that error": "{within:.0%}",
-    "median": "{median_error:error}",
-    "largest": "{error:error}",
-    "seconds of these, choice included": "{plan_seconds:.1f}",
-}
-TASKS = {
-    "shape": "{shape}",
-    "equations": "{equations}",
-    "end alone": "{end_per_second:,.0f}",
-    "101 samples": "{sampled_per_second:,.0f}",
-    "whole tasks": "{per_second:,.0f}",
-    "median error": "{median_error:error}",
-    "error of 99 %": "{error_of_99_percent:error}",
-    "bytes of a record": "{record_bytes:,}",
-}
-ENGINES = {"engine": "{engine}", "overhead": "{share:.2%}"}
 
 
 def _findings(found: Found) -> list[str]:

@@ -1,6 +1,6 @@
 """The page of hard cases: who got through, who is wrong, who failed and why."""
 
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ from polhode.solvers.contract import Status
 
 # Solvers that take at least this share of the cases that anybody takes are compared as to who never fails.
 MOST = 0.9
+CASE = ["scene", "St", "form", "tolerance"]
 # What the shared records leave out, for there are thousands: `polhode export` writes all.
 LEFT_OUT = ("key", "errors", "seconds_runs", "statistics_uncertainty", "statistics_distance", "solver_slow_uncertainty")
 
@@ -35,41 +36,37 @@ def sentences(endings: Sequence[Mapping[str, Any]], stopped: str) -> list[str]:
     """Who fails least, and how many runs ended how."""
     sums = Counter(row["outcome"] for row in endings)
     return [
-        *_surest(endings),
+        *_surest(_runs(endings)),
         f"{sums['reached']} of {sums.total()} runs reached the end with a solver error below {short(INACCURATE)} of "
         f"the start; {sums['inaccurate']} reached it with a larger one, {sums['unknown']} with one that no reference "
         f"knows; {sums['stopped']} were stopped at the limit of {stopped}; {sums['failed']} failed.",
     ]
 
 
-def _surest(endings: Sequence[Mapping[str, Any]]) -> list[str]:
+def _runs(endings: Sequence[Mapping[str, Any]]) -> Any:
+    """The endings as a frame, with whether each got through."""
+    return pd.DataFrame(endings).assign(passed=lambda runs: runs["outcome"] == "reached")
+
+
+def _surest(runs: Any) -> list[str]:
     """Which of the solvers that take most cases failed least, where anybody got through."""
-    passed = {_case(row) for row in endings if row["outcome"] == "reached"}
-    possible = [row for row in endings if _case(row) in passed]
-    taken = Counter(row["solver"] for row in possible)
-    missed = {
-        name: [row for row in possible if row["solver"] == name and row["outcome"] != "reached"] for name in taken
-    }
-    most = [name for name, number in taken.items() if number >= MOST * max(taken.values())]
-    if not most:
+    possible = runs[runs.groupby(CASE)["passed"].transform("any")]
+    taken = possible.groupby("solver", sort=False)["passed"].agg(["size", "sum"])
+    most = taken[taken["size"] >= MOST * taken["size"].max()]
+    if most.empty:
         return []
-    least = min(len(missed[name]) for name in most)
-    best = [name for name in most if len(missed[name]) == least]
-    scenes = ", ".join(sorted({row["scene"] for name in best for row in missed[name]}))
+    missed = most["size"] - most["sum"]
+    least, best = missed.min(), most[missed == missed.min()]
+    scenes = ", ".join(sorted(set(possible["scene"][possible["solver"].isin(best.index) & ~possible["passed"]])))
     did = "got through {0} of" if least else "never failed in"
-    alike = {number: [name for name in best if taken[name] == number] for number in map(taken.__getitem__, best)}
     shares = "; ".join(
-        f"{', '.join(names)} {did.format(number - least)} the {number} {'each' if len(names) > 1 else 'it'} takes"
-        for number, names in alike.items()
+        f"{', '.join(own.index)} {did.format(number - least)} the {number} {'each' if len(own) > 1 else 'it'} takes"
+        for number, own in best.groupby("size", sort=False)
     )
     return [
-        f"{'Nobody got through everything: of' if least else 'Of'} the {len(passed)} hard runs that anybody got "
-        f"through, {shares}{f' (missed in the scenes {scenes})' if least else ''}."
+        f"{'Nobody got through everything: of' if least else 'Of'} the {len(possible.drop_duplicates(CASE))} hard runs "
+        f"that anybody got through, {shares}{f' (missed in the scenes {scenes})' if least else ''}."
     ]
-
-
-def _case(row: Mapping[str, Any]) -> tuple[Any, ...]:
-    return tuple(row[name] for name in ("scene", "St", "form", "tolerance"))
 
 
 def limit(table: pd.DataFrame) -> str:
@@ -104,39 +101,30 @@ def _page(
         "outcomes",
         header=header(study.title, command, records),
         sentences=bullets(sentences(endings, stopped)),
-        counts=_table(_counts(endings, solvers)),
+        counts=_counts(_runs(endings), solvers),
         inaccurate=INACCURATE,
         stopped=stopped,
-        scenes=_by_scene(endings, solvers),
+        scenes=_by_scene(_runs(endings), solvers),
         hard=bullets(f"{scene}: {about(scene)}" for scene in scenes if about(scene)),
     )
 
 
-def _counts(endings: Sequence[Mapping[str, Any]], solvers: Sequence[str]) -> dict[str, Counter[str]]:
+def _counts(runs: Any, solvers: Sequence[str]) -> str:
     """How often each solver ended how, the surest first."""
-    found = {name: Counter(row["outcome"] for row in endings if row["solver"] == name) for name in solvers}
-    return dict(sorted(found.items(), key=lambda item: -item[1]["reached"] / item[1].total()))
-
-
-def _table(counts: Mapping[str, Counter[str]]) -> str:
-    rows = [
-        [name, str(own.total()), f"{100 * own['reached'] / own.total():.0f} %", *(str(own[kind]) for kind in KINDS)]
-        for name, own in counts.items()
-    ]
+    found = pd.crosstab(runs["solver"], runs["outcome"]).reindex(index=solvers, columns=[*KINDS], fill_value=0)
+    total = found.sum(axis=1)
+    share = (100 * found["reached"] / total).sort_values(ascending=False, kind="stable")
+    rows = [[name, total[name], f"{each:.0f} %", *found.loc[name]] for name, each in share.items()]
     return markdown(["solver", "runs", "got through", *KINDS], rows, right=range(1, 3 + len(KINDS)))
 
 
-def _by_scene(endings: Sequence[Mapping[str, Any]], solvers: Sequence[str]) -> str:
-    found = defaultdict(Counter)
-    for row in endings:
-        found[row["scene"], row["solver"]][row["outcome"]] += 1
-    scenes = dict.fromkeys(row["scene"] for row in endings)
-    rows = [[scene, *(_share(found[scene, name]) for name in solvers)] for scene in scenes]
-    return markdown(["scene", *solvers], rows)
+def _by_scene(runs: Any, solvers: Sequence[str]) -> str:
+    shares = runs.groupby(["scene", "solver"])["passed"].agg(_share).unstack().fillna("·")
+    return markdown(["scene", *solvers], [[scene, *shares.loc[scene, solvers]] for scene in runs["scene"].unique()])
 
 
-def _share(own: Counter[str]) -> str:
-    return "·" if not own else "✓" if own["reached"] == own.total() else f"{own['reached']}/{own.total()}"
+def _share(passed: Any) -> str:
+    return "✓" if passed.all() else f"{passed.sum()}/{len(passed)}"
 
 
 # A run that reached its end but is further off the exact solution of its own form, in units of I_max or of the slow

@@ -17,7 +17,6 @@ from polhode.harness.pages.tables import bullets, fill, table
 from polhode.models.problems.catalogue import PROBLEMS
 
 TARGETS, PROFILED = (1e-3, 1e-6, 1e-9), 1e-6
-FAILED = {name: f"{{{name}}}" for name in ("problem", "solver", "tolerance", "status", "message")}
 
 
 def write_page(rows: Sequence[Record], folder: Path, command: str) -> Path:
@@ -63,7 +62,7 @@ def page(kept: pd.DataFrame, top: list[str]) -> str:
         profiled=PROFILED,
         fastest=markdown(["problem", *(f"fastest at {short(target)}" for target in TARGETS)], fastest),
         sources=bullets(f"**{name}**: {PROBLEMS[name].source}." for name in names),
-        failed=f"\n## What failed\n\n{table(failed, FAILED, left=len(FAILED))}\n" if failed else "",
+        failed=f"\n## What failed\n\n{table(failed, 'problems-failed')}\n" if failed else "",
     )
 
 

@@ -27,14 +27,6 @@ from polhode.models.scene import Scene
 LONG = 5e4
 Maps = Mapping[tuple[str, str], Sequence[Cell]]
 """Cells by the scene's name and the error."""
-COLUMNS = {
-    "form": "{method.form}",
-    "solver": "{method.solver}",
-    "cells won": "{full.won} / {slow.won}",
-    "ties with the winner": "{full.tied} / {slow.tied}",
-    "on the Pareto front, St": "{full.front} / {slow.front} of {slow.measured}",
-    "runs without a result": "{failed}",
-}
 CELL_COLUMNS = ["scene", "error", "St", "target", "known", "form", "solver", "seconds", "lead", "tie", "next"]
 
 
@@ -94,13 +86,9 @@ def _page(study: Study, runs: pd.DataFrame, records: Sequence[Record], maps: Map
         sentences=bullets(f"The {name}, {sentence(found, ERRORS[error][0])}" for (name, error), found in maps.items()),
         particles=particles,
         profiles=[*profile_lines(runs, folder), *long],
+        study=study,
         count=len(study.solvers),
-        solvers=", ".join(study.solvers),
-        forms=", ".join(study.forms),
-        samples=study.samples,
-        tolerances=tuple(study.tolerances),
         tie=100 * (TIE - 1),
-        limit=study.max_seconds,
     )
 
 
@@ -149,7 +137,7 @@ def _methods(runs: pd.DataFrame, name: str, maps: Maps) -> str:
     seen = [row for row in rows if any(each.won + each.tied + each.front for each in (row["full"], row["slow"]))]
     rest = "; ".join(str(row["method"]) for row in rows if row not in seen)
     beside = f"Never among them: {rest}." if rest else ""
-    return f"Full solution / slow variables:\n\n{table(seen, COLUMNS, left=2)}\n{beside}\n"
+    return f"Full solution / slow variables:\n\n{table(seen, 'regimes-methods')}\n{beside}\n"
 
 
 def _failed(failures: Mapping[str, int]) -> list[str]:

@@ -1,6 +1,8 @@
-"""Tables and texts of pages: tables by the formats of their columns, texts from the Markdown files in `texts`."""
+"""Tables and texts of pages, from the formats of their columns and the Markdown files in `texts`."""
 
+import tomllib
 from collections.abc import Iterable, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +16,17 @@ def cells(rows: Iterable[Any], columns: Mapping[str, str]) -> list[list[str]]:
     return [[WORDING.vformat(text, (), row) for text in columns.values()] for row in rows]
 
 
-def table(rows: Iterable[Any], columns: Mapping[str, str], left: int = 1) -> str:
-    """The rows as Markdown, all but the first `left` columns aligned right."""
+def table(rows: Iterable[Any], columns: str | Mapping[str, str], left: int = 1, **fields: Any) -> str:
+    """The rows as Markdown, all but the first `left` columns aligned right; a name is one of `texts/tables.toml`."""
+    if isinstance(columns, str):
+        known = _tables()[columns]
+        columns, left = {WORDING.format(head, **fields): cell for head, cell in known["columns"].items()}, known["left"]
     return markdown([*columns], cells(rows, columns), right=range(left, len(columns)))
+
+
+@cache
+def _tables() -> dict[str, dict[str, Any]]:
+    return tomllib.loads((TEXTS / "tables.toml").read_text(encoding="utf-8"))
 
 
 def fill(name: str, **fields: Any) -> str:

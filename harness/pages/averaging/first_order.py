@@ -9,10 +9,10 @@ from typing import Any
 
 import pandas as pd
 
+from polhode.harness.averaging import measure, orders
 from polhode.harness.averaging.data import VARIABLES, AveragingErrors, PaperStudy, write_study
 from polhode.harness.averaging.findings import statements
-from polhode.harness.averaging.measure import SAMPLES, SOLVER, TOLERANCE
-from polhode.harness.averaging.orders import FITTED_FROM, LEAST_POINTS, SAME_HORIZON, TARGETS, Law, first_order, laws
+from polhode.harness.averaging.orders import TARGETS, Law, first_order, laws
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.text import aligned, in_two_digits, short
@@ -105,15 +105,12 @@ def page(study: PaperStudy, command: str) -> str:
         header=header("How accurate the averaged equations are", command, list(study.timed.values())),
         findings=bullets(statements(rows)),
         cases=table(case_rows(rows), COLUMNS),
-        points=LEAST_POINTS,
-        samples=SAMPLES,
-        solver=SOLVER,
-        tolerance=TOLERANCE,
+        fitted=orders,
+        measured=measure,
         solver_error=max(row.solver_error for row in rows),
         pieces=min(row.pieces for row in rows),
         uncertainty=max(row.uncertainty for row in rows),
-        fitted_from=FITTED_FROM,
-        same=100 * SAME_HORIZON,
+        same=100 * orders.SAME_HORIZON,
         absent=len(study.absent),
         all=len(study.absent) + len(rows),
     )

@@ -18,26 +18,6 @@ from polhode.harness.pages.figures.averaging import errors_and_speed
 from polhode.harness.pages.figures.work_precision import save
 from polhode.harness.pages.tables import bullets, fill, table
 
-ERRORS = {
-    "St": "{stokes:short}",
-    "error asked for": "{error:short}",
-    "runs": "{runs}",
-    "within": "{within:.1%}",
-    "bounded": "{bounded:.1%}",
-    "largest error": "{largest:error}",
-    "over": "{over:two}",
-    "in full": "{full:two}",
-}
-SPEEDS = {
-    "St": "{stokes:short}",
-    "bodies": "{bodies}",
-    "runs": "{runs}",
-    "time": "{seconds:time}",
-    f"with {hybrid.FEW} samples": "{few_seconds:time}",
-    "in full": "{full_share:two}",
-    "times as fast": "{gain:two}",
-}
-
 
 def write_page(study: Study, folder: Path, command: str) -> None:
     """Write the page and its data into a folder."""
@@ -53,17 +33,17 @@ def page(study: Study, command: str) -> str:
         "hybrid",
         header=header("Form hybrid: errors and speed", command, timed),
         findings=bullets(findings(study)),
-        solver=hybrid.SOLVER,
-        samples=hybrid.SAMPLES,
-        errors=table(_errors(_judged(study.errors)), ERRORS, left=0),
+        form=hybrid,
+        errors=table(_errors(_judged(study.errors)), "hybrid-errors"),
         speed=_speed(study.speed) if study.speed else "",
     )
 
 
 def _speed(rows: Sequence[Speed]) -> str:
     solvers = " and ".join(hybrid.FULL_SOLVERS)
-    run = {"slow_time": hybrid.FAST_SLOW_TIME, "error": hybrid.FAST_ERROR, "samples": hybrid.SAMPLES}
-    return fill("hybrid-speed", solvers=solvers, speeds=table(_speeds(rows), SPEEDS, left=0), **run)
+    return fill(
+        "hybrid-speed", solvers=solvers, speeds=table(_speeds(rows), "hybrid-speed", few=hybrid.FEW), form=hybrid
+    )
 
 
 def findings(study: Study) -> list[str]:

@@ -5,20 +5,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from polhode.harness.averaging.cases import NAMED, TILTED
+from polhode.harness.averaging import cases, orders, second_order
 from polhode.harness.averaging.data import Cost, SecondOrderErrors, SecondOrderStudy, write_study
 from polhode.harness.averaging.findings import findings
-from polhode.harness.averaging.orders import FLOORS, LARGEST_ERROR, Slope, slopes
-from polhode.harness.averaging.second_order import (
-    COMPARED,
-    FEW,
-    FULL_REPEATS,
-    PASSAGE_SOLVER,
-    SAMPLES,
-    SLOW_TIME,
-    TARGET,
-    TOLERANCE,
-)
+from polhode.harness.averaging.orders import Slope, slopes
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.tables import write_table
@@ -27,26 +17,6 @@ from polhode.harness.pages.figures.work_precision import save
 from polhode.harness.pages.tables import bullets, fill, table
 from polhode.models.scene import EulerStart
 from polhode.models.second_order.form import STOPS, SecondOrder
-
-ORDERS = {
-    "axes": "{shape}",
-    "start": "{start}",
-    "slope, slow error": "{slow:.2f}",
-    "slope, orientation": "{orientation:.2f}",
-    "at St": "{stokes:short}",
-    "slow error": "{error:error}",
-    "first order's": "{first:error}",
-    "orientation, rad": "{turned:error}",
-}
-COSTS = {
-    "form": "{form}",
-    "solver": "{solver}",
-    "tolerance": "{tolerance:short}",
-    "St": "{stokes:short}",
-    "slow error": "{slow:error}",
-    "time": "{seconds:time}",
-    "integration": "{integration:time}",
-}
 
 
 def write_page(study: SecondOrderStudy, folder: Path, command: str) -> None:
@@ -64,29 +34,26 @@ def page(study: SecondOrderStudy, fitted: Sequence[Slope], command: str) -> str:
         "second-order",
         header=header("Second-order averaging: orders and cost", command, list(study.timed.values())),
         findings=bullets(findings(study)),
-        orders=table(_rows(study.orders, fitted), ORDERS, left=2),
+        orders=table(_rows(study.orders, fitted), "second-order-slopes"),
         cost=_costs(study.cost, study.timed["cost"]["repeats"]) if study.cost else "",
-        samples=SAMPLES,
-        largest=LARGEST_ERROR,
-        floors=FLOORS,
-        starts="; ".join(f"*{name}*, {_euler(start)}" for name, start in NAMED.items()),
-        tilted=TILTED,
+        measured=second_order,
+        fitted=orders,
+        starts="; ".join(f"*{name}*, {_euler(start)}" for name, start in cases.NAMED.items()),
+        tilted=cases.TILTED,
         stops=STOPS,
-        solver=PASSAGE_SOLVER,
-        tolerance=TOLERANCE,
         repeats=study.timed["passages"]["repeats"],
     )
 
 
 def _panels(rows: Sequence[SecondOrderErrors]) -> dict[str, list[Line]]:
     """Slow errors of both orders, and the orientation's, which second order alone knows."""
-    cases = [[row for row in rows if (row.shape, row.start) == case] for case in dict.fromkeys(map(_case, rows))]
+    found = [[row for row in rows if _case(row) == case] for case in dict.fromkeys(map(_case, rows))]
     slow = [
         Line(order, order, [row.stokes for row in own], [getattr(row, name) for row in own])
-        for own in cases
+        for own in found
         for order, name in ((1, "first_order_slow"), (2, "slow"))
     ]
-    turned = [Line(2, 1, [row.stokes for row in own], [row.orientation for row in own]) for own in cases]
+    turned = [Line(2, 1, [row.stokes for row in own], [row.orientation for row in own]) for own in found]
     return {"slow error: L and E": slow, "orientation error": turned}
 
 
@@ -112,7 +79,6 @@ def _euler(start: EulerStart) -> str:
 def _costs(cost: Sequence[Cost], repeats: int) -> str:
     second = [each for each in cost if each.form == SecondOrder.name]
     first, last = (pick(second, key=lambda each: each.stokes) for pick in (min, max))
-    compared = [each for each in cost if each.stokes == COMPARED]
-    runs = table(dict.fromkeys([first, *compared, last]), COSTS, left=2)
-    counts = {"few": FEW, "repeats": repeats, "full_repeats": FULL_REPEATS}
-    return fill("second-order-cost", slow_time=SLOW_TIME, target=TARGET, runs=runs, **counts)
+    compared = [each for each in cost if each.stokes == second_order.COMPARED]
+    runs = table(dict.fromkeys([first, *compared, last]), "second-order-cost")
+    return fill("second-order-cost", measured=second_order, runs=runs, repeats=repeats)

@@ -24,25 +24,6 @@ from polhode.harness.picking.stated_error import BOUNDED
 # Times over the best, named on the axis.
 TICKS = (1, 1.5, 2, 3, 5, 10, 20, 50, 100)
 COLOURS = {"short": "#0072B2", "long": "#D55E00"}
-SCORES = {
-    "stratum": "{stratum}",
-    "way": "{way}",
-    "scenes": "{scenes}",
-    "PAR10": "{par10:.2f}",
-    "solved": "{solved:.1%}",
-    "within 1.5": "{within:.1%}",
-    "above 5": "{above:.1%}",
-    "gap closed": "{gap_closed:.3f}",
-}
-STATED = {
-    "stratum": "{stratum}",
-    "solver": "{solver}",
-    "runs": "{runs}",
-    "stated": "{stated:.1%}",
-    "bounded": "{bounded:.1%}",
-    "in time": "{cheap:.1%}",
-    "stated over true, median": "{factor:two}",
-}
 
 
 def write_pages(folder: Path, laws: Laws, evaluation: Evaluation, command: str) -> Path:
@@ -119,7 +100,7 @@ def _selection(evaluation: Evaluation) -> str:
     pays = pays_from(scenes, evaluation.ways)
     return fill(
         "pick-selection",
-        scores=table(scores(evaluation.ways).to_dict("records"), SCORES, left=2),
+        scores=table(scores(evaluation.ways).to_dict("records"), "pick-scores"),
         cutoff=CUTOFF,
         counts=PENALTY * CUTOFF,
         asking=scenes["pick_seconds"].median(),
@@ -184,7 +165,7 @@ def write_stated(folder: Path, runs: pd.DataFrame, command: str) -> Path:
         command=command,
         summary=bullets(stated_summary(runs)),
         left_out=_counted(runs.attrs["left_out"]) or "none",
-        runs=table(rows, STATED, left=2),
+        runs=table(rows, "pick-stated"),
     )
     page = folder / "stated.md"
     write_file(page, text)
