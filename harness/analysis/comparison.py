@@ -41,13 +41,7 @@ class Comparison:
 
 
 def compare(before: pd.DataFrame, after: pd.DataFrame, *, slower: float, less_accurate: float) -> Comparison:
-    """Compare two frames of records.
-
-    A run that failed since counts, but for one that came near its time limit before. A time counts as longer if the
-    shortest run of the second exceeds the shortest of the first by the factor, and by more than the runs of both
-    scatter; an error as larger if it exceeds the factor, and the least error that the reference knows. Both factors are
-    above 1.
-    """
+    """Compare two frames of records by factors above 1, beyond the scatter of times and what references know."""
     first, second = _by_identity(before), _by_identity(after)
     same_machine = {*map(_machine, first.values())} == {*map(_machine, second.values())}
     drift = _sentinel(second) / _sentinel(first) if same_machine else 1.0
@@ -86,6 +80,7 @@ def _sentinel(rows: Mapping[Any, Record]) -> float:
 def _changes(before: Record, after: Record, drift: float, slower: float, less_accurate: float) -> list[Record]:
     """What got worse in one case."""
     if before["status"] == "reached_end" != after["status"]:
+        # One that came near its time limit before may miss it by chance.
         near = before["counted_seconds"] * slower * drift > after["max_seconds"]
         change = {"what": "status", "before": before["status"], "after": after["status"]}
         return [] if near and after["status"] == "time_limit" else [change]
@@ -123,11 +118,7 @@ def _scatter(runs: list[float]) -> float:
 
 
 def read_runs(path: Path) -> pd.DataFrame:
-    """Records as a frame: of ``.json`` of the benchmark suite, ``.sqlite`` of `polhode bench`, or its ``.jsonl``.
-
-    Or of a folder of such ``.json`` files, repetitions of one run: of each case the shortest comes last. Raises
-    ValueError, in one line, if there are no such records.
-    """
+    """Records as a frame: of JSON of the benchmark suite or a folder of such, a ``.sqlite`` store, its ``.jsonl``."""
     records = _repeated(path) if path.is_dir() else _records(path)
     if not records:
         raise ValueError(f"{path}: got no records, expected at least one")

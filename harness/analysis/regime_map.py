@@ -20,10 +20,7 @@ LONGEST_SLOW_TIME = 100.0
 
 @dataclass(frozen=True)
 class Cell:
-    """One St and one error of the map: the cheapest method, and the cheapest of another label.
-
-    Methods are None, and numbers NaN, where none reaches the error, or where the reference does not know it.
-    """
+    """The cheapest method at one St and error, and that of another label; None and NaN where none is known."""
 
     stokes: float
     target: float

@@ -15,13 +15,11 @@ from polhode.harness.analysis.pareto import (
     cheapest,
     costs_over_stokes,
 )
-from polhode.harness.common.files import write_file
-from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record, export
 from polhode.harness.common.text import duration, markdown, short
 from polhode.harness.pages.figures.profiles import profile_lines
 from polhode.harness.pages.figures.work_precision import save, work_precision_panels
-from polhode.harness.pages.tables import bullets, fill, table
+from polhode.harness.pages.tables import bullets, table, write
 from polhode.harness.references.uncertainty import least_known, uncertainty_of
 from polhode.harness.studies.study import Study
 
@@ -62,9 +60,12 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
                 scenes += [f"By {label.replace('$I_{max}$', 'I_max')}:", "", _winners(own, error)]
                 scenes += [f"![{before}Wall time against {name} error, one panel per St]({file}.png)", ""]
     known = where(runs, runs["slow_uncertainty"].notna()).groupby(["scene_name", "stokes"], sort=False).first()
-    text = fill(
+    return write(
+        folder / "README.md",
         "bench",
-        header=header(study.title, command, records),
+        study.title,
+        command,
+        records,
         verdict=bullets([*verdict(runs), *averaged_costs(runs)] or [NOTHING]),
         tie=100 * (TIE - 1),
         scenes=scenes,
@@ -73,8 +74,6 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         samples=study.samples,
         uncertainties=table(known.reset_index().to_dict("records"), "bench-uncertainties"),
     )
-    write_file(folder / "README.md", text)
-    return folder / "README.md"
 
 
 def _scenes(runs: pd.DataFrame) -> list[dict[str, str]]:
@@ -115,11 +114,7 @@ GAP = 10.0 * (1 + 1e-9)
 
 
 def when_averaged_wins(records: pd.DataFrame, target: float, write: Callable[[float], str]) -> str | None:
-    """At which of the St measured an averaged form is the cheapest, in words; None if it is not at the largest.
-
-    Where the St before the start is more than a factor `GAP` away, both are named, for nothing is known between them.
-    `write` writes an St.
-    """
+    """At which of the St measured an averaged form is the cheapest, in words; None if it is not at the largest."""
     start = averaged_wins_from(records, target)
     if start is None:
         return None

@@ -12,12 +12,11 @@ import pandas as pd
 from polhode.harness.analysis.frames import by_stokes, frame, where
 from polhode.harness.analysis.pareto import times_at_error
 from polhode.harness.common.files import read_file, write_file
-from polhode.harness.common.machine import header
 from polhode.harness.common.plain_json import digest
 from polhode.harness.common.store import Record, export
 from polhode.harness.common.text import duration, markdown, scientific, short
 from polhode.harness.common.timing import seconds_of
-from polhode.harness.pages.tables import bullets, fill
+from polhode.harness.pages.tables import bullets, write
 from polhode.harness.studies.study import Study
 from polhode.models.catalogue import form as find_form
 from polhode.models.problem import Problem
@@ -43,18 +42,19 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     """Write the page and its records into a folder and return the page's path."""
     folder.mkdir(parents=True, exist_ok=True)
     export(list(records), folder / "records.jsonl")
-    table, page = frame(records), folder / "README.md"
+    table = frame(records)
     rows, met = _splitting(table)
-    text = fill(
+    return write(
+        folder / "README.md",
         "known-stokes",
-        header=header(study.title, command, records),
+        study.title,
+        command,
+        records,
         met=met.count(True),
         asked=len(met),
         stroboscopic=bullets(_stroboscopic(study, table, folder)),
         ratios=markdown(["scene", "St", *map(short, ERRORS)], rows, right=range(1, 2 + len(ERRORS))),
     )
-    write_file(page, text)
-    return page
 
 
 def _known(name: str) -> bool:

@@ -9,10 +9,9 @@ import pandas as pd
 
 from polhode.harness.analysis.frames import frame
 from polhode.harness.common.files import write_file
-from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record, export
 from polhode.harness.common.text import duration, markdown, scientific, short
-from polhode.harness.pages.tables import bullets, fill
+from polhode.harness.pages.tables import bullets, write
 from polhode.harness.references.errors import magnitude
 from polhode.harness.studies.study import Study
 from polhode.models.files.scene_file import parse_scene
@@ -25,11 +24,6 @@ MOST = 0.9
 CASE = ["scene", "St", "form", "tolerance"]
 # What the shared records leave out, for there are thousands: `polhode export` writes all.
 LEFT_OUT = ("key", "errors", "seconds_runs", "statistics_uncertainty", "statistics_distance", "solver_slow_uncertainty")
-
-
-def about(scene: str) -> str:
-    """What is hard about a built-in scene; empty for others."""
-    return SCENES[scene].summary if scene in SCENES else ""
 
 
 def sentences(endings: Sequence[Mapping[str, Any]], stopped: str) -> list[str]:
@@ -83,30 +77,25 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     found = endings(table, limits(records))
     endings_csv = pd.DataFrame(found).to_csv(index=False, float_format="%.12g")
     write_file(folder / "outcomes.csv", endings_csv, summed=True)
-    write_file(folder / "README.md", _page(study, table, records, found, command))
-    return folder / "README.md"
+    stopped, solvers = limit(table), columns(table)
+    return write(
+        folder / "README.md",
+        "outcomes",
+        study.title,
+        command,
+        records,
+        sentences=bullets(sentences(found, stopped)),
+        counts=_counts(_runs(found), solvers),
+        inaccurate=INACCURATE,
+        stopped=stopped,
+        scenes=_by_scene(_runs(found), solvers),
+        hard=bullets(f"{name}: {SCENES[name].summary}" for name in dict(study.scenes) if name in SCENES),
+    )
 
 
 def _shared(record: Record) -> Record:
     """What of a record is shared: nothing that is empty, and not `LEFT_OUT`."""
     return {name: value for name, value in record.items() if value is not None and name not in LEFT_OUT}
-
-
-def _page(
-    study: Study, table: pd.DataFrame, records: Sequence[Record], endings: Sequence[Mapping[str, Any]], command: str
-) -> str:
-    stopped, solvers = limit(table), columns(table)
-    scenes = dict.fromkeys(row["scene"] for row in endings)
-    return fill(
-        "outcomes",
-        header=header(study.title, command, records),
-        sentences=bullets(sentences(endings, stopped)),
-        counts=_counts(_runs(endings), solvers),
-        inaccurate=INACCURATE,
-        stopped=stopped,
-        scenes=_by_scene(_runs(endings), solvers),
-        hard=bullets(f"{scene}: {about(scene)}" for scene in scenes if about(scene)),
-    )
 
 
 def _counts(runs: Any, solvers: Sequence[str]) -> str:

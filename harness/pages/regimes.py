@@ -13,13 +13,12 @@ from polhode.harness.analysis.frames import frame, where, write_runs
 from polhode.harness.analysis.pareto import TIE, Method
 from polhode.harness.analysis.regime_map import Cell, cells, standings
 from polhode.harness.common.files import read_file, write_file
-from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record
 from polhode.harness.common.text import in_two_digits, short
 from polhode.harness.pages.figures.map_picture import ERRORS, picture
 from polhode.harness.pages.figures.profiles import profile_lines
 from polhode.harness.pages.figures.work_precision import save
-from polhode.harness.pages.tables import bullets, fill, table
+from polhode.harness.pages.tables import bullets, fill, table, write
 from polhode.harness.studies.study import Study
 from polhode.models.scene import Scene
 
@@ -43,8 +42,29 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         save(picture([maps[name, error] for error in ERRORS], times), folder, name)
     write_runs(runs, folder)
     _write_cells(maps, folder / "cells.csv")
-    write_file(folder / "README.md", _page(study, runs, records, maps, folder, command))
-    return folder / "README.md"
+    particles = []
+    for name in names:
+        scenes = [scene for own, scene in study.scenes if own == name]
+        axes = ", ".join(f"{length:g}" for length in scenes[0].ellipsoid.semi_axes)
+        particles += [f"## The {name} ({axes})", "", f"![Winners over St and error]({name}.png)", "", *horizon(scenes)]
+        particles += [_methods(where(runs, runs["scene_name"] == name), name, maps)]
+    far = [scene.stokes for _, scene in study.scenes if scene.time >= LONG]
+    long = profile_lines(
+        where(runs, runs["stokes"].isin(far)), folder, "profiles-long", f"The same over t ≥ {short(LONG)} alone"
+    )
+    return write(
+        folder / "README.md",
+        "regimes",
+        study.title,
+        command,
+        records,
+        sentences=bullets(f"The {name}, {sentence(found, ERRORS[error][0])}" for (name, error), found in maps.items()),
+        particles=particles,
+        profiles=[*profile_lines(runs, folder), *long],
+        study=study,
+        count=len(study.solvers),
+        tie=100 * (TIE - 1),
+    )
 
 
 def _write_cells(maps: Maps, path: Path) -> None:
@@ -67,29 +87,6 @@ def read_cells(path: Path) -> Maps:
         cell = Cell(row["St"], row["target"], row["known"], winner, second, row["seconds"], row["lead"])
         maps.setdefault((row["scene"], row["error"]), []).append(cell)
     return maps
-
-
-def _page(study: Study, runs: pd.DataFrame, records: Sequence[Record], maps: Maps, folder: Path, command: str) -> str:
-    particles = []
-    for name in dict.fromkeys(name for name, _ in maps):
-        scenes = [scene for own, scene in study.scenes if own == name]
-        axes = ", ".join(f"{length:g}" for length in scenes[0].ellipsoid.semi_axes)
-        particles += [f"## The {name} ({axes})", "", f"![Winners over St and error]({name}.png)", "", *horizon(scenes)]
-        particles += [_methods(where(runs, runs["scene_name"] == name), name, maps)]
-    far = [scene.stokes for _, scene in study.scenes if scene.time >= LONG]
-    long = profile_lines(
-        where(runs, runs["stokes"].isin(far)), folder, "profiles-long", f"The same over t ≥ {short(LONG)} alone"
-    )
-    return fill(
-        "regimes",
-        header=header(study.title, command, records),
-        sentences=bullets(f"The {name}, {sentence(found, ERRORS[error][0])}" for (name, error), found in maps.items()),
-        particles=particles,
-        profiles=[*profile_lines(runs, folder), *long],
-        study=study,
-        count=len(study.solvers),
-        tie=100 * (TIE - 1),
-    )
 
 
 def sentence(found: Sequence[Cell], what: str) -> str:

@@ -37,10 +37,7 @@ FILES = {
 
 
 def write_results(sweep: Sweep, store: Store, folder: Path) -> tuple[Path, list[dict[str, Any]]]:
-    """Write the page and the CSV files of a finished sweep; returns the page's path, and a row for each ensemble.
-
-    A file without rows, such as moments of averaged equations, which have no orientation, is left out.
-    """
+    """Write the page and the CSV files, those with rows; returns the page's path, and a row for each ensemble."""
     ensembles, pictures, written = [], [], dict[str, csv.DictWriter]()
     with ExitStack() as files:
         # Of all that the store holds, one task and the statistics of one shape are in memory.

@@ -1,11 +1,14 @@
 """Tables and texts of pages, from the formats of their columns and the Markdown files in `texts`."""
 
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+from polhode.harness.common.files import write_file
+from polhode.harness.common.machine import header
+from polhode.harness.common.store import Record
 from polhode.harness.common.text import WORDING, markdown
 
 TEXTS = Path(__file__).parent / "texts"
@@ -38,3 +41,9 @@ def fill(name: str, **fields: Any) -> str:
 def bullets(sentences: Iterable[str]) -> str:
     """The sentences as a list."""
     return "\n".join(f"- {sentence}" for sentence in sentences)
+
+
+def write(path: Path, name: str, title: str, command: str, records: Sequence[Record], **fields: Any) -> Path:
+    """Write the page of the text of that name, its head from the records that were measured; returns its path."""
+    write_file(path, fill(name, header=header(title, command, records), **fields))
+    return path

@@ -20,11 +20,7 @@ def run(
     force: bool = False,
     redraw: bool = False,
 ) -> list[str]:
-    """Compute, draw and write the pages of all items; those that fail are reported and do not stop the others.
-
-    Data that today's code made on this grid are kept; with `force` none are, with `redraw` all that are there. Returns
-    the names of the items that failed.
-    """
+    """Compute what today's code has not made, draw, write the pages; returns the names of the items that failed."""
     failed = []
     began = perf_counter()
     for number, item in enumerate(items, start=1):

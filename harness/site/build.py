@@ -46,10 +46,7 @@ ON_COSTS = re.compile(r"(slow|orientation)(-[\w-]+)?\.png")
 
 
 def build(reports: Path, out: Path, scenes: dict[str, Scene], say: Callable[[str], None] = lambda _: None) -> Path:
-    """Write the site and return its opening page, which names whatever `reports` lacks.
-
-    `scenes` are scenes of one's own to show moving, by name; `say` receives a line about each page.
-    """
+    """Write the site, with scenes of one's own by name; returns its opening page; `say` receives a line about each."""
     files = {page_name(path): path for path in sorted(reports.glob("*/*.md"))}
     texts = {name: path.read_text(encoding="utf-8").replace(OVERWRITTEN, "") for name, path in files.items()}
     known = {path.resolve(): f"{name}.html" for name, path in files.items()}

@@ -121,10 +121,7 @@ NO_STUDY = ("site", "paper", "accuracy", "pick", "problems")
 
 
 def read_studies(folder: Path, columns: Collection[str]) -> tuple[dict[str, pd.DataFrame], list[str]]:
-    """Runs of each study by the name of its folder, and the files that cannot be read, with the reason.
-
-    A folder that holds several studies adds the file's name. Memory holds no more of a record than these columns.
-    """
+    """Runs of each study by the name of its folder, and file if it holds several; and the files that cannot be read."""
     studies, unreadable = {}, []
     for path in _files(folder):
         name = path.parent.name if path.stem in ("records", "store", "runs") else f"{path.parent.name}/{path.stem}"

@@ -59,10 +59,7 @@ def motion_page(own: dict[str, Scene], say: Callable[[str], None]) -> Page:
 
 
 def motion(scene: Scene) -> dict[str, Any]:
-    """What the page draws of a scene; `why` instead if it has no orientation or cannot be solved.
-
-    The axis is the symmetry axis of a spheroid, the longest one of others.
-    """
+    """What the page draws of a scene; `why` instead if it has no orientation or cannot be solved."""
     if scene.ellipsoid.kind == "sphere":
         return {"why": "a sphere has no axis"}
     try:

@@ -27,10 +27,7 @@ LONG = 12
 
 
 def question(folder: Path, sure: str = "") -> tuple[str, dict[str, Any]]:
-    """The question, its maps, and the data of its script, from the cells and runs in `folder`; empty without cells.
-
-    `sure` says which solver never failed.
-    """
+    """The question, its maps, and its script's data, from `folder`, empty without cells; `sure`: who never failed."""
     path = folder / "cells.csv"
     found = read_cells(path) if path.is_file() else {}
     if not found:

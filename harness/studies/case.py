@@ -1,7 +1,7 @@
 """A case: one scene, one form, one solver, one tolerance; its measurement is a record."""
 
 from dataclasses import asdict, dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import inf
 from time import perf_counter
 
@@ -116,11 +116,8 @@ class Attempt:
 
 
 def attempt(case: Case) -> Attempt:
-    """Compile, and run once; a pure function, to be called in a process that may be killed.
-
-    A run that was stopped by its limit because other work took the processor is marked as disturbed.
-    """
-    prepare_seconds = _first_preparation(case)
+    """Compile, and run once, in a process that may be killed; a run that other work cut short is "disturbed"."""
+    prepare_seconds = prepared(case)
     solution, disturbed = within(
         case.max_seconds,
         lambda limit: case.solve(count=case.counted, max_seconds=limit),
@@ -176,12 +173,8 @@ def judge(case: Case, tried: Attempt) -> Record:
 
 
 def time_once(case: Case) -> tuple[float, float]:
-    """Wall time, in seconds, and that without waiting for others, of one warm run of a case.
-
-    It is prepared here first if `attempt` did that in a process that is gone.
-    """
-    if case.key not in _PREPARED:
-        _first_preparation(case)
+    """Wall time, in seconds, and that without waiting for others, of one warm run of a case, prepared if need be."""
+    prepared(case)
     _ = case.times
     # The first run reached its end: cut by its limit, another one would seem faster.
     seconds, _, had = with_processor(lambda: seconds_of(lambda: case.solve(max_seconds=inf)))
@@ -212,17 +205,14 @@ def _rhs_seconds(case: Case) -> float | None:
 _RHS_SECONDS: dict[tuple[str, Backend], float] = {}
 
 
-def _first_preparation(case: Case) -> float:
-    """Wall time of a run over next to no time: compilation, unless it was compiled before in this process."""
+@lru_cache(100)
+def prepared(case: Case) -> float:
+    """Wall time of a run over next to no time, once in a process: compilation, unless others did that before."""
     find_solver(case.solver).load()
     moment = replace(case.problem, end=case.problem.end * 1e-9, least_steps=0)
     began = perf_counter()
     solve(moment, case.solver, case.tolerance, backend=case.backend, jacobian=case.jacobian)
-    _PREPARED.add(case.key)
     return perf_counter() - began
-
-
-_PREPARED: set[str] = set()
 
 
 def _error_columns(total: Errors, full: Reference) -> Record:

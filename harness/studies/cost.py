@@ -39,11 +39,7 @@ BEGINNING = 1e-6
 
 
 def rhs_seconds(problem: Problem, backend: Backend) -> float:
-    """Wall time of one right-hand side at the start, as a solver of a back end calls it: the best of five measurements.
-
-    "compiled" is called from machine code, as CyRK and SUNDIALS do; the others from Python, as SciPy does, so that the
-    call itself counts.
-    """
+    """Wall time of one right-hand side as solvers call it: from machine code if "compiled", else from Python."""
     y, parameters = np.array(problem.start), parameter_array(problem)
     out = np.empty_like(y)
     if backend == "compiled":
@@ -89,10 +85,7 @@ end:
 
 @dataclass(frozen=True)
 class FirstRun:
-    """Seconds of a first run in a fresh process: importing the library, compiling and preparing, and the run itself.
-
-    The first two are processor time, which other work on the machine hardly lengthens.
-    """
+    """Seconds of a first run: import and compilation, in processor time that other work hardly lengthens; the run."""
 
     library: float
     compilation: float
@@ -100,11 +93,7 @@ class FirstRun:
 
 
 def first_run(problem: Problem, solver: str, tolerance: float, cache_folder: str | None = None) -> FirstRun:
-    """Measure a first run: only in a process that has compiled nothing before does this mean anything.
-
-    Cold if heyoka's cache, in a folder of its own if one is given, is empty; warm if a process before this one used it.
-    heyoka alone keeps compiled code on disk; other fields are compiled anew in every process.
-    """
+    """Measure a first run in a fresh process; heyoka keeps compiled code, in the folder if one is given."""
     if cache_folder is not None:
         os.environ[CACHE_VARIABLE] = cache_folder
     method = find_solver(solver)
@@ -118,10 +107,7 @@ def first_run(problem: Problem, solver: str, tolerance: float, cache_folder: str
 
 
 def first_runs(problem: Problem, solvers: Sequence[str]) -> dict[str, tuple[FirstRun, FirstRun]]:
-    """Cold and warm first run of each solver, every one in a fresh process.
-
-    Solvers whose run fails are left out.
-    """
+    """Cold and warm first run of each solver whose run succeeds, every one in a fresh process."""
     found = {}
     for name in solvers:
         with TemporaryDirectory() as folder:
@@ -132,11 +118,7 @@ def first_runs(problem: Problem, solvers: Sequence[str]) -> dict[str, tuple[Firs
 
 
 def first_seconds(scenes: Mapping[str, Scene], methods: Iterable[tuple[str, str]]) -> dict[tuple[str, str], float]:
-    """Seconds that the first of all runs by a form and solver takes more than later ones, import and compilation.
-
-    Measured once for the solvers that share what is compiled for a form, without a cache on disk, on the beginning of a
-    scene of that form; 0.0 where that fails.
-    """
+    """Seconds that a first run by a form and solver takes beyond later ones; 0.0 where its beginning fails."""
     known: dict[tuple[str, str], float] = {}
     found = {}
     for form, solver in methods:
@@ -208,10 +190,7 @@ def measure(
     samples: int = 201,
     seconds: float = 1.0,
 ) -> list[Overhead]:
-    """Measure the overhead of solvers, about `seconds` for each: bare call and `solve` in turns, the minimum of each.
-
-    Solvers that are not installed, or whose bare call is not known, are left out.
-    """
+    """Overheads of solvers whose bare call is known, minima of calls in turns over about `seconds` for each."""
     times = np.linspace(0.0, problem.end, samples)
     table = []
     for name in solvers:

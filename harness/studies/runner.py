@@ -26,10 +26,7 @@ Group = tuple[str, float, str, str, Backend | None, Jacobian | None]
 
 @dataclass
 class Runner:
-    """Runs the batches of a study, once each, in a worker process that is killed and replaced where need be.
-
-    Cases whose key the store holds are skipped.
-    """
+    """Runs what the store lacks of batches in a worker process, which is killed and replaced where need be."""
 
     store: Store
     quiet: bool = False

@@ -32,11 +32,7 @@ ANY = Choice()
 
 @dataclass(frozen=True)
 class Study:
-    """What to measure: every solver on every form of every scene, from the loosest tolerance to the tightest.
-
-    Where back ends or Jacobians are named, every solver runs with each of them that it offers; else with its first one.
-    Choices belong to a scene's name and St.
-    """
+    """Every solver, by each back end and Jacobian named, on every form of every scene, from loose to tight."""
 
     name: str
     title: str
@@ -91,10 +87,7 @@ class Study:
         forms: Iterable[str] = (),
         solvers: Iterable[str] = (),
     ) -> "Study":
-        """The part of the study that meets every filter; none of a kind means all.
-
-        Raises ValueError if a filter names what the study does not have, or nothing is left.
-        """
+        """What meets every filter, none of a kind meaning all; ValueError for unknown names, or if nothing is left."""
         wanted = {
             "scene": _known("scene", scenes, {name for name, _ in self.scenes}),
             "tag": _known("tag", tags, {tag for own in self.choices.values() for tag in own.tags}),

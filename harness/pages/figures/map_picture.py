@@ -34,10 +34,7 @@ ERRORS = {
 
 
 def picture(panels: Sequence[Sequence[Cell]], times: Mapping[float, float]) -> Any:
-    """Two maps above each other, full solution and slow variables, with one legend.
-
-    `times` are the durations of the runs by St, in units of the inverse shear rate.
-    """
+    """Two maps, full solution above slow variables, with one legend; `times` are the runs' durations by St."""
     columns, rows = (len({getattr(cell, name) for cell in panels[0]}) for name in ("stokes", "target"))
     width = LEFT + CELL[0] * max(columns, LEAST_COLUMNS) + 0.1
     cells = [cell for found in panels for cell in found]

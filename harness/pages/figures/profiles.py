@@ -26,10 +26,7 @@ NAMED = 7
 
 
 def times(table: pd.DataFrame, error: str = "slow_error") -> pd.DataFrame:
-    """Seconds to each error: a row for each problem that somebody solves, a column for each solver or averaged form.
-
-    NaN where it does not get there; the best of a solver's forms counts.
-    """
+    """Seconds to each error, NaN without: a row for each problem that somebody solves, a column for each method."""
     rows = []
     for _, own in by_scene(table):
         for _, runs in by_stokes(own):

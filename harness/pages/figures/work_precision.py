@@ -125,10 +125,7 @@ def _without_result(axes: Axes, runs: pd.DataFrame) -> None:
 
 
 def name_lines(axes: Axes) -> None:
-    """Write each line's name beside the panel, at the height where it ends, as near as its neighbours allow.
-
-    Pale lines become grey, without markers or names.
-    """
+    """Write each line's name beside the panel, near where it ends; pale lines become grey, without markers or names."""
     axes.figure.canvas.draw()
     # In points, which a picture's resolution does not change.
     scale = axes.figure.dpi / 72
