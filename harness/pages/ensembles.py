@@ -8,7 +8,7 @@ import matplotlib.pyplot as plt
 
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
-from polhode.harness.common.text import markdown, short
+from polhode.harness.common.text import markdown
 from polhode.harness.pages.figures.work_precision import save
 from polhode.harness.pages.tables import bullets, fill, table
 
@@ -45,8 +45,7 @@ def picture(rows: list[Found]) -> Any:
         ):
             errors, speeds = ([row[each] for row in some] for each in (error, speed))
             axes.loglog(errors, speeds, line, color=shade, label=f"{name}, {shape}")
-    axes.set_xlabel("largest error of the whole state")
-    axes.set_ylabel("particles per second and core")
+    axes.set(xlabel="largest error of the whole state", ylabel="particles per second and core")
     axes.grid(True, which="both", linewidth=0.4, alpha=0.5)
     axes.legend(frameon=False)
     return figure
@@ -72,18 +71,10 @@ def page(found: Found) -> str:
 
 def _findings(found: Found) -> list[str]:
     """Particles per second, in sentences."""
-    full = [
-        f"{row['shape']}, full equations, every state within {short(row['target'])}: {row['per_second']:,.0f} "
-        f"particles a second and core, {row['speedup']:.1f} times as many as Taylor's lanes."
-        for row in found["full"]
-    ]
-    largest, error = (short(found["settings"][name]) for name in ("long_stokes", "long_error"))
-    long = [
-        f"{row['equations'].capitalize()} equations up to St = {largest}: {row['per_second']:,.0f} a second and core; "
-        f"L and E are within {error} in {row['within']:.0%}."
-        for row in found["long"]
-    ]
-    return [*full, *long]
+    full = [fill("throughput-full", **row) for row in found["full"]]
+    settings = {name: found["settings"][name] for name in ("long_stokes", "long_error")}
+    long = [fill("throughput-long", **row, **settings, which=row["equations"].capitalize()) for row in found["long"]]
+    return [sentence.rstrip() for sentence in (*full, *long)]
 
 
 def _plan(found: Found) -> str:

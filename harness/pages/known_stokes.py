@@ -14,9 +14,9 @@ from polhode.harness.analysis.pareto import times_at_error
 from polhode.harness.common.files import read_file, write_file
 from polhode.harness.common.plain_json import digest
 from polhode.harness.common.store import Record, export
-from polhode.harness.common.text import duration, markdown, scientific, short
+from polhode.harness.common.text import duration, markdown, short
 from polhode.harness.common.timing import seconds_of
-from polhode.harness.pages.tables import bullets, write
+from polhode.harness.pages.tables import bullets, lines_of, write
 from polhode.harness.studies.study import Study
 from polhode.models.catalogue import form as find_form
 from polhode.models.problem import Problem
@@ -100,14 +100,10 @@ def _stroboscopic(study: Study, table: pd.DataFrame, folder: Path) -> list[str]:
     strobe = where(done, done["solver"] == "stroboscopic")
     scene = next(scene for name, scene in study.scenes if name == "spheroid" and scene.stokes == STOKES)
     longer = _kept_longer(folder, scene, min(strobe["tolerance"].to_numpy(float)), study.samples)
-    return [
-        f"`stroboscopic`, scene spheroid at St = {short(STOKES)}: slow error {short(slow)} and orientation error "
-        f"{short(orientation)} rad in {duration(best['stroboscopic'])}, {beside}; splitting in "
-        f"{duration(best.get('splitting'))}.",
-        f"Its least slow error there is {scientific(min(strobe['slow_error'].to_numpy(float)))}, asked for: 1e-10.",
-        f"A run at St = {short(LARGER)} takes {longer:.2g} times as long as that at {short(STOKES)}, "
-        f"asked for: at most {LONGER:g}.",
-    ]
+    least = min(strobe["slow_error"].to_numpy(float))
+    numbers = {"stokes": STOKES, "larger": LARGER, "least": least, "longer": longer, "most": LONGER}
+    found = {"slow": slow, "orientation": orientation, "best": best, "splitting": best.get("splitting")}
+    return lines_of("known-stokes-stroboscopic", **numbers, **found, beside=beside)
 
 
 def _kept_longer(folder: Path, scene: Scene, tolerance: float, samples: int) -> float:

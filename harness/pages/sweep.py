@@ -145,8 +145,7 @@ def picture(found: Sequence[tuple[Ensemble, Statistics]]) -> Any:
             axes.set_xlabel("slow time $t_2 = t/\\mathrm{St}$" if slow else "time, in inverse shear rates")
         if axes.get_legend_handles_labels()[1]:
             axes.legend(fontsize=7, frameon=False)
-    panels[2].set_ylabel("fraction of the particles")
-    panels[2].set_ylim(0, 1.02)
+    panels[2].set(ylabel="fraction of the particles", ylim=(0, 1.02))
     return figure
 
 
@@ -175,7 +174,6 @@ def _distribution(axes: Axes, ensemble: Ensemble, statistics: Statistics, shade:
         counts = statistics.histograms[snapshot, SLOW_NAMES.index("Lz"), 1:-1]
         share = counts / max(statistics.finished, 1) / np.diff(edges)
         axes.stairs(share, edges, color=shade, ls=line, label=f"{when}, St = {power(ensemble.stokes)}")
-    axes.set_xlabel("$L_z$ over $I_{max}$")
-    axes.set_ylabel("density of particles")
+    axes.set(xlabel="$L_z$ over $I_{max}$", ylabel="density of particles")
     axes.set_yscale("symlog", linthresh=0.1)
     axes.set_ylim(bottom=0)

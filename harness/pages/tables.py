@@ -38,6 +38,11 @@ def fill(name: str, **fields: Any) -> str:
     return WORDING.vformat((TEXTS / f"{name}.md").read_text(encoding="utf-8"), (), lines)
 
 
+def lines_of(name: str, **fields: Any) -> list[str]:
+    """The sentences of a text, which stand in a line each."""
+    return fill(name, **fields).splitlines()
+
+
 def bullets(sentences: Iterable[str]) -> str:
     """The sentences as a list."""
     return "\n".join(f"- {sentence}" for sentence in sentences)

@@ -1,5 +1,6 @@
 """How the figures of the reproduction look: one style, one palette, panels with labels and units."""
 
+import tomllib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from io import BytesIO
@@ -30,20 +31,7 @@ BOUND = "0.55"
 NODE = PURPLE
 FORMATS = ("png", "svg")
 RESOLUTION = 150
-STYLE: dict[Any, Any] = {
-    "font.size": 9,
-    "axes.titlesize": 9,
-    "axes.labelsize": 9,
-    "legend.fontsize": 8,
-    "legend.frameon": False,
-    "lines.linewidth": 1.1,
-    "axes.grid": True,
-    "grid.linewidth": 0.4,
-    "grid.alpha": 0.4,
-    "axes.prop_cycle": cycler(color=CYCLE),
-    "svg.hashsalt": "polhode",
-    "mathtext.fontset": "dejavusans",
-}
+STYLE = tomllib.loads(Path(__file__).with_name("drawing.toml").read_text("utf-8"))
 
 
 @contextmanager
@@ -51,7 +39,7 @@ def style() -> Iterator[None]:
     """Matplotlib with the settings of the reproduction, whatever the user's own are."""
     with mpl.rc_context():
         mpl.rcdefaults()
-        mpl.rcParams.update(STYLE)
+        mpl.rcParams.update(STYLE | {"axes.prop_cycle": cycler(color=CYCLE)})
         yield
 
 

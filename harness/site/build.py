@@ -1,6 +1,7 @@
 """Build the site: render the pages that the reports hold, add the interactive ones, write them."""
 
 import re
+import tomllib
 from collections.abc import Callable
 from datetime import UTC, datetime
 from html import escape
@@ -22,21 +23,8 @@ from polhode.harness.site.verdict import TITLE, question
 from polhode.models.scene import Scene
 from polhode.models.scenes import SCENES
 
-# Folders of the reports in the order of the menu: what the menu calls them, and the command that fills them.
-REPORTS = {
-    "bench": ("Bench", "polhode bench"),
-    "regimes": ("Map", "polhode regimes"),
-    "solvers": ("Solvers", "polhode equal-error"),
-    "hybrid": ("Hybrid", "polhode accuracy --order hybrid"),
-    "known-stokes": ("Known St", "polhode bench harness/studies/known_stokes.toml"),
-    "accuracy": ("Averaging", "polhode accuracy"),
-    "second-order": ("Second order", "polhode accuracy --order 2"),
-    "hard-cases": ("Hard cases", "polhode bench harness/studies/hard_cases.toml"),
-    "problems": ("Problems", "polhode bench --problems"),
-    "pick": ("Pick", "polhode validate"),
-    "paper": ("Paper", "polhode paper"),
-    "sweep": ("Ensembles", "polhode throughput"),
-}
+# By folder of the reports: what the menu calls it, and the command that fills it.
+REPORTS = tomllib.loads(Path(__file__).with_name("reports.toml").read_text("utf-8"))
 # What the opening page takes from the page of the bench, by its own heading.
 SECTIONS = {"Robust or fast": "Robust or fast", "When averaging pays": "Verdict"}
 SCENE_CELL = re.compile(r"<td>([\w-]+)</td>")

@@ -6,19 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from html import escape
 from math import isfinite
+from pathlib import Path
 from typing import Any
 
-# Nothing from elsewhere is ever loaded, whatever a page says: the browser itself sees to it.
-POLICY = (
-    "default-src 'none'; style-src 'self' file: 'unsafe-inline'; script-src 'self' file:; img-src 'self' file: data:"
-)
+from polhode.harness.common.text import WORDING
+
 # Powers of ten up to which a number is written out.
 PLAIN = 5
-MARK = (
-    '<svg class="mark" viewBox="0 0 40 40" aria-hidden="true"><circle cx="20" cy="20" r="17"/>'
-    '<ellipse cx="20" cy="20" rx="17" ry="6" transform="rotate(-28 20 20)"/>'
-    '<ellipse cx="20" cy="20" rx="9" ry="3.2" transform="rotate(-28 20 20)"/></svg>'
-)
+# Nothing from elsewhere is ever loaded, whatever a page says: its policy sees to it.
+SKELETON = Path(__file__).parent / "page.html"
 
 
 @dataclass(frozen=True)
@@ -44,19 +40,19 @@ def document(name: str, page: Page, menu: Mapping[str, str], foot: str) -> str:
         f'<script type="application/json" id="{key}">{_json(value)}</script>' for key, value in page.data.items()
     )
     scripts = "".join(f'<script src="{script}"></script>' for script in page.scripts)
-    title = escape(page.title.replace("`", ""))
-    lead = f'<p class="lead">{prose(page.lead)}</p>' if page.lead else ""
     return (
-        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title} · polhode</title>'
-        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        '<link rel="icon" href="data:,">'
-        '<link rel="stylesheet" href="site.css"></head><body>'
-        '<a class="skip" href="#main">Skip to the content</a>'
-        f'<header><a class="name" href="index.html">{MARK}polhode</a><nav aria-label="Pages">{links}</nav></header>'
-        f'<main id="main"><h1>{prose(page.title)}</h1>{lead}'
-        "<noscript><p class=note>Tables work without scripts, diagrams do not.</p></noscript>"
-        f"{page.body}</main><footer>{foot}</footer>{data}{scripts}</body></html>\n"
+        WORDING.format(
+            SKELETON.read_text(encoding="utf-8").replace("\n", ""),
+            name=escape(page.title.replace("`", "")),
+            links=links,
+            title=prose(page.title),
+            lead=f'<p class="lead">{prose(page.lead)}</p>' if page.lead else "",
+            page=page,
+            foot=foot,
+            data=data,
+            scripts=scripts,
+        )
+        + "\n"
     )
 
 

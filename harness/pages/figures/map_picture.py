@@ -76,8 +76,7 @@ def draw(axes: Axes, found: Sequence[Cell]) -> Axes:
             _write_in(axes, cell, i, j, usual)
     won = [[at[stokes, target].winner for target in targets] for stokes in numbers]
     _borders(axes, [[winner.side if winner else None for winner in column] for column in won])
-    axes.set_xlim(0, len(numbers))
-    axes.set_ylim(len(targets), 0)
+    axes.set(xlim=(0, len(numbers)), ylim=(len(targets), 0))
     axes.set_xticks([i + 0.5 for i in range(len(numbers))], [power(stokes) for stokes in numbers], fontsize=11)
     axes.set_yticks([j + 0.5 for j in range(len(targets))], [power(target) for target in targets], fontsize=11)
     axes.tick_params(length=0)

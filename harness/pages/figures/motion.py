@@ -34,8 +34,8 @@ def slow_variables(axes: Axes, solution: SceneSolution, *, names: tuple[str, ...
             linewidth=1.1,
             label=f"${name[0]}_{name[1]}$" if len(name) > 1 else f"${name}$",
         )
-    axes.set_xlabel("slow time $t_2 = t/\\mathrm{St}$" if slow else "time, in inverse shear rates")
-    axes.set_ylabel("L and E over $I_{max}$")
+    time = "slow time $t_2 = t/\\mathrm{St}$" if slow else "time, in inverse shear rates"
+    axes.set(xlabel=time, ylabel="L and E over $I_{max}$")
     axes.grid(True, linewidth=0.4, alpha=0.5)
     return axes
 
@@ -88,9 +88,7 @@ def body(axes: Axes, semi_axes: np.ndarray, rotation: np.ndarray) -> Axes:
         list(faces[seen][:, :, :2]), facecolors=shade[seen], edgecolors=shade[seen], linewidths=0.3
     )
     axes.add_collection(patches)
-    axes.set_xlim(-1.75, 1.75)
-    axes.set_ylim(-1.6, 1.6)
-    axes.set_aspect("equal")
+    axes.set(xlim=(-1.75, 1.75), ylim=(-1.6, 1.6), aspect="equal")
     axes.axis("off")
     return axes
 

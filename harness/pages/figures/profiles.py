@@ -84,9 +84,8 @@ def profiles(found: pd.DataFrame) -> Figure:
             points, shares = np.append(points, end), np.append(shares, shares[-1] if len(shares) else 0.0)
             style = {} if name in named else {"alpha": 0.5, "zorder": 1}
             axes.step(points, shares, where="post", color=look.colour, linewidth=1.6, label=name, **style)
-    left.set_xlim(1, LARGEST_FACTOR)
+    left.set(xlim=(1, LARGEST_FACTOR), ylim=(0, 1.02))
     right.set_xlim(fastest / 1.1, longest * 1.1)
-    left.set_ylim(0, 1.02)
     for axes, label in ((left, "time over that of the fastest"), (right, "wall time of a warm run, s")):
         axes.set_xscale("log")
         axes.set_xlabel(label, fontsize=11)

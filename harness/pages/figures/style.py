@@ -1,8 +1,10 @@
 """The look of every solver and averaged form: colour, marker and rank, the same in figures and on the site."""
 
+import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from math import floor, inf, log10
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,33 +15,9 @@ from polhode.models.catalogue import FORMS, form as find_form
 from polhode.solvers.catalogue import SOLVERS
 
 GREY = "#C4C4C4"
-# Okabe and Ito's hues: orange and brown for implicit methods, green and blue for explicit ones, purple for averaged
-# forms, muted tones for SciPy; wine and violets for solvers that know St. Within a hue the lightness differs,
-# so that the regime map, which has no markers, holds in grey and for colour-blind readers. Markers are Matplotlib's.
 LOOKS: dict[str, tuple[str, Any]] = {
-    "taylor": ("#0FBA89", "o"),
-    "dop853": ("#5B6FA8", "<"),
-    "rk45": ("#97A3C4", ">"),
-    "radau": ("#8C7A3A", (4, 1, 0)),
-    "bdf": ("#C9B98F", (5, 0, 180)),
-    "lsoda": ("#7E5A3C", "p"),
-    "cvode-adams": ("#6FE4BA", "8"),
-    "cvode-bdf": ("#A8803C", (4, 1, 45)),
-    "ida": ("#6D2B06", (6, 1, 0)),
-    "cyrk-vern8": ("#01559B", "s"),
-    "cyrk-vern7": ("#1482C6", "D"),
-    "cyrk-dop853": ("#68A9CE", "^"),
-    "cyrk-tsit5": ("#99D1FE", "v"),
-    "cyrk-lsoda": ("#AE4202", "P"),
-    "cyrk-bdf": ("#DDCC67", "d"),
-    "cyrk-radau": ("#EB9406", "h"),
-    "splitting": ("#550033", (3, 0, 0)),
-    "splitting-extended": ("#220077", (3, 0, 180)),
-    "stroboscopic": ("#8833FF", (8, 1, 0)),
-    "exact": ("#8C8C8C", "H"),
-    "averaged": ("#B46086", "*"),
-    "averaged-spheroid": ("#B46086", "*"),
-    "averaged-second-order": ("#7B2A67", "*"),
+    name: (colour, tuple(marker) if isinstance(marker, list) else marker)
+    for name, (colour, marker) in tomllib.loads(Path(__file__).with_name("looks.toml").read_text("utf-8")).items()
 }
 # Solvers and forms without a look of their own, those outside the catalogue among them: markers in turn.
 OTHER, OTHER_MARKERS = "#6B3F1D", ("X", (5, 1, 180), (3, 1, 0), (7, 1, 0))

@@ -75,8 +75,7 @@ def work_precision(axes: Axes, runs: pd.DataFrame, error: str = "slow_error") ->
     for form in forms:
         if form not in full:
             _averaged(axes, where(done, done["form"] == form), form, error)
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+    axes.set(xscale="log", yscale="log")
     axes.grid(True, which="major", linewidth=0.4, alpha=0.5)
     _without_result(axes, runs)
     return axes

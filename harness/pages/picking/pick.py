@@ -10,13 +10,14 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from polhode.harness.calibration.evaluation import CHEAP, FACTOR, MEETS, PREDICTED, Evaluation
+from polhode.harness.calibration import evaluation as asked
+from polhode.harness.calibration.evaluation import FACTOR, Evaluation
 from polhode.harness.calibration.selection import CUTOFF, PENALTY, PICK, pays_from, scores, write_aslib
 from polhode.harness.calibration.stated import judged
 from polhode.harness.common.files import write_file
 from polhode.harness.common.text import duration
 from polhode.harness.pages.figures.work_precision import save
-from polhode.harness.pages.tables import bullets, fill, table
+from polhode.harness.pages.tables import bullets, fill, lines_of, table
 from polhode.harness.picking.laws import Laws
 from polhode.harness.picking.second_look import LEAST, SHARE
 from polhode.harness.picking.stated_error import BOUNDED
@@ -50,16 +51,9 @@ def summary(evaluation: Evaluation) -> list[str]:
     dearest = f"the dearest one that ended cost {useful.max():.2g} times the best"
     if useless := count - len(useful):
         dearest += f", and {useless} gave nothing where another way did"
-    lines = [
-        f"The first choice met the error on {shares['met']:.1%} of {count} held-out scenes (target: {MEETS:.1%}).",
-        f"It cost at most {FACTOR:g} times the best measured choice on {shares['cheap']:.1%} (target: {CHEAP:.0%}); "
-        f"{dearest} (target: at most 5).",
-        f"The cost laws predicted {shares['predicted']:.1%} of {len(evaluation.runs)} held-out times "
-        f"within a factor {FACTOR:g} (target: {PREDICTED:.0%}) after correcting for the machine's speed; "
-        f"{shares['predicted as timed']:.1%} as timed.",
-        f"The slow error stayed below the upper end of its interval in {shares['bounded']:.1%} of the runs "
-        "(target: 97.5%).",
-    ]
+    lines = lines_of(
+        "pick-summary", asked=asked, shares=shares, count=count, dearest=dearest, runs=len(evaluation.runs)
+    )
     if evaluation.ways is not None:
         ways: Any = scores(evaluation.ways)
         gaps = [f"{row.gap_closed:.3f} ({row.stratum})" for row in ways[ways["way"] == PICK].itertuples()]
@@ -175,9 +169,4 @@ def write_stated(folder: Path, runs: pd.DataFrame, command: str) -> Path:
 def stated_summary(runs: pd.DataFrame) -> list[str]:
     """What the errors stated are worth, in sentences."""
     found = judged(runs)
-    return [
-        f"The error stated bounds the true one in {found['bounded']:.1%} of {found['runs']} runs (target: "
-        f"{BOUNDED:.1%}); {found['stated']:.1%} state one.",
-        f"It is {found['factor']:.2g} times the true error in the median (target: at most 10).",
-        f"The second look takes at most {SHARE:.0%} of the run, or {duration(LEAST)}, in {found['cheap']:.1%}.",
-    ]
+    return lines_of("pick-stated-summary", **found, target=BOUNDED, share=SHARE, least=LEAST)
