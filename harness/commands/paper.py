@@ -34,8 +34,8 @@ def paper(
     Data that today's code has made before are kept, so that an interrupted run goes on where it stopped.
     """
     from polhode.harness.paper.claims import find_items, section_of
-    from polhode.harness.paper.engine import run
     from polhode.harness.paper.item import Grid
+    from polhode.harness.paper.pages import run
 
     with bad_input():
         items = find_items(names)

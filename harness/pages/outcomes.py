@@ -101,7 +101,7 @@ def _shared(record: Record) -> Record:
 def _counts(runs: Any, solvers: Sequence[str]) -> str:
     """How often each solver ended how, the surest first."""
     found = pd.crosstab(runs["solver"], runs["outcome"]).reindex(index=solvers, columns=[*KINDS], fill_value=0)
-    total = found.sum(axis=1)
+    total: Any = found.sum(axis=1)
     share = (100 * found["reached"] / total).sort_values(ascending=False, kind="stable")
     rows = [[name, total[name], f"{each:.0f} %", *found.loc[name]] for name, each in share.items()]
     return markdown(["solver", "runs", "got through", *KINDS], rows, right=range(1, 3 + len(KINDS)))

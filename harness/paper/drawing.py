@@ -1,7 +1,7 @@
 """How the figures of the reproduction look: one style, one palette, panels with labels and units."""
 
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
@@ -31,7 +31,7 @@ BOUND = "0.55"
 NODE = PURPLE
 FORMATS = ("png", "svg")
 RESOLUTION = 150
-STYLE = tomllib.loads(Path(__file__).with_name("drawing.toml").read_text("utf-8"))
+STYLE: dict[Any, Any] = tomllib.loads(Path(__file__).with_name("drawing.toml").read_text("utf-8"))
 
 
 @contextmanager
@@ -39,7 +39,7 @@ def style() -> Iterator[None]:
     """Matplotlib with the settings of the reproduction, whatever the user's own are."""
     with mpl.rc_context():
         mpl.rcdefaults()
-        mpl.rcParams.update(STYLE | {"axes.prop_cycle": cycler(color=CYCLE)})
+        mpl.rcParams.update({**STYLE, "axes.prop_cycle": cycler(color=CYCLE)})  # pyright: ignore
         yield
 
 
@@ -115,9 +115,9 @@ def draw_law(axes: Axes, x: np.ndarray, y: float, slope: float, line: str = ":",
     axes.plot(x, y * (x / x[-1]) ** slope, **chosen)
 
 
-def save(figure: Figure, folder: Path, name: str, formats: Sequence[str] = FORMATS) -> None:
+def save(figure: Figure, folder: Path, name: str) -> None:
     """Save a figure; the same figure gives the same files. Few colours keep the PNG small."""
-    for ending in formats:
+    for ending in FORMATS:
         drawn = BytesIO()
         metadata = {"Date": None} if ending == "svg" else {"Software": None}
         figure.savefig(drawn, format=ending, dpi=RESOLUTION, metadata=metadata)

@@ -1,7 +1,6 @@
 """Where the data of the items are kept: CSV files beside the figures, and a record that says whether they hold."""
 
 import ast
-import hashlib
 import json
 import tomllib
 from functools import cache
@@ -11,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 
 from polhode import models, solvers
-from polhode.harness.common.files import write_file
+from polhode.harness.common.files import read_file, write_file
 from polhode.harness.common.machine import package_version
 from polhode.harness.common.plain_json import digest
 from polhode.harness.paper import sections
@@ -49,7 +48,7 @@ def code() -> list[Path]:
 @cache
 def hash_of_code() -> str:
     """Of all of `code`."""
-    return _hash("".join(map(_meaning, code())).encode())
+    return digest([_meaning(path) for path in code()])
 
 
 def _meaning(path: Path) -> str:
@@ -63,10 +62,6 @@ def _meaning(path: Path) -> str:
     return ast.dump(tree)
 
 
-def _hash(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()
-
-
 def write(folder: Path, item: Item, grid: Grid, parts: Computed) -> Data:
     """Write the tables of an item and, last, its record; return them as they read back."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -77,9 +72,9 @@ def write(folder: Path, item: Item, grid: Grid, parts: Computed) -> Data:
         for name, table in tables_of(parts).items()
     }
     for name, content in contents.items():
-        write_file(folder / file_name(item, name), content)
-    sums = {name: _hash(content) for name, content in contents.items()}
-    write_file(record, json.dumps({"key": content_key(item, grid), "grid": grid, "tables": sums}, indent=1) + "\n")
+        write_file(folder / file_name(item, name), content, summed=True)
+    made = {"key": content_key(item, grid), "grid": grid, "tables": [*contents]}
+    write_file(record, json.dumps(made, indent=1) + "\n")
     return {name: _table(content) for name, content in contents.items()}
 
 
@@ -87,10 +82,8 @@ def read(folder: Path, item: Item) -> tuple[Data, bool, Grid] | None:
     """The item's data, whether today's code made them, and their grid; None if there are none, or damaged ones."""
     try:
         record = json.loads((folder / f"{item.name}.json").read_text(encoding="utf-8"))
-        contents = {name: (folder / file_name(item, name)).read_bytes() for name in record["tables"]}
+        contents = {name: read_file(folder / file_name(item, name)) for name in record["tables"]}
         grid = Grid(record["grid"])
-        if any(_hash(content) != record["tables"][name] for name, content in contents.items()):
-            return None
     except (OSError, ValueError, KeyError):
         return None
     data = {name: _table(content) for name, content in contents.items()}

@@ -13,12 +13,11 @@ from PIL import Image
 from polhode.harness.commands.paper import paper
 from polhode.harness.common.fits import mean_interval, power_law
 from polhode.harness.pages.figures.style import few_colours
-from polhode.harness.paper import claims, engine, store
+from polhode.harness.paper import claims, pages, store
 from polhode.harness.paper.claims import find_items, section_of
 from polhode.harness.paper.drawing import FORMATS
-from polhode.harness.paper.engine import run
 from polhode.harness.paper.item import Grid, Item, Number, Section, Verdict, Word
-from polhode.harness.paper.pages import allowed, measured
+from polhode.harness.paper.pages import allowed, measured, run
 from polhode.harness.paper.tables import groups
 
 LARGEST_FIGURE = 300_000
@@ -50,7 +49,7 @@ def catalogue(monkeypatch):
 
     def replace_by(*items):
         section = Section("made", "Made", items)
-        for module in (claims, engine):
+        for module in (claims, pages):
             monkeypatch.setattr(module, "sections", lambda: (section,))
 
     return replace_by
