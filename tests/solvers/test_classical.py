@@ -18,8 +18,8 @@ from polhode.solvers.solve import solve
 
 IMPLICIT = tuple(name for name in SOLVERS if solver(name).implicit)
 MULTISTEP = ("bdf", "lsoda", "cvode-adams", "cvode-bdf", "ida", "cyrk-lsoda", "cyrk-bdf")
-# SciPy's implicit methods take seconds where steps are many; CyRK's are the same in machine code.
-SLOW = dict.fromkeys(("oregonator", "oscillators", "lorenz"), ("radau", "bdf"))
+# SciPy's implicit methods take long where steps are many; CyRK's are the same in machine code.
+SLOW = dict.fromkeys(("oregonator", "oscillators", "lorenz", "pleiades", "kepler", "arenstorf"), ("radau", "bdf"))
 SETTLING = ("robertson", "oregonator", "e5")
 
 TOLERANCE = 1e-9

@@ -214,7 +214,7 @@ class Liar(Solver):
     ],
 )
 def test_false_success(rows, steps, spoil, status, message):
-    states = solve(RUN.problem, "taylor", 1e-12, RUN.times).states.copy()
+    states = solve(RUN.problem, "cyrk-vern8", 1e-12, RUN.times).states.copy()
     states[35, :4] *= spoil
     problem = replace(RUN.problem, least_steps=12)
     solution = solve(problem, Liar(rows, steps, states), 1e-9, RUN.times)
@@ -229,7 +229,7 @@ def test_false_success(rows, steps, spoil, status, message):
 )
 def test_at_a_loose_tolerance_a_norm_may_drift_step_by_step(steps, factor, good):
     status = Status.REACHED_END if good else Status.FALSE_SUCCESS
-    states = solve(RUN.problem, "taylor", 1e-12, RUN.times).states.copy()
+    states = solve(RUN.problem, "cyrk-vern8", 1e-12, RUN.times).states.copy()
     states[35, :4] *= factor
     assert solve(RUN.problem, Liar(41, steps, states), 1e-4, RUN.times).status is status
 

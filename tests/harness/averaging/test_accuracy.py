@@ -235,17 +235,12 @@ def test_the_page_answers_from_the_numbers(tmp_path):
     assert (law["from_0.01"], law["order_Lz"]) == ("measured", None)
 
 
-def test_the_command_prints_nothing_but_json(tmp_path, monkeypatch):
+def test_the_command_prints_nothing_but_json_and_the_page_alone_is_the_one_that_was_measured(tmp_path, monkeypatch):
     measured = rows({stokes: 30 / stokes for stokes in STOKES})
     monkeypatch.setattr(module, "measure_all", lambda **options: study(measured))
     outcome = CliRunner().invoke(polhode, ["accuracy", "--json", "--out", str(tmp_path)])
     assert outcome.exit_code == 0
     assert len(json.loads(outcome.stdout)["errors"]) == len(STOKES)
-    assert (tmp_path / "README.md").exists()
-
-
-def test_the_page_alone_is_the_page_that_was_measured(tmp_path):
-    write_page(study(rows({stokes: 30 / stokes for stokes in STOKES})), tmp_path, "polhode accuracy")
     page = tmp_path / "README.md"
     before = page.read_text(encoding="utf-8")
     page.write_text("", encoding="utf-8")

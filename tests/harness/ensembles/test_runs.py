@@ -60,7 +60,7 @@ def test_particles_in_lanes_are_the_same_as_alone(form: str):
     states, statuses = run_batches(problem, starts, times, 1e-12)
     assert set(statuses) == {"reached_end"}
     for index in (0, 5, 10):
-        alone = solve(replace(problem, start=tuple(starts[index])), "taylor", 1e-12, times)
+        alone = solve(replace(problem, start=tuple(starts[index])), "cyrk-vern8", 1e-13, times)
         assert states[:, index] == pytest.approx(alone.states, abs=1e-12)
 
 
@@ -227,7 +227,7 @@ def test_particles_circle_their_attractor_at_the_distance_stated(ellipsoid: Elli
     scene = Scene(ellipsoid, stokes, BodyStart(q, velocity), stokes)
     assert scene.initial_rotation[axis] == pytest.approx([0, 0, 1], abs=1e-15)
     form = find_form("quaternion")
-    solution = solve(form.problem(scene), "taylor", 1e-12, np.linspace(0, scene.time, 20001))
+    solution = solve(form.problem(scene), "cyrk-vern8", 1e-12, np.linspace(0, scene.time, 20001))
     seen = form.observe(scene, solution.states[10000:])
     distance = np.linalg.norm(seen.slow / max(ellipsoid.inertia) - attractor.state, axis=1)
     assert attractor.reach == pytest.approx(circle(ellipsoid, stokes) + 1e-9)
