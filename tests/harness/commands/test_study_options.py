@@ -5,8 +5,9 @@ from pathlib import Path
 import pytest
 
 from polhode.harness.cli import RunFailed
-from polhode.harness.commands._study_options import FEW, steady
+from polhode.harness.commands._study_options import FEW, open_store, steady
 from polhode.harness.common.machine import header
+from polhode.harness.common.store import Store
 
 STEADY, DISTURBED = {"disturbed": False}, {"disturbed": True}
 PLACE = {"machine": {"processor": "One", "cores": 2, "system": "Linux", "python": "3.11"}, "versions": {}}
@@ -26,3 +27,16 @@ def test_disturbed_times_replace_no_earlier_page_unless_told_to(tmp_path: Path):
 def test_a_page_says_how_many_times_were_disturbed():
     records = [{**PLACE, **each} for each in (STEADY, DISTURBED, STEADY, {})]
     assert "Disturbed by other work: 1 of 3 timed runs (" in "\n".join(header("A title", "polhode bench", records))
+
+
+@pytest.mark.parametrize(("name", "kept"), [("store", "previous.sqlite"), ("training", "previous-training.sqlite")])
+def test_a_run_that_starts_afresh_keeps_the_last_store_and_copies_of_it(name: str, kept: str, tmp_path: Path):
+    with open_store(tmp_path, resume=False, name=name) as store:
+        store.put("a", {}, {})
+    copy = tmp_path / f"{name}.sqlite.mine"
+    copy.write_text("a copy")
+    with open_store(tmp_path, resume=False, name=name) as store:
+        assert not store.keys()
+    with Store(tmp_path / kept) as store:
+        assert store.keys() == {"a"}
+    assert copy.read_text() == "a copy"
