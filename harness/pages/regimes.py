@@ -71,8 +71,7 @@ def _write_cells(maps: Maps, path: Path) -> None:
     rows = []
     for (name, error), found in maps.items():
         for cell in found:
-            winner = (cell.winner.form, cell.winner.solver) if cell.winner else ("", "")
-            numbers = (*winner, cell.seconds, cell.lead, cell.tied, str(cell.second or ""))
+            numbers = (*(cell.winner or ("", "")), cell.seconds, cell.lead, cell.tied, str(cell.second or ""))
             rows.append((name, error, cell.stokes, cell.target, cell.known, *numbers))
     write_file(path, pd.DataFrame(rows, columns=pd.Index(CELL_COLUMNS)).to_csv(index=False), summed=True)
 

@@ -14,9 +14,10 @@ from matplotlib.figure import Figure
 
 from polhode.harness.analysis.frames import by_scene, by_stokes
 from polhode.harness.analysis.pareto import cost, front, methods
-from polhode.harness.common.text import in_two_digits, short
+from polhode.harness.common.text import in_two_digits
 from polhode.harness.pages.figures.style import looks
 from polhode.harness.pages.figures.work_precision import name_lines, save
+from polhode.harness.pages.tables import fill
 
 TARGETS = tuple(float(f"1e-{exponent}") for exponent in range(2, 13))
 # Factors over the fastest shown, and the one that the sentence is about.
@@ -47,13 +48,7 @@ def profile_lines(
     if found.empty:
         return []
     save(profiles(found), folder, name)
-    text = (
-        "Left: the share of the problems (scene, St, error) that a method solves within a factor of the fastest. "
-        "Right: within a time. "
-        f"Errors are slow errors, from {short(TARGETS[0])} to {short(TARGETS[-1])}. Grey: neither fast nor sure."
-    )
-    picture = f"![Share of the problems solved, over the factor to the fastest and over time]({name}.png)"
-    return [f"## {title}", "", sentence(found), "", picture, "", text, ""]
+    return [fill("profiles", of=name, title=title, sentence=sentence(found), first=TARGETS[0], last=TARGETS[-1])]
 
 
 def sentence(found: pd.DataFrame) -> str:
