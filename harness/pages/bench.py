@@ -113,20 +113,20 @@ def _winner(runs: pd.DataFrame, target: float, error: str) -> str:
 GAP = 10.0 * (1 + 1e-9)
 
 
-def when_averaged_wins(records: pd.DataFrame, target: float, write: Callable[[float], str]) -> str | None:
+def when_averaged_wins(records: pd.DataFrame, target: float) -> str | None:
     """At which of the St measured an averaged form is the cheapest, in words; None if it is not at the largest."""
     start = averaged_wins_from(records, target)
     if start is None:
         return None
     numbers = [stokes for stokes, _ in by_stokes(records)]
-    onwards = f"from St = {write(start)} on" if start < numbers[-1] else f"at St = {write(start)}"
+    onwards = f"from St = {short(start)} on" if start < numbers[-1] else f"at St = {short(start)}"
     if len(numbers) == 1:
         return f"{onwards}, the only one measured"
     if start == numbers[0]:
         return f"{onwards}, the smallest measured"
     before = numbers[numbers.index(start) - 1]
     if start > GAP * before:
-        return f"{onwards}, not at {write(before)} (no St between measured)"
+        return f"{onwards}, not at {short(before)} (no St between measured)"
     return onwards if start < numbers[-1] else f"{onwards}, the largest measured"
 
 
@@ -147,12 +147,9 @@ def _each_scene(records: pd.DataFrame, lines: Callable[[pd.DataFrame], list[str]
 def _averaged_or_not(records: pd.DataFrame, targets: Sequence[float]) -> list[str]:
     if not averaged_forms(records):
         return []
-    found = {short(target): when_averaged_wins(records, target, short) for target in targets}
-    lines = [
-        f"For a slow error of {target} an averaged form is the cheapest {words}."
-        for target, words in found.items()
-        if words
-    ]
+    found = {short(target): when_averaged_wins(records, target) for target in targets}
+    said = "For a slow error of {} an averaged form is the cheapest {}."
+    lines = [said.format(target, words) for target, words in found.items() if words]
     never = ", ".join(target for target, words in found.items() if words is None)
     nowhere = f"For a slow error of {never} no averaged form is the cheapest at the largest St measured."
     return [*lines, nowhere] if never else lines

@@ -53,14 +53,13 @@ def cost_page(reports: Path) -> Page:
     words = {
         word: i for i, word in enumerate(dict.fromkeys(word for row in rows for word in row if isinstance(word, str)))
     }
+    names = ("group", *WORDS, "tolerance", "inferred", *COLUMNS)
     data = {
         "words": list(words),
         "groups": groups,
         "columns": {
             name: _runs(words[value] if isinstance(value, str) else value for value in values)
-            for name, values in zip(
-                ("group", *WORDS, "tolerance", "inferred", *COLUMNS), zip(*rows, strict=True), strict=True
-            )
+            for name, values in zip(names, zip(*rows, strict=True), strict=True)
         },
         "forms": {
             name: {
@@ -107,10 +106,9 @@ def _solvers(names: set[str]) -> dict[str, Any]:
     for solver, look in looks(name.partition(" ")[0] for name in names).items():
         for name in sorted(name for name in names if name.partition(" ")[0] == solver):
             method = find_solver(solver) if solver in SOLVERS else None
-            implicit = method is not None and method.implicit
-            compiled = method is not None and "compiled" in method.backends and "(numba" not in name
-            tags = ["implicit" if implicit else "explicit"]
-            tags.append("compiled" if compiled and "(python" not in name else "Python in the loop")
+            compiled = method and "compiled" in method.backends and "(numba" not in name and "(python" not in name
+            tags = ["implicit" if method and method.implicit else "explicit"]
+            tags.append("compiled" if compiled else "Python in the loop")
             found[name] = {"color": look.colour, "mark": look.outline, "tags": tags}
     return found
 

@@ -5,7 +5,6 @@ import pytest
 
 from polhode.harness.analysis.frames import frame
 from polhode.harness.analysis.pareto import TIE, averaged_wins_from, cheapest
-from polhode.harness.common.text import short
 from polhode.harness.pages.bench import verdict, when_averaged_wins
 
 
@@ -123,7 +122,7 @@ def test_sentences_say_what_the_table_says():
     ],
 )
 def test_nothing_is_claimed_between_st_far_apart(pattern: dict[float, bool | None], words: str | None):
-    assert when_averaged_wins(across(pattern), 1e-3, short) == words
+    assert when_averaged_wins(across(pattern), 1e-3) == words
 
 
 def test_nothing_is_said_of_averaged_forms_that_were_not_run():
