@@ -13,6 +13,9 @@ from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Status
 
 Side = Literal["implicit", "explicit", "averaged"]
+TARGETS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10)
+# Runs within this factor of the fastest are a tie: two thirds of it is what the machine's noise makes.
+TIE = 1.15
 
 
 class Method(NamedTuple):
@@ -97,11 +100,6 @@ def crossing(runs: pd.DataFrame, form: str, first: str, second: str, error: str 
                 return target
             ahead = second_ahead
     return None
-
-
-TARGETS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10)
-# Runs within this factor of the fastest are a tie: two thirds of it is what the machine's noise makes.
-TIE = 1.15
 
 
 @dataclass(frozen=True)

@@ -40,6 +40,8 @@ SCENES = {
     "forms": "form",
 }
 NOTHING = "No run gave a result: how each ended stands in runs.csv."
+# St further apart than this leave open where between them averaging begins to pay.
+GAP = 10.0 * (1 + 1e-9)
 
 
 def write_page(study: Study, records: Sequence[Record], folder: Path, command: str) -> Path:
@@ -107,10 +109,6 @@ def _winner(runs: pd.DataFrame, target: float, error: str) -> str:
     more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
     tied = f" = {', '.join(names[:SHOWN])}{more}" if names else ""
     return f"{form}, {best['solver']}, {short(best['tolerance'])}: {duration(best['seconds'])}{tied}"
-
-
-# St further apart than this leave open where between them averaging begins to pay.
-GAP = 10.0 * (1 + 1e-9)
 
 
 def when_averaged_wins(records: pd.DataFrame, target: float) -> str | None:

@@ -24,6 +24,12 @@ MOST = 0.9
 CASE = ["scene", "St", "form", "tolerance"]
 # What the shared records leave out, for there are thousands: `polhode export` writes all.
 LEFT_OUT = ("key", "errors", "seconds_runs", "statistics_uncertainty", "statistics_distance", "solver_slow_uncertainty")
+# A run that reached its end but is further off the exact solution of its own form, in units of I_max or of the slow
+# variables at the start if those are larger, has no digits to trust.
+INACCURATE = 1e-3
+KINDS = ("reached", "inaccurate", "unknown", "stopped", "failed")
+Ending = tuple[str, str]
+"""One of `KINDS`, and the reason in words."""
 
 
 def sentences(endings: Sequence[Mapping[str, Any]], stopped: str) -> list[str]:
@@ -114,15 +120,6 @@ def _by_scene(runs: Any, solvers: Sequence[str]) -> str:
 
 def _share(passed: Any) -> str:
     return "✓" if passed.all() else f"{passed.sum()}/{len(passed)}"
-
-
-# A run that reached its end but is further off the exact solution of its own form, in units of I_max or of the slow
-# variables at the start if those are larger, has no digits to trust.
-INACCURATE = 1e-3
-KINDS = ("reached", "inaccurate", "unknown", "stopped", "failed")
-
-Ending = tuple[str, str]
-"""One of `KINDS`, and the reason in words."""
 
 
 def limits(records: Iterable[Record]) -> dict[str, float]:

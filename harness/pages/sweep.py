@@ -34,6 +34,10 @@ FILES = {
     "distributions.csv": (summary.distribution_rows, "histograms of L and E"),
     "arrivals.csv": (summary.arrival_rows, "fraction arrived at each attractor against time, with 95 % intervals"),
 }
+# Components of a moment, and Stokes numbers from the smallest to the largest.
+DASHES, COLOURS = ("-", "--", ":"), "viridis"
+# 95 % of a normal variable lie within so many standard deviations.
+STANDARD = 1.96
 
 
 def write_results(sweep: Sweep, store: Store, folder: Path) -> tuple[Path, list[dict[str, Any]]]:
@@ -114,12 +118,6 @@ def _end(row: dict[str, Any]) -> str:
 def _interval(interval: dict[str, float | None]) -> str:
     value, low, high = ("later" if end is None else f"{end:.4g}" for end in interval.values())
     return f"{value} ({low} to {high})"
-
-
-# Components of a moment, and Stokes numbers from the smallest to the largest.
-DASHES, COLOURS = ("-", "--", ":"), "viridis"
-# 95 % of a normal variable lie within so many standard deviations.
-STANDARD = 1.96
 
 
 def picture(found: Sequence[tuple[Ensemble, Statistics]]) -> Any:

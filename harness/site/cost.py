@@ -24,6 +24,9 @@ WORDS = ("form", "solver", "status", "message")
 COLUMNS = ("slow_error", "orientation_error", "seconds", "work.rhs_calls", "work.steps", "model_slow_error")
 # What else a record says of a run.
 MARKS = ("stokes", "backend", "jacobian", "inferred", "tags")
+NEEDED = ("scene_name", "form", "solver", "tolerance", "status")
+# Folders of `reports` that hold something else than a study.
+NO_STUDY = ("site", "paper", "accuracy", "pick", "problems")
 
 
 def cost_page(reports: Path) -> Page:
@@ -111,11 +114,6 @@ def _solvers(names: set[str]) -> dict[str, Any]:
             tags.append("compiled" if compiled else "Python in the loop")
             found[name] = {"color": look.colour, "mark": look.outline, "tags": tags}
     return found
-
-
-NEEDED = ("scene_name", "form", "solver", "tolerance", "status")
-# Folders of `reports` that hold something else than a study.
-NO_STUDY = ("site", "paper", "accuracy", "pick", "problems")
 
 
 def read_studies(folder: Path, columns: Collection[str]) -> tuple[dict[str, pd.DataFrame], list[str]]:

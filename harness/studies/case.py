@@ -31,6 +31,12 @@ SCHEMA = 2
 ROTATIONS_PER_STEP = 20.0
 # Below this St a stiff method may well step over rotations that the particle no longer makes by itself.
 OSCILLATORY_FROM = 1.0
+_RHS_SECONDS: dict[tuple[str, Backend], float] = {}
+# Of the solver and of the model.
+_PARTS = (
+    *("solver_slow_error", "solver_orientation_error", "solver_slow_uncertainty"),
+    *("model_slow_error", "model_orientation_error"),
+)
 
 
 @dataclass(frozen=True)
@@ -202,9 +208,6 @@ def _rhs_seconds(case: Case) -> float | None:
     return _RHS_SECONDS[key]
 
 
-_RHS_SECONDS: dict[tuple[str, Backend], float] = {}
-
-
 @lru_cache(100)
 def prepared(case: Case) -> float:
     """Wall time of a run over next to no time, once in a process: compilation, unless others did that before."""
@@ -227,13 +230,6 @@ def _error_columns(total: Errors, full: Reference) -> Record:
         "certified_pieces": full.certificate.pieces,
         "errors": asdict(total),
     }
-
-
-# Of the solver and of the model.
-_PARTS = (
-    *("solver_slow_error", "solver_orientation_error", "solver_slow_uncertainty"),
-    *("model_slow_error", "model_orientation_error"),
-)
 
 
 def _undivided(total: Errors, full: Reference) -> Record:

@@ -22,16 +22,16 @@ from polhode.solvers.contract import Backend, Jacobian
 MOST_SAMPLES = 100_000
 # What a study may say of a built-in scene.
 BESIDE_BUILTIN = ("time", "tags", "forms", "solvers", "max_seconds")
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
+Stokes = Annotated[float, Field(ge=0)]
+_ONE = {"type": "number", "minimum": 0}
+_ONE_OR_MORE = WithJsonSchema({"anyOf": [_ONE, {"type": "array", "items": _ONE, "minItems": 1}]})
 
 
 def _as_list(value: Any) -> Any:
     return value if isinstance(value, list) else [value]
 
 
-Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
-Stokes = Annotated[float, Field(ge=0)]
-_ONE = {"type": "number", "minimum": 0}
-_ONE_OR_MORE = WithJsonSchema({"anyOf": [_ONE, {"type": "array", "items": _ONE, "minItems": 1}]})
 StokesNumbers = Annotated[list[Stokes], Field(min_length=1), BeforeValidator(_as_list), _ONE_OR_MORE]
 
 

@@ -34,6 +34,7 @@ COLUMNS = {
     "second order up to t₂": "{until}",
 }
 PANELS = {"spheroid": "spheroids", "ellipsoid": "triaxial ellipsoids"}
+_FIELDS = [text.strip("{}") for text in COLUMNS.values()]
 
 
 def as_text(study: PaperStudy) -> str:
@@ -92,9 +93,6 @@ def case_rows(rows: Sequence[AveragingErrors]) -> list[dict[str, str]]:
         if which == "second":
             row["until"] = f"{law.horizon:.3g}"
     return list(found.values())
-
-
-_FIELDS = [text.strip("{}") for text in COLUMNS.values()]
 
 
 def page(study: PaperStudy, command: str) -> str:

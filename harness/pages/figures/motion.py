@@ -12,6 +12,13 @@ from polhode.harness.solution import SceneSolution
 
 # Okabe and Ito's palette, safe for colour-blind readers.
 COLOURS = {"Lx": "#E69F00", "Ly": "#56B4E9", "Lz": "#0072B2", "E": "#D55E00"}
+# The view: round the gradient axis, then down on it, in rad, as on the page of motions.
+TURN, TILT = 0.45, 0.3
+LIGHT = np.array([-0.5, 0.6, 0.62])
+PARALLELS, MERIDIANS = 36, 72
+# Share of the parallels that the coloured caps take at each end of the longest axis.
+CAP = 0.14
+ONE_HALF, OTHER_HALF, CAPS, INK = (0.47, 0.65, 0.80), (0.63, 0.76, 0.88), (0.84, 0.37, 0.0), "#5b6470"
 
 
 def slow_variables(axes: Axes, solution: SceneSolution, *, names: tuple[str, ...] = ("Lx", "Ly", "Lz", "E")) -> Axes:
@@ -38,15 +45,6 @@ def slow_variables(axes: Axes, solution: SceneSolution, *, names: tuple[str, ...
     axes.set(xlabel=time, ylabel="L and E over $I_{max}$")
     axes.grid(True, linewidth=0.4, alpha=0.5)
     return axes
-
-
-# The view: round the gradient axis, then down on it, in rad, as on the page of motions.
-TURN, TILT = 0.45, 0.3
-LIGHT = np.array([-0.5, 0.6, 0.62])
-PARALLELS, MERIDIANS = 36, 72
-# Share of the parallels that the coloured caps take at each end of the longest axis.
-CAP = 0.14
-ONE_HALF, OTHER_HALF, CAPS, INK = (0.47, 0.65, 0.80), (0.63, 0.76, 0.88), (0.84, 0.37, 0.0), "#5b6470"
 
 
 def tumbling(solution: SceneSolution) -> Figure:
