@@ -30,7 +30,8 @@ from polhode.solvers.contract import Work
 LOOSEST, TIGHTEST = 1e-3, 1e-15
 # So much tighter than its tightest measured run a method may be asked to be.
 BEYOND = 1e3
-# Seconds that a run may be expected to take to be tried, ways that are, and tolerances of each.
+# Seconds that a run may be expected to take to be tried, ways that are, tolerances of each, and how many times as long
+# a yardstick may take.
 MOST_SECONDS, WAYS, TOLERANCES, YARDSTICK = 0.02, 4, 4, 2.0
 # Shares of what the solver may err by: what the yardstick may be off by, what a trial may make, and what its next
 # tolerance aims at, which is worth another run if it is looser by the factor, and is at most so far from the last one.
@@ -146,7 +147,8 @@ def _tried(candidate: Candidate, tolerance: float, expected: Way | Refusal, true
             best, made, counted = tolerance, error, work
         else:
             missed, least = tolerance, error
-        step = (AIM * candidate.budget / max(error, 1e-300)) ** (1 / candidate.law.order)
+        # Of no error at all the root of a low order would be no number any more.
+        step = (AIM * candidate.budget / max(error, 1e-99)) ** (1 / candidate.law.order)
         aimed = tolerance * min(FAR, max(1 / FAR, step))
         if not best < aimed < missed:
             aimed = sqrt(best * missed) if missed < inf else best

@@ -85,6 +85,18 @@ def test_steps_that_a_trial_made_price_a_way_of_many_periods():
     assert way.seconds == laws.methods[way.form, way.solver].cost.predict(load, way.tolerance)
 
 
+def test_a_trial_without_any_error_asks_for_the_loosest_tolerance_whatever_the_order(monkeypatch):
+    laws = load_laws()
+    low = {
+        name: replace(law, errors={want: replace(each, order=0.6) for want, each in law.errors.items()})
+        for name, law in laws.methods.items()
+    }
+    monkeypatch.setattr(trials, "_error", lambda *_: (0.0, None))
+    first = pick(named_scene("paper"), 1e-6, laws=replace(laws, methods=low)).ranking[0]
+    assert f"{SAID} 0.0e0" in first.reason
+    assert first.tolerance == trials.LOOSEST
+
+
 @pytest.mark.parametrize(("error", "count"), [(1e-2, trials.WAYS), (np.inf, 0)])
 def test_an_error_shown_to_be_missed_excludes_a_way_and_a_run_that_fails_does_not(error, count, monkeypatch):
     """Whatever the law promises."""
