@@ -39,10 +39,12 @@ def content_key(item: Item, grid: Grid) -> str:
 
 
 def code() -> list[Path]:
-    """Files that compute: of models, solvers and sections, and what these take from this package."""
+    """Files that compute, tables among them: of models, solvers and sections, and what these take from this package."""
     rooms = [Path(room.__file__ or "").parent for room in (models, solvers, sections)]
     beside = [rooms[-1].parent / name for name in ("planes.py", "runs.py", "tables.py")]
-    return [*beside, *rooms[-1].glob("*/*.toml"), *sorted(path for room in rooms for path in room.rglob("*.py"))]
+    found = sorted(path for room in rooms for path in room.rglob("*") if path.suffix in (".py", ".toml", ".ll"))
+    # Claims are no code: an item's data stay when its words change.
+    return [*beside, *(path for path in found if path.suffix != ".toml" or path.parent != rooms[-1])]
 
 
 @cache
@@ -55,6 +57,8 @@ def _meaning(path: Path) -> str:
     """A file without comments, docstrings and the way it is broken into lines."""
     if path.suffix == ".toml":
         return repr(tomllib.loads(path.read_text("utf-8")))
+    if path.suffix == ".ll":
+        return path.read_text("utf-8")
     tree = ast.parse(path.read_bytes())
     for node in ast.walk(tree):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node) is not None:
