@@ -31,7 +31,7 @@ SEED, RANDOM, SAMPLES, SOLVER = 15, 240, 201, "cyrk-vern8"
 LEAST_AXIS = 0.15
 STOKES, SLOW_TIMES = (1e4, 1e5, 1e6, 1e7), (0.05, 0.2, 0.5, 1.0, 2.0)
 ERRORS = (1e-4, 1e-6, 1e-8)
-# Duration up to which the truth is a run in long double, of which a looser one tells the error; beyond it two
+# Duration up to which the truth is a run in long double, whose error a looser one shows; beyond it two
 # unrelated methods in double, whose difference is the truth's uncertainty; and where that takes minutes, no more.
 LONG_DOUBLE_UP_TO, LONGEST = 1.2e5, 5.1e6
 DOUBLE = (("taylor", 1e-16), ("cyrk-vern8", 1e-14))

@@ -225,11 +225,10 @@ def fit_cost(runs: Sequence[Sample]) -> CostLaw:
 
     scenes = [run.scene for run in runs]
     readable: dict[str, Callable[[float], float]] = dict.fromkeys(list(prior)[:-2], exp)
-    law = bootstrap(scenes, predicted, measured, prior, SOFT_COST, readable)
-    found = CostLaw(**law)
+    found = CostLaw(**bootstrap(scenes, predicted, measured, prior, SOFT_COST, readable))
     counted = fit_steps(found, runs)
     usual, own = found.stray, counted.step_stray
-    # Steps are worth counting where they tell the time more closely.
+    # Steps are worth counting where the time follows from them more closely.
     return counted if own and own.high - own.low < usual.high - usual.low else found
 
 

@@ -103,7 +103,7 @@ class Store(AbstractContextManager["Store"]):
     def __iter__(self) -> Iterator[Record]:
         """All cases with their results, each as one flat dictionary, in the order of writing; one at a time in memory.
 
-        `date` is the date and time in UTC, ISO 8601; that of the writing where the result does not tell.
+        `date` is the date and time in UTC, ISO 8601; that of the writing where the result has none.
         """
         with self._readable():
             for row in self._connection.execute(_ROW + "ORDER BY rowid"):

@@ -84,12 +84,6 @@ def scientific(value: float | None) -> str:
     return f"{mantissa}e{int(exponent)}"
 
 
-def bracketed(value: float | None, known: bool | None) -> str:
-    """A number as `scientific`, in brackets where the reference does not know it (`references.uncertainty`)."""
-    text = scientific(value)
-    return f"({text})" if known is False else text
-
-
 def short(value: float) -> str:
     """A number that somebody chose, in as few characters as it takes, six digits at most: 1000, 0.5, 1e-8."""
     return _plain(f"{value:.6g}")

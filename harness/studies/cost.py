@@ -34,7 +34,7 @@ ROUNDS = 5
 STARTS = 5
 LIMIT = 60.0
 TOLERANCE = 1e-8
-# Part of a scene's time that tells what a first run takes more.
+# Part of a scene's time whose run shows what a first one takes more.
 BEGINNING = 1e-6
 # What is allowed: a share of the bare call or a time in seconds, whichever is more.
 ALLOWED_SHARE = 0.05

@@ -106,7 +106,7 @@ def test_a_second_result_of_a_case_changes_nothing(path: Path):
     with Store(path) as store:
         store.put("a", {"form": "x"}, {"seconds": 1.0})
         store.put("a", {"form": "x"}, {"seconds": 2.0})
-        assert [record["seconds"] for record in list(store)] == [1.0]
+        assert [record["seconds"] for record in store] == [1.0]
 
 
 def test_two_processes_write_at_once(path: Path):

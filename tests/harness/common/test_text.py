@@ -2,16 +2,7 @@
 
 import pytest
 
-from polhode.harness.common.text import (
-    aligned,
-    bracketed,
-    duration,
-    in_full,
-    in_two_digits,
-    markdown,
-    scientific,
-    short,
-)
+from polhode.harness.common.text import aligned, duration, in_full, in_two_digits, markdown, scientific, short
 
 
 def test_aligned():
@@ -84,9 +75,3 @@ def test_duration(seconds: float | None, text: str):
 )
 def test_one_convention_for_numbers(value: float, six: str, full: str, two: str):
     assert (short(value), in_full(value), in_two_digits(value)) == (six, full, two)
-
-
-def test_what_is_not_known_stands_in_brackets():
-    assert bracketed(1.3e-7, known=True) == "1.3e-7"
-    assert bracketed(1.3e-7, known=None) == "1.3e-7"
-    assert bracketed(1.3e-7, known=False) == "(1.3e-7)"

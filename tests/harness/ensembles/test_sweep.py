@@ -278,7 +278,7 @@ def test_results_tell_what_the_store_holds(here: Run, sweep_file: Path, tmp_path
     sweep = read_sweep(sweep_file)
     with Store(tmp_path / "out" / "store.sqlite") as store:
         mean, _ = means(gather(sweep.ensembles[0], store), "second")
-        assert {record["timing"] for record in list(store)} == {"no times: tasks may run side by side"}
+        assert {record["timing"] for record in store} == {"no times: tasks may run side by side"}
     lines = (tmp_path / "out" / "moments.csv").read_text(encoding="utf-8").splitlines()
     header, first = lines[0].split(","), lines[1].split(",")
     assert dict(zip(header, first, strict=True))["moment"] == "xx"
