@@ -1,6 +1,6 @@
 """The claims, words and figures around what was measured: one file per section in sections/, values as expressions.
 
-The expressions belong to this package. A figure is described as panels with axes and curves.
+Expressions are evaluated as Python: these files belong to the package. A figure is panels with axes and curves.
 """
 
 import sys

@@ -51,9 +51,8 @@ def choose(
 
     With form, solver and tolerance given nothing is left open. Else what `pick` puts first of all that agrees with what
     is given, which it tries even where other ways are quicker; where there is none, the simplest form, the first solver
-    that takes it and a hundredth of the error. Raises
-    NotAttainableError if nothing is given and no run meets the error, ValueError if a number is out of range or the
-    orientation is wanted of a form that gives none.
+    that takes it and a hundredth of the error. Raises NotAttainableError if nothing is given and no run meets the
+    error, ValueError if a number is out of range or the orientation is wanted of a form that gives none.
     """
     for name, value in (("error", error), ("tolerance", tolerance)):
         if value is not None and not (isfinite(value) and value > 0):

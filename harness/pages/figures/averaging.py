@@ -45,7 +45,7 @@ def against_stokes(panels: Mapping[str, Sequence[Line]], label: str) -> Figure:
     return figure
 
 
-def errors_and_speed(study: "Study") -> Figure:
+def errors_and_speed(study: Study) -> Figure:
     """Of the form `hybrid`: errors against those asked for; how many times as fast as the best full solution."""
     figure, (left, right) = plt.subplots(1, 2, figsize=SIZE, layout="constrained")
     draw = np.random.default_rng(0)

@@ -1,4 +1,4 @@
-"""The look of every solver and averaged form: colour, marker and rank, the same in figures and on the site."""
+"""The look of every solver and averaged form, the same in figures and on the site; pictures in few colours."""
 
 import tomllib
 from collections.abc import Iterable
@@ -21,8 +21,7 @@ LOOKS: dict[str, tuple[str, Any]] = {
 }
 # Solvers and forms without a look of their own, those outside the catalogue among them: markers in turn.
 OTHER, OTHER_MARKERS = "#6B3F1D", ("X", (5, 1, 180), (3, 1, 0), (7, 1, 0))
-
-# Of a picture, and how far apart, of 255: more and nearer ones only weigh.
+# Colours of a picture at most, and how far apart, of 255: more and nearer ones only weigh.
 COLOURS, APART = 128, 16
 
 

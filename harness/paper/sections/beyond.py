@@ -1,4 +1,4 @@
-"""Beyond the paper: the order of averaging's error with and without a crossing of L² = 2EI₂, and what that leaves."""
+"""Beyond the paper: averaging's error with and without a crossing of L² = 2EI₂, endings next to the saddle, basins."""
 
 from itertools import product
 from math import pi, sqrt

@@ -1,4 +1,4 @@
-"""Section "Triaxial ellipsoids" in time: slow variables of the paper's two starts, and the singular fixed point."""
+"""Section "Triaxial ellipsoids": the singular fixed point, slow variables in time, the L_z–E plane, projections."""
 
 from math import sqrt
 

@@ -134,7 +134,7 @@ def saddle_growth(ellipsoid: Ellipsoid) -> float:
 
 @dataclass(frozen=True)
 class Sections:
-    """Poincaré sections of one ellipsoid; z' is the axis that is unlike the others: the saddles are at θ = ψ = π/2."""
+    """Poincaré sections of one ellipsoid; z' is its odd axis, so that the saddles lie at θ = π/2, ψ = ±π/2."""
 
     ellipsoid: Ellipsoid
     sections: int  # half turns to follow, about
