@@ -18,6 +18,7 @@ import numpy as np
 from polhode.models.files import kept
 from polhode.models.rotation import cross
 from polhode.models.second_order.polhodes import Polhodes, SidedBody
+from polhode.models.second_order.tables import MOST, side_of
 from polhode.models.second_order.torus import least_rotation
 from polhode.models.shape import Ellipsoid
 
@@ -25,8 +26,8 @@ Array = np.ndarray
 
 # Changes whenever the numbers of a series do.
 VERSION = 3
-# Largest depth a² = -ln(1 - x), Chebyshev nodes in a up to there, polhode phases at them, Fourier terms kept.
-MOST, NODES, PHASES, TERMS = 6.0, 40, 96, 25
+# Chebyshev nodes in a up to that of the tables' end, polhode phases at them, Fourier terms kept.
+NODES, PHASES, TERMS = 40, 96, 25
 _ANGLES = pi * (NODES - 0.5 - np.arange(NODES)) / NODES
 _DEPTHS = 0.5 * sqrt(MOST) * (1 + np.cos(_ANGLES))
 _E, _Z = np.array([1, -1j, 0]), np.array([0, 0, 1])
@@ -246,8 +247,7 @@ def modes_at(series: "Series", momentum: Array, a2: Array, k1: Array, k2: Array)
 @lru_cache(maxsize=64)
 def series_for(ellipsoid: Ellipsoid, longest: bool) -> Series:
     """The series of one side: that around the longest semi-axis, or that around the shortest; kept on disk."""
-    axis = ellipsoid.order[0 if longest else 2]
-    side, key = SidedBody.of(ellipsoid, np.eye(3)[axis]), f"swing {VERSION} {ellipsoid.scaled_axes} {longest}"
+    side, key = side_of(ellipsoid, longest), f"swing {VERSION} {ellipsoid.scaled_axes} {longest}"
     numbers = kept.load(key)
     if numbers is None:
         found = series_of(side)

@@ -177,11 +177,9 @@ def _callback(arguments: str, arrays: dict[str, str], parameters: int, lines: st
 def _loop(library: Sundials) -> Callable[..., int]:
     """Fill rows ``first <= i < count`` in at most `most` steps since the start; the first row not filled."""
     implicit = library.prefix == "IDA"
-    solve, arguments = ("Solve", "ptr %now_at, ptr %y, ptr %slope") if implicit else ("", "ptr %y, ptr %now_at")
-    calls = {name: library.address(name) for name in _CALLED}
-    calls |= {"solve": library.address(solve), "arguments": arguments, "too_much_work": TOO_MUCH_WORK}
-    kind = "Res" if implicit else "Rhs"
-    calls |= {"evaluations": library.address(f"GetNum{kind}Evals")}
-    calls |= {"differences": library.address(f"GetNumLin{kind}Evals")}
-    code = compile_file(Path(__file__).with_name("rows.ll"), **calls)
+    solve, kind = ("Solve", "Res") if implicit else ("", "Rhs")
+    names = {"solve": solve, "evaluations": f"GetNum{kind}Evals", "differences": f"GetNumLin{kind}Evals"}
+    calls = {field: library.address(name) for field, name in (names | {each: each for each in _CALLED}).items()}
+    arguments = "ptr %now_at, ptr %y, ptr %slope" if implicit else "ptr %y, ptr %now_at"
+    code = compile_file(Path(__file__).with_name("rows.ll"), **calls, arguments=arguments, too_much_work=TOO_MUCH_WORK)
     return code.function(ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 6, *[ctypes.c_int64] * 4))
