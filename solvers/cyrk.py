@@ -34,8 +34,9 @@ MAX_RAM_MB = 2000
 
 # CyrkErrorCodes of the library's c_common.hpp.
 _STEPS_EXCEEDED = (-52, -53)
-_FIELD = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
 _UNDERFLOW = (-54, -55, -80, -90, -91, -92)
+# The function that the library calls: rates, time, state and parameters.
+_FIELD = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
 
 
 class CyrkSolver(Solver):

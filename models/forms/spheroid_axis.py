@@ -66,7 +66,7 @@ def rotation_constants(p: Any, h: Any, ops: Operations = FLOAT) -> tuple[Any, ..
 
 
 def polynomial(coefficients: Sequence[Any], x: Any) -> Any:
-    """Its value, in pairs that a processor computes side by side."""
+    """Value of a polynomial, lowest power first, in pairs that a processor computes side by side."""
     while len(coefficients) > 1:
         pairs = [low + high * x for low, high in zip(coefficients[::2], coefficients[1::2], strict=False)]
         coefficients, x = [*pairs, *coefficients[2 * len(pairs) :]], x * x

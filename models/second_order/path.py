@@ -21,8 +21,8 @@ from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
 
-# What follows a path, a solver, of which models know none before; its tolerance, by which kicks are where they are
-# said to be. Points of a path, of which that of a spheroid, without kicks, needs few.
+# The solver that follows a path, imported on use, as models know no solvers; its tolerance, by which kicks are where
+# they are said to be. Points of a path, and of a spheroid's, which has no kicks.
 FOLLOWED, TOLERANCE = "polhode.solvers.cyrk:followed", 1e-8
 KICKED, SMOOTH = 240, 100
 # |L| over I_max below which a body does not rotate.

@@ -33,7 +33,7 @@ STAGES = (
     (35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84),
 )
 DIFFERENCE = (71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40)
-# Points of a path: so many times those that the integrator took, unless these are many.
+# Of the step that the error asks for; between these factors a step changes.
 SAFETY, LEAST_FACTOR, GREATEST_FACTOR = 0.9, 0.2, 5.0
 # Of the run's duration: the first step, and the step below which a particle has failed.
 FIRST_STEP, LEAST_STEP = 1e-2, 1e-15
@@ -104,7 +104,6 @@ def _stepper(field: Factory, dimension: int, parameters: int) -> Lanes:
         last = wish - left
         h = where(last, left, wish)
         slopes: list[Sequence[Any]] = [rates]
-
         new = y
         for shares in STAGES:
             new = moved(y, h, shares, slopes)
@@ -138,8 +137,7 @@ def _stepper(field: Factory, dimension: int, parameters: int) -> Lanes:
 @cache
 def _filler(dimension: int, wide: int) -> Callable[..., None]:
     """What fills the rows of states that steps in lanes have passed, and counts which is due next."""
-    # Particle k of `counts[0]` begins in `path` at `first[k]`, and has place `index[k]` among all in `due` and
-    # `states`.
+    # Particle k of `counts[0]` begins in `path` at `first[k]`, and is number `index[k]` in `due` and `states`.
     size = 3 * dimension + 2
     program = Program("fill", "path first index times due states counts")
     path, first, index, times, due, states, counts = program.arguments
