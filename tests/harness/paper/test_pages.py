@@ -1,4 +1,4 @@
-"""The engine of the reproduction: what is kept, what is made again, what the pages say, and the command itself."""
+"""Items of the reproduction: what is kept, what is made again, what the pages say, and the command itself."""
 
 import json
 from dataclasses import replace

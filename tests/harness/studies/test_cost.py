@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from polhode.harness.studies import cost as overhead
+from polhode.harness.studies import cost
 from polhode.harness.studies.cost import Overhead, measure, paper_problem
 from polhode.models.problem import Problem
 from polhode.solvers.catalogue import SOLVERS, solver
@@ -56,7 +56,7 @@ def test_a_solver_whose_bare_call_is_unknown_is_left_out(monkeypatch: pytest.Mon
     lone = Lone()
     assert lone.available
     assert lone.bare_call(PROBLEM, Settings(1e-6, "numba"), TIMES) is None
-    monkeypatch.setattr(overhead, "find_solver", lambda name: lone if name == "lone" else solver(name))
+    monkeypatch.setattr(cost, "find_solver", lambda name: lone if name == "lone" else solver(name))
     table = measure(PROBLEM, solvers=("lone", "taylor"), samples=21, seconds=0.01)
     assert [row.solver for row in table] == ["taylor"]
 
