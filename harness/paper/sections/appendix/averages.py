@@ -40,7 +40,7 @@ def frame(momentum: np.ndarray) -> np.ndarray:
 
 
 def ensemble(ellipsoid: Ellipsoid, momentum: np.ndarray, omega: np.ndarray, nodes: int) -> np.ndarray:
-    """Rotations t_ij, shape (n, 3, 3), over one period T of the Euler top, each turned about L by equal angles: T'."""
+    """Rotations t_ij, shape (n, 3, 3), at equal times of a period T of the Euler top and equal angles of precession."""
     w1, w2, w3 = omega.tolist()
     top = TorqueFree(ellipsoid.inertia, (1.0, 0.0, 0.0, 0.0), (w1, w2, w3))
     times = top.period * np.arange(nodes) / nodes
