@@ -122,3 +122,20 @@ def test_shapes_without_meaning_are_refused(axes):
 def test_carlson_rd_is_that_of_scipy_and_symmetric(x: float, y: float, z: float):
     assert carlson_rd(x, y, z) == pytest.approx(elliprd(x, y, z), rel=1.5e-15)
     assert carlson_rd(x, y, z) == carlson_rd(y, x, z)
+
+
+# Leading orders of I/(8πX) of a spheroid as κ → ∞ and κ → 0, about the symmetry axis (St*/St) and about the equator.
+LIMITS = {
+    2: lambda kappa: 1 / (10 * kappa**2) if kappa > 1 else np.pi * kappa / 20,
+    0: lambda kappa: (2 * np.log(2 * kappa) - 1) / (20 * kappa**2) if kappa > 1 else np.pi * kappa / 40,
+}
+
+
+@pytest.mark.parametrize("axis", LIMITS)
+@pytest.mark.parametrize("extreme", [1e3, 1e-3])
+def test_effective_stokes_number_of_fibres_and_disks(axis, extreme):
+    """The printed St ln κ/κ² for κ → ∞ is the law of the equatorial axes, not of St*, which has no logarithm."""
+    for kappa, left in ((extreme, 2e-3), (extreme**2, 2e-6)):
+        ellipsoid = Ellipsoid((1.0, 1.0, kappa))
+        assert 1 / ellipsoid.damping[axis] == pytest.approx(LIMITS[axis](kappa), rel=left)
+        assert ellipsoid.stokes_star_per_stokes == 1 / ellipsoid.damping[2]

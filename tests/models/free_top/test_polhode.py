@@ -1,14 +1,18 @@
-"""Periods of the torque-free rotation, and the paper's formulas for it."""
+"""Periods and mean speed of the torque-free rotation, and the paper's formulas for it."""
 
 import mpmath as mp
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipk
 
+from oracle import first_principles
 from polhode.models.free_top.elliptic import exact
-from polhode.models.free_top.polhode import Polhode, exactly
+from polhode.models.free_top.polhode import Polhode, exactly, mean_speed
 from polhode.models.free_top.torque_free import TorqueFree
+from polhode.models.observables import observe_body
 from polhode.models.rotation import matrix_from_quaternion
+from polhode.models.shape import Ellipsoid
 
 UNTURNED = (1.0, 0.0, 0.0, 0.0)
 
@@ -100,3 +104,61 @@ def test_period_and_precession_describe_the_motion():
         angle = np.arctan2(along @ np.cross(flat[0], flat[1]), flat[0] @ flat[1])
         expected = 2 * np.pi * body.period * turns / body.precession_period
         assert abs(np.remainder(angle - expected + np.pi, 2 * np.pi) - np.pi) < 1e-9
+
+
+def wobbling_start(semi_axes, omega):
+    ellipsoid = Ellipsoid(semi_axes)
+    return ellipsoid, observe_body(ellipsoid, np.eye(3)[None], np.array([omega])).slow
+
+
+TOPS = [
+    ((1.0, 0.8, 0.5), (0.1, 0.2, 1.0)),
+    ((1.0, 0.8, 0.5), (1.0, 0.2, -0.1)),
+    ((0.5, 1.0, 0.8), (0.3, 0.5, 1.0)),
+    ((1.0, 0.1, 0.15), (2.0, 0.05, 0.3)),
+]
+
+
+@pytest.mark.parametrize(("semi_axes", "omega"), TOPS)
+def test_fast_motion_against_quadrature_along_the_polhode(semi_axes, omega):
+    ellipsoid, slow = wobbling_start(semi_axes, omega)
+    curve = first_principles.polhode(
+        np.array(ellipsoid.inertia), np.linalg.norm(slow[0, :3]), float(slow[0, 3]), nodes=4096
+    )
+    speed = curve.weight @ np.linalg.norm(curve.momentum / ellipsoid.inertia, axis=1)
+    assert mean_speed(ellipsoid, slow)[0] == pytest.approx(speed, rel=1e-6)
+    assert TorqueFree(ellipsoid.inertia, UNTURNED, omega).period == pytest.approx(curve.period, rel=1e-9)
+
+
+@pytest.mark.parametrize(("semi_axes", "omega"), [TOPS[0], TOPS[1]])
+def test_precession_period_against_the_turns_of_the_encircled_axis(semi_axes, omega):
+    """The body axis that the polhode encircles goes about L: its mean rate over whole periods T is 2π/T'."""
+    ellipsoid, slow = wobbling_start(semi_axes, omega)
+    top = TorqueFree(ellipsoid.inertia, UNTURNED, omega)
+    inertia, momentum = np.array(ellipsoid.inertia), slow[0, :3]
+    axis = first_principles.enclosed_axis(inertia, np.linalg.norm(momentum), float(slow[0, 3]))
+    frame = first_principles.aligned_frame(momentum)
+
+    def field(_, rows):
+        rotation = rows.reshape(3, 3)
+        return -np.cross(rotation @ momentum / inertia, rotation.T).T.ravel()
+
+    periods = 6
+    times = np.linspace(0, periods * top.period, 4001)
+    run = solve_ivp(field, (0, times[-1]), np.eye(3).ravel(), t_eval=times, method="DOP853", rtol=1e-12, atol=1e-12)
+    across = run.y.T.reshape(-1, 3, 3)[:, axis] @ frame
+    angle = np.unwrap(np.arctan2(across[:, 1], across[:, 0]))
+    assert (angle[-1] - angle[0]) / times[-1] == pytest.approx(2 * np.pi / top.precession_period, rel=1e-8)
+
+
+@pytest.mark.parametrize("semi_axes", [(1.0, 1.0, 2.0), (0.4, 1.0, 1.0), (2.0, 2.0, 2.0)])
+def test_speed_of_symmetric_tops_is_constant(semi_axes):
+    ellipsoid, slow = wobbling_start(semi_axes, (0.3, -0.7, 0.2))
+    assert mean_speed(ellipsoid, slow)[0] == pytest.approx(np.linalg.norm((0.3, -0.7, 0.2)), rel=1e-12)
+
+
+@pytest.mark.parametrize("omega", [(0.0, 0.0, 0.0), (0.0, 0.0, 0.5), (0.5, 0.0, 0.0), (0.0, 0.5, 0.0)])
+def test_speed_of_permanent_rotations(omega):
+    ellipsoid, slow = wobbling_start((1.0, 0.8, 0.5), omega)
+    tolerance = 0.05 if omega[1] else 1e-7
+    assert mean_speed(ellipsoid, slow)[0] == pytest.approx(np.linalg.norm(omega), rel=tolerance, abs=0)
