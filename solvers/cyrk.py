@@ -100,7 +100,8 @@ class Call:
     def begins(self, state: np.ndarray) -> bool:
         """Whether rates are numbers at a state; else the library would look for a first step without end."""
         rates = np.empty_like(state)
-        _FIELD(self.address)(rates.ctypes.data, 0.0, state.ctypes.data, self.parameters.ctypes.data)
+        with FlushedToZero():
+            _FIELD(self.address)(rates.ctypes.data, 0.0, state.ctypes.data, self.parameters.ctypes.data)
         return bool(np.isfinite(rates).all())
 
     def __call__(self, start: float, end: float, state: np.ndarray, times: np.ndarray, max_steps: int) -> Any:

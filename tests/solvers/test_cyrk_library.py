@@ -1,5 +1,6 @@
 """CyRK's C functions without its package's import of numba, and the package all the same for whoever wants it."""
 
+import platform
 import subprocess
 import sys
 
@@ -51,5 +52,13 @@ def test_a_solution_is_followed_at_the_pace_of_its_steps_and_as_far_as_it_goes()
 
 def test_a_start_without_rates_ends_at_once():
     problem = Problem("root", lambda ops: lambda y, p: (-ops.sqrt(y[0]),), (-1.0,), 2.0)
+    assert solve(problem, "cyrk-vern8", 1e-9).status is Status.NON_FINITE
+    assert followed(problem, 1e-9, 100)[0].tolist() == [0.0]
+
+
+@pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="nothing is flushed to zero elsewhere")
+def test_rates_at_the_start_are_those_that_the_library_sees():
+    """The square of 1e-160 is no longer there where underflow is flushed to zero."""
+    problem = Problem("tiny", lambda ops: lambda y, p: (y[0] / ops.sqrt(y[0] * y[0]),), (1e-160,), 2.0)
     assert solve(problem, "cyrk-vern8", 1e-9).status is Status.NON_FINITE
     assert followed(problem, 1e-9, 100)[0].tolist() == [0.0]
