@@ -13,6 +13,7 @@ from polhode.harness.picking.pilot import Pilot, PilotFailedError, form_sensitiv
 from polhode.models.catalogue import form as find_form
 from polhode.models.files.scene_file import parse_scene
 from polhode.models.scene import Scene
+from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Status
 
 # An error of this share of what is measured, or more, bears no law.
@@ -76,5 +77,6 @@ def _error(record: Record, want: str, at: Sensitivity) -> float | None:
     uncertainty = record.get(f"solver_{want}_uncertainty", record.get(f"{want}_uncertainty")) or 0.0
     if error < uncertainty > UNKNOWN * EPS * at.largest:
         return None
-    # Below the reference's uncertainty, below rounding, and far below the tolerance all errors are alike.
-    return max(error, uncertainty, EPS * at.largest / 10, LUCKY * record["tolerance"])
+    # Below the reference's uncertainty, below rounding, and far below a tolerance that means something all are alike.
+    lucky = 0.0 if find_solver(record["solver"]).closed_form else LUCKY * record["tolerance"]
+    return max(error, uncertainty, EPS * at.largest / 10, lucky)
