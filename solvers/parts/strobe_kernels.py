@@ -1,6 +1,6 @@
 """Machine code of stroboscopic averaging: turns, their central differences, the stages of a macro-step, its rows."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from math import nan, pi
@@ -48,44 +48,53 @@ def strobe_kernels(parts: Parts, dimension: int) -> StrobeKernels:
 def _turn(pieces: Pieces) -> Program:
     """One turn of the fast angle forth, of the first point, and back, of the second, side by side.
 
-    Each takes so many steps, and two short ones that close it.
+    Each takes so many steps, and two short ones that close it: one of the scheme, and for what it leaves one of Strang.
     """
     program = Program("turn", "scheme p forth back points", "steps h", "internal")
     scheme, p, forth, back, points, steps, h = program.arguments
     fast, slow, dimension = pieces.parts.fast, pieces.parts.slow, pieces.dimension
-    size = dimension + 1
-    sides = [
-        (y, constants, sign * h, sign * 2 * pi, program.cell(0.0), points + i * size)
-        for i, (constants, sign) in enumerate(((forth, 1.0), (back, -1.0)))
-        for y in [program.room(dimension)]
-    ]
-    ends = pieces.constants(program)
-    for y, *_, point in sides:
+    states = [program.room(dimension) for _ in range(2)]
+    points = [points, points + (dimension + 1)]
+    angles = [program.cell(0.0) for _ in range(2)]
+    closing, ends = [pieces.constants(program) for _ in range(2)], pieces.constants(program)
+    for y, point in zip(states, points, strict=True):
         y.store(point.load(dimension))
 
     def fast_flow(y: Array, angle: Array, row: Array, share: Number) -> None:
         angle[0] = angle[0] + pieces.rate(y, p) * share
         pieces.fast_flow(y, row)
 
-    with program.times(steps):
+    def step(made: Sequence[Array], lengths: Sequence[Number]) -> None:
+        sides = list(zip(states, angles, made, lengths, strict=True))
         with program.times(scheme[0]) as i:
-            for y, constants, step, _, angle, _ in sides:
-                fast_flow(y, angle, pieces.row(constants, i), step * scheme[i + 1.0])
-            for y, constants, *_ in sides:
+            for y, angle, constants, length in sides:
+                fast_flow(y, angle, pieces.row(constants, i), length * scheme[i + 1.0])
+            for y, _, constants, _ in sides:
                 pieces.slow_flow(y, pieces.row(constants, i))
-        for y, constants, step, _, angle, _ in sides:
-            fast_flow(y, angle, pieces.row(constants, scheme[0]), step * scheme[scheme[0] + 1.0])
-    for y, _, step, full, angle, point in sides:
-        passed = steps * step
-        for _ in range(2):
-            rest = (full - angle[0]) / pieces.rate(y, p)
-            for part, shift, share in ((fast, 0, 0.5), (slow, pieces.sizes[0], 1.0)):
-                (ends + shift).store(part.constants(p, share * rest, OPERATIONS))
-            fast_flow(y, angle, ends, 0.5 * rest)
-            pieces.slow_flow(y, ends)
-            fast_flow(y, angle, ends, 0.5 * rest)
-            passed = passed + rest
-        point.store([*y.load(dimension), point[dimension] + passed])
+        for y, angle, constants, length in sides:
+            fast_flow(y, angle, pieces.row(constants, scheme[0]), length * scheme[scheme[0] + 1.0])
+
+    def left() -> list[Number]:
+        """Times that close the turns at the present rates."""
+        return [
+            (sign * 2 * pi - angle[0]) / pieces.rate(y, p)
+            for y, angle, sign in zip(states, angles, (1.0, -1.0), strict=True)
+        ]
+
+    with program.times(steps):
+        step((forth, back), (h, -1.0 * h))
+    first = left()
+    for constants, rest in zip(closing, first, strict=True):
+        program.call(pieces.prepare, scheme, p, constants, rest)
+    step(closing, first)
+    passed = [sign * steps * h + rest for sign, rest in zip((1.0, -1.0), first, strict=True)]
+    for y, angle, point, time, rest in zip(states, angles, points, passed, left(), strict=True):
+        for part, shift, share in ((fast, 0, 0.5), (slow, pieces.sizes[0], 1.0)):
+            (ends + shift).store(part.constants(p, share * rest, OPERATIONS))
+        fast_flow(y, angle, ends, 0.5 * rest)
+        pieces.slow_flow(y, ends)
+        fast_flow(y, angle, ends, 0.5 * rest)
+        point.store([*y.load(dimension), point[dimension] + time + rest])
     return program
 
 

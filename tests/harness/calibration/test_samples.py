@@ -21,7 +21,7 @@ def test_an_error_bears_a_law_where_it_is_known(error, uncertainty, known):
 def test_errors_of_a_closed_form_are_rounding_at_any_tolerance():
     sample = sample_of(_record("top", "euler-top", "exact", 1e-5, 2e-15, 0.0), Pace(None, None))
     assert sample is not None
-    assert sample.errors["slow"][1] == 2e-15
+    assert sample.errors["slow"][1] < 1e-14
 
 
 def _record(scene, form, solver, tolerance, error, uncertainty):
