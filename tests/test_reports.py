@@ -60,7 +60,7 @@ def regimes() -> Iterable[str]:
 
 def pick() -> Iterable[str]:
     tables: Any = {name: pd.read_csv(REPORTS / "pick" / f"{name}.csv") for name in ("scenes", "runs", "ways")}
-    tables["scenes"]["refusal"] = tables["scenes"]["refusal"].fillna("")
+    tables["scenes"]["refusal"] = tables["scenes"]["refusal"].astype(object).fillna("")
     return summary(Evaluation(**tables))
 
 
