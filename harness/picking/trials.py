@@ -10,7 +10,6 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import inf, sqrt
-from typing import NamedTuple
 
 from polhode.harness.common.text import scientific
 from polhode.harness.picking.laws import STIFF, ErrorLaw, Interval, Load, MethodLaws, Sensitivity
@@ -98,14 +97,6 @@ class Candidate:
         return f"full equations over {self.found.rotations:.3g} rotations; {error}"
 
 
-class Trial(NamedTuple):
-    """A run: its work, what it gave, and what it errs by at most, where a law says."""
-
-    work: Work | None
-    observables: Observables
-    unsure: float = inf
-
-
 def with_trials(candidates: Sequence[Candidate], want: str) -> list[Way | Refusal]:
     """What is expected of candidates, of the first ones by trials: of `WAYS` at most, until none may be quicker."""
     found = [_expected(each) for each in candidates]
@@ -138,11 +129,13 @@ def _worth_trying(candidate: Candidate) -> Way | None:
     return None
 
 
-def _tried(candidate: Candidate, tolerance: float, expected: Way | Refusal, true: Trial, want: str) -> Way | Refusal:
+def _tried(
+    candidate: Candidate, tolerance: float, expected: Way | Refusal, true: Observables, want: str
+) -> Way | Refusal:
     """A candidate at the loosest tolerance tried at which it meets the error; as expected if trials say nothing."""
     best, made, counted, missed, least = 0.0, inf, None, inf, inf
     for _ in range(TOLERANCES):
-        error, work = _error(candidate, tolerance, true.observables, want)
+        error, work = _error(candidate, tolerance, true, want)
         if error <= MET * candidate.budget:
             best, made, counted = tolerance, error, work
         else:
@@ -156,7 +149,8 @@ def _tried(candidate: Candidate, tolerance: float, expected: Way | Refusal, true
         if tolerance < max(WORTH * best, candidate.tightest):
             break
     if best:
-        own = Interval(made, max(0.0, made / PEAKS - true.unsure), made * PEAKS + true.unsure)
+        unsure = UNSURE * candidate.budget
+        own = Interval(made, max(0.0, made / PEAKS - unsure), made * PEAKS + unsure)
         return candidate.way(best, own, f"a trial run errs by {scientific(made)}", counted)
     if isinstance(expected, Way) and missed <= expected.tolerance and candidate.budget < least < inf:
         why = f"a trial run at {scientific(missed)} errs by {scientific(least)}"
@@ -164,19 +158,19 @@ def _tried(candidate: Candidate, tolerance: float, expected: Way | Refusal, true
     return expected
 
 
-def _yardstick(candidate: Candidate, others: Sequence[Candidate]) -> Trial | None:
-    """A run close enough to the true one, of the same averaged form or of a full one; none if no law promises one.
+def _yardstick(candidate: Candidate, others: Sequence[Candidate]) -> Observables | None:
+    """What a run close enough to the true one gives, of the same averaged form or a full one; none if no law has one.
 
     By the pilot's solver if that will do, else by the one that is soonest compiled.
     """
-    found, unsure = candidate.found, UNSURE * candidate.budget
+    found = candidate.found
     forms = {candidate.form.name} if candidate.form.averaged else {reference_form(found.scene), full_form(found.scene)}
     able = [each for each in others if each.form.name in forms]
     for each in sorted(able, key=lambda each: (each.solver != pilot_solver(found.scene), each.laws.compile_seconds)):
         with suppress(PilotFailedError, UnfitError):
-            way = replace(each, budget=unsure).expected()
+            way = replace(each, budget=UNSURE * candidate.budget).expected()
             if way.seconds.predicted < YARDSTICK * MOST_SECONDS:
-                return _run(each.form, found.scene, way.tolerance, each.solver)._replace(unsure=unsure)
+                return _run(each.form, found.scene, way.tolerance, each.solver)[1]
     return None
 
 
@@ -184,16 +178,16 @@ def _error(candidate: Candidate, tolerance: float, true: Observables, want: str)
     """What a candidate errs by, inf for a run that fails, and its work."""
     scene = candidate.found.scene
     with suppress(PilotFailedError):
-        run = _run(candidate.form, scene, tolerance, candidate.solver)
-        made = errors(scene.ellipsoid, run.observables, true)
-        error = made.slow if want == "slow" else made.orientation
-        return inf if error is None else error, run.work
+        work, seen = _run(candidate.form, scene, tolerance, candidate.solver)
+        error = getattr(errors(scene.ellipsoid, seen, true), want)
+        return inf if error is None else error, work
     return inf, None
 
 
 @lru_cache(maxsize=64)
-def _run(form: Form, scene: Scene, tolerance: float, solver: str) -> Trial:
+def _run(form: Form, scene: Scene, tolerance: float, solver: str) -> tuple[Work | None, Observables]:
+    """The work of a run, if that is of one piece, and what it gave."""
     run = follow(form, scene, tolerance, solver)
     if not run.success:
         raise PilotFailedError(f"pilot: {form.name!r} by {solver!r} ended with {run.status.value}")
-    return Trial(None if isinstance(form, InPieces) else run.work, form.observe(scene, run.states))
+    return None if isinstance(form, InPieces) else run.work, form.observe(scene, run.states)
