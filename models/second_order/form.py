@@ -2,7 +2,7 @@
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -121,6 +121,7 @@ class SecondOrder(Form):
             raise self.refuse(str(error), full_form(scene)) from None
 
 
+@lru_cache(maxsize=64)
 def _started(scene: Scene) -> tuple[float, ...] | None:
     return slow_start(scene.ellipsoid, scene.torque_factor, scene.initial)
 
