@@ -113,7 +113,7 @@ def studies(answer: Answer) -> list[Study]:
         # What takes much longer than the first choice, counting included, is not the best.
         most = max(SHORTEST_LIMIT, CUTOFF * first.seconds.high)
     wanted: dict[tuple[int, str], list[str]] = {}
-    for power in sorted({min(LOOSEST, max(TIGHTEST, decade(question) + shift)) for shift in DECADES}, reverse=True):
+    for power in {min(LOOSEST, max(TIGHTEST, decade(question) + shift)) for shift in DECADES}:
         for form, solvers in methods_for(known, float(f"1e{power}"), answer.stratum == "short", True):
             wanted[power, form] = list(solvers)
     for form, solver, shift in (way.split("/") for way in rules(question)):
