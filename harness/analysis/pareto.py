@@ -1,6 +1,6 @@
 """Speed at equal error: what a method takes for an error, between its own runs; the cheapest run that meets one."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
@@ -48,16 +48,15 @@ def methods(runs: pd.DataFrame) -> Iterator[tuple[Method, pd.DataFrame]]:
 
 def pareto_front(runs: pd.DataFrame, error: str = "slow_error") -> pd.DataFrame:
     """The runs that no other run beats in both time and error, from the fastest to the most accurate."""
-    ordered = runs.sort_values(by=["seconds", error])
-    return where(ordered, ordered[error].astype(float).cummin().diff().fillna(-1.0) < 0)
+    points = runs[[error, "seconds"]].to_numpy(float)
+    order = np.lexsort(points.T)
+    return runs.iloc[order[np.diff(np.minimum.accumulate(points[order, 0]), prepend=np.inf) < 0]]
 
 
 def front(runs: pd.DataFrame, error: str = "slow_error") -> np.ndarray:
     """Errors and times, shape (n, 2), along the Pareto front of the runs that reached their end."""
     done: Any = runs.loc[runs["status"] == Status.REACHED_END, [error, "seconds"]]
-    points = done.dropna().to_numpy(float)
-    ordered = points[np.lexsort(points.T)]
-    return ordered[np.diff(np.minimum.accumulate(ordered[:, 0]), prepend=np.inf) < 0]
+    return pareto_front(done.dropna(), error).to_numpy(float)
 
 
 def cost(points: np.ndarray, target: float) -> float:
@@ -70,28 +69,25 @@ def cost(points: np.ndarray, target: float) -> float:
     return float(np.exp(np.interp(-np.log(target), -sizes, seconds)))
 
 
-def times_at_error(runs: pd.DataFrame, target: float, error: str = "slow_error") -> dict[tuple[str, str], float]:
-    """Time at an error of every form and solver on one scene that reaches it, the fastest first."""
-    needed: Any = runs[["form", "solver", "status", "seconds", error]]
-    times = {method: cost(front(own, error), target) for method, own in methods(needed)}
+def times_at_error(runs: pd.DataFrame, target: float) -> dict[tuple[str, str], float]:
+    """Time at a slow error of every form and solver on one scene that reaches it, the fastest first."""
+    needed: Any = runs[["form", "solver", "status", "seconds", "slow_error"]]
+    times = {method: cost(front(own), target) for method, own in methods(needed)}
     return dict(sorted(((method, t) for method, t in times.items() if not np.isnan(t)), key=lambda item: item[1]))
 
 
-def fastest(
-    times: dict[tuple[str, str], float], form: str, libraries: Iterable[str] = (), solvers: Iterable[str] = ()
-) -> tuple[str, float] | None:
-    """The fastest solver of a form among some libraries or solvers, and its time; None if there is none."""
-    wanted, names = set(libraries), set(solvers)
+def fastest(times: dict[tuple[str, str], float], form: str, library: str) -> tuple[str, float] | None:
+    """The fastest solver of a form in a library, and its time; None if there is none."""
     for (one, solver), seconds in times.items():
-        if one == form and (find_solver(solver).family in wanted or solver in names):
+        if one == form and find_solver(solver).family == library:
             return solver, seconds
     return None
 
 
-def crossing(runs: pd.DataFrame, form: str, first: str, second: str, error: str = "slow_error") -> float | None:
-    """The largest error at which `second` stops being faster than `first` as the error falls; None if it never does."""
+def crossing(runs: pd.DataFrame, form: str, first: str, second: str) -> float | None:
+    """The largest slow error at which `second` stops being faster than `first` as it falls; None if it never does."""
     of_form = where(runs, runs["form"] == form)
-    ours, theirs = (front(where(of_form, of_form["solver"] == solver), error) for solver in (first, second))
+    ours, theirs = (front(where(of_form, of_form["solver"] == solver)) for solver in (first, second))
     ahead = False
     for target in np.geomspace(1e-1, 1e-13, 121).tolist():
         if not np.isnan(cost(ours, target)):

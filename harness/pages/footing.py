@@ -95,7 +95,7 @@ def _worth(table: pd.DataFrame) -> tuple[list[str], str]:
     rows, behind = [], {name: [] for name in ALONE}
     for target in ERRORS:
         for stokes, times in _times_by_stokes(table, target).items():
-            best = {name: found for name in ALONE if (found := fastest(times, "quaternion", libraries=(name,)))}
+            best = {name: found for name in ALONE if (found := fastest(times, "quaternion", name))}
             least = min((seconds for _, seconds in best.values()), default=nan)
             for name, (_, seconds) in best.items():
                 behind[name].append(seconds / least)
