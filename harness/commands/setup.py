@@ -62,8 +62,8 @@ def doctor(as_json: bool) -> None:
     click.echo(json.dumps(found, default=str) if as_json else _page(found))
 
 
-def examine(watch: float = WATCH) -> dict[str, Any]:
-    """All that `polhode doctor` shows; takes a little longer than `watch` seconds."""
+def examine() -> dict[str, Any]:
+    """All that `polhode doctor` shows; takes a little longer than `WATCH` seconds."""
     from importlib.metadata import version
 
     from polhode.harness.common.machine import machine, versions
@@ -75,7 +75,7 @@ def examine(watch: float = WATCH) -> dict[str, Any]:
     for row in adapters:
         row["version"] = version(row["package"]) if row["available"] else None
     caches = [look("references", cache_folder() / "references"), look("compiled integrators", cache_folder("heyoka"))]
-    cold, steadiness = cold_start(), watch_sentinel(watch)
+    cold, steadiness = cold_start(), watch_sentinel(WATCH)
     advice = [f"{row['name']}: {row['why_not']}" for row in adapters if not row["available"]]
     advice += [
         f"{cache['folder']}: cannot be written, so that {cache['name']} are made anew every time: "

@@ -10,7 +10,7 @@ from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.text import markdown
 from polhode.harness.pages.figures.work_precision import save
-from polhode.harness.pages.tables import bullets, fill, table
+from polhode.harness.pages.tables import bullets, fill, lines_of, table
 
 PAGE = "throughput.md"
 # Sweeps whose cost is laid out: shape, equations, particles, St.
@@ -71,10 +71,10 @@ def page(found: Found) -> str:
 
 def _findings(found: Found) -> list[str]:
     """Particles per second, in sentences."""
-    full = [fill("throughput-full", **row) for row in found["full"]]
-    settings = {name: found["settings"][name] for name in ("long_stokes", "long_error")}
-    long = [fill("throughput-long", **row, **settings, which=row["equations"].capitalize()) for row in found["long"]]
-    return [sentence.rstrip() for sentence in (*full, *long)]
+    full = [lines_of("throughput-full", **row) for row in found["full"]]
+    both = {name: found["settings"][name] for name in ("long_stokes", "long_error")}
+    long = [lines_of("throughput-long", **row, **both, which=row["equations"].capitalize()) for row in found["long"]]
+    return [line for lines in (*full, *long) for line in lines]
 
 
 def _plan(found: Found) -> str:

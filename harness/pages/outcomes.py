@@ -83,7 +83,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     found = endings(table, limits(records))
     endings_csv = pd.DataFrame(found).to_csv(index=False, float_format="%.12g")
     write_file(folder / "outcomes.csv", endings_csv, summed=True)
-    stopped, solvers = limit(table), columns(table)
+    runs, stopped, solvers = _runs(found), limit(table), columns(table)
     return write(
         folder / "README.md",
         "outcomes",
@@ -91,10 +91,10 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         command,
         records,
         sentences=bullets(sentences(found, stopped)),
-        counts=_counts(_runs(found), solvers),
+        counts=_counts(runs, solvers),
         inaccurate=INACCURATE,
         stopped=stopped,
-        scenes=_by_scene(_runs(found), solvers),
+        scenes=_by_scene(runs, solvers),
         hard=bullets(f"{name}: {SCENES[name].summary}" for name in dict(study.scenes) if name in SCENES),
     )
 

@@ -95,10 +95,9 @@ class FirstRun:
     run: float
 
 
-def first_run(problem: Problem, solver: str, tolerance: float, cache_folder: str | None = None) -> FirstRun:
-    """Measure a first run in a fresh process; heyoka keeps compiled code, in the folder if one is given."""
-    if cache_folder is not None:
-        os.environ[CACHE_VARIABLE] = cache_folder
+def first_run(problem: Problem, solver: str, tolerance: float, cache_folder: str) -> FirstRun:
+    """Measure a first run in a fresh process; heyoka keeps compiled code, in the folder."""
+    os.environ[CACHE_VARIABLE] = cache_folder
     method = find_solver(solver)
     began = time.process_time()
     method.load()
