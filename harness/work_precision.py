@@ -4,10 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from math import inf
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 
 from polhode.harness.common.progress import Progress
 from polhode.harness.common.timing import time_runs, within
@@ -19,9 +20,6 @@ from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.compile import check_field
 from polhode.solvers.contract import Solver, Status
 from polhode.solvers.solve import Solution, solve
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 SAFETY = 10.0
 
@@ -86,7 +84,7 @@ class WorkPrecision:
                         break
         return pd.DataFrame(rows)
 
-    def plot(self, axes: "Axes") -> "Axes":
+    def plot(self, axes: Axes) -> Axes:
         """Draw wall time against error, grey where the reference does not resolve it; return the axes."""
         names = {"error": "slow_error", "uncertainty": "slow_uncertainty"}
         work_precision(axes, self.frame.rename(columns=names).assign(form=""))

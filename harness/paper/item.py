@@ -4,10 +4,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from math import inf
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from matplotlib.figure import Figure
 
 T = TypeVar("T")
 
@@ -89,7 +88,7 @@ class Parts:
     """An experiment of one function, or of two where the section's file does not describe the figure."""
 
     compute: Callable[[Grid], Computed]
-    figure: "Callable[[Data], Figure] | None" = None
+    figure: Callable[[Data], Figure] | None = None
 
 
 @dataclass(frozen=True)
@@ -100,7 +99,7 @@ class Item:
     title: str
     claim: str
     compute: Callable[[Grid], Computed]
-    figure: "Callable[[Data], Figure]"
+    figure: Callable[[Data], Figure]
     verdict: Callable[[Data], Verdict]
 
 

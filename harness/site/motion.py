@@ -6,6 +6,7 @@ from math import inf, pi
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from polhode.harness.api import solve
 from polhode.harness.pages.tables import fill
@@ -138,8 +139,6 @@ def _averaged(scene: Scene) -> list[float]:
 
 def _torque_free(solution: SceneSolution, axis: int) -> list[list[float]]:
     """Paths of the axis without torque, each starting at one of `MOMENTS` equispaced samples."""
-    from scipy.spatial.transform import Rotation
-
     ellipsoid, paths = solution.scene.ellipsoid, []
     inertia = np.array(ellipsoid.inertia)
     for k in np.linspace(0, len(solution.times) - 1, MOMENTS).astype(int):

@@ -8,6 +8,8 @@ from math import inf, isnan, nan
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from polhode.harness.analysis.regime_map import Cell, usual_form
 from polhode.harness.common.files import read_file
 from polhode.harness.common.text import duration, factor, short
@@ -96,8 +98,6 @@ def _answer(cell: Cell, runs: Sequence[dict[Any, Any]], error: str) -> dict[str,
 
 def _reached(path: Path) -> Mapping[tuple[str, float], list[dict[Any, Any]]]:
     """Finished runs by scene and St."""
-    import pandas as pd
-
     found = defaultdict(list)
     for run in pd.read_csv(BytesIO(read_file(path))).to_dict("records") if path.is_file() else ():
         if run["status"] == Status.REACHED_END:
