@@ -90,17 +90,14 @@ class Planner:
                 bad = plan, ratio
             if FITTING[0] <= ratio <= FITTING[1] or record.expired:
                 break
-            order = ORDER
-            if good and bad:
-                order = log(bad[1] / max(good[1], LEAST)) / log(bad[0].step(rate) / good[0].step(rate))
-            before, plan = plan, self.next(plan, ratio, order, rate, longest)
             if good and bad:
                 # Between two that were checked.
-                return plan
+                order = log(bad[1] / max(good[1], LEAST)) / log(bad[0].step(rate) / good[0].step(rate))
+                return self.next(plan, ratio, order, rate, longest)
+            before, plan = plan, self.next(plan, ratio, ORDER, rate, longest)
             saved = abs(1 / before.step(rate) - 1 / plan.step(rate))
             if saved * length < CHECK or (good and saved * before.step(rate) < 1 - REWARDING):
-                plan = good[0] if good else self.next(before, ratio, LEAST_ORDER, rate, longest)
-                break
+                return good[0] if good else self.next(before, ratio, LEAST_ORDER, rate, longest)
         return good[0] if good else plan
 
     def next(self, plan: Plan, ratio: float, order: float, rate: float, longest: float) -> Plan:

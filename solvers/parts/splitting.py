@@ -83,7 +83,7 @@ class Split:
         times, rows = self.numbers(record.times), self.numbers(record.rows)
         plan, law, code = None, (), Code.PAUSED
         while code != Code.FINISHED:
-            if plan is None or code in (Code.PAUSED, Code.OUTSIDE):
+            if code in (Code.PAUSED, Code.OUTSIDE):
                 now, rate = now_of(own), self.rate(state)
                 before, plan = plan, self.planner.plan(plan, state, float(now), record)
                 if plan is not before:
