@@ -13,20 +13,20 @@ import numpy as np
 
 from polhode.models.files.kept import cache_folder
 from polhode.models.operations import FLOAT, Field, Operations, WithRate
-from polhode.models.problem import Problem
+from polhode.models.problem import Factory, Problem
 from polhode.models.spent import spent_on
 from polhode.solvers.contract import Backend
 from polhode.solvers.machine_code import kept_code
 from polhode.solvers.machine_code.array_function import array_function
 from polhode.solvers.machine_code.derivatives import trace_jacobian
 from polhode.solvers.machine_code.llvm import CALLBACK, MachineCode, Signature, compile_lines, counting
-from polhode.solvers.machine_code.tracing import OPERATIONS, FieldFactory, read, trace, written
+from polhode.solvers.machine_code.tracing import OPERATIONS, read, trace, written
 
 Callback = Callable[[np.ndarray, Any, np.ndarray], None]
 
 
 @cache
-def plain_field(factory: FieldFactory) -> Field:
+def plain_field(factory: Factory) -> Field:
     """The field in plain Python, over floats."""
     return factory(FLOAT)
 
@@ -39,13 +39,13 @@ def check_field(problem: Problem) -> None:
 
 
 @cache
-def compiled_callback(factory: FieldFactory, dimension: int, parameters: int) -> Callback:
+def compiled_callback(factory: Factory, dimension: int, parameters: int) -> Callback:
     """The field as ``callback(y, p, out)`` in machine code, of contiguous arrays of float64."""
     return array_function(trace(factory, dimension, parameters), {"y": dimension, "p": parameters, "out": dimension})
 
 
 @cache
-def c_callback(factory: FieldFactory, dimension: int, parameters: int, *, count: bool = False) -> MachineCode:
+def c_callback(factory: Factory, dimension: int, parameters: int, *, count: bool = False) -> MachineCode:
     """The field as a C function ``void(double *dy, double t, double *y, double *p)``.
 
     If it is to count its calls, the address of an integer stands behind the parameters, as eight bytes.
@@ -58,7 +58,7 @@ def c_callback(factory: FieldFactory, dimension: int, parameters: int, *, count:
 
 
 # Code of fields that were compiled as part of a larger one (`WithRate`).
-_BROUGHT_ALONG: dict[tuple[FieldFactory, int, int], MachineCode] = {}
+_BROUGHT_ALONG: dict[tuple[Factory, int, int], MachineCode] = {}
 
 
 def _with_field(factory: WithRate, dimension: int, parameters: int) -> MachineCode:
@@ -109,7 +109,7 @@ def load_heyoka() -> Any:
 
 
 @cache
-def traced_system(factory: FieldFactory, dimension: int, parameters: int) -> list[tuple[Any, Any]]:
+def traced_system(factory: Factory, dimension: int, parameters: int) -> list[tuple[Any, Any]]:
     """The field as heyoka expressions ``[(variable, rate), …]`` with p in ``heyoka.par``."""
     heyoka = load_heyoka()
     # Refuses what no field may do, and says where.
@@ -122,7 +122,7 @@ def traced_system(factory: FieldFactory, dimension: int, parameters: int) -> lis
 
 
 @cache
-def tangent_system(factory: FieldFactory, dimension: int, parameters: int) -> list[tuple[Any, Any]]:
+def tangent_system(factory: Factory, dimension: int, parameters: int) -> list[tuple[Any, Any]]:
     """The field as `traced_system`, and a tangent vector v beside it, v' = Jv with the exact Jacobian J."""
     heyoka = load_heyoka()
     system = traced_system(factory, dimension, parameters)
@@ -133,7 +133,7 @@ def tangent_system(factory: FieldFactory, dimension: int, parameters: int) -> li
 
 
 @cache
-def exact_jacobian(factory: FieldFactory, dimension: int, parameters: int) -> Callable[..., np.ndarray]:
+def exact_jacobian(factory: Factory, dimension: int, parameters: int) -> Callable[..., np.ndarray]:
     """The Jacobian ``jacobian(y, p) -> (d, d)`` by automatic differentiation of the traced field."""
     lines = trace_jacobian(factory, dimension, parameters)
     compiled = array_function(lines, {"y": dimension, "p": parameters, "out": dimension**2})

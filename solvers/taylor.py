@@ -6,8 +6,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from polhode.models.problem import Problem
-from polhode.solvers.compile import FieldFactory, load_heyoka, parameter_array, traced_system
+from polhode.models.problem import Factory, Problem
+from polhode.solvers.compile import load_heyoka, parameter_array, traced_system
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status
 
 Precision = Literal["double", "long double", "quadruple"]
@@ -18,7 +18,7 @@ CHUNK = 10_000
 
 @cache
 def taylor_integrator(
-    factory: FieldFactory, dimension: int, parameters: int, tolerance: float, precision: Precision = "double"
+    factory: Factory, dimension: int, parameters: int, tolerance: float, precision: Precision = "double"
 ) -> Any:
     """heyoka's integrator of a field, kept for the life of the process; its state, time and parameters are set anew.
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from polhode.models.problem import Problem
-from polhode.solvers.compile import FieldFactory, load_heyoka, tangent_system
+from polhode.models.problem import Factory, Problem
+from polhode.solvers.compile import load_heyoka, tangent_system
 
 TOLERANCE = 1e-12
 # The tangent is brought back to unit length after each of so many intervals, and its growth written down.
@@ -80,6 +80,6 @@ def growth(problem: Problem, intervals: int = INTERVALS) -> Growth:
 
 
 @cache
-def _tangent_integrator(factory: FieldFactory, dimension: int, parameters: int) -> Any:
+def _tangent_integrator(factory: Factory, dimension: int, parameters: int) -> Any:
     system = tangent_system(factory, dimension, parameters)
     return load_heyoka().taylor_adaptive(system, [0.0] * len(system), tol=TOLERANCE, compact_mode=True)

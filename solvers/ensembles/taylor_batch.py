@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from polhode.models.operations import numpy_operations
-from polhode.models.problem import Problem
-from polhode.solvers.compile import FieldFactory, load_heyoka, traced_system
+from polhode.models.problem import Factory, Problem
+from polhode.solvers.compile import load_heyoka, traced_system
 from polhode.solvers.contract import Status
 
 # Two SIMD registers per operation keep the processor's pipelines full; more spill.
@@ -68,7 +68,7 @@ def _status(outcome: Any) -> str:
 
 
 @cache
-def _integrator(thread: int, factory: FieldFactory, dimension: int, parameters: int, tolerance: float) -> Any:
+def _integrator(thread: int, factory: Factory, dimension: int, parameters: int, tolerance: float) -> Any:
     """The integrator of a thread: integrators hold a state, and engines may run tasks in threads."""
     heyoka = load_heyoka()
     lanes = REGISTERS * heyoka.recommended_simd_size()

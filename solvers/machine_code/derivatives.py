@@ -5,8 +5,8 @@ from functools import cache, partial
 from typing import Any
 
 from polhode.models.operations import Operations
-from polhode.solvers.machine_code import tracing
-from polhode.solvers.machine_code.tracing import OPERATIONS, Number, call, either_side, read
+from polhode.models.problem import Factory
+from polhode.solvers.machine_code.tracing import OPERATIONS, Number, call, either_side, read, trace, written
 
 
 def _value(x: Any) -> Any:
@@ -95,13 +95,13 @@ _DUAL = Operations(
 
 
 @cache
-def trace_jacobian(factory: tracing.FieldFactory, dimension: int, parameters: int, mass: bool = False) -> str:
+def trace_jacobian(factory: Factory, dimension: int, parameters: int, mass: bool = False) -> str:
     """LLVM's lines that compute a field's Jacobian column by column, read and written as by `tracing.trace`.
 
     Of the mass form it is that of the residual, ``cj * mass - jacobian``, where the slope follows the state by %cj.
     """
     # Refuses what no field may do, and says where.
-    tracing.trace(factory, dimension, parameters)
+    trace(factory, dimension, parameters)
     lines: dict[str, str] = {}
     y = [Dual(each, {i: 1.0}) for i, each in enumerate(read(lines, "y", dimension))]
     rates = factory(_DUAL)(y, [Dual(each, {}) for each in read(lines, "p", parameters)])
@@ -111,4 +111,4 @@ def trace_jacobian(factory: tracing.FieldFactory, dimension: int, parameters: in
         columns = [[-entry for entry in column] for column in columns]
         for i, each in enumerate(masses):
             columns[i][i] = cj * each + columns[i][i]
-    return tracing.written(lines, [entry for column in columns for entry in column])
+    return written(lines, [entry for column in columns for entry in column])

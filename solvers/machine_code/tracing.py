@@ -17,10 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from polhode.models.operations import Field, Operations
+from polhode.models.operations import Operations
 from polhode.models.own_function import BRANCHES, FUNCTIONS, OwnField, line_of
-
-FieldFactory = Callable[[Operations], Field]
+from polhode.models.problem import Factory
 
 # Powers that are multiplied out.
 MULTIPLIED_OUT = range(-16, 17)
@@ -139,7 +138,7 @@ OPERATIONS = Operations(_SIN, _COS, _SQRT, _where_positive, _expm1, _EXP, _LOG)
 
 
 @cache
-def trace(factory: FieldFactory, dimension: int, parameters: int, mass: bool = False) -> str:
+def trace(factory: Factory, dimension: int, parameters: int, mass: bool = False) -> str:
     """LLVM's lines that compute a field's rates, read at %y and %p and written at %out.
 
     With `mass` it is the residual ``mass * slope - field(y, p)``, with two further arrays %slope and %mass. A
@@ -168,7 +167,7 @@ def written(lines: dict[str, str], numbers: Iterable[Any], to: str = "%out") -> 
     return "\n".join(text)
 
 
-def _evaluate(factory: FieldFactory, y: tuple[Number, ...], p: tuple[Number, ...]) -> tuple[Any, ...]:
+def _evaluate(factory: Factory, y: tuple[Number, ...], p: tuple[Number, ...]) -> tuple[Any, ...]:
     """The rates of a traced state, or the place where the field goes wrong."""
     own = isinstance(factory, OwnField)
     with _located(own):

@@ -14,11 +14,11 @@ from weakref import finalize
 
 import numpy as np
 
-from polhode.models.problem import Problem
+from polhode.models.problem import Factory, Problem
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Status
 from polhode.solvers.machine_code.derivatives import trace_jacobian
 from polhode.solvers.machine_code.llvm import MachineCode, Signature, compile_file, compile_lines
-from polhode.solvers.machine_code.tracing import FieldFactory, trace
+from polhode.solvers.machine_code.tracing import trace
 from polhode.solvers.machine_code.underflow import FlushedToZero
 from polhode.solvers.sundials.library import FAILURES, TOO_MUCH_WORK, Sundials, posed
 
@@ -146,7 +146,7 @@ def _free(library: Sundials, owned: list[tuple[str, int, Any]]) -> None:
 
 
 @cache
-def _field(library: Sundials, factory: FieldFactory, dimension: int, parameters: int) -> MachineCode:
+def _field(library: Sundials, factory: Factory, dimension: int, parameters: int) -> MachineCode:
     """CVODE's ``int f(double t, N_Vector y, N_Vector rate, void *p)``, or IDA's with its residual before p."""
     implicit = library.prefix == "IDA"
     vectors = {"y": "state", "slope": "rate", "out": "rest"} if implicit else {"y": "state", "out": "rate"}
@@ -156,7 +156,7 @@ def _field(library: Sundials, factory: FieldFactory, dimension: int, parameters:
 
 
 @cache
-def _jacobian(library: Sundials, factory: FieldFactory, dimension: int, parameters: int) -> MachineCode:
+def _jacobian(library: Sundials, factory: Factory, dimension: int, parameters: int) -> MachineCode:
     """The Jacobian of `_field`, as the library calls it."""
     implicit = library.prefix == "IDA"
     numbers, vectors = ("double %cj, ", "ptr %rest, ") if implicit else ("", "")
