@@ -11,9 +11,8 @@ from polhode.harness.pages.tables import bullets, fill
 from polhode.harness.paper import store
 from polhode.harness.paper.claims import section_of, sections
 from polhode.harness.paper.drawing import save, style
-from polhode.harness.paper.item import MEANINGS, Data, Grid, Item, Number, Section, Verdict, Word
+from polhode.harness.paper.item import MEANINGS, Grid, Item, Number, Section, Word
 
-Judged = tuple[Data, Verdict, bool] | str
 NOTICE = "Made by `polhode paper`. Do not edit: the next run overwrites this page."
 
 
@@ -27,7 +26,7 @@ def write_pages(folder: Path, sections: Sequence[Section], grid: Grid) -> None:
     write_file(folder / "README.md", _index(sections, found, grid))
 
 
-def _described(section: Section, item: Item, found: Judged) -> str:
+def _described(section: Section, item: Item, found: store.Judged) -> str:
     """What the page of a section says of an item."""
     if isinstance(found, str):
         return f"## {item.title}\n\n**Claim.** {item.claim}\n\n{found}: `polhode paper {item.name}`.\n"
@@ -65,7 +64,7 @@ def _digits(value: float, count: int = 4) -> str:
     return short(float(f"{value:.{count}g}"))
 
 
-def _index(sections: Sequence[Section], found: Mapping[str, Judged], grid: Grid) -> str:
+def _index(sections: Sequence[Section], found: Mapping[str, store.Judged], grid: Grid) -> str:
     known = {name: content for name, content in found.items() if not isinstance(content, str)}
     words = Counter(content[1].word for content in known.values())
     stale = [name for name, content in known.items() if not content[2]]
@@ -85,7 +84,7 @@ def _index(sections: Sequence[Section], found: Mapping[str, Judged], grid: Grid)
     )
 
 
-def _index_row(section: Section, item: Item, found: Judged) -> list[str]:
+def _index_row(section: Section, item: Item, found: store.Judged) -> list[str]:
     anchor = "".join(letter for letter in item.title.lower() if letter.isalnum() or letter in " -_").replace(" ", "-")
     name = f"[{item.name}]({section.name}.md#{anchor})"
     if isinstance(found, str):

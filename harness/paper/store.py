@@ -23,6 +23,7 @@ LIBRARIES = ("numpy", "scipy", "heyoka", "cyrk")
 # What the expressions and the computation of an item may end with.
 FAILURES = (ArithmeticError, AttributeError, LookupError, NameError, RuntimeError, TypeError, ValueError)
 NO_DATA = "Not computed yet"
+Judged = tuple[Data, Verdict, bool] | str
 
 
 def content_key(item: Item, grid: Grid) -> str:
@@ -94,7 +95,7 @@ def read(folder: Path, item: Item) -> tuple[Data, bool, Grid] | None:
     return data, record["key"] == content_key(item, grid), grid
 
 
-def judged(folder: Path, item: Item) -> tuple[Data, Verdict, bool] | str:
+def judged(folder: Path, item: Item) -> Judged:
     """The item's data, its verdict, and whether today's code made them; or, in words, why there is no verdict."""
     found = read(folder, item)
     if found is None:

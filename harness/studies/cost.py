@@ -4,13 +4,12 @@ import ctypes
 import os
 import subprocess
 import sys
-import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from math import inf
 from tempfile import TemporaryDirectory
-from time import perf_counter
+from time import perf_counter, process_time
 from typing import Any
 
 import numpy as np
@@ -99,11 +98,11 @@ def first_run(problem: Problem, solver: str, tolerance: float, cache_folder: str
     """Measure a first run in a fresh process; heyoka keeps compiled code, in the folder."""
     os.environ[CACHE_VARIABLE] = cache_folder
     method = find_solver(solver)
-    began = time.process_time()
+    began = process_time()
     method.load()
-    imported = time.process_time()
+    imported = process_time()
     method.prepare(problem, method.settings(tolerance))
-    prepared = time.process_time()
+    prepared = process_time()
     solution = solve(problem, solver, tolerance)
     return FirstRun(imported - began, prepared - imported, solution.seconds)
 
