@@ -1,28 +1,46 @@
 """The test problems by name, those of plug-ins too."""
 
+from dataclasses import dataclass
 from importlib.resources import files
 from typing import Any
 
 from polhode.models.files.toml_file import read_toml
+from polhode.models.operations import Field, Operations
 from polhode.models.problem import MassForm, Problem
-from polhode.models.problems import fields
 from polhode.models.problems.classical import Classical
 from polhode.models.registry import imported, plug_ins
+
+
+@dataclass(frozen=True)
+class Formulas:
+    """The factory of a field given as expressions, as the head of `problems.toml` has them."""
+
+    terms: tuple[tuple[str, str], ...]
+    rates: str
+
+    def __call__(self, ops: Operations) -> Field:
+        """The field over numbers of a kind."""
+        code = [(name, compile(f"({text})", name, "eval")) for name, text in (*self.terms, ("rates", self.rates))]
+
+        def rhs(y, p):
+            names = {"y": y, "sqrt": ops.sqrt} | {f"y{i}": each for i, each in enumerate(y, start=1)}
+            for name, expression in code:
+                names[name] = eval(expression, names)
+            return names["rates"]
+
+        return rhs
 
 
 def _problems(table: dict[str, Any]) -> dict[str, Classical]:
     """The problems of a table of theirs, whose sources the others name in braces."""
     sources = table.pop("sources")
-    return {key: _problem(key, entry, sources) for key, entry in table.items()}
+    return {key: _problem(entry, sources) for key, entry in table.items()}
 
 
-def _problem(key: str, entry: dict[str, Any], sources: dict[str, str]) -> Classical:
-    wanted = f"{key.replace('-', '_')}_field"
-    if (field := getattr(fields, wanted, None)) is None:
-        raise ValueError(f"[{key}]: got no {wanted} in fields.py")
+def _problem(entry: dict[str, Any], sources: dict[str, str]) -> Classical:
+    field = Formulas(tuple(entry.get("terms", {}).items()), entry["rates"])
     mass = MassForm(tuple(entry["mass"]), ()) if "mass" in entry else None
-    parameters = None if mass else ()
-    problem = Problem(entry["name"], field, tuple(entry["start"]), entry["end"], parameters, mass)
+    problem = Problem(entry["name"], field, tuple(entry["start"]), entry["end"], None if mass else (), mass)
     source, hopeless = entry["source"].format(**sources), tuple(entry.get("hopeless", ()))
     return Classical(problem, tuple(entry["reference"]), entry["stiff"], source, hopeless)
 

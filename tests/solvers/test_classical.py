@@ -11,9 +11,10 @@ from scipy.optimize import brentq
 from oracle.accepting import accepting
 from oracle.classical import CLASSICAL, ROBERTSON_DAE
 from polhode.harness.references.extended import extended_run
-from polhode.models.problems.catalogue import PROBLEMS, _problems
+from polhode.models.problems.catalogue import PROBLEMS, Formulas
 from polhode.solvers.catalogue import SOLVERS, solver
 from polhode.solvers.compile import plain_field
+from polhode.solvers.machine_code.tracing import FieldError, trace
 from polhode.solvers.solve import solve
 
 IMPLICIT = tuple(name for name in SOLVERS if solver(name).implicit)
@@ -151,9 +152,11 @@ def test_every_problem_says_where_it_is_from():
     assert set(ALLOWED) == set(CLASSICAL)
 
 
-def test_a_problem_without_a_field_is_named():
-    with pytest.raises(ValueError, match=r"\[two-body\]: got no two_body_field in fields.py"):
-        _problems({"sources": {}, "two-body": {}})
+def test_a_formula_may_use_the_terms_before_it_alone():
+    field = Formulas((("square", "y1 * y1"), ("cube", "square * y1")), "sqrt(cube), y[0] - y2")
+    assert plain_field(field)([4.0, 1.0], ()) == (8.0, 3.0)
+    with pytest.raises(FieldError, match="'square' is not defined"):
+        trace(Formulas(field.terms[::-1], field.rates), 2, 0)
 
 
 def test_published_digits_of_robertson():
