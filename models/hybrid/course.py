@@ -21,7 +21,8 @@ Array = np.ndarray
 
 # The error of L and E that a tolerance stands for, and the share of it that windows may take, chosen by trial.
 ERROR_PER_TOLERANCE, WINDOWS = 100.0, 0.2
-# Error of L and E over the tolerance of the full equations, per radian that the body turns; by trial, for every solver.
+# Error of L and E over the tolerance of the full equations, per radian that a body turns with |L||ω| below I_max, by
+# trial, for every solver.
 PER_RADIAN = 1.5e-2
 # Tolerance below which rounding makes the error, not the tolerance.
 ROUNDING = 1e-13
@@ -62,7 +63,7 @@ class HybridCourse:
             except NotAveragedError as refusal:
                 more = 2 * np.pi * MORE / speed(self.here(time, state))
                 end, reason, later = time + more, str(refusal), replace(self, stretches=())
-                stretch = replace(stretch, second_order=False, turned=2 * np.pi * MORE / stokes)
+                stretch = replace(stretch, second_order=False, turned=more * wear(self.here(time, state)) / stokes)
             else:
                 angle = self.angle(end - time, stretch.error) + stretch.swing
                 later = replace(later, spent=self.spent + stretch.error)
@@ -97,6 +98,12 @@ def speed(scene: Scene) -> float:
     return max(LEAST_SPEED, float(np.linalg.norm(scene.angular_velocity)))
 
 
+def wear(scene: Scene) -> float:
+    """`Path.wear` where a scene starts."""
+    size = float(np.linalg.norm(scene.initial.angular_momentum)) / max(scene.ellipsoid.inertia)
+    return speed(scene) * max(1.0, size * speed(scene))
+
+
 def full_tolerance(ahead: Sequence[Stretch], stokes: float, tolerance: float) -> float:
     """Tolerance of the full equations in the first one of the stretches ahead: errors of windows add up."""
     windows = sum(each.turned for each in ahead if not each.second_order)
@@ -108,7 +115,7 @@ def full_tolerance(ahead: Sequence[Stretch], stokes: float, tolerance: float) ->
 def foreseen(scene: Scene, error: float) -> tuple[Stretch, ...]:
     """Stretches of a run for an error asked for."""
     if speed(scene) * scene.time < 2 * np.pi * SHORT:
-        return (Stretch(0.0, scene.slow_time, False, "the run is short", turned=speed(scene) * scene.slow_time),)
+        return (Stretch(0.0, scene.slow_time, False, "the run is short", turned=wear(scene) * scene.slow_time),)
     return outline(scene, error).stretches
 
 

@@ -20,8 +20,6 @@ Array = np.ndarray
 
 # Above this rho the expansion in 1/St means nothing.
 MEANINGLESS = 0.35
-# Third-order terms over what rho makes of those of second order, so that estimates bound most runs; chosen by trial.
-MARGIN = 4.5
 # The highest harmonic of the torque: where the phase is wrong by φ, the swing is by so many φ rho.
 HARMONIC = 2
 # Shares of the error asked for that averaging and kicks left out may cost, the latter together and one alone; by trial.
@@ -54,7 +52,7 @@ class Stretch:
     error: float = 0.0  # slow, over I_max, that averaging adds to the largest one of the run
     decisive: bool = False  # whether what follows is to be looked at anew from where it ends
     swing: float = 0.0  # error in rad that averaging adds to angles at once: rho and the lag
-    turned: float = 0.0  # rad over St that the body turns in it, times what later kicks amplify an error by
+    turned: float = 0.0  # its `Path.wear` summed over slow time, times what later kicks amplify an error by
 
 
 @dataclass(frozen=True)
@@ -84,8 +82,8 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
         path = path.at(np.outer(INSIDE, halves) + [each.time for each in kicks])
     times, weight, why, reasons = path.times, ahead.weight(path.times), _reasons(path, budget), [*REASONS]
     sound, sudden = why == 0, np.zeros(len(times))
-    swing, second = (np.where(sound, each, 0) for each in (path.swing, path.second))
-    local = MARGIN * swing**2 * path.size
+    swing, second, smaller = (np.where(sound, each, 0) for each in (path.swing, path.second, path.smaller))
+    local = swing * smaller * path.scale
     for each, half in ahead.strong.items():
         why[np.abs(times - each.time) <= half] = len(reasons)
         reasons.append(f"resonance {each.mode}")
@@ -96,10 +94,10 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
             sudden[at] = hypot(sudden[at], ahead.left[each])
     sound = why == 0
     sudden = RANDOM * np.sqrt(np.cumsum(np.where(sound, sudden, 0) ** 2))
-    held = np.where(sound, MARGIN * second * swing, 0) * np.gradient(times) * weight
+    held = np.where(sound, second * smaller, 0) * np.gradient(times) * weight
     late = np.exp(min(FADING * min(scene.ellipsoid.damping), LONG_AGO / times[-1]) * times)
     # Where the phase is wrong, the swing is put back wrongly.
-    swung = np.where(sound, swing * path.size, 0)
+    swung = np.where(sound, swing * path.scale, 0)
     level = most = held.max()
     while True:
         errors = np.cumsum(late * np.where(held <= level, held, 0)) / late
@@ -109,7 +107,7 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
         level = FALL * level if level > LEAST * most else 0.0
     why[sound & ((held > level) | (local > share))] = INACCURATE
     lag = path.lag(np.where(why == 0, swing, 0))
-    local = local + HARMONIC * np.minimum(lag, 1) * swing * path.size
+    local = local + HARMONIC * np.minimum(lag, 1) * swing * path.scale
     why[(why == 0) & (local > share)] = INACCURATE
     drifting, passing = errors + sudden, np.where(why == 0, local + wrong, 0)
     orientation = pi
@@ -189,7 +187,7 @@ def _stretches(
             found[-1] = found[-1][0], last
         else:
             found.append((first, last))
-    gained = path.summed(path.speed * weight)
+    gained = path.summed(path.wear * weight)
     for first, last in found:
         here, whole = slice(first, last + 1), [each for each in dict.fromkeys(between[first:last].tolist()) if each]
         stretch = Stretch(

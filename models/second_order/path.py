@@ -10,12 +10,9 @@ import numpy as np
 from polhode.models.catalogue import averaged_form, form as find_form
 from polhode.models.form import FormNotValidError
 from polhode.models.forms.spheroid import Spheroid
-from polhode.models.operations import numpy_operations
 from polhode.models.registry import imported
 from polhode.models.scene import Scene
 from polhode.models.second_order import spheroid as spheroidal, tables
-from polhode.models.second_order.averages import NAMES
-from polhode.models.second_order.field import averaged_rates, regular
 from polhode.models.second_order.swing import modes_at, series_for
 from polhode.models.shape import Ellipsoid
 
@@ -31,6 +28,8 @@ TINY = 1e-12
 DEEPEST = tables.MOST - 0.2
 # Of resonances, the least and the largest half width of a window, in √(|dD/dt|/St) of the divisor.
 WIDTHS = (4.0, 40.0)
+# Third-order terms over what rho makes of those of second order, so that estimates bound most runs; chosen by trial.
+MARGIN = 4.5
 # Least speed at which the shear turns a body.
 LEAST_SPEED = 0.5
 # What L² = 2EI₂ makes of a phase: E changes by ln(2 sin α)/(4K) of what a polhode takes, the mean square of cot α being
@@ -104,6 +103,14 @@ class Path:
         return np.sqrt(np.sum(self.slow[:, :3] ** 2, axis=1)) / max(self.ellipsoid.inertia)
 
     @cached_property
+    def scale(self) -> Array:
+        """What changes of L over |L| and of the pose in rad make a slow error, over I_max, at most: |L| max(1, |ω|)."""
+        # |ω|² is at most (1/I₁ + 1/I₃) 2E - L²/(I₁I₃), as the rotation about the middle axis only lessens it.
+        low, _, high = sorted(self.ellipsoid.inertia)
+        square = 2 * self.slow[:, 3] * (1 / low + 1 / high) - (high * self.size) ** 2 / (low * high)
+        return self.size * np.sqrt(np.maximum(square, 1))
+
+    @cached_property
     def longest(self) -> Array:
         """Whether the side is that of the longest axis."""
         return 2 * self.slow[:, 3] * sorted(self.ellipsoid.inertia)[1] > (max(self.ellipsoid.inertia) * self.size) ** 2
@@ -133,9 +140,10 @@ class Path:
             here = self.size > TINY
             orders[:, here] = spheroidal.orders(Spheroid.of(self.ellipsoid), self.torque_factor, self.slow[here])
         unit = max(self.ellipsoid.inertia)
-        for _, here, found in self._sides:
-            swing[here] = _swing(found, unit * self.size[here], self.a2[here]) * self.torque_factor
-            second[here] = _second(found, unit, self.slow[here, :3] / unit, self.a2[here]) * self.torque_factor
+        for longest, here, found in self._sides:
+            swing[here] = tables.swing(found, unit * self.size[here], self.a2[here]) * self.torque_factor
+            steep = np.exp(-self.a2[here]) * self.a2[here] * _range(self.ellipsoid, longest)[1]
+            second[here] = tables.second(found, unit, self.slow[here] / unit, self.a2[here], steep) * self.torque_factor
         return orders
 
     @property
@@ -145,8 +153,15 @@ class Path:
 
     @property
     def second(self) -> Array:
-        """|L'| of second order over I_max."""
+        """|L'| or |E'| of second order over I_max, the larger one."""
         return self._orders[1]
+
+    @cached_property
+    def smaller(self) -> Array:
+        """What terms of third order are over those of second order: rho, or how far L changes in a radian."""
+        momentum = np.gradient(self.slow[:, :3], self.times, axis=0) / max(self.ellipsoid.inertia)
+        slow = np.linalg.norm(momentum, axis=1) / np.maximum(self.size, TINY) * self.torque_factor / self.speed
+        return np.hypot(MARGIN * self.swing, slow)
 
     @cached_property
     def kicks(self) -> tuple[Kick, ...]:
@@ -231,6 +246,11 @@ class Path:
         size = np.linalg.norm(self.slow[:, :3], axis=1)
         return np.maximum(LEAST_SPEED, 2 * self.slow[:, 3] / np.maximum(size, 1e-300))
 
+    @property
+    def wear(self) -> Array:
+        """How fast a solver's error of the full equations grows: with the angle, and with a fast body's energy."""
+        return self.speed * np.maximum(1, self.scale)
+
     def summed(self, rates: Array) -> Array:
         """Integrals from the start to each time, the first index."""
         gained = 0.5 * (rates[1:] + rates[:-1]).T * np.diff(self.times)
@@ -241,9 +261,10 @@ class Path:
         return self.summed(self.speed * swing**2 / 2) / self.torque_factor
 
     def phase(self, error: Array) -> Array:
-        """Errors of the angles, in rad, from errors of L that last: what these make of their rates."""
+        """Errors of the angles, in rad, from slow errors that last: what these make of their rates."""
         speed = max(self.ellipsoid.inertia) / sorted(self.ellipsoid.inertia)[1] / self.torque_factor
-        return np.minimum(speed * self.summed(error), pi)
+        share = np.divide(self.size, self.scale, out=np.ones(len(error)), where=self.scale > 0)
+        return np.minimum(speed * self.summed(error * share), pi)
 
 
 @lru_cache(maxsize=16)
@@ -261,27 +282,3 @@ def _range(ellipsoid: Ellipsoid, longest: Array | bool) -> tuple[Array, Array]:
     low, middle, high = sorted(ellipsoid.inertia)
     axis = 1 / np.where(longest, low, high)
     return axis, 1 / middle - axis
-
-
-def _swing(found: tables.Table, size: Array, a2: Array) -> Array:
-    flow, drag = (np.interp(a2, tables.POINTS[::-1], row[::-1]) for row in found.swing.T)
-    return flow / size**2 + drag / size
-
-
-def _second(found: tables.Table, unit: float, momentum: Array, a2: Array) -> Array:
-    """Size of L' of second order, over I_max, for L over I_max."""
-    values = tables.evaluated(found.series[8:18], 2 * a2 / tables.MOST - 1)
-    twice, once = regular(a2 - found.poles[:, :1], 1e-2)
-    values += found.poles[:, 2:12].T @ twice + found.poles[:, 12:].T @ once
-    values = values / np.array([unit ** tables.SCALES.get(name, tables.HIGHEST_SCALE) for name in NAMES[8:18]])[:, None]
-    size = np.linalg.norm(momentum, axis=1)
-    nothing = np.zeros(len(size))
-    growth, _, *across = averaged_rates(numpy_operations())(
-        size,
-        (momentum / size[:, None]).T,
-        (nothing, nothing, *values[:2]),
-        (nothing, nothing, *values[2:4]),
-        (nothing, nothing),
-        values[4:],
-    )
-    return np.linalg.norm(growth[:, None] * momentum + np.stack(across, axis=1), axis=1)

@@ -168,7 +168,7 @@ def unit(vectors: np.ndarray) -> np.ndarray:
 
 
 def orders(spheroid: Spheroid, torque_factor: float, slow: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Largest change of L over |L| and of p by the transformation, and |L'| of second order over I_max, of (L, E)."""
+    """Largest change of L over |L| and of p by the transformation, and |L'| or |E'| of second order over I_max."""
     momentum = slow[:, :3] / spheroid.equatorial_inertia
     size = np.linalg.norm(momentum, axis=1)
     n = momentum / size[:, None]
@@ -183,7 +183,11 @@ def orders(spheroid: Spheroid, torque_factor: float, slow: np.ndarray) -> tuple[
     relative = np.linalg.norm(change, axis=1) / np.tile(size, 6) + np.linalg.norm(tilt, axis=1)
     state = (*momentum.T, *axis.T, 0 * size)
     both, first = (
-        np.array(field(numpy_operations())(state, parameters(spheroid, factor))[:3]) for factor in (torque_factor, 0.0)
+        np.array(field(numpy_operations())(state, parameters(spheroid, factor))[:6]) for factor in (torque_factor, 0.0)
     )
+    moved, tilted = (both - first).reshape(2, 3, -1).swapaxes(1, 2)
+    along = np.sum(moved * axis + momentum * tilted, axis=1) * np.sum(momentum * axis, axis=1)
+    energy = np.sum(momentum * moved, axis=1) + (1 / spheroid.inertia_ratio - 1) * along
     largest = max(1.0, spheroid.inertia_ratio)
-    return torque_factor * relative.reshape(6, -1).max(axis=0), np.linalg.norm(both - first, axis=0) / largest
+    second = np.maximum(np.linalg.norm(moved, axis=1), np.abs(energy)) / largest
+    return torque_factor * relative.reshape(6, -1).max(axis=0), second

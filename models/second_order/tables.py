@@ -8,8 +8,9 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebder
 
 from polhode.models.files import kept
+from polhode.models.operations import numpy_operations
 from polhode.models.second_order.averages import MODES, NAMES, SECOND, averages
-from polhode.models.second_order.field import NODES, POLE, POLES, regular
+from polhode.models.second_order.field import NODES, POLE, POLES, averaged_rates, regular
 from polhode.models.second_order.polhodes import SidedBody
 from polhode.models.shape import Ellipsoid
 
@@ -198,3 +199,30 @@ def series_of(values: Array) -> Array:
     series = 2 / nodes * values @ np.cos(np.outer(angles, np.arange(nodes)))
     series[:, 0] /= 2
     return series
+
+
+def swing(found: Table, size: Array, a2: Array) -> Array:
+    """Size of the generator at |L| and a²."""
+    flow, drag = (np.interp(a2, POINTS[::-1], row[::-1]) for row in found.swing.T)
+    return flow / size**2 + drag / size
+
+
+def second(found: Table, unit: float, slow: Array, a2: Array, steep: Array) -> Array:
+    """The larger one of |L'| and |E'| of second order, for (L, E), all over I_max; `steep` is how h follows ln a²."""
+    values = evaluated(found.series[8:18], 2 * a2 / MOST - 1)
+    twice, once = regular(a2 - found.poles[:, :1], 1e-2)
+    values += found.poles[:, 2:12].T @ twice + found.poles[:, 12:].T @ once
+    values = values / np.array([unit ** SCALES.get(name, HIGHEST_SCALE) for name in NAMES[8:18]])[:, None]
+    momentum, energy = slow[:, :3], slow[:, 3]
+    size = np.linalg.norm(momentum, axis=1)
+    nothing = np.zeros(len(size))
+    growth, rise, *across = averaged_rates(numpy_operations())(
+        size,
+        (momentum / size[:, None]).T,
+        (nothing, nothing, *values[:2]),
+        (nothing, nothing, *values[2:4]),
+        (nothing, nothing),
+        values[4:],
+    )
+    moved = np.linalg.norm(growth[:, None] * momentum + np.stack(across, axis=1), axis=1)
+    return np.maximum(moved, np.abs(2 * growth * energy + 0.5 * unit * size**2 * steep * rise))

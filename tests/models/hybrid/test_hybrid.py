@@ -134,6 +134,17 @@ def test_errors_count_as_often_as_they_come_out_of_resonances():
     assert 50 < typical < weight < 20 * typical
 
 
+@pytest.mark.parametrize("rate", [1.0, 40.0])
+def test_the_error_of_the_full_equations_is_bounded_however_fast_a_body_spins(rate: float):
+    spin = (0.5 * rate, -0.3 * rate, 0.8 * rate)
+    scene = Scene(Ellipsoid((1.0, 1.0, 0.3)), 1e6, BodyStart((0.8, 0.3, -0.4, 0.2), spin), 2e3 / rate)
+    solution = run(scene, 1e-5)
+    found, true = (Hybrid().observe(scene, each.states) for each in (solution, full_run(scene)))
+    (stage,) = solution.stages
+    assert not stage.averaged
+    assert errors(scene.ellipsoid, found, true).slow < stage.error < 1e-5
+
+
 def test_the_plan_is_what_the_run_does():
     scene = replace(CROSSING, stokes=1e6, time=2e5)
     pieces = Hybrid().plan(scene, 1e-8, pilot(scene).start_at)

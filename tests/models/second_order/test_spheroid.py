@@ -10,7 +10,7 @@ import pytest
 from observed import observed
 
 from polhode.harness.references.errors import errors
-from polhode.models.catalogue import form
+from polhode.models.catalogue import form, full_form
 from polhode.models.form import FormNotValidError
 from polhode.models.forms import averaged_spheroid, spheroid_axis
 from polhode.models.forms.spheroid import Spheroid
@@ -157,6 +157,16 @@ def test_it_bounds_its_own_error(decade):
     for error, estimate in decade:
         assert 1 < estimate.slow / error.slow < 40
         assert estimate.orientation / error.orientation > 1
+
+
+@pytest.mark.parametrize("axes", [(0.32, 0.32, 1), (1, 0.6, 0.4)])
+def test_it_bounds_the_energy_of_a_fast_spinner(axes):
+    """The energy errs by the angular velocity times what L does, and the damping changes L faster than the swing."""
+    scene = Scene(Ellipsoid(axes), 1e4, BodyStart((0.8, 0.3, -0.4, 0.2), (36.8, 4.0, -10.0)), 4.0)
+    true = observed(full_form(scene), scene, tolerance=1e-16)
+    found = errors(scene.ellipsoid, observed(NAME, scene, solver="cyrk-dop853", tolerance=1e-14), true)
+    assert found.slow == found.slow_each[3] > 3 * max(found.slow_each[:3])
+    assert 1 < form(NAME).estimate(scene).slow / found.slow < 40
 
 
 @pytest.mark.parametrize("stokes", [200.0, 1e4, 1e8])

@@ -15,10 +15,11 @@ from polhode.models.catalogue import form
 from polhode.models.files import kept
 from polhode.models.form import FormNotValidError
 from polhode.models.forms import averaged
+from polhode.models.forms.spheroid import Spheroid
 from polhode.models.operations import FLOAT
 from polhode.models.scene import BodyStart, EulerStart, Scene
 from polhode.models.scenes import named_scene
-from polhode.models.second_order import tables as second_order_triaxial
+from polhode.models.second_order import field as triaxial_field, spheroid as spheroidal, tables as second_order_triaxial
 from polhode.models.second_order.averages import NAMES, averages
 from polhode.models.second_order.outline import outline
 from polhode.models.second_order.path import path_of
@@ -247,6 +248,38 @@ def test_the_jump_at_the_separatrix_is_that_of_half_polhodes_counted_one_by_one(
     rate = np.gradient(path.slow[:, 3], path.times)[at] / unit * path.torque_factor
     expected = abs(rate) * np.sqrt(np.mean(slope**2))
     assert expected <= np.sqrt(0.5) * jump.along[1] <= 1.3 * expected
+
+
+@pytest.mark.parametrize("spin", [(0.6, 0.5, 0.5), (0.1, 0.9, 6.0), (5.0, 0.4, 0.2)])
+@pytest.mark.parametrize("axes", [PAPER.semi_axes, (1, 1, 2), (1, 1, 0.3)])
+def test_the_size_of_second_order_is_that_of_the_rates_of_the_field(axes, spin):
+    scene = Scene(Ellipsoid(axes), 1e6, BodyStart(POSE, spin), 1e3)
+    body, low, middle, high = scene.ellipsoid, *sorted(scene.ellipsoid.inertia)
+    problem, path = form(NAME).problem(scene), path_of(scene)
+
+    def slow(y):
+        """L and E over I_max, of the averaged state."""
+        if body.kind == "triaxial":
+            axis, momentum = 1 / (low if path.longest[0] else high), y[:3]
+            h = 1 / middle + (axis - 1 / middle) * np.exp(-(y[3] ** 2))
+            return np.append(momentum, high * momentum @ momentum / 2 * h)
+        spheroid = Spheroid.of(body)
+        square = y[:3] @ y[:3] + (1 / spheroid.inertia_ratio - 1) * (y[:3] @ y[3:6]) ** 2
+        return spheroid.equatorial_inertia / high * np.append(y[:3], square / 2)
+
+    def rates(factor):
+        if body.kind == "triaxial":
+            field, p = triaxial_field.field, second_order_triaxial.parameters(body, factor, path.longest[0])
+        else:
+            field, p = spheroidal.field, spheroidal.parameters(Spheroid.of(body), factor)
+        y = np.array(problem.start)
+        step = 1e-6 * np.array(field(FLOAT)(problem.start, p))
+        return (slow(y + step) - slow(y - step)) / 2e-6
+
+    change = rates(1e-2) - rates(0.0)
+    expected = max(np.linalg.norm(change[:3]), abs(change[3])) * 1e2 / scene.stokes
+    # Both smooth resonances, over other widths.
+    assert path.second[0] == pytest.approx(expected, rel=0.02)
 
 
 def test_windows_narrow_with_the_error_allowed_and_meet():
