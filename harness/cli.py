@@ -6,47 +6,38 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib import import_module
+from pathlib import Path
 from types import FrameType
+from typing import Any, NamedTuple
 
 import click
 
 from polhode.models.registry import Question, hint
 
-# Each command's place in `harness/commands` and its summary, in the groups of `polhode --help`.
-GROUPS = {
-    "Use": {
-        "solve": ("solve:solve", "solve one scene: its L, E and orientation"),
-        "pick": ("pick:pick", "what to run for a scene, and what it will cost"),
-        "draw": ("show:draw", "the tumbling particle as a picture"),
-        "shape": ("show:shape", "inertia, resistance and kind of an ellipsoid"),
-        "scenes": ("show:scenes", "the built-in scenes, and scene files to start from"),
-        "forms": ("show:forms", "the forms of the equations"),
-        "solvers": ("show:solvers", "the solvers, and what is missing"),
-        "schema": ("show:schema", "JSON Schema of scene, study and sweep files, for editors"),
-    },
-    "Measure": {
-        "bench": ("bench:bench", "the main job: cost against accuracy"),
-        "regimes": ("bench:regimes", "the map of who wins, over St and error"),
-        "equal-error": ("bench:equal_error", "every solver at equal error, and what solve itself costs"),
-        "accuracy": ("paper:accuracy", "the averaged equations against the full ones"),
-        "paper": ("paper:paper", "the paper's figures and tables, each with a verdict"),
-        "sweep": ("sweep:sweep", "ensembles of many particles, on one machine or many"),
-        "throughput": ("sweep:throughput", "what ensembles cost on this machine"),
-    },
-    "Maintain": {
-        "calibrate": ("calibrate:calibrate", "calibrate pick's cost model on this machine"),
-        "validate": ("calibrate:validate", "measure how good pick is, on scenes held out"),
-        "report": ("records:report", "everything measured so far as one offline web site"),
-        "export": ("records:export", "a store as CSV or JSON Lines"),
-        "compare": ("records:compare", "two saved runs, and what got worse"),
-        "doctor": ("setup:doctor", "versions, libraries, caches, and whether the machine is steady"),
-        "completion": ("setup:completion", "make the shell complete commands, scenes, forms and solvers"),
-    },
-}
-COMMANDS = {name: row for group in GROUPS.values() for name, row in group.items()}
+
+class Words(NamedTuple):
+    """Where a command stands, and what is said of it."""
+
+    name: str
+    module: str
+    summary: str
+    example: str
+    more: str  # after the first line of its help
+
+
+def _words(section: str) -> Words:
+    head, summary, example, *more = section.strip().split("\n\n")
+    return Words(*head.rstrip(")").split(" ("), summary, example, "\n\n".join(more))
+
+
+# A text of its own, since the libraries that read other formats take longer than all else before `polhode --help`.
+_TEXT = Path(__file__).with_name("commands").joinpath("words.md").read_text(encoding="utf-8")
+_GROUPS = (group.split("\n## ") for group in _TEXT.split("\n# ")[1:])
+GROUPS = {title.strip(): {words.name: words for words in map(_words, group)} for title, *group in _GROUPS}
+COMMANDS = {name: words for group in GROUPS.values() for name, words in group.items()}
 # Names of version 0.1, understood in 0.2 too.
 FORMER = {"laws": "calibrate", "heldout": "validate", "footing": "equal-error"}
 
@@ -92,6 +83,17 @@ def bad_input() -> Iterator[None]:
         raise BadInput(str(error)) from None
 
 
+def command(**how: Any) -> Callable[[Callable[..., None]], click.Command]:
+    """Make the command of its name of a function."""
+
+    def made(function: Callable[..., None]) -> click.Command:
+        words = COMMANDS[function.__name__.replace("_", "-")]
+        text = f"{function.__doc__}\n\n{words.more}"
+        return click.command(words.name, help=text, epilog=f"Example: {words.example}", **how)(function)
+
+    return made
+
+
 class _Commands(click.Group):
     """Commands that are imported when they are called, so that `polhode --help` stays fast."""
 
@@ -101,8 +103,8 @@ class _Commands(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in COMMANDS:
             return None
-        module, _, attribute = COMMANDS[cmd_name][0].partition(":")
-        return getattr(import_module(f"polhode.harness.commands.{module}"), attribute)
+        module = import_module(f"polhode.harness.commands.{COMMANDS[cmd_name].module}")
+        return getattr(module, cmd_name.replace("-", "_"))
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -124,7 +126,7 @@ class _Commands(click.Group):
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         for title, group in GROUPS.items():
             with formatter.section(title):
-                formatter.write_dl([(name, summary) for name, (_, summary) in group.items()])
+                formatter.write_dl([(words.name, words.summary) for words in group.values()])
 
 
 @click.group(cls=_Commands, no_args_is_help=False, context_settings={"show_default": True})

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, get_args
 
 import click
 
-from polhode.harness.cli import BadInput, bad_input
+from polhode.harness.cli import BadInput, bad_input, command
 from polhode.harness.commands import _study_options as options
 from polhode.harness.commands._study_options import Wanted, command_line, open_store, running_into, steady
 
@@ -20,23 +20,12 @@ if TYPE_CHECKING:
 PAGES = {"costs": "bench", "outcomes": "outcomes", "known-stokes": "known_stokes"}
 
 
-@click.command(epilog="Example: polhode bench --quick --out look; polhode bench --problems --quick --out look")
+@command()
 @options.study_options
 @click.option("--problems", is_flag=True, help="The classical test problems instead; --scene is one of them.")
 @click.option("--page-only", is_flag=True, help="Measure nothing: write the page anew from the folder's records.jsonl.")
 def bench(wanted: Wanted, problems: bool, page_only: bool) -> None:
-    """Run a work-precision study and write its page, figures and records.
-
-    The page shows which run is the cheapest, or, for a study of several scenes that does not say otherwise, which runs
-    succeed.
-
-    Without a study file: the paper's triaxial ellipsoid at St = 1e2 to 1e5, by every solver, with the averaged form,
-    and a spheroid with the first and the second order of averaging.
-    This main job also rescales the times that `polhode pick` predicts for this user to this machine, and says so.
-
-    An interrupted run keeps its finished cases in FOLDER/store.sqlite and goes on with --resume; a run that starts
-    afresh moves them to FOLDER/previous.sqlite.
-    """
+    """Run a work-precision study and write its page, figures and records."""
     if problems:
         _problems(wanted)
         return
@@ -81,16 +70,10 @@ def _problems(wanted: Wanted) -> None:
     click.echo(f"{write_page(rows, folder, command_line())}")
 
 
-@click.command(epilog="Example: polhode regimes --quick --out look")
+@command()
 @options.study_options
 def regimes(wanted: Wanted) -> None:
-    """Measure and draw who wins over St and error: one map for the full solution, one for the slow variables.
-
-    The whole study is some 3600 runs and takes about half an hour: references, then every run up to five times.
-    Finished cases are kept in FOLDER/store.sqlite; --resume measures those that it lacks, which is all of them in an
-    empty folder, and draws the map. --quick, which keeps to St from 0.1 to 1e4, --scene, --form and --solver make it
-    shorter.
-    """
+    """Measure and draw who wins over St and error: one map for the full solution, one for the slow variables."""
     from polhode.harness.analysis.regime_map import LONGEST_SLOW_TIME
     from polhode.harness.pages.regimes import write_page
     from polhode.harness.studies.runner import Runner
@@ -117,16 +100,13 @@ def ahead(study: "Study", store: "Store") -> str:
     return f"{store.path} holds {sum(cases)} of {len(cases)} cases, {len(cases) - sum(cases)} are measured now"
 
 
-@click.command(epilog="Example: polhode equal-error --out look --quick")
+@command()
 @options.out_folder("reports/solvers")
 @options.quick
 @options.resume
 @options.quiet
 def equal_error(out: Path, quick: bool, resume: bool, quiet: bool) -> None:
-    """Compare all solvers at equal error, with every back end, and with the bare library calls.
-
-    About ten minutes; an interrupted run goes on with --resume.
-    """
+    """Compare all solvers at equal error, with every back end, and with the bare library calls."""
     from polhode.harness.pages.footing import Measured, write_page
     from polhode.harness.studies.cost import first_runs, measure, paper_problem, rhs_seconds, startup_seconds
     from polhode.harness.studies.runner import Runner

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import click
 
-from polhode.harness.cli import BadInput, RunFailed, bad_input
+from polhode.harness.cli import BadInput, RunFailed, bad_input, command
 from polhode.harness.commands._study_options import open_store, out_folder, quiet, resume, running_into
 from polhode.models.catalogue import FORMS
 from polhode.solvers.catalogue import SOLVERS
 
 
-@click.command(epilog="Example: polhode calibrate --resume")
+@command()
 @out_folder("reports/pick")
 @click.option("--to", type=click.Path(path_type=Path, dir_okay=False), help="File of laws; by default this user's.")
 @click.option("--scenes", type=click.IntRange(min=3), default=110, help="Training scenes.")
@@ -50,7 +50,7 @@ def calibrate(
         click.echo(f"{unjudged} scenes have times alone, without a reference")
 
 
-@click.command(epilog="Example: polhode validate --out look")
+@command()
 @out_folder("reports/pick")
 @click.option("--scenes", type=click.IntRange(min=1), default=16, help="Held-out scenes of a seed.")
 @click.option("--seed", type=click.IntRange(min=0), default=1765, help="What they are drawn from.")
@@ -59,10 +59,7 @@ def calibrate(
 @resume
 @quiet
 def validate(out: Path, scenes: int, seed: int, seeds: int, errors: int, resume: bool, quiet: bool) -> None:
-    """Ask `pick` about scenes that no law was fitted on, measure them, print how good it was, and write the page.
-
-    Exit code 1 if it does not reach what it promises.
-    """
+    """Ask `pick` about scenes that no law was fitted on, measure them, print how good it was, and write the page."""
     from polhode.harness.calibration.heldout import evaluate
     from polhode.harness.calibration.stated import stated
     from polhode.harness.pages.picking.pick import stated_summary, summary, write_pages, write_stated

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from polhode.harness.cli import RunFailed, bad_input
+from polhode.harness.cli import RunFailed, bad_input, command
 from polhode.harness.commands._study_options import FOLDER, as_json, out_folder, quiet
 
 # Again in `averaging.second_order` and `averaging.hybrid`, so that `--help` needs no numerics.
@@ -16,7 +16,7 @@ PARTS = {"1": (), "2": ("orders", "resonances", "cost"), "hybrid": ("errors", "s
 FOLDERS = {"1": Path("reports/accuracy"), "2": Path("reports/second-order"), "hybrid": Path("reports/hybrid")}
 
 
-@click.command(epilog="Example: polhode paper period-change spheroids")
+@command()
 @click.argument("names", metavar="[ITEM…]", nargs=-1)
 @out_folder("reports/paper")
 @click.option("--force", is_flag=True, help="Compute again even what is there.")
@@ -28,11 +28,7 @@ FOLDERS = {"1": Path("reports/accuracy"), "2": Path("reports/second-order"), "hy
 def paper(
     names: tuple[str, ...], out: Path, force: bool, redraw: bool, quick: bool, listed: bool, as_json: bool, quiet: bool
 ) -> None:
-    """Regenerate the paper's figures and tables: all of them, or the ITEMs (or sections) named.
-
-    Each item states what the paper claims, what is computed, and the number that confirms, sharpens or corrects it.
-    Data that today's code has made before are kept, so that an interrupted run goes on where it stopped.
-    """
+    """Regenerate the paper's figures and tables: all of them, or the ITEMs (or sections) named."""
     from polhode.harness.paper.claims import find_items, section_of
     from polhode.harness.paper.item import Grid
     from polhode.harness.paper.pages import run
@@ -56,7 +52,7 @@ def paper(
     click.echo(f"{out / 'README.md'}")
 
 
-@click.command(epilog="Example: polhode accuracy --quick --out look")
+@command()
 @click.option(
     "--order",
     type=click.Choice(list(FOLDERS)),
@@ -73,12 +69,7 @@ def paper(
 def accuracy(
     order: str, out: Path | None, as_json: bool, quick: bool, part: str | None, page_only: bool, quiet: bool
 ) -> None:
-    """Measure the averaged forms' errors in L_x, L_y, L_z and E against full solutions.
-
-    For every case of the paper: model error and solver error, the fitted order in 1/St, and the St from which on an
-    averaged form meets a given error; or, with --order 2, how the second order does away from resonances, through
-    them, and up to L² = 2EI₂, and what it costs. Writes a page with its data into the folder --out.
-    """
+    """Measure the averaged forms' errors in L_x, L_y, L_z and E against full solutions."""
     from polhode.harness.averaging import hybrid as hybrid_study
     from polhode.harness.averaging.data import PaperStudy, SecondOrderStudy, read_study
     from polhode.harness.averaging.measure import measure_all

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from polhode.harness.cli import BadInput, bad_input
+from polhode.harness.cli import BadInput, bad_input, command
 from polhode.harness.commands import setup
 from polhode.harness.commands._study_options import as_json
 from polhode.harness.common.text import duration, fitting, in_full, on_terminal, scientific, short
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 FEW = 8
 
 
-@click.command(epilog="Example: polhode pick paper --error 1e-6 --want slow")
+@command()
 @click.argument("scene", shell_complete=setup.scene_names)
 @click.option("--error", type=float, default=1e-6, help="Largest error allowed along the run.")
 @click.option("--want", default="slow", metavar="slow|orientation", help="L and E over I_max, or orientation in rad.")
@@ -29,14 +29,7 @@ FEW = 8
 @click.option("--all", "everything", is_flag=True, help="Show all ways, and why each other one will not do.")
 @as_json
 def pick(scene: str, error: float, want: str, samples: int, why: bool, everything: bool, as_json: bool) -> None:
-    """Rank the ways to run SCENE: form, solver and tolerance, with predicted error and time and their 95 % intervals.
-
-    Short trial runs at loose tolerances count the rotations and show how errors grow along them; laws fitted to many
-    measured runs predict errors and times from that. The ways that come first are tried, where a run takes
-    milliseconds, so that their tolerance suits this very scene. Ways whose 95 % interval of time overlaps with the
-    first one's are "tied" with it: any of them may be the fastest. `polhode solve SCENE --error E --want W` runs the
-    first row.
-    """
+    """Rank the ways to run SCENE: form, solver and tolerance, with predicted error, time and their 95 % intervals."""
     if want == "statistics":
         raise BadInput("--want: got 'statistics', expected 'slow' or 'orientation': one run has no statistics")
     from polhode.harness.common.progress import Progress

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from polhode.harness.cli import BadInput, RunFailed, bad_input
+from polhode.harness.cli import BadInput, RunFailed, bad_input, command
 from polhode.harness.commands import setup
 from polhode.harness.commands._study_options import FOLDER, as_json, quiet
 
@@ -12,15 +12,11 @@ REPORTS = Path("reports")
 ABOVE_ONE = click.FloatRange(min=1.0, min_open=True)
 
 
-@click.command(epilog="Example: polhode export reports/bench/store.sqlite bench.csv")
+@command()
 @click.argument("store", type=click.Path(path_type=Path))
 @click.argument("out", type=click.Path(path_type=Path))
 def export(store: Path, out: Path) -> None:
-    """Write the records of STORE to OUT, as CSV or JSON Lines by its ending.
-
-    Numbers that JSON has no sign for are the words "Infinity", "-Infinity" and "NaN"; nested results are JSON in CSV's
-    cells. OUT appears when it is complete; a run that fails leaves what it wrote as OUT.partial.
-    """
+    """Write the records of STORE to OUT, as CSV or JSON Lines by its ending."""
     from polhode.harness.common.store import Store, export as write
 
     if not store.is_file() or store.stat().st_size == 0:
@@ -29,20 +25,14 @@ def export(store: Path, out: Path) -> None:
         write(opened, out)
 
 
-@click.command(epilog="Example: polhode compare before.json after.json --slower 1.3")
+@command()
 @click.argument("before", type=click.Path(path_type=Path))
 @click.argument("after", type=click.Path(path_type=Path))
 @click.option("--slower", type=ABOVE_ONE, default=1.5, help="Factor in time that is a regression.")
 @click.option("--less-accurate", type=ABOVE_ONE, default=3.0, help="The same for the errors.")
 @as_json
 def compare(before: Path, after: Path, slower: float, less_accurate: float, as_json: bool) -> None:
-    """Compare two saved runs; fail if a case of AFTER is slower or less accurate than in BEFORE, or failed.
-
-    Each is a JSON file of the benchmark suite, a folder of such files from repeated runs, of which the shortest time
-    counts, a store (.sqlite) of `polhode bench`, or its export (.jsonl). Cases are matched by scene, form, solver and
-    tolerance. Times are corrected for the machine's drift, measured by a fixed piece of arithmetic, and count as longer
-    only beyond the scatter of the repeated runs.
-    """
+    """Compare two saved runs; fail if a case of AFTER is slower or less accurate than in BEFORE, or failed."""
     from polhode.harness.analysis.comparison import compare as compare_runs, read_runs
     from polhode.harness.common.plain_json import dumps
     from polhode.harness.common.text import aligned
@@ -68,18 +58,13 @@ def compare(before: Path, after: Path, slower: float, less_accurate: float, as_j
         raise RunFailed(f"regressions: {len(worse)} in {found.shared} cases")
 
 
-@click.command(epilog="Example: polhode report --scene ice.toml")
+@command()
 @click.option("--reports", type=FOLDER, default=REPORTS, help="Folder of the other commands' pages.")
 @click.option("--out", type=FOLDER, help="Folder; by default REPORTS/site.")
 @click.option("--scene", multiple=True, shell_complete=setup.scene_names, help="Show its motion too; repeatable.")
 @quiet
 def report(reports: Path, out: Path | None, scene: tuple[str, ...], quiet: bool) -> None:
-    """Write a web site of all that was found: verdict, costs, every page of the reports, motions.
-
-    It shows what `bench`, `regimes`, `accuracy`, `validate`, `paper`, `equal-error` and `bench
-    harness/studies/hard_cases.toml` left in the folder --reports. The pages need no server and no network. The opening
-    page names what is not there yet, with the command that makes it.
-    """
+    """Write a web site of all that was found: verdict, costs, every page of the reports, motions."""
     from tqdm import tqdm
 
     from polhode.harness.site.build import build

@@ -8,6 +8,7 @@ from typing import Any
 import click
 from click.shell_completion import CompletionItem, get_completion_class
 
+from polhode.harness.cli import command
 from polhode.harness.common.text import duration, fitting, on_terminal
 
 # Seconds over which the sentinel is watched.
@@ -39,14 +40,10 @@ def solver_names(context: click.Context, parameter: click.Parameter, typed: str)
     return [CompletionItem(name, help=solver(name).summary) for name in SOLVERS if name.startswith(typed)]
 
 
-@click.command(epilog='Example: polhode completion bash; eval "$(polhode completion bash)"')
+@command()
 @click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]), metavar="SHELL")
 def completion(shell: str) -> None:
-    """Print the script that makes SHELL complete commands, options, scenes, forms and solvers by Tab.
-
-    Put eval "$(polhode completion bash)" into ~/.bashrc, the same with zsh into ~/.zshrc, or for fish: polhode
-    completion fish > ~/.config/fish/completions/polhode.fish
-    """
+    """Print the script that makes SHELL complete commands, options, scenes, forms and solvers by Tab."""
     from polhode.harness.cli import polhode
 
     found = get_completion_class(shell)
@@ -54,7 +51,7 @@ def completion(shell: str) -> None:
     click.echo(found(polhode, {}, "polhode", "_POLHODE_COMPLETE").source())
 
 
-@click.command(epilog="Example: polhode doctor --json")
+@command()
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def doctor(as_json: bool) -> None:
     """Show versions, solvers that can be run, caches, and whether times measured now would mean anything."""

@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from polhode.harness.cli import BadInput, RunFailed, bad_input
+from polhode.harness.cli import BadInput, RunFailed, bad_input, command
 from polhode.harness.commands import setup
 from polhode.harness.commands._study_options import as_json
 from polhode.harness.common.text import fitting, on_terminal
@@ -15,11 +15,8 @@ from polhode.harness.common.text import fitting, on_terminal
 FORMATS = (".png", ".svg", ".pdf")
 
 
-@click.command(
-    epilog="Example: polhode shape 1 0.8 0.5",
-    # Negative numbers are values here, to be refused as such.
-    context_settings={"ignore_unknown_options": True},
-)
+# Negative numbers are values here, to be refused as such.
+@command(context_settings={"ignore_unknown_options": True})
 @click.argument("semi_axes", nargs=-1, type=float, metavar="A B C")
 @as_json
 def shape(semi_axes: tuple[float, ...], as_json: bool) -> None:
@@ -53,7 +50,7 @@ def _text(value: object) -> str:
     return "–" if value is None else f"{value:.15g}" if isinstance(value, float) else str(value)
 
 
-@click.command(epilog="Example: polhode scenes paper > mine.toml")
+@command()
 @click.argument("scene", required=False, shell_complete=setup.scene_names)
 @as_json
 def scenes(scene: str | None, as_json: bool) -> None:
@@ -96,7 +93,7 @@ _MEANINGS = {
 }
 
 
-@click.command(epilog="Example: polhode forms --json")
+@command()
 @as_json
 def forms(as_json: bool) -> None:
     """List the forms of the equations, and the scenes for which each is valid."""
@@ -115,7 +112,7 @@ def forms(as_json: bool) -> None:
     click.echo(on_terminal(["name", "what, and for which scenes"], lines))
 
 
-@click.command(epilog="Example: polhode solvers --json")
+@command()
 @as_json
 def solvers(as_json: bool) -> None:
     """List the solvers, the forms each accepts, and what is missing."""
@@ -130,13 +127,10 @@ def solvers(as_json: bool) -> None:
     click.echo(on_terminal(["name", "summary", "state"], lines))
 
 
-@click.command(epilog="Example: polhode schema scene > scene.schema.json")
+@command()
 @click.argument("kind", type=click.Choice(["scene", "study", "sweep"]))
 def schema(kind: str) -> None:
-    """Print the JSON Schema of scene, study or sweep files, by which editors complete and check them.
-
-    Editors with Taplo take it from the file's first line: #:schema ./scene.schema.json
-    """
+    """Print the JSON Schema of scene, study or sweep files, by which editors complete and check them."""
     from polhode.harness.ensembles.sweep import SweepTable
     from polhode.harness.studies.study_file import StudyTable
     from polhode.models.files.scene_file import SceneTable
@@ -146,7 +140,7 @@ def schema(kind: str) -> None:
     click.echo(json.dumps(dialect | found | {"title": f"polhode {kind} file"}, indent=2))
 
 
-@click.command(epilog="Example: polhode draw paper --until 12 --out tumbling.png")
+@command()
 @click.argument("scene", shell_complete=setup.scene_names)
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Picture to write: PNG, SVG or PDF.")
 @click.option("--until", type=float, help="Last time shown; by default that of one rotation.")

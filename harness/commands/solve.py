@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from polhode.harness.cli import RunFailed, bad_input
+from polhode.harness.cli import RunFailed, bad_input, command
 from polhode.harness.commands import setup
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ FEW, SHOWN = 11, ["t", "t2", "Lx", "Ly", "Lz", "E"]
 WANTS, FILE = click.Choice(["slow", "orientation"]), click.Path(path_type=Path)
 
 
-@click.command(epilog="Example: polhode solve paper --samples 501 --out paper.csv")
+@command()
 @click.argument("scene", shell_complete=setup.scene_names)
 @click.option("--form", shell_complete=setup.form_names, help="Of `polhode forms`; by default what fits the scene.")
 @click.option("--solver", shell_complete=setup.solver_names, help="Of `polhode solvers`; by default what fits.")
@@ -40,12 +40,7 @@ WANTS, FILE = click.Choice(["slow", "orientation"]), click.Path(path_type=Path)
 def solve(
     scene: str, out: Path | None, omega: bool, restart: Path | None, quiet: bool, verbose: bool, **given: Any
 ) -> None:
-    """Solve SCENE and write t, t2, L, E and the rotation matrix at equispaced times.
-
-    FILE appears when it is complete; a run that fails or is interrupted leaves its rows as FILE.partial. A form
-    or solver that is not expected to meet the error runs all the same, and a note on standard error says why. A second
-    look, in less time than the run or 5 ms, estimates its error; FILE.json says where the numbers of FILE come from.
-    """
+    """Solve SCENE and write t, t2, L, E and the rotation matrix at equispaced times."""
     from polhode.harness.commands.show import scene_text
     from polhode.harness.common.files import PartialFile, write_file
     from polhode.harness.common.progress import Progress

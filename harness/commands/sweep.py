@@ -8,11 +8,11 @@ from typing import Any
 
 import click
 
-from polhode.harness.cli import BadInput, RunFailed, bad_input
+from polhode.harness.cli import BadInput, RunFailed, bad_input, command
 from polhode.harness.commands._study_options import FOLDER, as_json, open_store, out_folder, quiet, running_into
 
 
-@click.command(epilog="Example: polhode sweep sweep.toml --workers 4 --out results")
+@command()
 @click.argument("file", metavar="[SWEEP.toml]", required=False, type=click.Path(path_type=Path))
 @click.option("--out", type=FOLDER, help="Folder; by default reports/NAME.")
 @click.option("--workers", type=click.IntRange(min=0), help="Processes; by default one per core, 0 for this one alone.")
@@ -23,11 +23,7 @@ from polhode.harness.commands._study_options import FOLDER, as_json, open_store,
 def sweep(
     file: Path | None, out: Path | None, workers: int | None, dask: str | None, resume: bool, as_json: bool, quiet: bool
 ) -> None:
-    """Run ensembles of particles over a grid of shapes and Stokes numbers and write their statistics.
-
-    Finished tasks are kept in FOLDER/store.sqlite; whatever ends a run, it goes on with --resume, and gives the same
-    numbers. Several runs with --resume may share one store.
-    """
+    """Run ensembles of particles over a grid of shapes and Stokes numbers and write their statistics."""
     from polhode.harness.ensembles.sweep import read_sweep, run_sweep
 
     with bad_input():
@@ -48,13 +44,10 @@ def sweep(
     click.echo(json.dumps(ensembles) if as_json else f"{page}")
 
 
-@click.command(epilog="Example: polhode throughput --out look")
+@command()
 @out_folder("reports/sweep")
 def throughput(out: Path) -> None:
-    """Measure what ensembles cost on this machine: particles per second, engines, memory.
-
-    Some four minutes on a quiet machine; writes a page and throughput.json into the folder --out.
-    """
+    """Measure what ensembles cost on this machine: particles per second, engines, memory."""
     from polhode.harness.ensembles.throughput import measure
     from polhode.harness.pages.ensembles import write_page
 
