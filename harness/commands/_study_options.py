@@ -105,29 +105,27 @@ def command_line() -> str:
     return " ".join(words)
 
 
-def open_store(folder: Path, resume: bool, name: str = "store") -> "Store":
-    """Open FOLDER/NAME.sqlite, made with its folder; a run that starts afresh moves the last one's aside."""
-    from polhode.harness.common.store import DamagedStoreError, Store, set_aside
+@contextmanager
+def stored(folder: Path, resume: bool, name: str = "store", what: str = "cases") -> Iterator["Store"]:
+    """FOLDER/NAME.sqlite, made with its folder, open; a run that starts afresh moves the last one's aside.
 
-    path = folder / f"{name}.sqlite"
+    What ends the run is said in one line, and how to go on.
+    """
+    from polhode.harness.common.store import DamagedStoreError, Store, set_aside
+    from polhode.harness.common.worker import KilledFromOutsideError
+
+    path, previous = folder / f"{name}.sqlite", "previous" if name == "store" else f"previous-{name}"
     with bad_input():
         folder.mkdir(parents=True, exist_ok=True)
         if not resume and path.exists():
-            set_aside(path, path.with_name("previous.sqlite" if name == "store" else f"previous-{name}.sqlite"))
+            set_aside(path, folder / f"{previous}.sqlite")
         try:
-            return Store(path)
+            store = Store(path)
         except DamagedStoreError as error:
             raise BadInput(f"{error}, expected one of an earlier run or none") from None
         except OSError as error:
             raise RunFailed(f"{error}; --resume goes on") from None
-
-
-@contextmanager
-def running_into(store: "Store", what: str = "cases") -> Iterator["Store"]:
-    """Close the store in any case; say in one line what ended the run, and how to go on."""
-    from polhode.harness.common.worker import KilledFromOutsideError
-
-    goes_on = f"finished {what} are in {store.path}, --resume goes on"
+    goes_on = f"finished {what} are in {path}, --resume goes on"
     with store:
         try:
             yield store

@@ -9,7 +9,7 @@ import click
 
 from polhode.harness.cli import BadInput, bad_input, command
 from polhode.harness.commands import _study_options as options
-from polhode.harness.commands._study_options import Wanted, command_line, open_store, running_into, steady
+from polhode.harness.commands._study_options import Wanted, command_line, steady, stored
 
 if TYPE_CHECKING:
     from polhode.harness.common.store import Store
@@ -44,10 +44,9 @@ def bench(wanted: Wanted, problems: bool, page_only: bool) -> None:
             records = list(read_export(folder / "records.jsonl"))
         click.echo(f"{write_page(study, records, folder, command_line())}")
         return
-    store = open_store(folder, wanted.resume)
     if outside := [name for name in (*study.forms, *study.solvers) if ":" in name]:
         click.echo(f"note: the study runs code of {', '.join(outside)}", err=True)
-    with running_into(store):
+    with stored(folder, wanted.resume) as store:
         records = Runner(store, wanted.quiet).run(study)
     trusted = steady(records, folder / "README.md", wanted.disturbed)
     page = write_page(study, records, folder, command_line())
@@ -64,8 +63,7 @@ def _problems(wanted: Wanted) -> None:
     if wanted.study_file or wanted.filters["forms"] or wanted.filters["tags"]:
         raise BadInput("--problems: got a study, --form or --tag, expected --scene and --solver at most")
     folder, some = wanted.out or Path("reports/problems"), (wanted.filters[name] for name in ("scenes", "solvers"))
-    store = open_store(folder, wanted.resume)
-    with running_into(store), bad_input():
+    with stored(folder, wanted.resume) as store, bad_input():
         rows = run_problems(store, *some, quick=wanted.quick, quiet=wanted.quiet)
     click.echo(f"{write_page(rows, folder, command_line())}")
 
@@ -84,8 +82,7 @@ def regimes(wanted: Wanted) -> None:
             some = tuple((name, scene) for name, scene in study.scenes if 0.1 <= scene.stokes <= 1e4)
             study = replace(study.quick(), scenes=some or study.scenes)
     folder = wanted.out or Path("reports") / study.name
-    store = open_store(folder, wanted.resume)
-    with running_into(store):
+    with stored(folder, wanted.resume) as store:
         if not wanted.quiet:
             click.echo(ahead(study, store), err=True)
         records = Runner(store, wanted.quiet).run(study)
@@ -113,12 +110,10 @@ def equal_error(out: Path, quick: bool, resume: bool, quiet: bool) -> None:
     from polhode.harness.studies.study_file import read_study
     from polhode.solvers.contract import Backend
 
-    store = open_store(out, resume)
-    problem = paper_problem()
-    overheads = measure(problem, seconds=0.2 if quick else 2.0)
-    firsts = first_runs(problem, [one.solver for one in overheads])
-    found = {}
-    with running_into(store):
+    problem, found = paper_problem(), {}
+    with stored(out, resume) as store:
+        overheads = measure(problem, seconds=0.2 if quick else 2.0)
+        firsts = first_runs(problem, [one.solver for one in overheads])
         for name in ("solvers", "spheroid", "backends"):
             study = read_study(None, name)
             found[name] = Runner(store, quiet).run(study.quick() if quick else study)

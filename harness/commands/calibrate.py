@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from polhode.harness.cli import BadInput, RunFailed, bad_input, command
-from polhode.harness.commands._study_options import open_store, out_folder, quiet, resume, running_into
+from polhode.harness.commands._study_options import out_folder, quiet, resume, stored
 from polhode.models.catalogue import FORMS
 from polhode.solvers.catalogue import SOLVERS
 
@@ -40,7 +40,7 @@ def calibrate(
     with bad_input():
         path.parent.mkdir(parents=True, exist_ok=True)
         base = read_laws(path) if add else None
-    with running_into(open_store(out, resume, "training")) as store:
+    with stored(out, resume, "training") as store:
         base = without(store, base, anew)
         records = train(store, scenes, quiet, base)
     fitted = fit_laws(records, {"machine": machine(), "versions": versions()}, base)
@@ -66,14 +66,14 @@ def validate(out: Path, scenes: int, seed: int, seeds: int, errors: int, resume:
     from polhode.harness.picking.laws import load_laws
 
     if errors:
-        with running_into(open_store(out, resume, "stated")) as store:
+        with stored(out, resume, "stated") as store:
             found = stated(store, seed, errors, quiet)
         page = write_stated(out, found, f"polhode validate --errors {errors} --seed {seed}")
         click.echo("\n".join([*stated_summary(found), str(page)]))
         return
     with bad_input():
         known = load_laws()
-    with running_into(open_store(out, resume, "heldout")) as store:
+    with stored(out, resume, "heldout") as store:
         evaluation = evaluate(store, known, scenes, quiet, seed, seeds)
     page = write_pages(out, known, evaluation, f"polhode validate --scenes {scenes} --seed {seed} --seeds {seeds}")
     for sentence in summary(evaluation):

@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from polhode.harness.cli import BadInput, RunFailed, bad_input, command
-from polhode.harness.commands._study_options import FOLDER, as_json, open_store, out_folder, quiet, running_into
+from polhode.harness.commands._study_options import FOLDER, as_json, out_folder, quiet, stored
 
 
 @command()
@@ -33,7 +33,7 @@ def sweep(
         if path.exists() and not resume:
             raise BadInput(f"{path}: exists, expected --resume to go on with it, or another --out")
         engine = _engine(workers, dask)
-    with running_into(open_store(folder, resume=True), "tasks") as store:
+    with stored(folder, resume=True, what="tasks") as store:
         tally = run_sweep(what, store, engine, quiet=quiet, spread=resume)
         if tally.failed:
             raise RunFailed(f"{tally.failed} of {what.size} tasks failed, --resume tries again: {tally.message}")

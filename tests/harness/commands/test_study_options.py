@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from polhode.harness.cli import RunFailed
-from polhode.harness.commands._study_options import FEW, open_store, steady
+from polhode.harness.commands._study_options import FEW, steady, stored
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Store
 
@@ -31,11 +31,11 @@ def test_a_page_says_how_many_times_were_disturbed():
 
 @pytest.mark.parametrize(("name", "kept"), [("store", "previous.sqlite"), ("training", "previous-training.sqlite")])
 def test_a_run_that_starts_afresh_keeps_the_last_store_and_copies_of_it(name: str, kept: str, tmp_path: Path):
-    with open_store(tmp_path, resume=False, name=name) as store:
+    with stored(tmp_path, resume=False, name=name) as store:
         store.put("a", {}, {})
     copy = tmp_path / f"{name}.sqlite.mine"
     copy.write_text("a copy")
-    with open_store(tmp_path, resume=False, name=name) as store:
+    with stored(tmp_path, resume=False, name=name) as store:
         assert not store.keys()
     with Store(tmp_path / kept) as store:
         assert store.keys() == {"a"}
