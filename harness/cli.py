@@ -30,7 +30,8 @@ class Words(NamedTuple):
 
 def _words(section: str) -> Words:
     head, summary, example, *more = section.strip().split("\n\n")
-    return Words(*head.rstrip(")").split(" ("), summary, example, "\n\n".join(more))
+    name, module = head.rstrip(")").split(" (")
+    return Words(name, module, summary, example, "\n\n".join(more))
 
 
 # A text of its own, since the libraries that read other formats take longer than all else before `polhode --help`.
