@@ -10,21 +10,24 @@ steps, each starting from the step at which the last one stopped. While it runs,
 """
 
 import ctypes
+import importlib.util
+import sys
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from functools import cache
+from importlib.metadata import version
+from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import numpy as np
 
 from polhode.models.problem import Problem
-from polhode.solvers import scipy_ivp
+from polhode.models.spent import spent_on
 from polhode.solvers.catalogue import methods
 from polhode.solvers.compile import c_callback, parameter_array
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status
-from polhode.solvers.cyrk_library import load_cyrk
 from polhode.solvers.machine_code.underflow import FlushedToZero
-from polhode.solvers.scipy_ivp import ScipySolver
 
 # Deadline and Ctrl-C are looked at once per this many steps: a tenth of a second at most.
 CHUNK = 20_000
@@ -35,8 +38,79 @@ MAX_RAM_MB = 2000
 # CyrkErrorCodes of the library's c_common.hpp.
 _STEPS_EXCEEDED = (-52, -53)
 _UNDERFLOW = (-54, -55, -80, -90, -91, -92)
+# Versions whose C functions have the signatures stated here; of others the package itself is imported.
+KNOWN = ("0.20.",)
+
+_RESULT, _SIZE, _INT, _DOUBLE = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int, ctypes.c_double
+_POINTER = ctypes.POINTER(ctypes.c_double)
+# Of each function: what numba_c_api calls its address, what it returns, and its arguments.
+_FUNCTIONS = {
+    "c_get_size": ("get_size", _SIZE, (_RESULT,)),
+    "c_get_status": ("get_status", ctypes.c_int32, (_RESULT,)),
+    "c_get_steps": ("get_steps_taken", _SIZE, (_RESULT,)),
+    "c_get_t_ptr": ("get_t", _POINTER, (_RESULT,)),
+    "c_get_y_ptr": ("get_y", _POINTER, (_RESULT,)),
+    "c_get_t_now": ("get_t_now", _DOUBLE, (_RESULT,)),
+    "c_get_y_now": ("get_y_now_ptr", _POINTER, (_RESULT,)),
+    "c_free": ("get_free", None, (_RESULT,)),
+    "c_numba_cysolve_ivp": (
+        "get_solve",
+        _RESULT,
+        (
+            *(_RESULT, _DOUBLE, _DOUBLE, _RESULT, _SIZE),  # field, start, end, state
+            *(_INT, _SIZE, _SIZE, _RESULT, _SIZE),  # method, expected size, extra outputs, parameters
+            *(_SIZE, _SIZE, ctypes.c_bool, _RESULT, _SIZE),  # limits of steps and memory, dense output, times
+            *(_RESULT, _RESULT, _SIZE),  # function before the field, events
+            *(_RESULT, _SIZE, _RESULT, _SIZE),  # relative and absolute tolerances
+            *(_DOUBLE, _DOUBLE, ctypes.c_bool),  # largest and first step, keep the solver
+        ),
+    ),
+}
 # The function that the library calls: rates, time, state and parameters.
 _FIELD = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
+
+
+@cache
+@spent_on("import")
+def load_cyrk() -> Any:
+    """The library's C functions, as its bridge to numba names them, without the 0.3 s that numba takes to import."""
+    if version("CyRK").startswith(KNOWN):
+        with suppress(ImportError, AttributeError):
+            return SimpleNamespace(**_functions())
+    from CyRK.nb import numba_solver
+
+    return numba_solver
+
+
+def _functions() -> dict[str, Any]:
+    _announce()
+    from CyRK._cpu_check import check_cpu
+
+    check_cpu()
+    import CyRK.nb.numba_c_api as addresses
+
+    return {
+        name: ctypes.CFUNCTYPE(result, *arguments)(getattr(addresses, f"{source}_func_ptr")())
+        for name, (source, result, arguments) in _FUNCTIONS.items()
+    }
+
+
+def _announce() -> None:
+    """Enter the package where modules are found, so that its parts can be imported; it runs on the first use."""
+    if "CyRK" in sys.modules:
+        return
+    spec = importlib.util.find_spec("CyRK")
+    if spec is None or spec.loader is None:
+        raise ModuleNotFoundError("No module named 'CyRK'", name="CyRK")
+    package, loader = importlib.util.module_from_spec(spec), spec.loader
+
+    def complete(name: str) -> Any:
+        vars(package).pop("__getattr__", None)
+        loader.exec_module(package)
+        return getattr(package, name)
+
+    vars(package)["__getattr__"] = complete
+    sys.modules["CyRK"] = package
 
 
 class CyrkSolver(Solver):
@@ -178,26 +252,4 @@ def _array(pointer: Any, size: int) -> np.ndarray:
     return np.array((ctypes.c_double * size).from_address(ctypes.addressof(pointer.contents)))
 
 
-Vern8, Vern7, Tsit5 = methods(CyrkSolver)
-
-
-def _twin(of: type[ScipySolver]) -> type[CyrkSolver]:
-    """One of SciPy's methods as CyRK has it: the same formulas, and the same errors at the same tolerance."""
-    again = " Starts anew, at order 1, after every piece of a run." if of.method in ("BDF", "LSODA") else ""
-    traits = {
-        "__doc__": f"The compiled twin of `polhode.solvers.scipy_ivp.{of.__name__}`.{again}",
-        "__module__": __name__,
-        "name": f"cyrk-{of.name}",
-        "summary": of.summary[: of.summary.rindex(" (")] + ", compiled (CyRK)",
-        "method": of.method.upper(),
-        "implicit": of.implicit,
-        # By finite differences a Jacobian costs one right-hand side per component.
-        "jacobians": ("difference",) if of.implicit else (),
-        "switching": of.switching,
-        "low_order": of.implicit and not of.switching,
-        "error_constant": of.error_constant,
-    }
-    return type(of.__name__, (CyrkSolver,), traits)
-
-
-Dop853, Lsoda, Bdf, Radau = map(_twin, (scipy_ivp.Dop853, scipy_ivp.Lsoda, scipy_ivp.Bdf, scipy_ivp.Radau))
+Vern8, Vern7, Dop853, Tsit5, Lsoda, Bdf, Radau = methods(CyrkSolver)

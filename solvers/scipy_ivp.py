@@ -132,4 +132,4 @@ def _step_through(stepper: Any, record: Record) -> tuple[Outcome, int]:
     return (Status.REACHED_END, ""), interpolated
 
 
-Rk45, Dop853, Radau, Bdf, Lsoda = methods(ScipySolver)
+Dop853, Rk45, Radau, Bdf, Lsoda = methods(ScipySolver)

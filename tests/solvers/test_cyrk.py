@@ -14,7 +14,7 @@ from polhode.solvers.solve import solve
 
 PROGRAM = """
 import sys
-import polhode.solvers.cyrk_library as library
+import polhode.solvers.cyrk as library
 from polhode.models.problem import Problem
 from polhode.solvers.solve import solve
 KNOWN = {known!r}
