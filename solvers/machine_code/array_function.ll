@@ -48,13 +48,20 @@ ret ptr null
 
 define ptr @function(ptr %self, ptr %arguments, i64 %count) {
 %few = icmp eq i64 %count, $count
-br i1 %few, label %check0, label %refuse
-$checks
-refuse:
-call void inttoptr (i64 $PyErr_SetString to ptr)(ptr inttoptr (i64 $type_error to ptr), ptr inttoptr (i64 $message to ptr))
-ret ptr null
-check$count:
+br i1 %few, label %enough, label %refuse
+enough:
+; for each count
+%at{i} = getelementptr ptr, ptr %arguments, i64 {i}
+%array{i} = load ptr, ptr %at{i}
+%$name{i} = call ptr @data(ptr %array{i}, i64 $length{i}, i32 $flags{i})
+%wrong{i} = icmp eq ptr %$name{i}, null
+br i1 %wrong{i}, label %refuse, label %found{i}
+found{i}:
+; end
 call void inttoptr (i64 $Py_IncRef to ptr)(ptr inttoptr (i64 $none to ptr))
 $lines
 ret ptr inttoptr (i64 $none to ptr)
+refuse:
+call void inttoptr (i64 $PyErr_SetString to ptr)(ptr inttoptr (i64 $type_error to ptr), ptr inttoptr (i64 $message to ptr))
+ret ptr null
 }

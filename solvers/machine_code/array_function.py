@@ -4,6 +4,7 @@ import ctypes
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from struct import pack
+from typing import Any
 
 import numpy as np
 
@@ -25,8 +26,10 @@ def array_function(lines: str, arrays: Mapping[str, int]) -> Callable[..., None]
     """
     python, message = ctypes.pythonapi, ctypes.create_string_buffer(_EXPECTED)
     calls = {name: ctypes.cast(python[name], ctypes.c_void_p).value for name in ("PyErr_SetString", "Py_IncRef")}
-    checks = "\n".join(_check(i, name, length) for i, (name, length) in enumerate(arrays.items()))
-    own = {"lines": lines, "checks": checks, "count": len(arrays), "message": ctypes.addressof(message)}
+    own: dict[str, Any] = {"lines": lines, "count": len(arrays), "message": ctypes.addressof(message)}
+    for i, (name, length) in enumerate(arrays.items()):
+        flags = _WRITEABLE if name == "out" else _READABLE
+        own |= {f"name{i}": name, f"length{i}": length, f"flags{i}": flags}
     code = compile_file(Path(__file__).with_suffix(".ll"), **_KNOWN, **calls, **own)
     # Python's `PyMethodDef`: name, function, flags and no documentation.
     name = ctypes.create_string_buffer(b"field")
@@ -35,13 +38,3 @@ def array_function(lines: str, arrays: Mapping[str, int]) -> Callable[..., None]
     new.argtypes, new.restype = [ctypes.c_void_p, ctypes.py_object, ctypes.c_void_p], ctypes.py_object
     # The function keeps alive what it is bound to.
     return new(ctypes.addressof(definition), (code, definition, name, message), None)
-
-
-def _check(i: int, name: str, length: int) -> str:
-    """The lines that find the data of an argument, or refuse it."""
-    return f"""check{i}:
-%at{i} = getelementptr ptr, ptr %arguments, i64 {i}
-%array{i} = load ptr, ptr %at{i}
-%{name} = call ptr @data(ptr %array{i}, i64 {length}, i32 {_WRITEABLE if name == "out" else _READABLE})
-%wrong{i} = icmp eq ptr %{name}, null
-br i1 %wrong{i}, label %refuse, label %check{i + 1}"""

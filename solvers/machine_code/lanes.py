@@ -64,38 +64,19 @@ def lanes(step: Step, dimension: int, constants: int, before: Step | None = None
 
     Rows are states as the map `after` makes them of what is stepped, and the map `before` makes that of a row.
     """
-    vector, each_state = f"<{width()} x double>", range(dimension)
-    begun, before_lines = _traced(before, "before", [f"%row{i}" for i in each_state], constants)
-    results, step_lines = _traced(step, "step", [f"%y{i}" for i in each_state], constants)
+    components = range(dimension)
+    begun, before_lines = _traced(before, "before", [f"%row{i}" for i in components], constants)
+    results, step_lines = _traced(step, "step", [f"%y{i}" for i in components], constants)
     rows, after_lines = _traced(after, "after", results, constants)
-    begun, results, rows = ([_widened(each) for each in part] for part in (begun, results, rows))
-    splats = [
-        f"%c{i}_at = getelementptr double, ptr %constants, i64 {i}\n"
-        f"%c{i}_one = load double, ptr %c{i}_at\n"
-        f"%c{i}_first = insertelement {vector} poison, double %c{i}_one, i64 0\n"
-        f"%c{i} = shufflevector {vector} %c{i}_first, {vector} poison, <{width()} x i32> zeroinitializer"
-        for i in range(constants)
-    ]
-    starts = [
-        f"%begin{i}_at = getelementptr {vector}, ptr %at, i64 {i}\n%begin{i} = load {vector}, ptr %begin{i}_at, align 8"
-        for i in each_state
-    ]
-    stores = [
-        f"%place{i} = add i64 %row_first, {i}\n"
-        f"%out{i} = getelementptr {vector}, ptr %at, i64 %place{i}\n"
-        f"store {vector} {rows[i]}, ptr %out{i}, align 8"
-        for i in each_state
-    ]
-    row = [f"%row{i} = phi {vector} [%begin{i}, %group], [{rows[i]}, %row_end]" for i in each_state]
-    state = [f"%y{i} = phi {vector} [{begun[i]}, %row], [{results[i]}, %step]" for i in each_state]
-    parts = {"constants": splats, "starts": starts, "row": row, "state": state, "stores": stores}
-    parts |= {"before": before_lines, "step": step_lines, "after": after_lines}
-    text = {name: "\n".join(lines) for name, lines in parts.items()}
-    place = Path(__file__).with_suffix(".ll")
-    return Lanes(compile_file(place, **text, vector=vector, width=width(), dimension=dimension), dimension)
+    fields: dict[str, Any] = {"vector": f"<{width()} x double>", "width": width()}
+    fields |= {"constant": constants, "component": dimension}
+    fields |= {"before": before_lines, "step": step_lines, "after": after_lines}
+    for name, numbers in (("begun", begun), ("result", results), ("row", rows)):
+        fields |= {f"{name}{i}": _widened(number) for i, number in enumerate(numbers)}
+    return Lanes(compile_file(Path(__file__).with_suffix(".ll"), **fields), dimension)
 
 
-def _traced(step: Step | None, name: str, state: Sequence[str], constants: int) -> tuple[list[str], list[str]]:
+def _traced(step: Step | None, name: str, state: Sequence[str], constants: int) -> tuple[list[str], str]:
     """The numbers that a map makes of a state's, and the lines that do; the state's own if there is no map."""
     lines: dict[str, str] = {}
     given = [Number(lines, f"%c{i}") for i in range(constants)]
@@ -106,8 +87,8 @@ def _traced(step: Step | None, name: str, state: Sequence[str], constants: int) 
         """Several maps stand in one function."""
         return re.sub(r"%v(\d+)", rf"%{name}_\1", text)
 
-    text = [_widened(named(f"{each} = {line}")) for line, each in lines.items()]
-    return [named(operand(each)) for each in made], text
+    text = "\n".join(f"{each} = {line}" for line, each in lines.items())
+    return [named(operand(each)) for each in made], _widened(named(text))
 
 
 def _widened(line: str) -> str:

@@ -67,8 +67,16 @@ def compile_lines(signature: Signature, lines: str) -> MachineCode:
 
 
 def compile_file(path: Path, **fields: Any) -> MachineCode:
-    """Compile a file of LLVM's language that defines the function; fields stand in it as ``$name``."""
-    engine = compile_text(Template(path.read_text(encoding="utf-8")).substitute(fields))
+    """Compile a file of LLVM's language that defines the function; fields stand in it as ``$name``.
+
+    Lines from ``; for each name`` to ``; end`` stand in it as often as that field says, each time with its own ``{i}``.
+    """
+
+    def repeated(block: re.Match[str]) -> str:
+        return "".join(block[2].replace("{i}", str(i)) for i in range(fields[block[1]]))
+
+    text = re.sub(r"(?ms)^; for each (\w+)\n(.*?)^; end\n", repeated, path.read_text(encoding="utf-8"))
+    engine = compile_text(Template(text).substitute(fields))
     return MachineCode(engine.get_function_address("function"), engine)
 
 
