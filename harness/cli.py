@@ -142,11 +142,9 @@ def polhode() -> None:
 
 
 def complaint(error: click.ClickException) -> str:
-    """One line about what the command line cannot take: the command, click's words, and what was expected.
-
-    What a terminal would obey, such as the escapes of a file's content, is written out.
-    """
+    """One line about what the command line cannot take: the command, click's words, and what was expected."""
     message = " ".join(error.format_message().split())
+    # What a terminal would obey, such as the escapes of a file's content, is written out.
     message = "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in message)
     if not isinstance(error, click.UsageError) or error.ctx is None:
         return f"polhode: {message}"
@@ -177,10 +175,7 @@ def _forget_output() -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line and exit: 0 on success, 2 on bad input, 1 when a run failed.
-
-    Termination (SIGTERM) is met as Ctrl-C is.
-    """
+    """Run the command line and exit: 0 on success, 2 on bad input, 1 when a run failed; SIGTERM is met as Ctrl-C is."""
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, _terminated)
     # Extreme input overflows; what comes of it is a status of the run.

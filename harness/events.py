@@ -91,10 +91,8 @@ def as_events(given: Iterable[EventLike] | EventLike) -> list[Event]:
 
 
 def happened(solution: Any, event: Event) -> Any:
-    """The solution at the times at which an event happens, to some rounding errors of these times.
-
-    Between the looks (sixteen for a step of the run, on the average) an even number of passages goes unseen.
-    """
+    """The solution at the times at which an event happens, to some rounding errors of these times."""
+    # Between the looks (sixteen for a step of the run, on the average) an even number of passages goes unseen.
     from scipy.optimize import brentq
 
     looked = solution(_looks(solution))

@@ -233,10 +233,8 @@ def _need(method: str, library: str) -> None:
 
 
 def write_csv(file: IO[str], table: np.ndarray, advance: Callable[[float], None]) -> None:
-    """Write `COLUMNS`, and `OMEGA` if the table has them, in 17 significant digits, NaN as an empty cell.
-
-    `advance` hears how much is done, from 0 to 1.
-    """
+    """Write `COLUMNS`, and `OMEGA` if the table has them; `advance` hears how much is done, from 0 to 1."""
+    # In 17 significant digits, NaN as an empty cell.
     file.write(",".join([*COLUMNS, *OMEGA][: table.shape[1]]) + "\n")
     for first in range(0, len(table), ROWS):
         rows = table[first : first + ROWS].tolist()

@@ -65,10 +65,7 @@ class WorkPrecision:
 
     @cached_property
     def frame(self) -> pd.DataFrame:
-        """One row per solver and tolerance; computed at the first look.
-
-        `known` marks errors above ten times the reference's uncertainty, `message` why a run failed.
-        """
+        """One row per solver and tolerance; `known` marks errors above ten times the reference's uncertainty."""
         check_field(self.problem)
         rows, methods = [], self._accepted()
         with Progress(self.quiet) as progress:

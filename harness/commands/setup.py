@@ -2,7 +2,10 @@
 
 import json
 import os
+import subprocess
+import sys
 from pathlib import Path
+from time import perf_counter
 from typing import Any
 
 import click
@@ -123,10 +126,6 @@ def look(name: str, folder: Path) -> dict[str, Any]:
 
 def cold_start() -> dict[str, float]:
     """Seconds that `polhode solve paper` takes in a process of its own, by piece of work."""
-    import subprocess
-    import sys
-    from time import perf_counter
-
     began = perf_counter()
     done = subprocess.run([sys.executable, "-P", "-c", _COLD], capture_output=True, text=True, check=False)
     return json.loads(done.stdout or "{}") | {"in all": perf_counter() - began}
@@ -146,7 +145,6 @@ print(json.dumps(SPENT))
 def watch_sentinel(seconds: float) -> dict[str, float | None]:
     """A fixed piece of arithmetic, repeated for some seconds: its minimum, median over minimum, load per core."""
     from statistics import median
-    from time import perf_counter
 
     from polhode.harness.common.timing import sentinel
 

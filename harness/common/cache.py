@@ -16,10 +16,7 @@ CHECKSUM = 64
 
 
 def load(key: str) -> dict[str, np.ndarray] | None:
-    """Arrays kept under a key; None if there are none, or if the file is damaged, or another one's.
-
-    The checksum shows such a file, which is removed and named on stderr.
-    """
+    """Arrays kept under a key; None if there are none, or if the file is damaged or another one's, and removed."""
     path = path_of(key)
     try:
         content = path.read_bytes()

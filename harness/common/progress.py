@@ -15,10 +15,7 @@ UNKNOWN, KNOWN = "{desc}: {elapsed}", "{desc}: {percentage:.0f} %, {remaining} l
 
 
 class Progress:
-    """A line on `stream`, by default standard error, rewritten while the block runs; nothing where that is no terminal.
-
-    A thread of its own writes it, so that the work is not slowed down.
-    """
+    """A line on `stream`, by default standard error, rewritten by a thread of its own; none if that is no terminal."""
 
     def __init__(self, quiet: bool = False, stream: IO[str] | None = None) -> None:
         self._stream, self._quiet = stream or sys.stderr, quiet

@@ -36,11 +36,7 @@ class DamagedStoreError(ValueError):
 
 
 class Store(AbstractContextManager["Store"]):
-    """A store file, made if it does not exist; two runs may share one.
-
-    Raises DamagedStoreError if the file is no readable SQLite database, which is never overwritten; OSError, here and
-    later, if it cannot be opened or written.
-    """
+    """A store file, made if it does not exist, never overwritten; two runs may share one. It raises as `_readable`."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -101,10 +97,8 @@ class Store(AbstractContextManager["Store"]):
             self._connection.executemany("DELETE FROM cases WHERE key = ?", ((key,) for key in keys))
 
     def __iter__(self) -> Iterator[Record]:
-        """All cases with their results, each as one flat dictionary, in the order of writing; one at a time in memory.
-
-        `date` is the date and time in UTC, ISO 8601; that of the writing where the result has none.
-        """
+        """All cases with their results, each as one flat dictionary, in the order of writing; one in memory."""
+        # The date is that of the writing where the result has none.
         with self._readable():
             for row in self._connection.execute(_ROW + "ORDER BY rowid"):
                 key, case, result, written, _ = self._sound(row)
@@ -121,6 +115,7 @@ class Store(AbstractContextManager["Store"]):
 
     @contextmanager
     def _readable(self) -> Iterator[None]:
+        """DamagedStoreError if the file is no readable database of ours; OSError if it cannot be opened or written."""
         try:
             yield
         except sqlite3.OperationalError as error:
@@ -185,10 +180,7 @@ def _cell(value: Any) -> Any:
 
 
 def read_export(path: Path) -> Iterator[Record]:
-    """Records of a JSON Lines file that `export` wrote, now or before; one at a time in memory.
-
-    ValueError if the file is not what was written, or if a line is no JSON object.
-    """
+    """Records of a JSON Lines file that `export` wrote, one in memory at a time; ValueError if it is another."""
     with open_file(path) as file:
         for number, line in enumerate(file, start=1):
             try:

@@ -13,10 +13,7 @@ Entry = TypeVar("Entry")
 
 
 def write_table(path: Path, kind: type, rows: Iterable[Any], columns: Sequence[str] = ()) -> None:
-    """Write rows in full precision; a field that is a tuple takes several columns.
-
-    The columns are named as the fields are, unless other names are given.
-    """
+    """Write rows in full precision, columns named as the fields unless otherwise given; a tuple takes several."""
     with PartialFile(path, summed=True) as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns or [field.name for field in fields(kind)])

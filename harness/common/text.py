@@ -31,10 +31,8 @@ def aligned(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
 
 
 def on_terminal(header: Sequence[str], rows: Sequence[Sequence[Any]], spare: Sequence[int] = ()) -> str:
-    """As `aligned`, and no wider than the standard output, if that is a terminal.
-
-    While it is too wide it goes without the columns `spare`, one by one; then wide columns are wrapped.
-    """
+    """As `aligned`, and no wider than the standard output, if that is a terminal."""
+    # While it is too wide it goes without the columns `spare`, one by one; then wide columns are wrapped.
     cells = [[str(cell) for cell in row] for row in (header, *rows)]
     room = get_terminal_size().columns + 2 if sys.stdout.isatty() else inf
     for i in sorted(spare, reverse=True):

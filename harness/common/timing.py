@@ -94,10 +94,8 @@ def with_processor(function: Callable[[], T]) -> tuple[T, float, float]:
 
 
 def within(limit: float, run: Callable[[float], T], stopped: Callable[[T], bool]) -> tuple[T, bool]:
-    """What a run gives that stops by itself after so many seconds, and whether other work is why it was stopped.
-
-    One that was stopped while it had to wait for the processor is run again, with more than as much more time.
-    """
+    """What a run gives that stops by itself after so many seconds, and whether other work is why it was stopped."""
+    # One that was stopped while it had to wait for the processor is run again, with more than as much more time.
     value, seconds, had = with_processor(lambda: run(limit))
     for _ in range(AGAIN):
         if not stopped(value) or had >= HAD * limit:

@@ -52,11 +52,7 @@ class Reply:
 
 
 class Worker(AbstractContextManager["Worker"]):
-    """One spawned process, started on first use and again after every kill or crash.
-
-    It is spawned, not forked, since forked processes inherit the locks of threads that they do not inherit. Functions,
-    arguments and results are pickled: functions belong to modules. A context manager; `close` ends the process.
-    """
+    """One process, started on first use and again after every kill or crash; functions and arguments are pickled."""
 
     def __init__(self) -> None:
         self._process: Any = None
@@ -72,10 +68,8 @@ class Worker(AbstractContextManager["Worker"]):
         return None if self._process is None else self._process.pid
 
     def run(self, function: Callable[..., Any], *arguments: Any, limit: float) -> Reply:
-        """Call a function in the process, and reply whatever happens; Ctrl-C alone kills the process and is raised.
-
-        It should stop by itself within `limit` seconds; it is killed at twice that and a little grace.
-        """
+        """Call a function in the process, and reply whatever happens; Ctrl-C alone kills the process and is raised."""
+        # It should stop by itself within `limit` seconds; it is killed at twice that and a little grace.
         reply = self._once(function, arguments, limit)
         for _ in range(ATTEMPTS - 1):
             if reply.failure is not Failure.LOST or self._stopped:
@@ -123,6 +117,7 @@ class Worker(AbstractContextManager["Worker"]):
         self._process = self._connection = None
 
     def _start(self) -> Any:
+        # Forked processes inherit the locks of threads that they do not inherit.
         context = multiprocessing.get_context("spawn")
         self._connection, remote = context.Pipe()
         self._process = context.Process(target=_serve, args=(remote,), daemon=True)

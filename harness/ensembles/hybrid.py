@@ -68,10 +68,7 @@ def least_momentum(scene: Scene, starts: Array, tolerance: float) -> float:
 def run_hybrid(
     scene: Scene, starts: Array, times: Array, tolerance: float, least: float, random: np.random.Generator
 ) -> tuple[Array, Array]:
-    """States of the full equations, shape (m, n, d), with NaN from where one failed, and statuses.
-
-    `times` must be evenly spaced from 0. `least_momentum` makes `least`; phases are drawn from `random`.
-    """
+    """States of the full equations, shape (m, n, d), NaN from where one failed, and statuses; evenly spaced times."""
     if least == inf:
         return run_alone(scene, starts, times, tolerance)
     every = -(-(PATH - 1) // (len(times) - 1))
@@ -126,11 +123,8 @@ def least_between(scene: Scene, path: Array) -> Array:
 
 
 def posed(scene: Scene, starts: Array, slow: Array, random: np.random.Generator) -> Array:
-    """States of the full equations, shape (m, n, d), on the tori of averaged states, shape (m, n, 4), drawn evenly.
-
-    A body that stays on its side of L² = 2EI₂ keeps the sense in which its polhode circles the axis; `starts`, shape
-    (n, d), say it.
-    """
+    """States of the full equations, shape (m, n, d), on the tori of averaged states, shape (m, n, 4), drawn evenly."""
+    # A body that stays on its side of L² = 2EI₂ keeps the sense in which its polhode circles the axis: `starts` say it.
     if scene.ellipsoid.kind == "triaxial":
         return _posed(scene.ellipsoid, starts, slow * max(scene.ellipsoid.inertia), random)
     momentum = slow[..., :3]

@@ -28,13 +28,11 @@ class Estimate:
 
 
 def means(statistics: Statistics, name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Means of what the sums `name` ("second", "fourth", "rates", "slow") add up, and their standard errors.
-
-    The variance of second moments needs ⟨p_i² p_j²⟩, which is a fourth moment.
-    """
+    """Means of what the sums `name` ("second", "fourth", "rates", "slow") add up, and their standard errors."""
     sums, count = getattr(statistics, name), statistics.finished
     if count == 0:
         return np.full_like(sums, np.nan), np.full_like(sums, np.nan)
+    # The variance of second moments needs ⟨p_i² p_j²⟩, which is a fourth moment.
     squares = statistics.fourth[:, :, SQUARES] if name == "second" else getattr(statistics, f"{name}_squares")
     mean = sums / count
     variance = np.maximum(squares / count - mean**2, 0)

@@ -140,10 +140,7 @@ def _missing(sweep: Sweep, store: Store, spread: bool) -> Iterator[Task]:
 
 
 def gather(ensemble: Ensemble, store: Store) -> Statistics:
-    """Statistics of an ensemble from the store, merged in the order of its tasks, whatever order they were run in.
-
-    Raises ValueError if the store lacks a task, DamagedStoreError if a task's numbers are not those that were written.
-    """
+    """Statistics of an ensemble from the store, merged in the order of its tasks; ValueError if it lacks one."""
     total = Statistics.empty(ensemble.layout)
     for task in ensemble.tasks():
         record = store.result(task.key)
