@@ -13,11 +13,11 @@ from polhode.harness.picking.ranking import pick as recommend
 from polhode.harness.picking.recommendation import Recommendation
 from polhode.harness.picking.second_look import run_error
 from polhode.harness.solution import SceneSolution
-from polhode.harness.studies.scenes import find_scene
 from polhode.models.catalogue import form as find_form
 from polhode.models.form import Form
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
+from polhode.models.scenes import find_scene
 from polhode.models.spent import spent_on
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.compile import check_field

@@ -6,6 +6,7 @@ from math import cos, pi
 from pathlib import Path
 from typing import Any
 
+from polhode.models.registry import hint
 from polhode.models.scene import BodyStart, EulerStart, Scene
 from polhode.models.shape import Ellipsoid
 
@@ -48,6 +49,18 @@ def named_scene(name: str) -> Scene:
     if name not in SCENES:
         raise ValueError(f"scene: got {name!r}, expected one of {', '.join(SCENES)}")
     return SCENES[name].scene
+
+
+def find_scene(word: str) -> Scene:
+    """The scene of a file if one has that name, else the built-in one; raises ValueError if there is neither."""
+    path = Path(word)
+    if path.exists() and not path.is_dir():
+        from polhode.models.files.scene_file import read_scene
+
+        return read_scene(path)
+    if word in SCENES:
+        return named_scene(word)
+    raise ValueError(f"scene: got {word!r}{hint(word, SCENES)}, expected a file or one of {', '.join(SCENES)}")
 
 
 def _start(name: str) -> EulerStart:

@@ -68,7 +68,7 @@ def report(reports: Path, out: Path | None, scene: tuple[str, ...], quiet: bool)
     from tqdm import tqdm
 
     from polhode.harness.site.build import build
-    from polhode.harness.studies.scenes import find_scene
+    from polhode.models.scenes import find_scene
 
     with bad_input():
         if reports != REPORTS and not reports.is_dir():

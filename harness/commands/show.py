@@ -55,10 +55,9 @@ def _text(value: object) -> str:
 @as_json
 def scenes(scene: str | None, as_json: bool) -> None:
     """List the built-in scenes; with SCENE, print it as a scene file, to start one of your own from."""
-    from polhode.models.scenes import SCENES
+    from polhode.models.scenes import SCENES, find_scene
 
     if scene is not None:
-        from polhode.harness.studies.scenes import find_scene
         from polhode.models.files.scene_file import scene_table
 
         with bad_input():
@@ -154,7 +153,7 @@ def draw(scene: str, out: Path, until: float | None, frames: int) -> None:
     from polhode.harness.pages.figures.motion import tumbling
     from polhode.harness.picking.choice import simplest
     from polhode.harness.references.rotations import rotations
-    from polhode.harness.studies.scenes import find_scene
+    from polhode.models.scenes import find_scene
 
     if out.suffix not in FORMATS:
         raise BadInput(f"--out: got {out.name!r}, expected a name that ends in {', '.join(FORMATS)}")

@@ -66,15 +66,10 @@ class Case:
             packages += ["llvmlite"] * ("compiled" in method.backends and not method.lacks("compiled"))
         return {
             "schema": SCHEMA,
-            "scene_name": self.scene_name,
             "scene": scene_table(self.scene),
-            "form": self.form,
-            "solver": self.solver,
-            "tolerance": float(self.tolerance),
+            **{name: getattr(self, name) for name in ("scene_name", "form", "solver", "backend", "jacobian")},
+            **{name: float(getattr(self, name)) for name in ("tolerance", "max_seconds")},
             "samples": int(self.samples),
-            "max_seconds": float(self.max_seconds),
-            "backend": self.backend,
-            "jacobian": self.jacobian,
             "versions": {name: package_version(name) for name in packages},
         }
 

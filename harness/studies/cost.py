@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from math import inf
+from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter, process_time
 from typing import Any
@@ -24,7 +25,7 @@ from polhode.models.scenes import named_scene
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.compile import array_callback, c_callback, parameter_array
 from polhode.solvers.contract import Backend
-from polhode.solvers.machine_code.llvm import Signature, compile_lines
+from polhode.solvers.machine_code.llvm import compile_file
 from polhode.solvers.solve import solve
 
 # A measurement repeats until it takes this long, in seconds, and is the best of `ROUNDS`.
@@ -67,22 +68,9 @@ def rhs_seconds(problem: Problem, backend: Backend) -> float:
 @cache
 def _compiled_loop() -> Any:
     """A loop over any C callback."""
-    head = "void @function(ptr %callback, i64 %calls, ptr %out, ptr %y, ptr %p)"
-    lines = """
-br label %again
-again:
-%done = phi i64 [0, %entry], [%next, %again]
-call void %callback(ptr %out, double 0.0, ptr %y, ptr %p)
-%next = add i64 %done, 1
-%more = icmp slt i64 %next, %calls
-br i1 %more, label %again, label %end
-end:
-"""
-    code = compile_lines(Signature(head, "entry:"), lines)
+    code = compile_file(Path(__file__).with_suffix(".ll"))
     pointer = ctypes.c_void_p
-    function = ctypes.CFUNCTYPE(None, pointer, ctypes.c_int64, pointer, pointer, pointer)(code.address)
-    function.code = code  # pyright: ignore[reportAttributeAccessIssue]
-    return function
+    return code.function(ctypes.CFUNCTYPE(None, pointer, ctypes.c_int64, pointer, pointer, pointer))
 
 
 @dataclass(frozen=True)

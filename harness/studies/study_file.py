@@ -14,7 +14,7 @@ from polhode.models.files.scene_file import Positive, parse_scene, scene_table
 from polhode.models.files.toml_file import checked, read_toml
 from polhode.models.registry import NotFoundError
 from polhode.models.scene import Scene
-from polhode.models.scenes import named_scene
+from polhode.models.scenes import SCENES, named_scene
 from polhode.solvers.catalogue import SOLVERS
 from polhode.solvers.contract import Backend, Jacobian
 
@@ -51,6 +51,20 @@ class StudySceneTable(BaseModel):
     forms: Annotated[list[str], Field(min_length=1)] | None = None
     solvers: Annotated[list[str], Field(min_length=1)] | None = None
     max_seconds: Positive | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _spelled_out(cls, scene: Any) -> Any:
+        """A built-in scene with its contents."""
+        if not (isinstance(scene, dict) and scene.get("builtin") is True):
+            return scene
+        if not {"name", "builtin"} <= set(scene) <= {"name", "builtin", *BESIDE_BUILTIN}:
+            expected = f"name, builtin and perhaps {', '.join(BESIDE_BUILTIN)}"
+            raise ValueError(f"got {sorted(scene)}, expected {expected}")
+        if scene["name"] not in list(SCENES):
+            raise ValueError(f"got {scene['name']!r}, expected one of {', '.join(SCENES)}")
+        own = {key: value for key, value in scene.items() if key in ("name", *BESIDE_BUILTIN)}
+        return scene_table(named_scene(scene["name"])) | own
 
 
 class StudyTable(BaseModel):
@@ -108,7 +122,7 @@ def read_study(path: Path | None, default: str = "bench") -> Study:
 
 def parse_study(contents: dict[str, Any]) -> Study:
     """The study that a file's contents describe; raises ValueError, in one line, if a key is wrong or nothing fits."""
-    table = checked(StudyTable, _with_builtin_scenes(contents))
+    table = checked(StudyTable, contents)
     own = _shared(Study, table)
     own["scenes"] = tuple(scene for position, scenes in enumerate(table.scenes) for scene in _scenes(position, scenes))
     choices = {(each.name, stokes): _shared(Choice, each) for each in table.scenes for stokes in each.stokes}
@@ -126,27 +140,6 @@ def _shared(kind: Any, table: BaseModel) -> dict[str, Any]:
     names = [each.name for each in fields(kind) if each.name in type(table).model_fields and each.name != "scenes"]
     values = {name: getattr(table, name) for name in names}
     return {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
-
-
-def _with_builtin_scenes(contents: dict[str, Any]) -> dict[str, Any]:
-    """The contents with every ``{name = "…", builtin = true}`` among the scenes spelled out."""
-    scenes = contents.get("scenes")
-    if not isinstance(scenes, list):
-        return contents
-    return {**contents, "scenes": [_spelled_out(position, scene) for position, scene in enumerate(scenes)]}
-
-
-def _spelled_out(position: int, scene: Any) -> Any:
-    if not (isinstance(scene, dict) and scene.get("builtin") is True):
-        return scene
-    if not {"name", "builtin"} <= set(scene) <= {"name", "builtin", *BESIDE_BUILTIN}:
-        expected = f"name, builtin and perhaps {', '.join(BESIDE_BUILTIN)}"
-        raise ValueError(f"scenes[{position}]: got {sorted(scene)}, expected {expected}")
-    own = {key: value for key, value in scene.items() if key in BESIDE_BUILTIN}
-    try:
-        return {"name": scene["name"], **scene_table(named_scene(scene["name"])), **own}
-    except ValueError as error:
-        raise ValueError(f"scenes[{position}]: {error}") from None
 
 
 def _scenes(position: int, table: StudySceneTable) -> Iterator[tuple[str, Scene]]:
