@@ -73,6 +73,12 @@ class Law:
         _, order, width = self.fit
         return order - width, order + width
 
+    @property
+    def shown(self) -> tuple[float, float]:
+        """The order's interval in the two decimals that are shown."""
+        low, high = self.order_interval
+        return round(low, 2), round(high, 2)
+
     def needed(self, target: float) -> tuple[float, str]:
         """Smallest St from which on the error stays below `target`, and where that comes from.
 

@@ -38,7 +38,7 @@ def sweep(
         if tally.failed:
             raise RunFailed(f"{tally.failed} of {what.size} tasks failed, --resume tries again: {tally.message}")
         # Slow to import, and not needed until all is done.
-        from polhode.harness.pages.sweep import write_results
+        from polhode.harness.pages.ensembles import write_results
 
         page, ensembles = write_results(what, store, folder)
     click.echo(json.dumps(ensembles) if as_json else f"{page}")

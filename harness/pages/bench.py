@@ -1,6 +1,6 @@
 """The page of the main job: table, figures, who wins in sentences, all from the records."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from polhode.harness.common.store import Record, export
 from polhode.harness.common.text import duration, markdown, short
 from polhode.harness.pages.figures.profiles import profile_lines
 from polhode.harness.pages.figures.work_precision import save, work_precision_panels
-from polhode.harness.pages.tables import bullets, table, write
+from polhode.harness.pages.tables import lines_of, table, write
 from polhode.harness.references.uncertainty import least_known, uncertainty_of
 from polhode.harness.studies.study import Study
 
@@ -50,17 +50,6 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     folder.mkdir(parents=True, exist_ok=True)
     export(list(records), folder / "records.jsonl")
     write_runs(runs, folder)
-    scenes = []
-    for i, (scene, own) in enumerate(by_scene(runs)):
-        scenes += [f"## The cheapest{f': {scene}' if scene else ''}", ""]
-        before = f"{scene}: " if scene else ""
-        for name, (error, label) in FIGURES.items():
-            if len(own[error].dropna()):
-                # The figures of the first scene have plain names.
-                file = f"{name}-{scene}" if i else name
-                save(work_precision_panels(own, error, before + label), folder, file)
-                scenes += [f"By {label.replace('$I_{max}$', 'I_max')}:", "", _winners(own, error)]
-                scenes += [f"![{before}Wall time against {name} error, one panel per St]({file}.png)", ""]
     known = where(runs, runs["slow_uncertainty"].notna()).groupby(["scene_name", "stokes"], sort=False).first()
     return write(
         folder / "README.md",
@@ -68,14 +57,26 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         study.title,
         command,
         records,
-        verdict=bullets([*verdict(runs), *averaged_costs(runs)] or [NOTHING]),
+        verdict=[*verdict(runs), *averaged_costs(runs)] or [NOTHING],
         tie=100 * (TIE - 1),
-        scenes=scenes,
+        scenes=[(scene, _figures(own, scene, i, folder)) for i, (scene, own) in enumerate(by_scene(runs))],
         profiles=profile_lines(runs, folder),
         described=table(_scenes(runs), {name: f"{{{name}}}" for name in SCENES}, left=len(SCENES)),
         samples=study.samples,
-        uncertainties=table(known.reset_index().to_dict("records"), "bench-uncertainties"),
+        uncertainties=known.reset_index().to_dict("records"),
     )
+
+
+def _figures(runs: pd.DataFrame, scene: str, place: int, folder: Path) -> list[dict[str, str]]:
+    """Save the figures of one scene; the error, its label, the file and the table of winners of each."""
+    found = []
+    for name, (error, label) in FIGURES.items():
+        if len(runs[error].dropna()):
+            # The figures of the first scene have plain names.
+            file = f"{name}-{scene}" if place else name
+            save(work_precision_panels(runs, error, f"{scene}: {label}" if scene else label), folder, file)
+            found.append({"name": name, "label": label, "file": file, "winners": _winners(runs, error)})
+    return found
 
 
 def _scenes(runs: pd.DataFrame) -> list[dict[str, str]]:
@@ -130,37 +131,13 @@ def when_averaged_wins(records: pd.DataFrame, target: float) -> str | None:
 
 def verdict(records: pd.DataFrame, targets: Sequence[float] = TARGETS) -> list[str]:
     """Where averaged forms win, in sentences, scene by scene."""
-    return _each_scene(records, lambda runs: _averaged_or_not(runs, targets))
+    scenes = [(scene, runs) for scene, runs in by_scene(records) if averaged_forms(runs)]
+    wins = [(scene, {target: when_averaged_wins(runs, target) for target in targets}) for scene, runs in scenes]
+    return lines_of("bench-verdict", wins=wins)
 
 
 def averaged_costs(records: pd.DataFrame) -> list[str]:
     """How little an averaged form's cost depends on St, scene by scene."""
-    return _each_scene(records, _costs_over_stokes)
-
-
-def _each_scene(records: pd.DataFrame, lines: Callable[[pd.DataFrame], list[str]]) -> list[str]:
-    return [f"{scene}: {line}" if scene else line for scene, runs in by_scene(records) for line in lines(runs)]
-
-
-def _averaged_or_not(records: pd.DataFrame, targets: Sequence[float]) -> list[str]:
-    if not averaged_forms(records):
-        return []
-    found = {short(target): when_averaged_wins(records, target) for target in targets}
-    said = "For a slow error of {} an averaged form is the cheapest {}."
-    lines = [said.format(target, words) for target, words in found.items() if words]
-    never = ", ".join(target for target, words in found.items() if words is None)
-    nowhere = f"For a slow error of {never} no averaged form is the cheapest at the largest St measured."
-    return [*lines, nowhere] if never else lines
-
-
-def _costs_over_stokes(records: pd.DataFrame) -> list[str]:
-    lines = []
-    for name in averaged_forms(records):
-        found = costs_over_stokes(records, name)
-        if found is not None:
-            first, last, (low, middle, high) = found
-            lines.append(
-                f"The {name} form at St = {short(last)} costs {middle:.2f} times what it costs at St = {short(first)} "
-                f"(median over solvers and tolerances; nine in ten lie between {low:.2f} and {high:.2f})."
-            )
-    return lines
+    scenes = [(scene, runs, name) for scene, runs in by_scene(records) for name in averaged_forms(runs)]
+    found = [(scene, name, costs_over_stokes(runs, name)) for scene, runs, name in scenes]
+    return lines_of("bench-costs", found=[each for each in found if each[2]])

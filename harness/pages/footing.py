@@ -15,9 +15,9 @@ from polhode.harness.analysis.pareto import crossing, fastest, times_at_error
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record, export
-from polhode.harness.common.text import duration, in_two_digits, markdown, scientific, short
+from polhode.harness.common.text import duration, markdown, scientific, short
 from polhode.harness.pages.figures.work_precision import save, work_precision_panels
-from polhode.harness.pages.tables import bullets, fill
+from polhode.harness.pages.tables import fill, lines_of
 from polhode.harness.studies.cost import STARTS, FirstRun, Overhead
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Backend, Status
@@ -61,18 +61,19 @@ def pages(measured: Measured, command: str) -> dict[str, str]:
     solvers, spheroid, backends = (frame(getattr(measured, name)) for name in ("solvers", "spheroid", "backends"))
     records = [*measured.solvers, *measured.spheroid, *measured.backends]
     claims, worth = _worth(solvers)
+    costs = [(one, {"extra": 1e6 * one.seconds, "share": one.seconds / one.bare}) for one in measured.overheads]
     page = fill(
         "footing",
         header=header("Every solver on equal footing", command, records),
-        claims=bullets(claims),
+        claims=claims,
         worth=worth,
-        rhs=", ".join(f"{duration(cost)} ({WAYS[name]})" for name, cost in measured.rhs_costs.items()),
+        measured=measured,
+        ways=WAYS,
         interpreter=_interpreter(backends),
         crossings=_crossings(solvers),
         forms=_forms(spheroid),
-        overheads=_overheads(measured.overheads),
-        first_runs=_first_runs(measured.first_runs),
-        startup=measured.startup,
+        overheads=[asdict(one) | more | {"allowed": "yes" if one.allowed else "no"} for one, more in costs],
+        first_runs=[{"solver": name, "cold": cold, "warm": warm} for name, (cold, warm) in measured.first_runs.items()],
         starts=STARTS,
     )
     top = header("Every solver at equal error", command, records)
@@ -101,13 +102,8 @@ def _worth(table: pd.DataFrame) -> tuple[list[str], str]:
                 behind[name].append(seconds / least)
             cells = [f"{best[name][0]}, {duration(best[name][1])}" if name in best else "–" for name in ALONE]
             rows.append([short(target), short(stokes), *cells])
-    claims = [
-        f"{name}, without the interpreter, is the fastest at {factors.count(1.0)} of {len(rows)} places (St, slow "
-        f"error). At half of the {len(factors)} that it reaches it takes up to {in_two_digits(median(factors))} times "
-        f"as long as the fastest, at worst {in_two_digits(max(factors))} times."
-        for name, factors in behind.items()
-        if factors
-    ]
+    shares = [(name, factors, median(factors)) for name, factors in behind.items() if factors]
+    claims = lines_of("footing-claims", shares=shares, places=len(rows))
     return claims, _table(["slow error", "St", *ALONE], rows, 2)
 
 
@@ -188,19 +184,3 @@ def _times(table: pd.DataFrame) -> str:
         text = _table(["solver", *(f"St = {short(stokes)}" for stokes in times)], rows)
         lines.append(f"Slow error {short(target)}:\n\n{text}")
     return "\n".join(lines)
-
-
-def _first_runs(runs: Mapping[str, tuple[FirstRun, FirstRun]]) -> str:
-    rows = [
-        [name, *map(duration, (cold.library, cold.compilation, warm.compilation, warm.run))]
-        for name, (cold, warm) in runs.items()
-    ]
-    return _table(["solver", "import", "compile, cold", "compile, warm", "run"], rows)
-
-
-def _overheads(overheads: Sequence[Overhead]) -> str:
-    rows = []
-    for one in overheads:
-        difference = [f"{one.seconds * 1e6:+.0f} µs", f"{one.seconds / one.bare:+.1%}", "yes" if one.allowed else "no"]
-        rows.append([one.solver, duration(one.bare), duration(one.solve), *difference])
-    return _table(["solver", "bare call", "solve", "difference", "share", "within 5 % or 50 µs"], rows)

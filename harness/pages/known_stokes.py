@@ -16,7 +16,7 @@ from polhode.harness.common.plain_json import digest
 from polhode.harness.common.store import Record, export
 from polhode.harness.common.text import duration, markdown, short
 from polhode.harness.common.timing import seconds_of
-from polhode.harness.pages.tables import bullets, lines_of, write
+from polhode.harness.pages.tables import lines_of, write
 from polhode.harness.studies.study import Study
 from polhode.models.catalogue import form as find_form
 from polhode.models.problem import Problem
@@ -52,7 +52,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         records,
         met=met.count(True),
         asked=len(met),
-        stroboscopic=bullets(_stroboscopic(study, table, folder)),
+        stroboscopic=_stroboscopic(study, table, folder),
         ratios=markdown(["scene", "St", *map(short, ERRORS)], rows, right=range(1, 2 + len(ERRORS))),
     )
 
@@ -93,17 +93,14 @@ def _stroboscopic(study: Study, table: pd.DataFrame, folder: Path) -> list[str]:
     name = next((each for each in best if not _known(each)), None)
     if "stroboscopic" not in best:
         return []
-    beside = "no solver that does not know St gets there within the time limit"
-    if name is not None:
-        ratio = best[name] / best["stroboscopic"]
-        beside = f"{name} in {duration(best[name])}: {ratio:.3g} times as fast, asked for: {asked:g}"
     strobe = where(done, done["solver"] == "stroboscopic")
     scene = next(scene for name, scene in study.scenes if name == "spheroid" and scene.stokes == STOKES)
     longer = _kept_longer(folder, scene, min(strobe["tolerance"].to_numpy(float)), study.samples)
     least = min(strobe["slow_error"].to_numpy(float))
     numbers = {"stokes": STOKES, "larger": LARGER, "least": least, "longer": longer, "most": LONGER}
-    found = {"slow": slow, "orientation": orientation, "best": best, "splitting": best.get("splitting")}
-    return lines_of("known-stokes-stroboscopic", **numbers, **found, beside=beside)
+    return lines_of(
+        "known-stokes-stroboscopic", **numbers, slow=slow, orientation=orientation, asked=asked, best=best, name=name
+    )
 
 
 def _kept_longer(folder: Path, scene: Scene, tolerance: float, samples: int) -> float:

@@ -10,8 +10,8 @@ import pandas as pd
 from polhode.harness.analysis.frames import frame
 from polhode.harness.common.files import write_file
 from polhode.harness.common.store import Record, export
-from polhode.harness.common.text import duration, markdown, scientific, short
-from polhode.harness.pages.tables import bullets, write
+from polhode.harness.common.text import duration, markdown, scientific
+from polhode.harness.pages.tables import lines_of, write
 from polhode.harness.references.errors import magnitude
 from polhode.harness.studies.study import Study
 from polhode.models.files.scene_file import parse_scene
@@ -34,13 +34,9 @@ Ending = tuple[str, str]
 
 def sentences(endings: Sequence[Mapping[str, Any]], stopped: str) -> list[str]:
     """Who fails least, and how many runs ended how."""
-    sums = Counter(row["outcome"] for row in endings)
-    return [
-        *_surest(_runs(endings)),
-        f"{sums['reached']} of {sums.total()} runs reached the end with a solver error below {short(INACCURATE)} of "
-        f"the start; {sums['inaccurate']} reached it with a larger one, {sums['unknown']} with one that no reference "
-        f"knows; {sums['stopped']} were stopped at the limit of {stopped}; {sums['failed']} failed.",
-    ]
+    runs = _runs(endings)
+    counts = {"sums": Counter(runs["outcome"]), "all": len(runs), "inaccurate": INACCURATE}
+    return lines_of("outcomes-sentences", **counts, **_surest(runs), stopped=stopped)
 
 
 def _runs(endings: Sequence[Mapping[str, Any]]) -> Any:
@@ -48,25 +44,17 @@ def _runs(endings: Sequence[Mapping[str, Any]]) -> Any:
     return pd.DataFrame(endings).assign(passed=lambda runs: runs["outcome"] == "reached")
 
 
-def _surest(runs: Any) -> list[str]:
-    """Which of the solvers that take most cases failed least, where anybody got through."""
+def _surest(runs: Any) -> dict[str, Any]:
+    """Which of the solvers that take most cases failed least, by the number taken, where anybody got through."""
     possible = runs[runs.groupby(CASE)["passed"].transform("any")]
     taken = possible.groupby("solver", sort=False)["passed"].agg(["size", "sum"])
     most = taken[taken["size"] >= MOST * taken["size"].max()]
-    if most.empty:
-        return []
     missed = most["size"] - most["sum"]
-    least, best = missed.min(), most[missed == missed.min()]
-    scenes = ", ".join(sorted(set(possible["scene"][possible["solver"].isin(best.index) & ~possible["passed"]])))
-    did = "got through {0} of" if least else "never failed in"
-    shares = "; ".join(
-        f"{', '.join(own.index)} {did.format(number - least)} the {number} {'each' if len(own) > 1 else 'it'} takes"
-        for number, own in best.groupby("size", sort=False)
-    )
-    return [
-        f"{'Nobody got through everything: of' if least else 'Of'} the {len(possible.drop_duplicates(CASE))} hard runs "
-        f"that anybody got through, {shares}{f' (missed in the scenes {scenes})' if least else ''}."
-    ]
+    best = most[missed == missed.min()]
+    scenes = set(possible["scene"][possible["solver"].isin(best.index) & ~possible["passed"]])
+    groups = [(number, [*own.index]) for number, own in best.groupby("size", sort=False)]
+    possible = len(possible.drop_duplicates(CASE))
+    return {"possible": possible, "least": missed.min(), "surest": groups, "scenes": sorted(scenes)}
 
 
 def limit(table: pd.DataFrame) -> str:
@@ -90,12 +78,12 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         study.title,
         command,
         records,
-        sentences=bullets(sentences(found, stopped)),
+        sentences=sentences(found, stopped),
         counts=_counts(runs, solvers),
         inaccurate=INACCURATE,
         stopped=stopped,
         scenes=_by_scene(runs, solvers),
-        hard=bullets(f"{name}: {SCENES[name].summary}" for name in dict(study.scenes) if name in SCENES),
+        hard=[f"{name}: {SCENES[name].summary}" for name in dict(study.scenes) if name in SCENES],
     )
 
 

@@ -13,7 +13,7 @@ from polhode.harness.common.store import Record
 from polhode.harness.common.text import duration, in_two_digits, markdown, short
 from polhode.harness.pages.figures.profiles import profiles, sentence
 from polhode.harness.pages.figures.work_precision import panels, save
-from polhode.harness.pages.tables import bullets, fill, table
+from polhode.harness.pages.tables import fill
 from polhode.models.problems.catalogue import PROBLEMS
 
 TARGETS, PROFILED = (1e-3, 1e-6, 1e-9), 1e-6
@@ -61,8 +61,8 @@ def page(kept: pd.DataFrame, top: list[str]) -> str:
         sentence=sentence(_times(runs, PROFILED)),
         profiled=PROFILED,
         fastest=markdown(["problem", *(f"fastest at {short(target)}" for target in TARGETS)], fastest),
-        sources=bullets(f"**{name}**: {PROBLEMS[name].source}." for name in names),
-        failed=f"\n## What failed\n\n{table(failed, 'problems-failed')}\n" if failed else "",
+        sources={name: PROBLEMS[name].source for name in names},
+        failed=failed,
     )
 
 

@@ -6,6 +6,7 @@ from io import BytesIO
 from math import isnan
 from pathlib import Path
 from statistics import median
+from typing import Any
 
 import pandas as pd
 
@@ -14,11 +15,11 @@ from polhode.harness.analysis.pareto import TIE, Method
 from polhode.harness.analysis.regime_map import Cell, cells, standings
 from polhode.harness.common.files import read_file, write_file
 from polhode.harness.common.store import Record
-from polhode.harness.common.text import in_two_digits, short
-from polhode.harness.pages.figures.map_picture import ERRORS, picture
+from polhode.harness.common.text import short
+from polhode.harness.pages.figures.map_picture import ERRORS, HEADINGS, picture
 from polhode.harness.pages.figures.profiles import profile_lines
 from polhode.harness.pages.figures.work_precision import save
-from polhode.harness.pages.tables import bullets, fill, table, write
+from polhode.harness.pages.tables import fill, lines_of, write
 from polhode.harness.studies.study import Study
 from polhode.models.scene import Scene
 
@@ -45,9 +46,9 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     particles = []
     for name in names:
         scenes = [scene for own, scene in study.scenes if own == name]
-        axes = ", ".join(f"{length:g}" for length in scenes[0].ellipsoid.semi_axes)
-        particles += [f"## The {name} ({axes})", "", f"![Winners over St and error]({name}.png)", "", *horizon(scenes)]
-        particles += [_methods(where(runs, runs["scene_name"] == name), name, maps)]
+        methods = _methods(where(runs, runs["scene_name"] == name), name, maps)
+        axes = scenes[0].ellipsoid.semi_axes
+        particles.append({"name": name, "axes": axes, "remarks": horizon(scenes), "methods": methods})
     far = [scene.stokes for _, scene in study.scenes if scene.time >= LONG]
     long = profile_lines(
         where(runs, runs["stokes"].isin(far)), folder, "profiles-long", f"The same over t ≥ {short(LONG)} alone"
@@ -58,7 +59,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         study.title,
         command,
         records,
-        sentences=bullets(f"The {name}, {sentence(found, ERRORS[error][0])}" for (name, error), found in maps.items()),
+        sentences=[f"The {name}, {sentence(found, ERRORS[error][0])}" for (name, error), found in maps.items()],
         particles=particles,
         profiles=[*profile_lines(runs, folder), *long],
         study=study,
@@ -90,51 +91,33 @@ def read_cells(path: Path) -> Maps:
 
 def sentence(found: Sequence[Cell], what: str) -> str:
     """What a map shows: which kind of method wins where, by how much, and in which form."""
-    words = {"implicit": "implicit solvers", "explicit": "explicit solvers", "averaged": "averaged forms"}
-    parts = []
-    for side, subject in words.items():
-        own = [cell for cell in found if cell.winner and cell.winner.side == side]
-        if not own:
-            parts.append(f"{subject} never win")
-            continue
-        low, high = min(cell.stokes for cell in own), max(cell.stokes for cell in own)
-        leads = [cell.lead for cell in own if not isnan(cell.lead)]
-        lead = f", × {in_two_digits(median(leads))}" if leads else ""
-        span = f"from St = {short(low)} to {short(high)}" if low < high else f"at St = {short(low)}"
-        parts.append(f"{subject} win {len(own)} cells {span} ({sum(cell.tied for cell in own)} ties{lead})")
+    won = {side: [cell for cell in found if cell.winner and cell.winner.side == side] for side in HEADINGS}
     forms = Counter(cell.winner.form for cell in found if cell.winner and cell.winner.side != "averaged")
-    counts = ", ".join(f"{form} {number}" for form, number in forms.most_common())
-    return f"{what}: {'; '.join(parts)}. Cells by form: {counts or 'none'}."
+    leads = {side: [cell.lead for cell in own if not isnan(cell.lead)] for side, own in won.items()}
+    halves = {side: median(own) for side, own in leads.items() if own}
+    return fill("regimes-sentence", what=what, won=won, leads=halves, forms=forms.most_common())
 
 
 def horizon(scenes: Sequence[Scene]) -> list[str]:
     """A remark on the St at which runs span less slow time than at most of the others; none where there are none."""
-    if not scenes:
-        return []
     usual = Counter(scene.slow_time for scene in scenes).most_common(1)[0][0]
     less = sorted((scene for scene in scenes if scene.slow_time < usual), key=lambda scene: scene.stokes)
-    if not less:
-        return []
-    spans = ", ".join(f"{short(scene.slow_time)} at St = {short(scene.stokes)}" for scene in less)
-    longest = max(scene.time for scene in less)
-    return [fill("regimes-horizon", longest=longest, spans=spans, usual=usual)]
+    longest = max((scene.time for scene in less), default=0.0)
+    return lines_of("regimes-horizon", longest=longest, less=less, usual=usual)
 
 
-def _methods(runs: pd.DataFrame, name: str, maps: Maps) -> str:
-    """The methods that win or tie somewhere, or lie on a front; the others by name."""
+def _methods(runs: pd.DataFrame, name: str, maps: Maps) -> list[dict[str, Any]]:
+    """How every method stands on both maps, and whether it wins or ties somewhere, or lies on a front."""
     full, slow = (
         {row.method: row for row in standings(runs, error, maps[name, error])}
         for error in ("orientation_error", "slow_error")
     )
-    rows = [
-        {"method": method, "full": full[method], "slow": row, "failed": ", ".join(_failed(row.failures))}
+    return [
+        {"method": method, "full": full[method], "slow": row, "failed": [*map(_failed, row.failures.items())]}
+        | {"seen": any(each.won + each.tied + each.front for each in (full[method], row))}
         for method, row in slow.items()
     ]
-    seen = [row for row in rows if any(each.won + each.tied + each.front for each in (row["full"], row["slow"]))]
-    rest = "; ".join(str(row["method"]) for row in rows if row not in seen)
-    beside = f"Never among them: {rest}." if rest else ""
-    return f"Full solution / slow variables:\n\n{table(seen, 'regimes-methods')}\n{beside}\n"
 
 
-def _failed(failures: Mapping[str, int]) -> list[str]:
-    return [f"{status.replace('_', ' ')} {number}" for status, number in failures.items()]
+def _failed(ending: tuple[str, int]) -> str:
+    return f"{ending[0].replace('_', ' ')} {ending[1]}"

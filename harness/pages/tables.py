@@ -1,15 +1,17 @@
-"""Tables and texts of pages, from the formats of their columns and the Markdown files in `texts`."""
+"""Tables and texts of pages, from the formats of their columns and the templates in `texts`."""
 
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
-from functools import cache
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record
-from polhode.harness.common.text import WORDING, markdown
+from polhode.harness.common.text import FORMATS, WORDING, markdown
 
 TEXTS = Path(__file__).parent / "texts"
 
@@ -21,10 +23,12 @@ def cells(rows: Iterable[Any], columns: Mapping[str, str]) -> list[list[str]]:
 
 def table(rows: Iterable[Any], columns: str | Mapping[str, str], left: int = 1, **fields: Any) -> str:
     """The rows as Markdown, all but the first `left` columns aligned right; a name is one of `texts/tables.toml`."""
+    right: Sequence[int] = ()
     if isinstance(columns, str):
         known = _tables()[columns]
-        columns, left = {WORDING.format(head, **fields): cell for head, cell in known["columns"].items()}, known["left"]
-    return markdown([*columns], cells(rows, columns), right=range(left, len(columns)))
+        left, right = known["left"], known.get("right", ())
+        columns = {WORDING.format(head, **fields): cell for head, cell in known["columns"].items()}
+    return markdown([*columns], cells(rows, columns), right=right or range(left, len(columns)))
 
 
 @cache
@@ -32,13 +36,31 @@ def _tables() -> dict[str, dict[str, Any]]:
     return tomllib.loads((TEXTS / "tables.toml").read_text(encoding="utf-8"))
 
 
-def fill(name: str, **fields: Any) -> str:
-    """The text of that name with its fields: numbers by their formats, several lines as a list of them."""
-    lines = {key: "\n".join(value) if isinstance(value, list) else value for key, value in fields.items()}
-    return WORDING.vformat((TEXTS / f"{name}.md").read_text(encoding="utf-8"), (), lines)
+def templates(folder: Path, **options: Any) -> Environment:
+    """The templates of a folder; numbers by the formats of `WORDING` or Python's own: ``{{ x|form(".2f") }}``."""
+    options |= {"undefined": StrictUndefined, "trim_blocks": True, "lstrip_blocks": True, "keep_trailing_newline": True}
+    found = Environment(loader=FileSystemLoader(folder), finalize=_listed, **options)
+    found.filters |= {name: partial(WORDING.format_field, format_spec=name) for name in FORMATS}
+    found.filters |= {"form": WORDING.format_field, "bullets": bullets, "lines": "\n".join, "table": table}
+    return found
 
 
-def lines_of(name: str, **fields: Any) -> list[str]:
+def _listed(value: Any) -> Any:
+    """Several values with commas."""
+    return ", ".join(map(str, value)) if isinstance(value, Collection) and not isinstance(value, str) else value
+
+
+@cache
+def _texts() -> Environment:
+    return templates(TEXTS)
+
+
+def fill(name: str, /, **fields: Any) -> str:
+    """The text of that name with its fields."""
+    return _texts().get_template(f"{name}.md").render(fields)
+
+
+def lines_of(name: str, /, **fields: Any) -> list[str]:
     """The sentences of a text, which stand in a line each."""
     return fill(name, **fields).splitlines()
 

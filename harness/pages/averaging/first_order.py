@@ -11,15 +11,16 @@ import pandas as pd
 
 from polhode.harness.averaging import measure, orders
 from polhode.harness.averaging.data import VARIABLES, AveragingErrors, PaperStudy, write_study
-from polhode.harness.averaging.findings import statements
-from polhode.harness.averaging.orders import TARGETS, Law, first_order, laws
+from polhode.harness.averaging.orders import LEAST_POINTS, TARGETS, Law, first_order, laws
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.text import aligned, in_two_digits, short
 from polhode.harness.pages.figures.averaging import Line, against_stokes
 from polhode.harness.pages.figures.work_precision import save
-from polhode.harness.pages.tables import bullets, cells, fill, table
+from polhode.harness.pages.tables import cells, fill, lines_of, table
 
+# Where the paper says that the averaged equations are good.
+GOOD_FROM = {"spheroid": 1e2, "ellipsoid": 1e3}
 # Errors of which the page says from which St on they are met.
 SHOWN = (1e-2, 1e-4)
 COLUMNS = {
@@ -35,6 +36,25 @@ COLUMNS = {
 }
 PANELS = {"spheroid": "spheroids", "ellipsoid": "triaxial ellipsoids"}
 _FIELDS = [text.strip("{}") for text in COLUMNS.values()]
+
+
+def statements(rows: Sequence[AveragingErrors]) -> list[str]:
+    """How good the paper's "good from St ≈ 100" is, and which orders hold."""
+    own, good = laws(rows), []
+    first = [law for law in own if first_order(law.form)]
+    for family, stokes in GOOD_FROM.items():
+        there = [row for row in rows if row.family == family and row.stokes == stokes and first_order(row.form)]
+        needed = [law.needed(1e-2)[0] for law in first if law.family == family]
+        known = sorted(number for number in needed if not isnan(number))
+        good.append((family, stokes, sorted(there, key=lambda row: row.model_error), known))
+    promised = [("First order", 1, first)]
+    for family, title in (("spheroid", "spheroids"), ("ellipsoid", "ellipsoids, no farther than L² = 2EI₂")):
+        second = [law for law in own if law.family == family and law not in first]
+        promised.append((f"Second order, {title}", 2, second))
+    known = [(*each, [law for law in each[2] if not isnan(law.order)]) for each in promised]
+    each = [(name, law) for name in VARIABLES for law in laws(rows, name) if first_order(law.form)]
+    slower = [f"{name} of {law.subject} ({law.order:.2f})" for name, law in each if law.shown[1] < 1]
+    return lines_of("accuracy-findings", good=good, promised=known, slower=slower, points=LEAST_POINTS)
 
 
 def as_text(study: PaperStudy) -> str:
@@ -101,7 +121,7 @@ def page(study: PaperStudy, command: str) -> str:
     return fill(
         "accuracy",
         header=header("How accurate the averaged equations are", command, list(study.timed.values())),
-        findings=bullets(statements(rows)),
+        findings=statements(rows),
         cases=table(case_rows(rows), COLUMNS),
         fitted=orders,
         measured=measure,

@@ -2,21 +2,24 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict
+from math import isnan
 from pathlib import Path
 from typing import Any
 
 from polhode.harness.averaging import cases, orders, second_order
-from polhode.harness.averaging.data import Cost, SecondOrderErrors, SecondOrderStudy, write_study
-from polhode.harness.averaging.findings import findings
+from polhode.harness.averaging.data import Passage, SecondOrderErrors, SecondOrderStudy, write_study
 from polhode.harness.averaging.orders import Slope, slopes
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.tables import write_table
 from polhode.harness.pages.figures.averaging import Line, against_stokes
 from polhode.harness.pages.figures.work_precision import save
-from polhode.harness.pages.tables import bullets, fill, table
+from polhode.harness.pages.tables import fill, lines_of
 from polhode.models.scene import EulerStart
 from polhode.models.second_order.form import STOPS, SecondOrder
+
+# St at which second order is compared with first order.
+GAIN_AT = 1e5
 
 
 def write_page(study: SecondOrderStudy, folder: Path, command: str) -> None:
@@ -30,19 +33,58 @@ def write_page(study: SecondOrderStudy, folder: Path, command: str) -> None:
 
 def page(study: SecondOrderStudy, fitted: Sequence[Slope], command: str) -> str:
     """The report as Markdown."""
+    second = sorted((each for each in study.cost if each.form == SecondOrder.name), key=lambda each: each.stokes)
+    compared = [each for each in study.cost if each.stokes == second_order.COMPARED]
     return fill(
         "second-order",
         header=header("Second-order averaging: orders and cost", command, list(study.timed.values())),
-        findings=bullets(findings(study)),
-        orders=table(_rows(study.orders, fitted), "second-order-slopes"),
-        cost=_costs(study.cost, study.timed["cost"]["repeats"]) if study.cost else "",
+        findings=findings(study),
+        orders=_rows(study.orders, fitted),
+        runs=dict.fromkeys([*second[:1], *compared, *second[-1:]]),
+        timed=study.timed,
         measured=second_order,
         fitted=orders,
         starts="; ".join(f"*{name}*, {_euler(start)}" for name, start in cases.NAMED.items()),
         tilted=cases.TILTED,
         stops=STOPS,
-        repeats=study.timed["passages"]["repeats"],
     )
+
+
+def findings(study: SecondOrderStudy) -> list[str]:
+    """Orders, estimates, gains and cost of the second order; nothing of what was not measured."""
+    fitted, passages = (
+        slopes(study.orders),
+        {"Through resonances": study.resonances, "Up to L² = 2EI₂": study.crossings},
+    )
+    triaxial = [slope for slope in fitted if len(set(slope.shape.split(":"))) == 3]
+    full = [each for each in study.cost if each.form == "spheroid-axis" and each.stokes == second_order.COMPARED]
+    return lines_of(
+        "second-order-findings",
+        fitted={
+            "Spheroids": [slope for slope in fitted if slope not in triaxial],
+            "Triaxial ellipsoids away from resonances and from L² = 2EI₂": triaxial,
+        },
+        away=_estimates(study.orders),
+        there=_estimates([row for rows in passages.values() for row in rows]),
+        gains={where: _gains(rows) for where, rows in passages.items()},
+        stokes=GAIN_AT,
+        passages=passages,
+        second=sorted((each for each in study.cost if each.form == SecondOrder.name), key=lambda each: each.stokes),
+        full=sorted((each for each in full if each.slow <= second_order.TARGET), key=lambda each: each.seconds),
+        measured=second_order,
+    )
+
+
+def _estimates(rows: Sequence[SecondOrderErrors | Passage]) -> list[list[float]]:
+    """Errors estimated over those measured, of the slow variables and of the orientation; nothing without runs."""
+    own = [row for row in rows if not isnan(row.slow)]
+    pairs = [(row.estimated_slow / row.slow, row.estimated_orientation / row.orientation) for row in own]
+    return [sorted(each) for each in zip(*pairs, strict=True)]
+
+
+def _gains(rows: Sequence[Passage]) -> list[float]:
+    """How many times smaller than first order's errors are."""
+    return [row.first_order_slow / row.slow for row in rows if row.stokes == GAIN_AT and not row.refused]
 
 
 def _panels(rows: Sequence[SecondOrderErrors]) -> dict[str, list[Line]]:
@@ -74,11 +116,3 @@ def _rows(rows: Sequence[SecondOrderErrors], fitted: Sequence[Slope]) -> list[di
 def _euler(start: EulerStart) -> str:
     angles, rates = (", ".join(f"{x:.4g}" for x in group) for group in (start.angles, start.rates))
     return f"θ, φ, ψ = {angles} and θ̇, φ̇, ψ̇ = {rates}"
-
-
-def _costs(cost: Sequence[Cost], repeats: int) -> str:
-    second = [each for each in cost if each.form == SecondOrder.name]
-    first, last = (pick(second, key=lambda each: each.stokes) for pick in (min, max))
-    compared = [each for each in cost if each.stokes == second_order.COMPARED]
-    runs = table(dict.fromkeys([first, *compared, last]), "second-order-cost")
-    return fill("second-order-cost", measured=second_order, runs=runs, repeats=repeats)

@@ -14,7 +14,6 @@ from matplotlib.figure import Figure
 
 from polhode.harness.analysis.frames import by_scene, by_stokes
 from polhode.harness.analysis.pareto import cost, front, methods
-from polhode.harness.common.text import in_two_digits
 from polhode.harness.pages.figures.style import looks
 from polhode.harness.pages.figures.work_precision import name_lines, save
 from polhode.harness.pages.tables import fill
@@ -56,12 +55,9 @@ def sentence(found: pd.DataFrame) -> str:
     ratios = found.div(found.min(axis=1), axis=0)
     near, reached = (ratios <= NEAR).mean(), found.notna().mean()
     first, surest = str(near.idxmax()), str(reached.idxmax())
-    slow = float(np.nanquantile(ratios[surest].to_numpy(float), 0.9))
-    return (
-        f"Of {len(found)} problems that somebody solves, {first} is within {NEAR:g} times "
-        f"the fastest on {100 * near[first]:.0f} %. {surest} reaches the error most often, on "
-        f"{100 * reached[surest]:.0f} %: in nine of ten of those within {in_two_digits(slow)} times the fastest."
-    )
+    slow = np.nanquantile(ratios[surest].to_numpy(float), 0.9)
+    shares = {"near": near[first], "reached": reached[surest], "factor": NEAR, "slow": slow}
+    return fill("profiles-sentence", count=len(found), first=first, surest=surest, **shares)
 
 
 def profiles(found: pd.DataFrame) -> Figure:

@@ -15,9 +15,8 @@ from polhode.harness.calibration.evaluation import FACTOR, Evaluation
 from polhode.harness.calibration.selection import CUTOFF, PENALTY, PICK, pays_from, scores, write_aslib
 from polhode.harness.calibration.stated import judged
 from polhode.harness.common.files import write_file
-from polhode.harness.common.text import duration
 from polhode.harness.pages.figures.work_precision import save
-from polhode.harness.pages.tables import bullets, fill, lines_of, table
+from polhode.harness.pages.tables import fill, lines_of
 from polhode.harness.picking.laws import Laws
 from polhode.harness.picking.second_look import LEAST, SHARE
 from polhode.harness.picking.stated_error import BOUNDED
@@ -44,29 +43,21 @@ def write_pages(folder: Path, laws: Laws, evaluation: Evaluation, command: str) 
 
 def summary(evaluation: Evaluation) -> list[str]:
     """The evaluation in sentences, each with its target."""
-    count, shares = len(evaluation.scenes), evaluation.shares
-    refused = sum(scene["refusal"] != "" for scene in evaluation.scenes.to_dict("records"))
     factors = evaluation.scenes["factor"]
     useful = factors[factors < inf]
-    dearest = f"the dearest one that ended cost {useful.max():.2g} times the best"
-    if useless := count - len(useful):
-        dearest += f", and {useless} gave nothing where another way did"
-    lines = lines_of(
-        "pick-summary", asked=asked, shares=shares, count=count, dearest=dearest, runs=len(evaluation.runs)
+    ways = [] if evaluation.ways is None else scores(evaluation.ways).to_dict("records")
+    return lines_of(
+        "pick-summary",
+        asked=asked,
+        shares=evaluation.shares,
+        count=len(factors),
+        useful=len(useful),
+        dearest=useful.max(),
+        runs=len(evaluation.runs),
+        ways=[way for way in ways if way["way"] == PICK],
+        refused=(evaluation.scenes["refusal"] != "").sum(),
+        left_out=_counted(evaluation.left_out.values()),
     )
-    if evaluation.ways is not None:
-        ways: Any = scores(evaluation.ways)
-        gaps = [f"{row.gap_closed:.3f} ({row.stratum})" for row in ways[ways["way"] == PICK].itertuples()]
-        lines.append(
-            f"It closes {', '.join(gaps)} of the gap from the single best way to the virtual best (target: 0.95)."
-        )
-    if refused:
-        lines.append(
-            f"Refused as not attainable: {refused} of the requests; they count as met if no measured run met them."
-        )
-    if evaluation.left_out:
-        lines.append(f"Other scenes were drawn instead of some: {_counted(evaluation.left_out.values())}.")
-    return lines
 
 
 def _counted(reasons: Iterable[str]) -> str:
@@ -74,31 +65,18 @@ def _counted(reasons: Iterable[str]) -> str:
 
 
 def _page(laws: Laws, evaluation: Evaluation, command: str) -> str:
-    missed = [f"{each['scene']}: {each['miss']}." for each in evaluation.scenes.to_dict("records") if each["miss"]]
+    ways, scenes = evaluation.ways, evaluation.scenes.to_dict("records")
     return fill(
         "pick",
         command=command,
-        summary=bullets(summary(evaluation)),
-        selection=_selection(evaluation),
-        missed=bullets(missed) or "None.",
-        source=laws.source,
-        processor=laws.source.get("machine", {}).get("processor", "an unnamed processor"),
-    )
-
-
-def _selection(evaluation: Evaluation) -> str:
-    """`pick` beside the virtual best, the single best and simple rules, per stratum."""
-    if evaluation.ways is None:
-        return ""
-    scenes: Any = evaluation.scenes
-    pays = pays_from(scenes, evaluation.ways)
-    return fill(
-        "pick-selection",
-        scores=table(scores(evaluation.ways).to_dict("records"), "pick-scores"),
+        summary=summary(evaluation),
+        scores=[] if ways is None else scores(ways).to_dict("records"),
         cutoff=CUTOFF,
         counts=PENALTY * CUTOFF,
-        asking=scenes["pick_seconds"].median(),
-        pays=f"for runs that take the single best {duration(pays)} or more" if pays < inf else "for no run here",
+        asking=float("nan") if ways is None else evaluation.scenes["pick_seconds"].median(),
+        pays=inf if ways is None else pays_from(evaluation.scenes, ways),
+        missed=[f"{each['scene']}: {each['miss']}." for each in scenes if each["miss"]],
+        source=laws.source,
     )
 
 
@@ -159,9 +137,9 @@ def write_stated(folder: Path, runs: pd.DataFrame, command: str) -> Path:
     text = fill(
         "pick-stated",
         command=command,
-        summary=bullets(stated_summary(runs)),
-        left_out=_counted(runs.attrs["left_out"]) or "none",
-        runs=table(rows, "pick-stated"),
+        summary=stated_summary(runs),
+        left_out=_counted(runs.attrs["left_out"]),
+        rows=rows,
     )
     page = folder / "stated.md"
     write_file(page, text)

@@ -14,11 +14,10 @@ from click.testing import CliRunner
 from polhode.harness.averaging import measure as module
 from polhode.harness.averaging.cases import Subject, paper_cases
 from polhode.harness.averaging.data import Absent, AveragingErrors, PaperStudy, read_study, write_study
-from polhode.harness.averaging.findings import statements
 from polhode.harness.averaging.measure import measure
 from polhode.harness.averaging.orders import Law, laws
 from polhode.harness.cli import polhode
-from polhode.harness.pages.averaging.first_order import as_json, as_text, case_rows, law_rows, write_page
+from polhode.harness.pages.averaging.first_order import as_json, as_text, case_rows, law_rows, statements, write_page
 from polhode.harness.references.reference import reference
 from polhode.models.catalogue import form as find_form
 from polhode.models.scene import Scene

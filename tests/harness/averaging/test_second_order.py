@@ -9,14 +9,13 @@ from click.testing import CliRunner
 from polhode.harness.averaging import hybrid, second_order
 from polhode.harness.averaging.cases import RESONANT
 from polhode.harness.averaging.data import Cost, Passage, SecondOrderErrors, SecondOrderStudy, read_study, write_study
-from polhode.harness.averaging.findings import findings
 from polhode.harness.averaging.orders import slopes
 from polhode.harness.averaging.second_order import REPEATS, costs, measure_passage, measure_study
 from polhode.harness.cli import polhode
 from polhode.harness.commands.paper import PARTS
 from polhode.harness.common.files import SUMS
 from polhode.harness.common.text import short
-from polhode.harness.pages.averaging.second_order import page, write_page
+from polhode.harness.pages.averaging.second_order import findings, page, write_page
 
 ROWS = [
     SecondOrderErrors(

@@ -23,7 +23,7 @@ from polhode.harness.ensembles.ensemble import Ensemble, Task
 from polhode.harness.ensembles.statistics import SECOND, Statistics
 from polhode.harness.ensembles.summary import means
 from polhode.harness.ensembles.sweep import gather, parse_sweep, perform, read_sweep, run_sweep
-from polhode.harness.pages.sweep import picture, write_results
+from polhode.harness.pages.ensembles import picture, write_results
 
 # Tasks of some hundredths of a second.
 SWEEP = """\
@@ -293,7 +293,7 @@ def test_a_sweep_of_which_nothing_finished_has_a_page(tmp_path: Path, monkeypatc
         count = ensemble.particles
         return replace(Statistics.empty(ensemble.layout), particles=count, failures={"step_limit": count})
 
-    monkeypatch.setattr("polhode.harness.pages.sweep.gather", nothing)
+    monkeypatch.setattr("polhode.harness.pages.ensembles.gather", nothing)
     with Store(tmp_path / "store.sqlite") as store:
         page, _ = write_results(parse_sweep(tomllib.loads(SWEEP)), store, tmp_path)
     text = page.read_text(encoding="utf-8")
@@ -388,7 +388,7 @@ def page_of(text: str, folder: Path) -> str:
 
 def test_memory_does_not_grow_with_the_tasks_of_a_store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     for name in ("save", "picture"):
-        monkeypatch.setattr(f"polhode.harness.pages.sweep.{name}", lambda *_: None)
+        monkeypatch.setattr(f"polhode.harness.pages.ensembles.{name}", lambda *_: None)
     one = {**tomllib.loads(AVERAGED), "block": 1, "samples": 11, "snapshots": 11, "bins": 8}
     record = perform(Task(parse_sweep(one).ensembles[0], 0))
     peaks = []
