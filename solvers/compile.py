@@ -5,8 +5,8 @@ Every function here keeps what it compiled, under the field's factory, for the l
 
 import atexit
 from collections.abc import Callable
-from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,9 +19,10 @@ from polhode.solvers.contract import Backend
 from polhode.solvers.machine_code import kept_code
 from polhode.solvers.machine_code.array_function import array_function
 from polhode.solvers.machine_code.derivatives import trace_jacobian
-from polhode.solvers.machine_code.llvm import CALLBACK, MachineCode, Signature, compile_lines, counting
+from polhode.solvers.machine_code.llvm import MachineCode, compile_file
 from polhode.solvers.machine_code.tracing import OPERATIONS, read, trace, written
 
+_FOLDER = Path(__file__).parent
 Callback = Callable[[np.ndarray, Any, np.ndarray], None]
 
 
@@ -52,9 +53,10 @@ def c_callback(factory: Factory, dimension: int, parameters: int, *, count: bool
     """
     if isinstance(factory, WithRate) and not count:
         return _with_field(factory, dimension, parameters)
-    signature = counting(CALLBACK, parameters) if count else CALLBACK
-    known = None if count else _BROUGHT_ALONG.get((factory, dimension, parameters))
-    return known or compile_lines(signature, trace(factory, dimension, parameters))
+    if not count and (known := _BROUGHT_ALONG.get((factory, dimension, parameters))):
+        return known
+    lines = trace(factory, dimension, parameters)
+    return compile_file(_FOLDER / "callback.ll", lines=lines, parameters=parameters, count=int(count))
 
 
 # Code of fields that were compiled as part of a larger one (`WithRate`).
@@ -62,17 +64,11 @@ _BROUGHT_ALONG: dict[tuple[Factory, int, int], MachineCode] = {}
 
 
 def _with_field(factory: WithRate, dimension: int, parameters: int) -> MachineCode:
-    """The code of both, of which the field's own serves its runs too: less than that of the two apart."""
-    own = CALLBACK.head.replace("@function", "@field")
-    helper = Signature(f"{own} noinline").around(trace(factory.field, dimension - 1, parameters))
+    """The code of both, of which the field's own serves its runs too."""
     numbers: dict[str, str] = {}
     rate = factory.rate(OPERATIONS)(read(numbers, "y", dimension), read(numbers, "p", parameters))
-    lines = [
-        f"call {own}",
-        f"%last = getelementptr double, ptr %out, i64 {dimension - 1}",
-        written(numbers, [rate], to="%last"),
-    ]
-    both = compile_lines(replace(CALLBACK, helpers=helper), "\n".join(lines))
+    lines = trace(factory.field, dimension - 1, parameters), written(numbers, [rate], to="%last")
+    both = compile_file(_FOLDER / "with_rate.ll", field=lines[0], rate=lines[1], last=dimension - 1)
     alone = MachineCode(both.engine.get_function_address("field"), both.engine)
     _BROUGHT_ALONG[factory.field, dimension - 1, parameters] = alone
     return both

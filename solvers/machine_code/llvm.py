@@ -1,7 +1,7 @@
 """C functions around traced fields, compiled by llvmlite for this processor in some 10 ms."""
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from string import Template
@@ -12,38 +12,6 @@ import numpy as np
 from polhode.models.spent import spent_on
 
 _DECLARATIONS = Path(__file__).with_name("declarations.ll").read_text(encoding="utf-8")
-
-
-@dataclass(frozen=True)
-class Signature:
-    """A C function around a field, which reads arrays of doubles at the pointers %y, %p, ... and writes one at %out."""
-
-    head: str
-    # Lines before the field's, where those pointers are no arguments.
-    prologue: str = ""
-    result: str = "void"
-    # Functions that the prologue calls.
-    helpers: str = ""
-
-    def around(self, lines: str) -> str:
-        """The function's definition."""
-        return f"define {self.head} {{\n{self.prologue}\n{lines}\nret {self.result}\n}}"
-
-
-# What CyRK calls: void(double *dy, double t, double *y, double *p).
-CALLBACK = Signature("void @function(ptr %out, double %t, ptr %y, ptr %p)")
-
-
-def counting(signature: Signature, parameters: int) -> Signature:
-    """A function that counts its calls: behind the parameters stands the address of an integer of eight bytes."""
-    lines = f"""
-%counter_at = getelementptr double, ptr %p, i64 {parameters}
-%counter = load ptr, ptr %counter_at
-%before = load i64, ptr %counter
-%after = add i64 %before, 1
-store i64 %after, ptr %counter
-"""
-    return replace(signature, prologue=signature.prologue + lines)
 
 
 @dataclass(frozen=True)
@@ -58,12 +26,6 @@ class MachineCode:
         made = prototype(self.address)
         made.code = self
         return made
-
-
-def compile_lines(signature: Signature, lines: str) -> MachineCode:
-    """Compile a function for this processor."""
-    engine = compile_text("\n".join([signature.helpers, signature.around(lines)]))
-    return MachineCode(engine.get_function_address("function"), engine)
 
 
 def compile_file(path: Path, **fields: Any) -> MachineCode:

@@ -17,7 +17,7 @@ import numpy as np
 from polhode.models.problem import Factory, Problem
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Status
 from polhode.solvers.machine_code.derivatives import trace_jacobian
-from polhode.solvers.machine_code.llvm import MachineCode, Signature, compile_file, compile_lines
+from polhode.solvers.machine_code.llvm import MachineCode, compile_file
 from polhode.solvers.machine_code.tracing import trace
 from polhode.solvers.machine_code.underflow import FlushedToZero
 from polhode.solvers.sundials.library import FAILURES, TOO_MUCH_WORK, Sundials, posed
@@ -60,13 +60,13 @@ class Memory:
         self._owned.append(("Free", ctypes.addressof(memory), memory))
         self.address = memory.value
 
-        self.field = _field(library, problem.field, d, len(values))
+        self.field = _callback(library, "field", problem.field, d, len(values))
         self._set("Init", self.field.address, 0.0, *self._states)
         self._set("SetUserData", self.data.ctypes.data)
         self._set("SStolerances", settings.tolerance, settings.tolerance)
         self._set("SetLinearSolver", linear, matrix)
         if settings.jacobian == "exact":
-            self.jacobian = _jacobian(library, problem.field, d, len(values))
+            self.jacobian = _callback(library, "jacobian", problem.field, d, len(values))
             self._set("SetJacFn", self.jacobian.address)
         if self.implicit:
             self._set("SetId", identity)
@@ -146,31 +146,13 @@ def _free(library: Sundials, owned: list[tuple[str, int, Any]]) -> None:
 
 
 @cache
-def _field(library: Sundials, factory: Factory, dimension: int, parameters: int) -> MachineCode:
-    """CVODE's ``int f(double t, N_Vector y, N_Vector rate, void *p)``, or IDA's with its residual before p."""
-    implicit = library.prefix == "IDA"
-    vectors = {"y": "state", "slope": "rate", "out": "rest"} if implicit else {"y": "state", "out": "rate"}
-    head = f"double %t, {', '.join(f'ptr %{vector}' for vector in vectors.values())}, ptr %p"
-    arrays = {name: f"{library.address('N_VGetArrayPointer')}(ptr %{vector})" for name, vector in vectors.items()}
-    return _callback(head, arrays, parameters, trace(factory, dimension, parameters, mass=implicit))
-
-
-@cache
-def _jacobian(library: Sundials, factory: Factory, dimension: int, parameters: int) -> MachineCode:
-    """The Jacobian of `_field`, as the library calls it."""
-    implicit = library.prefix == "IDA"
-    numbers, vectors = ("double %cj, ", "ptr %rest, ") if implicit else ("", "")
-    head = f"double %t, {numbers}ptr %state, ptr %rate, {vectors}ptr %matrix, ptr %p, ptr, ptr, ptr"
-    state, matrix = library.address("N_VGetArrayPointer"), library.address("SUNDenseMatrix_Data")
-    arrays = {"y": f"{state}(ptr %state)", "out": f"{matrix}(ptr %matrix)"}
-    return _callback(head, arrays, parameters, trace_jacobian(factory, dimension, parameters, mass=implicit))
-
-
-def _callback(arguments: str, arrays: dict[str, str], parameters: int, lines: str) -> MachineCode:
-    """A function of traced lines whose arrays are found by calls; the masses stand behind the parameters."""
-    prologue = [f"%{name} = call ptr {found}" for name, found in arrays.items()]
-    prologue.append(f"%mass = getelementptr double, ptr %p, i64 {parameters}")
-    return compile_lines(Signature(f"i32 @function({arguments})", "\n".join(prologue), "i32 0"), lines)
+def _callback(library: Sundials, what: str, factory: Factory, dimension: int, parameters: int) -> MachineCode:
+    """The "field" or its "jacobian" as the library calls it."""
+    traced = trace if what == "field" else trace_jacobian
+    lines = traced(factory, dimension, parameters, mass=library.prefix == "IDA")
+    file = Path(__file__).with_name(f"{library.prefix.lower()}_{what}.ll")
+    calls = {name: library.address(name) for name in ("N_VGetArrayPointer", "SUNDenseMatrix_Data")}
+    return compile_file(file, lines=lines, parameters=parameters, **calls)
 
 
 @cache

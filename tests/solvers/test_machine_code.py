@@ -6,6 +6,7 @@ import pickle
 from dataclasses import replace
 from functools import cache
 from math import inf
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ from polhode.solvers.catalogue import solver
 from polhode.solvers.compile import c_callback, compiled_callback, plain_field
 from polhode.solvers.cyrk import Call, method_number
 from polhode.solvers.machine_code.array_function import array_function
-from polhode.solvers.machine_code.llvm import CALLBACK, Signature, compile_lines, counting
+from polhode.solvers.machine_code.llvm import MachineCode, compile_file
 from polhode.solvers.machine_code.tracing import FieldError, trace
 from polhode.solvers.solve import solve
 
@@ -35,6 +36,15 @@ def strict(factory, dimension: int, parameters: int):
     """The field as ``callback(y, p, out)`` without contraction: every operation rounds as Python's does."""
     lines = trace(factory, dimension, parameters).replace(" contract", "")
     return array_function(lines, {"y": dimension, "p": parameters, "out": dimension})
+
+
+def alone(lines: str) -> MachineCode:
+    """The C callback of traced lines."""
+    return compile_file(Path(compilation.__file__).with_name("callback.ll"), lines=lines, parameters=0, count=0)
+
+
+def called(code: MachineCode):
+    return code.function(ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p))
 
 
 def in_python(factory, y, p) -> np.ndarray:
@@ -267,23 +277,14 @@ def test_the_mass_form_is_the_field_times_its_masses():
     assert out == pytest.approx(mass * slope - rates, rel=1e-14)
 
 
-def test_any_c_signature_counting_or_not():
-    """As SUNDIALS calls its right-hand sides: int f(double t, N_Vector y, N_Vector slope, void *p)."""
-    head = "i32 @function(double %t, ptr %vector, ptr %slope, ptr %p)"
-    prologue = "%y = load ptr, ptr %vector\n%out = load ptr, ptr %slope"
+@pytest.mark.parametrize(("count", "expected"), [(False, 0), (True, 3)])
+def test_a_callback_counts_where_it_is_asked_to(count: bool, expected: int):
     calls = np.zeros(1, dtype=np.int64)
     y, out, p = np.array([0.3]), np.empty(1), np.append(2.0, np.array([calls.ctypes.data]).view(float))
-    # A vector begins with the address of its data.
-    vector, slope = (np.array([array.ctypes.data]) for array in (y, out))
-    signature = Signature(head, prologue, "i32 0")
-    pointer = ctypes.c_void_p
-    for each, expected in ((signature, 0), (counting(signature, 1), 3)):
-        code = compile_lines(each, trace(repeating, 1, 1))
-        function = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double, pointer, pointer, pointer)(code.address)
-        for _ in range(3):
-            assert function(0.0, vector.ctypes.data, slope.ctypes.data, p.ctypes.data) == 0
-        assert calls[0] == expected
-        assert out[0] == pytest.approx(math.sin(0.6) + math.sin(0.6) ** 2, rel=1e-15)
+    for _ in range(3):
+        called(c_callback(repeating, 1, 1, count=count))(out.ctypes.data, 0.0, y.ctypes.data, p.ctypes.data)
+    assert calls[0] == expected
+    assert out[0] == pytest.approx(math.sin(0.6) + math.sin(0.6) ** 2, rel=1e-15)
 
 
 @pytest.mark.parametrize(("turning", "d", "n"), [(quaternion.TURNING, 7, 14), (jeffery.TURNING, 4, 6)])
@@ -293,15 +294,13 @@ def test_a_field_with_one_more_rate_brings_the_same_code_along(turning: WithRate
     codes = [
         c_callback.__wrapped__(turning, d + 1, n),
         c_callback.__wrapped__(turning.field, d, n),
-        compile_lines(CALLBACK, trace(turning.field, d, n)),
+        alone(trace(turning.field, d, n)),
     ]
     assert codes[0].engine is codes[1].engine
     y, p = random.normal(size=d + 1), random.uniform(0.5, 1.0, n)
     found = np.full((3, d + 1), -1.0)
-    pointer = ctypes.c_void_p
     for code, out in zip(codes, found, strict=True):
-        function = ctypes.CFUNCTYPE(None, pointer, ctypes.c_double, pointer, pointer)(code.address)
-        function(out.ctypes.data, 0.0, y.ctypes.data, p.ctypes.data)
+        called(code)(out.ctypes.data, 0.0, y.ctypes.data, p.ctypes.data)
     assert found[:, :d].tobytes() == 3 * found[2, :d].tobytes()
     assert found[0, d] == pytest.approx(plain_field(turning)(y.tolist(), p.tolist())[d], rel=1e-14)
     assert found[1, d] == found[2, d] == -1.0
@@ -328,7 +327,7 @@ def test_a_run_is_that_of_the_field_in_python(name: str):
         call.library.c_free(result)
         return np.array(rows)
 
-    uncontracted = compile_lines(CALLBACK, trace(problem.field, d, len(p)).replace(" contract", ""))
+    uncontracted = alone(trace(problem.field, d, len(p)).replace(" contract", ""))
     expected = run(ctypes.cast(in_python, ctypes.c_void_p).value or 0)
     assert np.array_equal(run(uncontracted.address), expected)
     assert run(c_callback(problem.field, d, len(p)).address) == pytest.approx(expected, abs=1e-8)
