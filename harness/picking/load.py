@@ -87,8 +87,9 @@ def load_of(form: Form, solver: str, pilot: Pilot, samples: int, tolerance: floa
     closed = form.problem(pilot.followed).parameters is None
     if closed or (gauge is EXPLICIT and damped > STIFF):
         return Load(turns, following, damped, samples)
-    accuracy, stability = steps(form, pilot.followed, gauge)
-    share = accuracy * scene.time / pilot.followed.time / gauge.usual(turns, following)
+    counted = pilot.followed if gauge is EXPLICIT else pilot.counted
+    accuracy, stability = steps(form, counted, gauge)
+    share = accuracy * scene.time / counted.time / gauge.usual(turns, following)
     usual = gauge.per_damping_time * damping_times(pilot.followed)
     held = stability / usual if gauge is EXPLICIT and usual > 0 else share
     return Load(share * turns, share * following, held * damped, samples)

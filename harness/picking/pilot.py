@@ -36,9 +36,9 @@ SAMPLES, FEW = 401, 51
 MOST_ROTATIONS, MOST_STEPS = 5_000.0, 300_000
 # Tolerance at which the beginning of a run is followed to learn where it leads.
 BEGUN = 1e-6
-# Rotations of a twin, and what makes a motion fast enough to have one: rotations per damping time, and |ω| at the
-# start over its mean.
-TWIN_ROTATIONS, FAST, USUAL = 1_000.0, 50.0, 0.2
+# Rotations of a twin, and of one that shows no more than how many steps a slow solver takes; what makes a motion fast
+# enough to have the former: rotations per damping time, and |ω| at the start over its mean.
+TWIN_ROTATIONS, COUNTED_ROTATIONS, FAST, USUAL = 1_000.0, 300.0, 50.0, 0.2
 # Tolerance at which a run errs by about as much whose tolerance is the error of the whole run.
 WHOLE_RUN_TOLERANCE = 1e-6
 # Errors grow with rotations not followed: those of L, which add up at random, at most like the root, those of an angle,
@@ -92,6 +92,12 @@ class Pilot:
     def to_the_end(self) -> bool:
         """Whether what was followed shows the slow motion of the whole run."""
         return self.direct or self.twin
+
+    @cached_property
+    def counted(self) -> Scene:
+        """What the steps of slow solvers are counted on: a short twin, whose count per rotation is within a third."""
+        share = COUNTED_ROTATIONS * self.scene.time / max(1.0, self.rotations * self.followed.time)
+        return _shrunk(self.followed, share) if share < 1 and 0 < self.scene.stokes < inf else self.followed
 
     def turned(self, share: float) -> float:
         """Share of the run's rotations in the first `share` of its time."""
@@ -197,10 +203,10 @@ def samples_of(form: Form) -> int:
     return FEW if form.averaged and hasattr(form, "estimate") else SAMPLES
 
 
-def follow(form: Form, scene: Scene, tolerance: float, solver: str | None = None) -> Solution:
+def follow(form: Form, scene: Scene, tolerance: float, solver: str | None = None, samples: int = 0) -> Solution:
     """One pilot run of a form, by the scene's pilot solver or another one."""
     problem = form.problem(scene)
-    times = np.linspace(0.0, problem.end, samples_of(form))
+    times = np.linspace(0.0, problem.end, samples or samples_of(form))
     return solve(problem, solver or pilot_solver(scene), tolerance, times, max_steps=MOST_STEPS)
 
 
@@ -243,9 +249,13 @@ def _within_reach(scene: Scene, count: float) -> Scene:
     if count <= MOST_ROTATIONS:
         return scene
     if 0 < scene.stokes < inf and count > FAST * damping_times(scene) and _starts_fast(scene, count):
-        shrink = TWIN_ROTATIONS / count
-        return replace(scene, stokes=scene.stokes * shrink, time=scene.time * shrink)
+        return _shrunk(scene, TWIN_ROTATIONS / count)
     return replace(scene, time=scene.time * MOST_ROTATIONS / count)
+
+
+def _shrunk(scene: Scene, share: float) -> Scene:
+    """The same slow motion with a share of the rotations."""
+    return replace(scene, stokes=scene.stokes * share, time=scene.time * share)
 
 
 def _starts_fast(scene: Scene, count: float) -> bool:

@@ -13,7 +13,7 @@ from polhode.harness.picking.model_error import NotApplicableError, causes, mode
 from polhode.harness.picking.pilot import InPieces, Pilot, PilotFailedError, form_sensitivity, pilot
 from polhode.harness.picking.recommendation import Excluded, Recommendation, Way
 from polhode.harness.picking.refusals import Refusal, Stage, UnfitError, rounded_up, too_far_off, why_nothing
-from polhode.harness.picking.trials import Candidate, with_trials
+from polhode.harness.picking.trials import SHARE, Candidate, with_trials
 from polhode.harness.references.errors import attainable
 from polhode.models.catalogue import FORMS, form as find_form
 from polhode.models.form import Form, FormNotValidError
@@ -22,8 +22,6 @@ from polhode.models.scene import Scene, SlowStart
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import SolverNotValidError
 
-# An averaged form whose model error leaves its solver less than this share of the error asked for is excluded.
-SHARE = 0.05
 DEFAULT_SAMPLES = 201
 
 
@@ -188,7 +186,7 @@ def _problem(form: Form, scene: Scene, found: Pilot, want: str) -> Problem:
 
 
 def _budget(form: Form, found: Pilot, error: float, want: str) -> tuple[float, Interval | None]:
-    """Error left for the solver, and the model error; none for a full form."""
+    """Error left for the solver, less than none if the model error may be too large, and that; none for a full form."""
     if not form.averaged:
         return error, None
     try:
@@ -199,10 +197,9 @@ def _budget(form: Form, found: Pilot, error: float, want: str) -> tuple[float, I
         raise UnfitError(str(refusal), Stage.AVERAGING) from None
     if model is None:
         raise UnfitError("gives no orientation", Stage.FORM)
-    budget = error - model.high
-    if budget < SHARE * error:
+    if model.low >= error:
         raise too_far_off(model.high, error, SHARE, causes(form, found))
-    return budget, model
+    return error - model.high, model
 
 
 def _laws(laws: Laws, form: Form, solver: str, found: Pilot, want: str) -> tuple[MethodLaws, ErrorLaw, Sensitivity]:

@@ -1,22 +1,25 @@
 """Trials: the first ways of a ranking are run, so that their tolerances follow from errors made on this very scene.
 
 A law's upper end holds for 97.5 % of like scenes, whose errors scatter a hundredfold; a trial shows the one error that
-counts, as its distance from a yardstick. That is a run of the pilot's solver whose own error, by its law, is a small
-share of what is asked for. Where no law promises one, or a run would take long, laws alone decide.
+counts, at the run's own output times, as its distance from a yardstick: a run whose own error, by its law, is a small
+share of what is asked for. Where rounding may be too large for that, two runs of unrelated methods that agree do as
+well. Where a run would take long, laws alone decide.
 """
 
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from math import inf, sqrt
+from math import exp, inf, sqrt
+from typing import NamedTuple
 
 from polhode.harness.common.text import scientific
 from polhode.harness.picking.laws import STIFF, ErrorLaw, Interval, Load, MethodLaws, Sensitivity
 from polhode.harness.picking.load import load_of
+from polhode.harness.picking.model_error import causes
 from polhode.harness.picking.pilot import InPieces, Pilot, PilotFailedError, follow, pilot_solver
 from polhode.harness.picking.recommendation import Way
-from polhode.harness.picking.refusals import Refusal, Stage, UnfitError, one_digit, one_digit_up, too_tight
+from polhode.harness.picking.refusals import Refusal, Stage, UnfitError, one_digit, one_digit_up, too_far_off, too_tight
 from polhode.harness.references.errors import errors
 from polhode.models.catalogue import full_form, reference_form
 from polhode.models.form import Form
@@ -29,14 +32,20 @@ from polhode.solvers.contract import Work
 LOOSEST, TIGHTEST = 1e-3, 1e-15
 # So much tighter than its tightest measured run a method may be asked to be.
 BEYOND = 1e3
-# Seconds that a run may be expected to take to be tried, ways that are, tolerances of each, and how many times as long
-# a yardstick may take.
-MOST_SECONDS, WAYS, TOLERANCES, YARDSTICK = 0.02, 4, 4, 2.0
+# Seconds that a run may be expected to take to be tried, or its share of the quickest one expected, up to a limit; ways
+# that are, tolerances of each, and how many times as long a yardstick may take.
+MOST_SECONDS, TENTH, PATIENT, WAYS, TOLERANCES, YARDSTICK = 0.02, 0.1, 0.2, 4, 4, 2.0
 # Shares of what the solver may err by: what the yardstick may be off by, what a trial may make, and what its next
 # tolerance aims at, which is worth another run if it is looser by the factor, and is at most so far from the last one.
-UNSURE, MET, AIM, WORTH, FAR = 0.15, 0.6, 0.45, 2.0, 1e3
-# At other output times than a trial's an error may be so much larger or smaller.
-PEAKS = 1.4
+# Where no law promises that, another yardstick will do, by a method that steps and rounds like no other, if a trial is
+# closer to it.
+UNSURE, MET, AIM, WORTH, FAR = 0.1, 0.75, 0.55, 2.0, 1e3
+UNLIKE, UNLIKE_MET = "taylor", 0.4
+# Damping times up to which no implicit method is tried.
+SOFT = STIFF / 10
+# An averaged form whose model error leaves its solver less than this share of the error asked for is not expected to
+# meet it.
+SHARE = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,18 +67,33 @@ class Candidate:
         """The tightest tolerance that it may be asked for."""
         return max(TIGHTEST, self.laws.tightest / BEYOND)
 
+    @property
+    def asked(self) -> float:
+        """The error asked for."""
+        return self.budget + (self.model.high if self.model else 0.0)
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether the model error may be too large: a trial against the full equations shows."""
+        return self.budget < SHARE * self.asked
+
     def expected(self) -> Way:
         """The way to run it by its laws alone; raises UnfitError if no tolerance will do."""
+        if self.model and self.doubtful:
+            raise too_far_off(self.model.high, self.asked, SHARE, causes(self.form, self.found))
         tolerance = self._tolerance(self.law.stray.high)
         if tolerance < self.tightest:
-            spared = self.model.high if self.model else 0.0
-            raise too_tight(self.law, self.at, one_digit_up(self.tightest), self.budget + spared, self.budget)
+            raise too_tight(self.law, self.at, one_digit_up(self.tightest), self.asked, self.budget)
         own = self.law.predict(self.at, tolerance)
         return self.way(tolerance, own, f"97.5 % of like runs stay below {scientific(own.high)}")
 
     def hoped(self) -> Way | None:
-        """The way to run it if it errs as the middle one of like scenes does."""
-        tolerance = self._tolerance(self.law.stray.middle)
+        """The way to run it if it errs as the middle one of like scenes does, and rounds as the luckiest one does."""
+        if self.doubtful:
+            return replace(self, budget=SHARE * self.asked, model=None).hoped()
+        tolerance, stray = self._tolerance(self.law.stray.middle), self.law.stray
+        if tolerance < self.tightest and self.law.rounding(self.at) * exp(stray.low) < self.budget:
+            tolerance = replace(self, law=replace(self.law, floor=0.0))._tolerance(stray.middle)
         return None if tolerance < self.tightest else self.way(tolerance, self.law.predict(self.at, tolerance), "")
 
     def _tolerance(self, stray: float) -> float:
@@ -90,24 +114,46 @@ class Candidate:
     def _reason(self, error: str) -> str:
         if find_solver(self.solver).closed_form:
             return "closed form: neither time nor tolerance matter"
-        if self.model is not None:
-            return f"averaged: costs the same at every St; model error {scientific(self.model.predicted)}"
+        if self.form.averaged:
+            known = f"model error {scientific(self.model.predicted)}" if self.model else error
+            return f"averaged: costs the same at every St; {known}"
         if self.found.damping_times > STIFF:
             return f"implicit: {self.found.damping_times:.2g} damping times would hold an explicit method back"
         return f"full equations over {self.found.rotations:.3g} rotations; {error}"
 
 
+class Yardstick(NamedTuple):
+    """What a run close to the true one gave, and the share of its budget that a trial may be off from it."""
+
+    true: Observables
+    met: float
+
+
 def with_trials(candidates: Sequence[Candidate], want: str) -> list[Way | Refusal]:
-    """What is expected of candidates, of the first ones by trials: of `WAYS` at most, until none may be quicker."""
-    found = [_expected(each) for each in candidates]
-    hopes = [(hope, place) for place, each in enumerate(candidates) if (hope := _worth_trying(each))]
-    for hope, place in sorted(hopes, key=lambda each: each[0].seconds.predicted)[:WAYS]:
-        quickest = min((way.seconds.predicted for way in found if isinstance(way, Way)), default=inf)
-        if hope.seconds.predicted >= quickest:
+    """What is expected of candidates, of the first ones by trials: of `WAYS` at most, until none may be quicker.
+
+    What an averaged form or one in pieces errs by is its own: if a trial finds no tolerance, it will by no solver.
+    """
+    found, tried, poor = [_expected(each) for each in candidates], 0, set[str]()
+    limit = max(MOST_SECONDS, min(TENTH * _quickest(found), PATIENT))
+    hopes = [(hope, place) for place, each in enumerate(candidates) if (hope := _worth_trying(each, limit))]
+    for hope, place in sorted(hopes, key=lambda each: each[0].seconds.predicted):
+        candidate = candidates[place]
+        if tried == WAYS or hope.seconds.predicted >= _quickest(found):
             break
-        if true := _yardstick(candidates[place], candidates):
-            found[place] = _tried(candidates[place], hope.tolerance, found[place], true, want)
+        if candidate.doubtful:
+            candidate = replace(candidate, budget=candidate.asked, model=None)
+        if hope.form not in poor and (yardstick := _yardstick(candidate, candidates, limit)):
+            others = _quickest([*found[:place], *found[place + 1 :]])
+            shown = _tried(candidate, hope.tolerance, found[place], yardstick, want, others)
+            tried, found[place] = tried + 1, shown or found[place]
+            if not isinstance(shown, Way) and (candidate.form.averaged or isinstance(candidate.form, InPieces)):
+                poor.add(hope.form)
     return found
+
+
+def _quickest(found: Sequence[Way | Refusal]) -> float:
+    return min((way.seconds.predicted for way in found if isinstance(way, Way)), default=inf)
 
 
 def _expected(candidate: Candidate) -> Way | Refusal:
@@ -117,60 +163,71 @@ def _expected(candidate: Candidate) -> Way | Refusal:
         return Refusal.of(candidate.form.name, candidate.solver, refusal)
 
 
-def _worth_trying(candidate: Candidate) -> Way | None:
+def _worth_trying(candidate: Candidate, limit: float) -> Way | None:
     """The way that is hoped for, if the whole of the scene can be tried soon by a method that may come first."""
     form, found, solver = candidate.form, candidate.found, find_solver(candidate.solver)
-    slow = form.angles or (solver.implicit and not form.averaged and found.damping_times <= STIFF)
-    if slow or solver.closed_form or not (form.averaged or found.direct):
+    slow = form.angles or (solver.implicit and not form.averaged and found.damping_times <= SOFT)
+    if slow or solver.closed_form:
         return None
     with suppress(PilotFailedError):
         hope = candidate.hoped()
-        return hope if hope and hope.seconds.predicted < MOST_SECONDS else None
+        return hope if hope and hope.seconds.predicted < limit else None
     return None
 
 
 def _tried(
-    candidate: Candidate, tolerance: float, expected: Way | Refusal, true: Observables, want: str
-) -> Way | Refusal:
-    """A candidate at the loosest tolerance tried at which it meets the error; as expected if trials say nothing."""
+    candidate: Candidate,
+    tolerance: float,
+    expected: Way | Refusal,
+    yardstick: Yardstick,
+    want: str,
+    quickest: float,
+) -> Way | Refusal | None:
+    """A candidate at the loosest tolerance tried at which it meets the error; None if trials say nothing."""
     best, made, counted, missed, least = 0.0, inf, None, inf, inf
     for _ in range(TOLERANCES):
-        error, work = _error(candidate, tolerance, true, want)
-        if error <= MET * candidate.budget:
+        error, work = _error(candidate, tolerance, yardstick.true, want)
+        if error <= yardstick.met * candidate.budget:
             best, made, counted = tolerance, error, work
         else:
             missed, least = tolerance, error
         # Of no error at all the root of a low order would be no number any more.
-        step = (AIM * candidate.budget / max(error, 1e-99)) ** (1 / candidate.law.order)
+        step = (AIM / MET * yardstick.met * candidate.budget / max(error, 1e-99)) ** (1 / candidate.law.order)
         aimed = tolerance * min(FAR, max(1 / FAR, step))
         if not best < aimed < missed:
             aimed = sqrt(best * missed) if missed < inf else best
         tolerance = one_digit(min(LOOSEST, aimed))
         if tolerance < max(WORTH * best, candidate.tightest):
             break
+        if not best and candidate.way(tolerance, Interval(0.0, 0.0, 0.0), "").seconds.predicted > quickest:
+            break
     if best:
-        unsure = UNSURE * candidate.budget
-        own = Interval(made, max(0.0, made / PEAKS - unsure), made * PEAKS + unsure)
+        unsure = UNSURE * candidate.budget if yardstick.met == MET else candidate.budget - made
+        own = Interval(made, max(0.0, made - unsure), made + unsure)
         return candidate.way(best, own, f"a trial run errs by {scientific(made)}", counted)
     if isinstance(expected, Way) and missed <= expected.tolerance and candidate.budget < least < inf:
         why = f"a trial run at {scientific(missed)} errs by {scientific(least)}"
         return Refusal(expected.form, expected.solver, why, Stage.ERROR)
-    return expected
+    return None
 
 
-def _yardstick(candidate: Candidate, others: Sequence[Candidate]) -> Observables | None:
-    """What a run close enough to the true one gives, of the same averaged form or a full one; none if no law has one.
+def _yardstick(candidate: Candidate, others: Sequence[Candidate], limit: float) -> Yardstick | None:
+    """A run close enough to the true one, of the same averaged form or a full one; None if there is none.
 
     By the pilot's solver if that will do, else by the one that is soonest compiled.
     """
     found = candidate.found
-    forms = {candidate.form.name} if candidate.form.averaged else {reference_form(found.scene), full_form(found.scene)}
+    full = {reference_form(found.scene), full_form(found.scene)}
+    forms = {candidate.form.name} if candidate.form.averaged and candidate.model else full
     able = [each for each in others if each.form.name in forms]
-    for each in sorted(able, key=lambda each: (each.solver != pilot_solver(found.scene), each.laws.compile_seconds)):
-        with suppress(PilotFailedError, UnfitError):
-            way = replace(each, budget=UNSURE * candidate.budget).expected()
-            if way.seconds.predicted < YARDSTICK * MOST_SECONDS:
-                return _run(each.form, found.scene, way.tolerance, each.solver)[1]
+    able.sort(key=lambda each: (each.solver != pilot_solver(found.scene), each.laws.compile_seconds))
+    unlike = [each for each in able if each.solver == UNLIKE != candidate.solver]
+    for met, unsure, those in ((MET, UNSURE, able), (UNLIKE_MET, 1.0, unlike)):
+        for each in those:
+            with suppress(PilotFailedError, UnfitError):
+                way = replace(each, budget=unsure * candidate.budget).expected()
+                if way.seconds.predicted < YARDSTICK * limit:
+                    return Yardstick(_run(each.form, found.scene, way.tolerance, way.solver, each.samples)[1], met)
     return None
 
 
@@ -178,16 +235,16 @@ def _error(candidate: Candidate, tolerance: float, true: Observables, want: str)
     """What a candidate errs by, inf for a run that fails, and its work."""
     scene = candidate.found.scene
     with suppress(PilotFailedError):
-        work, seen = _run(candidate.form, scene, tolerance, candidate.solver)
+        work, seen = _run(candidate.form, scene, tolerance, candidate.solver, candidate.samples)
         error = getattr(errors(scene.ellipsoid, seen, true), want)
         return inf if error is None else error, work
     return inf, None
 
 
 @lru_cache(maxsize=64)
-def _run(form: Form, scene: Scene, tolerance: float, solver: str) -> tuple[Work | None, Observables]:
+def _run(form: Form, scene: Scene, tolerance: float, solver: str, samples: int) -> tuple[Work | None, Observables]:
     """The work of a run, if that is of one piece, and what it gave."""
-    run = follow(form, scene, tolerance, solver)
+    run = follow(form, scene, tolerance, solver, samples)
     if not run.success:
         raise PilotFailedError(f"pilot: {form.name!r} by {solver!r} ended with {run.status.value}")
     return None if isinstance(form, InPieces) else run.work, form.observe(scene, run.states)
