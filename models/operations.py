@@ -1,7 +1,7 @@
 """The few operations a vector field may use besides arithmetic, bound to a kind of number."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,6 +29,14 @@ class Operations:
     def use(self, factory: Callable[["Operations"], Callable[..., Any]]) -> Callable[..., Any]:
         """Bind the inner function that `factory` makes, ready to be called from a vector field."""
         return factory(self)
+
+
+def polynomial(coefficients: Sequence[Any], x: Any) -> Any:
+    """Value of a polynomial, lowest power first, in pairs that a processor computes side by side."""
+    while len(coefficients) > 1:
+        pairs = [low + high * x for low, high in zip(coefficients[::2], coefficients[1::2], strict=False)]
+        coefficients, x = [*pairs, *coefficients[2 * len(pairs) :]], x * x
+    return coefficients[0]
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from polhode.models.form import Form
 from polhode.models.forms.motion import full_problem
 from polhode.models.forms.spheroid import Spheroid, axis_drift, axis_rotation, require_spheroid
 from polhode.models.observables import Observables
-from polhode.models.operations import FLOAT, Field, Operations
+from polhode.models.operations import FLOAT, Field, Operations, polynomial
 from polhode.models.problem import Part, Parts, Problem
 from polhode.models.scene import Scene
 
@@ -63,14 +63,6 @@ COSINE = (
 def rotation_constants(p: Any, h: Any, ops: Operations = FLOAT) -> tuple[Any, ...]:
     """What `rotation` needs to know: the time."""
     return (h,)
-
-
-def polynomial(coefficients: Sequence[Any], x: Any) -> Any:
-    """Value of a polynomial, lowest power first, in pairs that a processor computes side by side."""
-    while len(coefficients) > 1:
-        pairs = [low + high * x for low, high in zip(coefficients[::2], coefficients[1::2], strict=False)]
-        coefficients, x = [*pairs, *coefficients[2 * len(pairs) :]], x * x
-    return coefficients[0]
 
 
 def rotation(ops: Operations) -> Field:

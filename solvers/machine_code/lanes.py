@@ -72,7 +72,7 @@ def lanes(step: Step, dimension: int, constants: int, before: Step | None = None
     fields |= {"constant": constants, "component": dimension}
     fields |= {"before": before_lines, "step": step_lines, "after": after_lines}
     for name, numbers in (("begun", begun), ("result", results), ("row", rows)):
-        fields |= {f"{name}{i}": _widened(number) for i, number in enumerate(numbers)}
+        fields |= {f"{name}{i}": widened(number) for i, number in enumerate(numbers)}
     return Lanes(compile_file(Path(__file__).with_suffix(".ll"), **fields), dimension)
 
 
@@ -88,10 +88,10 @@ def _traced(step: Step | None, name: str, state: Sequence[str], constants: int) 
         return re.sub(r"%v(\d+)", rf"%{name}_\1", text)
 
     text = "\n".join(f"{each} = {line}" for line, each in lines.items())
-    return [named(operand(each)) for each in made], _widened(named(text))
+    return [named(operand(each)) for each in made], widened(named(text))
 
 
-def _widened(line: str) -> str:
+def widened(line: str) -> str:
     """A line about numbers as one about vectors of them."""
     line = re.sub(r"\bdouble\b", f"<{width()} x double>", line)
     line = re.sub(r"\b0x[0-9A-F]{16}", lambda number: f"splat (double {number[0]})", line)

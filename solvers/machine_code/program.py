@@ -7,12 +7,16 @@ in an `Array`; LLVM keeps small ones of the program's own in registers.
 import ctypes
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
+from math import factorial
 from typing import Any
 
 import numpy as np
 
+from polhode.models.operations import polynomial
+from polhode.solvers.machine_code.lanes import widened, width
 from polhode.solvers.machine_code.llvm import compile_text
-from polhode.solvers.machine_code.tracing import Number, operand
+from polhode.solvers.machine_code.tracing import OPERATIONS, Number, operand
 
 
 class Program(dict[str, str]):
@@ -53,11 +57,11 @@ class Program(dict[str, str]):
         self.count += 1
         return f"v{self.count}"
 
-    def room(self, size: int = 1) -> "Array":
-        """Space for numbers."""
-        name = f"%{self.new()}"
-        self.rooms.append(f"{name} = alloca double, i64 {size}")
-        return Array(self, name)
+    def room(self, size: int = 1, *, wide: bool = False) -> "Array":
+        """Space for numbers, or for one in each lane."""
+        array = (WideArray if wide else Array)(self, f"%{self.new()}")
+        self.rooms.append(f"{array.pointer} = alloca {array.kind()}, i64 {size}")
+        return array
 
     def cell(self, value: Any) -> "Array":
         """Space for a number that changes."""
@@ -112,27 +116,42 @@ class Program(dict[str, str]):
             done[0] = now + 1.0
 
 
+class Wide(Number):
+    """A number in each SIMD lane."""
+
+    def emit(self, line: str) -> "Wide":
+        return Wide(self.lines, super().emit(widened(line)).name)
+
+
 class Array:
     """Numbers in memory, by an index that is counted from 0."""
+
+    number = Number
 
     def __init__(self, program: Program, pointer: str) -> None:
         self.program, self.pointer = program, pointer
 
-    def __add__(self, index: Any) -> "Array":
+    @staticmethod
+    def kind() -> str:
+        """LLVM's name of what an entry is."""
+        return "double"
+
+    def __add__(self, index: Any) -> Any:
         """What begins with the entry of that index."""
         if not isinstance(index, Number):
             whole = int(index)
         else:
             whole = self.program.setdefault(f"fptosi double {index.name} to i64", "")
-        return Array(
-            self.program, self.program.setdefault(f"getelementptr double, ptr {self.pointer}, i64 {whole}", "")
-        )
+        place = self.program.setdefault(f"getelementptr {self.kind()}, ptr {self.pointer}, i64 {whole}", "")
+        return type(self)(self.program, place)
 
     def __getitem__(self, index: Any) -> Number:
-        return Number(self.program, self.program.fresh(f"load double, ptr {(self + index).pointer}"))
+        line = f"load {self.kind()}, ptr {(self + index).pointer}, align 8"
+        return self.number(self.program, self.program.fresh(line))
 
     def __setitem__(self, index: Any, value: Any) -> None:
-        self.program.text.append(f"store double {operand(value)}, ptr {(self + index).pointer}")
+        line = f"store {self.kind()} {operand(value)}, ptr {(self + index).pointer}, align 8"
+        self.program.text.append(line)
 
     def load(self, size: int) -> tuple[Number, ...]:
         """The first numbers."""
@@ -142,6 +161,41 @@ class Array:
         """Overwrite the first numbers."""
         for i, value in enumerate(values):
             self[i] = value
+
+
+class WideArray(Array):
+    """Numbers in memory, one of each lane at an index."""
+
+    number = Wide
+
+    @staticmethod
+    def kind() -> str:
+        return widened("double")
+
+
+class Same(Array):
+    """Numbers in memory, each of them for all lanes."""
+
+    def __getitem__(self, index: Any) -> Wide:
+        vector, number = widened("double"), super().__getitem__(index).name
+        first = self.program.setdefault(f"insertelement {vector} poison, double {number}, i64 0", "")
+        lanes = f"<{width()} x i32> zeroinitializer"
+        line = f"shufflevector {vector} {first}, {vector} poison, {lanes}"
+        return Wide(self.program, self.program.setdefault(line, ""))
+
+
+def _expm1(x: Any) -> Any:
+    """exp(x) - 1 by its series at x/128, doubled seven times; -1 below -40."""
+    small = OPERATIONS.where_positive(x + 40.0, x, -40.0) * (1 / 128)
+    value = small * polynomial([1 / factorial(k) for k in range(1, 14)], small)
+    for _ in range(7):
+        value = value * (value + 2.0)
+    return value
+
+
+WIDE = replace(OPERATIONS, expm1=_expm1)
+# Left to itself, LLVM halves the widest registers.
+WIDEST_REGISTERS = '"prefer-vector-width"="512"'
 
 
 def compare(how: str, left: Any, right: Any) -> str:
@@ -164,7 +218,7 @@ def compiled(*programs: Program, number: type = float) -> list[Callable[..., Non
         code = types(engine.get_function_address(program.name))
 
         def call(*arrays: np.ndarray | int) -> None:
-            code(*[each if isinstance(each, int) else each.ctypes.data for each in arrays])
+            code(*[each if isinstance(each, int) else each.__array_interface__["data"][0] for each in arrays])
 
         call.engine = engine  # pyright: ignore[reportFunctionMemberAccess]
         return call

@@ -9,7 +9,8 @@ from math import inf, pi
 import numpy as np
 
 from polhode.models.problem import Parts
-from polhode.solvers.machine_code.program import Array, Program, compare, compiled
+from polhode.solvers.machine_code.lanes import width
+from polhode.solvers.machine_code.program import WIDE, WIDEST_REGISTERS, Array, Program, Same, Wide, compare, compiled
 from polhode.solvers.machine_code.tracing import OPERATIONS, Number
 
 # A step follows the rate of the fast angle when that has changed by this factor; in between it stays, since what errs
@@ -18,7 +19,7 @@ BAND = 1.05
 # Rows are reached backwards in time where the slow part relaxes by less than twice this in a step.
 BACKWARD = 0.05
 # Numbers in a law; times at which a check compares runs, in either part; what rounding makes of their difference.
-LAW, POINTS, ROUNDING = 7, 10, {float: 1e-13, np.longdouble: 5e-17}
+LAW, POINTS, ROUNDING = 7, 8, {float: 1e-13, np.longdouble: 5e-17}
 # More slow flows than a step of any scheme has.
 MOST_STAGES = 16
 # How a call of `kernel` ends.
@@ -42,10 +43,11 @@ class Kernels:
     # (scheme, law, p, state, clock, times, rests, rows): steps until the rows are filled, or a limit in the clock is
     # met, from which state and clock go on. `rests` is room for a number of each row.
     advance: Callable[..., None]
-    # (scheme, laws, p, state, setting, out): two runs by one law each, to POINTS times at the beginning and at the end.
-    # `setting` holds the time, the length of either part, that of the whole, and the rate. Of what the two runs differ
-    # by: the most of the slow quantities, the most of the fast components per turn, and the change of the slow
-    # quantities' mean; the amplitudes of the fast components in either part; the steps of both; their codes' sum.
+    # (scheme, p, state, numbers): two runs by one law each, to POINTS times at the beginning and at the end. The
+    # numbers are the laws, the time, the length of either part, that of the whole, and the rate; then come results. Of
+    # what the two runs differ by: the most of the slow quantities, the most of the fast components per turn, and the
+    # change of the slow quantities' mean; the amplitudes of the fast components in either part; the steps of both;
+    # their codes' sum.
     check: Callable[..., None]
 
 
@@ -57,7 +59,7 @@ def clock(time: float, number: type = float) -> np.ndarray:
 @cache
 def kernels(parts: Parts, dimension: int, number: type = float) -> Kernels:
     """Compile those of splitting for a problem's parts, once in a process, over a type of numbers."""
-    pieces = Pieces(parts, dimension)
+    pieces = Pieces(parts, dimension, number)
     advance = _advance(pieces)
     programs = pieces.prepare, pieces.spread, advance, _check(pieces, advance, ROUNDING[number])
     return Kernels(*compiled(*programs, number=number))
@@ -80,8 +82,8 @@ class Pieces:
     those of the last one and the first one of the next step together.
     """
 
-    def __init__(self, parts: Parts, dimension: int) -> None:
-        self.parts, self.dimension = parts, dimension
+    def __init__(self, parts: Parts, dimension: int, number: type = float) -> None:
+        self.parts, self.dimension, self.wide = parts, dimension, number is float
         self.fast, self.slow = parts.fast.flow(OPERATIONS), parts.slow.flow(OPERATIONS)
         numbers = (0.5,) * 64, 0.5
         self.sizes = len(parts.fast.constants(*numbers)), len(parts.slow.constants(*numbers))
@@ -117,39 +119,49 @@ class Pieces:
     def _prepare(self) -> Program:
         program = Program("prepare", "scheme p constants", "h", "internal", "noinline")
         scheme, p, constants, h = program.arguments
-        stages, (fast, slow) = scheme[0], (self.parts.fast, self.parts.slow)
-        with program.times(stages + 1.0) as i:
-            self.row(constants, i).store(fast.constants(p, scheme[i + 1.0] * h, OPERATIONS))
-        self.row(constants, stages + 1.0).store(fast.constants(p, 2 * scheme[1] * h, OPERATIONS))
-        with program.times(0.5 * stages) as i:
-            made = slow.constants(p, scheme[stages + i + 2.0] * h, OPERATIONS)
-            for row in (i, stages - 1.0 - i):
-                (self.row(constants, row) + self.sizes[0]).store(made)
+        self.fill(program, constants, scheme, p, h)
         return program
 
-    def _spread(self) -> Program:
-        """Move rows by a time of each one's own, two at once, which a processor computes side by side.
+    def fill(self, program: Program, constants: Array, scheme: Array, p: Array, h: Number) -> None:
+        """Compute the constants of a step h, which may be one of each lane."""
+        fast, slow, ops = self.parts.fast, self.parts.slow, WIDE if isinstance(h, Wide) else OPERATIONS
+        stages = Array(program, scheme.pointer)[0]
+        with program.times(stages + 1.0) as i:
+            self.row(constants, i).store(fast.constants(p, scheme[i + 1.0] * h, ops))
+        self.row(constants, stages + 1.0).store(fast.constants(p, 2 * scheme[1] * h, ops))
+        with program.times(0.5 * stages) as i:
+            made = slow.constants(p, scheme[stages + i + 2.0] * h, ops)
+            for row in (i, stages - 1.0 - i):
+                (self.row(constants, row) + self.sizes[0]).store(made)
 
-        `number` holds the rows, and the steps of each.
-        """
-        program = Program("spread", "scheme p number times rows", linkage="internal")
+    def _spread(self) -> Program:
+        """Move rows by a time of each one's own, one in each lane; `number` holds the rows, and the steps of each."""
+        program = Program("spread", "scheme p number times rows", linkage="internal", attribute=WIDEST_REGISTERS)
         scheme, p, number, times, rows = program.arguments
-        stages, last, steps = scheme[0], number[0] - 1.0, number[1]
-        pair = [(self.constants(program), program.room(self.dimension)) for _ in range(2)]
-        with program.times(0.5 * number[0]) as i:
-            second = 2.0 * i + 1.0
-            places = 2.0 * i, where_positive(second - last, last, second)
-            for (constants, y), j in zip(pair, places, strict=True):
-                y.store((rows + j * float(self.dimension)).load(self.dimension))
-                program.call(self.prepare, scheme, p, constants, times[j] / steps)
+        stages, last, steps, dimension = scheme[0], number[0] - 1.0, number[1], float(self.dimension)
+        lanes = float(width()) if self.wide else 1.0
+        y, h = program.room(self.dimension, wide=self.wide), program.room(wide=self.wide)
+        constants = program.room((MOST_STAGES + 2) * sum(self.sizes), wide=self.wide)
+        shares, parameters = (Same(program, each.pointer) if self.wide else each for each in (scheme, p))
+        entries, lengths = Array(program, y.pointer), Array(program, h.pointer)
+        with program.times(number[0] / lanes) as i:
+
+            def at(k: Number) -> Number:
+                j = lanes * i + k
+                return where_positive(j - last, last, j)
+
+            with program.times(lanes) as k:
+                lengths[k] = times[at(k)] / steps
+                for c in range(self.dimension):
+                    entries[k + c * lanes] = (rows + at(k) * dimension)[c]
+            self.fill(program, constants, shares, parameters, h[0])
             with program.times(steps):
                 with program.times(stages) as k:
-                    for constants, y in pair:
-                        self.flows(y, self.row(constants, k), self.row(constants, k))
-                for constants, y in pair:
-                    self.fast_flow(y, self.row(constants, stages))
-            for (_, y), j in zip(pair, places, strict=True):
-                (rows + j * float(self.dimension)).store(y.load(self.dimension))
+                    self.flows(y, self.row(constants, k), self.row(constants, k))
+                self.fast_flow(y, self.row(constants, stages))
+            with program.times(lanes) as k:
+                for c in range(self.dimension):
+                    (rows + at(k) * dimension)[c] = entries[k + c * lanes]
         return program
 
 
@@ -225,8 +237,9 @@ def _advance(pieces: Pieces) -> Program:
 
 
 def _check(pieces: Pieces, advance: Program, rounding: float) -> Program:
-    program = Program("check", "scheme laws p state setting out")
-    scheme, laws, p, state, setting, out = program.arguments
+    program = Program("check", "scheme p state numbers")
+    scheme, p, state, laws = program.arguments
+    setting, out = laws + 2 * LAW, laws + (2 * LAW + 4)
     dimension, moving, points = pieces.dimension, range(*pieces.parts.moving), float(POINTS)
     rows, y = program.room((4 * POINTS + 2) * dimension), program.room(dimension)
     times, rests = (program.room(2 * POINTS + 1) for _ in range(2))

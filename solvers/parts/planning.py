@@ -35,6 +35,8 @@ LEAST_ORDER = 4
 # Another round pays if wider steps cost no more than this share of those at hand, and if the plans differ by a check,
 # which costs as much as so many steps beside its own.
 REWARDING, CHECK = 0.85, 250.0
+# Numbers that a check finds.
+FOUND = 7
 # An angle of the fast components, in rad, that may be off per turn, in tolerances.
 PER_TURN = 3.0
 # Scale of the error of a plan that ends in nothing.
@@ -126,12 +128,10 @@ class Planner:
         if length < turn * min(MOST_ALL, ALL * max(1.0, DAMPED * problem.strength * turn)):
             window = length
         span = MEAN_OVER * turn if window > 4 * MEAN_OVER * turn else window / 2
-        laws, setting, found = (
-            np.array(each, problem.number)
-            for each in (plan.law() + plan.law(FINER), (now, span, window, 2 * pi / turn), (0.0,) * 7)
-        )
-        problem.kernels.check(BEST.addresses[problem.number], laws, problem.address, state, setting, found)
-        slow, fast, change, begin, end, steps, failed = found.tolist()
+        given = *plan.law(), *plan.law(FINER), now, span, window, 2 * pi / turn
+        numbers = np.array((*given, *(0.0,) * FOUND), problem.number)
+        problem.kernels.check(BEST.addresses[problem.number], problem.address, state, numbers)
+        slow, fast, change, begin, end, steps, failed = numbers[-FOUND:].tolist()
         record.work.rejected = (record.work.rejected or 0) + int(steps)
         if failed:
             return inf

@@ -31,7 +31,7 @@ CHUNK = 120_000
 # half the relaxation's rate from its square as well, which holds for this number alone.
 SHEAR = 0.5
 # Plans are made anew after these shares of a run, if that is so many turns at least.
-AGAIN, LEAST_BETWEEN = (0.1, 0.4), 50.0
+AGAIN, LEAST_BETWEEN = (0.1, 0.4), 120.0
 # And where the rate has changed by this factor, which widens by another each time.
 WIDTH, WIDER = 2.4, 1.15
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from polhode.solvers.machine_code.program import Program, compare, compiled
+from polhode.solvers.machine_code.lanes import width
+from polhode.solvers.machine_code.program import WIDE, Array, Program, Same, compare, compiled
 from polhode.solvers.machine_code.tracing import OPERATIONS
 
 
@@ -71,3 +72,25 @@ def test_equal_lines_of_a_block_are_one():
     assert first.name == second.name
     x[0] = first
     assert x[0].name != y.name
+
+
+def test_lanes_beside_each_other():
+    """A number of each lane, and one for all of them."""
+    program = Program("wide", "x factors out")
+    x, factors, out = program.arguments
+    y = program.room(2, wide=True)
+    entries = Array(program, y.pointer)
+    lanes = float(width())
+    with program.times(lanes) as k:
+        entries[k] = x[k]
+    y[1] = WIDE.expm1(Same(program, factors.pointer)[1] * y[0])
+    with program.times(2 * lanes) as k:
+        out[k] = entries[k]
+    (function,) = compiled(program)
+    given, answer = np.linspace(-60.0, 60.0, width()), np.empty((2, width()))
+    function(given, np.array([0.0, 0.7]), answer)
+    assert answer[0].tolist() == given.tolist()
+    assert answer[1] == pytest.approx(np.expm1(0.7 * given), rel=2e-14)
+    for factor in (1e-3, 1e-9):
+        function(given, np.array([0.0, factor]), answer)
+        assert answer[1] == pytest.approx(np.expm1(factor * given), rel=1e-15)
