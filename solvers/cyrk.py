@@ -12,11 +12,13 @@ steps, each starting from the step at which the last one stopped. While it runs,
 import ctypes
 import importlib.util
 import sys
+import tomllib
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from functools import cache
 from importlib.metadata import version
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, ClassVar
 
@@ -41,31 +43,8 @@ _UNDERFLOW = (-54, -55, -80, -90, -91, -92)
 # Versions whose C functions have the signatures stated here; of others the package itself is imported.
 KNOWN = ("0.20.",)
 
-_RESULT, _SIZE, _INT, _DOUBLE = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int, ctypes.c_double
-_POINTER = ctypes.POINTER(ctypes.c_double)
-# Of each function: what numba_c_api calls its address, what it returns, and its arguments.
-_FUNCTIONS = {
-    "c_get_size": ("get_size", _SIZE, (_RESULT,)),
-    "c_get_status": ("get_status", ctypes.c_int32, (_RESULT,)),
-    "c_get_steps": ("get_steps_taken", _SIZE, (_RESULT,)),
-    "c_get_t_ptr": ("get_t", _POINTER, (_RESULT,)),
-    "c_get_y_ptr": ("get_y", _POINTER, (_RESULT,)),
-    "c_get_t_now": ("get_t_now", _DOUBLE, (_RESULT,)),
-    "c_get_y_now": ("get_y_now_ptr", _POINTER, (_RESULT,)),
-    "c_free": ("get_free", None, (_RESULT,)),
-    "c_numba_cysolve_ivp": (
-        "get_solve",
-        _RESULT,
-        (
-            *(_RESULT, _DOUBLE, _DOUBLE, _RESULT, _SIZE),  # field, start, end, state
-            *(_INT, _SIZE, _SIZE, _RESULT, _SIZE),  # method, expected size, extra outputs, parameters
-            *(_SIZE, _SIZE, ctypes.c_bool, _RESULT, _SIZE),  # limits of steps and memory, dense output, times
-            *(_RESULT, _RESULT, _SIZE),  # function before the field, events
-            *(_RESULT, _SIZE, _RESULT, _SIZE),  # relative and absolute tolerances
-            *(_DOUBLE, _DOUBLE, ctypes.c_bool),  # largest and first step, keep the solver
-        ),
-    ),
-}
+# What ctypes has no name of its own for.
+_TYPES = {"nothing": None, "doubles": ctypes.POINTER(ctypes.c_double)}
 # The function that the library calls: rates, time, state and parameters.
 _FIELD = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
 
@@ -89,10 +68,12 @@ def _functions() -> dict[str, Any]:
     check_cpu()
     import CyRK.nb.numba_c_api as addresses
 
-    return {
-        name: ctypes.CFUNCTYPE(result, *arguments)(getattr(addresses, f"{source}_func_ptr")())
-        for name, (source, result, arguments) in _FUNCTIONS.items()
-    }
+    def function(address: str, *types: str) -> Any:
+        known = [_TYPES[name] if name in _TYPES else getattr(ctypes, name) for name in types]
+        return ctypes.CFUNCTYPE(*known)(getattr(addresses, f"{address}_func_ptr")())
+
+    table = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+    return {name: function(*signature) for name, signature in table.items()}
 
 
 def _announce() -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,30 +21,11 @@ class LikeSolveIvp:
     Counts that the library does not report, or that were not asked for, are None.
     """
 
-    @property
-    def t(self: Any) -> np.ndarray:
-        """Times, shape (n,)."""
-        return self.times
-
-    @property
-    def y(self: Any) -> np.ndarray:
-        """States, shape (d, n)."""
-        return self.states.T
-
-    @property
-    def success(self: Any) -> bool:
-        """Whether the run reached its end."""
-        return self.status.success
-
-    @property
-    def nfev(self: Any) -> int | None:
-        """Evaluations of the right-hand side."""
-        return self.work.rhs_calls
-
-    @property
-    def njev(self: Any) -> int | None:
-        """Evaluations of the Jacobian."""
-        return self.work.jacobians
+    t = property(attrgetter("times"), doc="Times, shape (n,).")
+    y = property(attrgetter("states.T"), doc="States, shape (d, n).")
+    success = property(attrgetter("status.success"), doc="Whether the run reached its end.")
+    nfev = property(attrgetter("work.rhs_calls"), doc="Evaluations of the right-hand side.")
+    njev = property(attrgetter("work.jacobians"), doc="Evaluations of the Jacobian.")
 
     def sol(self: Any, t: "ArrayLike") -> np.ndarray:
         """States at t, shape (d,) of a number and (d, k) of k times."""

@@ -8,8 +8,11 @@ A tried step is a map of the row (y, rates of y, `BEND`, time, next step). Where
 cubic through the two states and rates of a step.
 """
 
+import tomllib
 from collections.abc import Callable, Sequence
+from fractions import Fraction
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,17 +25,10 @@ from polhode.solvers.machine_code.lanes import Lanes, lanes, width
 from polhode.solvers.machine_code.program import Program, compare, compiled
 from polhode.solvers.machine_code.tracing import OPERATIONS
 
-# The pair of Dormand and Prince (Hairer, Nørsett & Wanner, Solving Ordinary Differential Equations I, table II.5.2):
-# stages, of which the last row is the solution, and how it differs from that of fourth order.
-STAGES = (
-    (1 / 5,),
-    (3 / 40, 9 / 40),
-    (44 / 45, -56 / 15, 32 / 9),
-    (19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729),
-    (9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656),
-    (35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84),
+_TABLE = tomllib.loads(Path(__file__).with_name("dormand_prince.toml").read_text(encoding="utf-8"))
+*STAGES, DIFFERENCE, BENDS = (
+    [float(Fraction(each)) for each in row] for row in (*_TABLE["stages"], _TABLE["difference"], _TABLE["bends"])
 )
-DIFFERENCE = (71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40)
 # Of the step that the error asks for; between these factors a step changes.
 SAFETY, LEAST_FACTOR, GREATEST_FACTOR = 0.9, 0.2, 5.0
 # Of the run's duration: the first step, and the step below which a particle has failed.
@@ -45,11 +41,6 @@ MOST_STEPS, STEPS_PER_RELAXATION = 16.0, 4.0
 AT_ONCE, STEPS = 1024, 8
 # Square of a relative error that is as good as none.
 NOTHING = 1e-12
-# What the interpolation adds to the cubic, of the rates in a step: SciPy's, whose package takes 0.2 s to import.
-BENDS = (
-    *(-12715105075 / 11282082432, 0.0, 87487479700 / 32700410799, -10690763975 / 1880347072),
-    *(701980252875 / 199316789632, -1453857185 / 822651844, 69997945 / 29380423),
-)
 
 
 def run_adaptive(problem: Problem, starts: Array, times: Array, tolerance: float) -> tuple[Array, Array]:
