@@ -18,7 +18,7 @@ Array = np.ndarray
 
 START_PASSES, START_CLOSE = 60, 1e-14
 # Times whose tori are held in memory together.
-CHUNK = 104
+CHUNK = 208
 # Keeps 0/0 away where nothing turns.
 TINY = 1e-300
 

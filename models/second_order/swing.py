@@ -63,9 +63,10 @@ _FACTORS, _SOURCES = FACTOR[_PARTS] * np.where(_OVER, 1, -1j), SOURCE[_PARTS]
 _KINDS = [0, 6, 12, 18, 27, 33]
 # Terms are left out below this share of the largest times St: over St they are rounding. Bounds of that share.
 FAINT, LEAST_FAINT, MOST_FAINT = 1e-14, 1e-11, 1e-6
-# Change of a divisor over its square above which it matters, and above which the asymptotic series does not hold. What
-# keeps 1/0 away.
-BENT, CLOSE, TINY = 1e-5, 0.01, 1e-100
+# Change of a divisor over its square above which its series fail; what keeps 1/0 away; for the mean, which has no part.
+CLOSE, TINY, ENDLESS = 0.01, 1e-100, 1e100
+# An allocator that freed 2 MB once keeps smaller blocks (glibc); pages anew cost as much as the arithmetic on them.
+np.empty(1 << 18)
 
 
 @dataclass(frozen=True)
@@ -101,8 +102,7 @@ class Place:
 
         orders = _BOTH[:, : _ALL * terms]
         divisor = nu[:, :2] @ orders
-        # The mean has no part in it.
-        divisor[:, _MEAN] = np.inf
+        divisor[:, _MEAN] = ENDLESS
         twice, once = tails(divisor, np.reshape(rise, (-1, 1)) * (nu[:, 2:] @ orders))
         waves = np.concatenate([self._waves[:, : TERMS + 1], self._waves[:, TERMS:0:-1].conj()], axis=1)
         waves, over = waves[:, ORDERS[:terms]], np.empty((m, terms, _ALL + _FIRST), complex)
@@ -171,21 +171,20 @@ def tails(x: Array, q: Array) -> tuple[Array, Array]:
     """
     from scipy.special import wofz
 
-    over = 1 / (x + TINY)
-    square = over * over
-    bent = (np.abs(q) * square > BENT).nonzero()
-    once, twice, x, q = over.astype(complex), square.astype(complex), x[bent], q[bent]
-    u = -1j * q * square[bent]
-    once[bent] *= 1 + u * (1 + u * (3 + u * 15))
-    twice[bent] *= 1 + u * (3 + u * (15 + u * 105))
-    close = np.abs(u) > CLOSE
-    if close.any():
-        at, x, q = tuple(each[close] for each in bent), x[close], q[close]
+    # At imaginary u the asymptotic series have real parts and imaginary ones; where |u| > 1 any number does.
+    square = 1 / np.maximum(x * x, np.abs(q) + TINY)
+    u, once, twice = q * square, np.empty(x.shape, complex), np.empty(x.shape, complex)
+    u2, over = u * u, x * square
+    once.real, once.imag = over * (1 - 3 * u2), over * u * (15 * u2 - 1)
+    twice.real, twice.imag = square * (1 - 15 * u2), square * u * (105 * u2 - 3)
+    close = (np.abs(u) > CLOSE).nonzero()
+    if len(close[0]):
+        x, q = x[close], q[close]
         root, sign = np.sqrt(-0.5j * q), np.where(x * q > 0, -1, 1)
         z = -sign * x / (2 * root)
         found = sqrt(pi) * wofz(z)
-        once[at] = sign * 0.5j / root * found
-        twice[at] = -0.5 / root**2 * (1 + 1j * z * found)
+        once[close] = sign * 0.5j / root * found
+        twice[close] = -0.5 / root**2 * (1 + 1j * z * found)
     return twice, once
 
 
