@@ -4,7 +4,6 @@ import re
 import tomllib
 from collections.abc import Callable
 from datetime import UTC, datetime
-from html import escape
 from importlib import resources
 from io import BytesIO
 from pathlib import Path
@@ -16,8 +15,7 @@ from polhode.harness.common.machine import machine, versions
 from polhode.harness.pages.figures.style import few_colours
 from polhode.harness.pages.tables import fill
 from polhode.harness.site.cost import cost_page
-from polhode.harness.site.markdown import FIGURES, page_name, render, section
-from polhode.harness.site.markup import Page, document, missing, prose
+from polhode.harness.site.markup import FIGURES, Page, document, html, page_name, prose, render, section
 from polhode.harness.site.motion import motion_page
 from polhode.harness.site.verdict import TITLE, question
 from polhode.models.scene import Scene
@@ -55,7 +53,7 @@ def build(reports: Path, out: Path, scenes: dict[str, Scene], say: Callable[[str
     asked, data = question(reports / "regimes", _first(texts.get("hard-cases", "")))
     write(
         "index",
-        Page(TITLE, fill("site-question"), asked + _verdict(files, texts, known), data, ("tables.js", "verdict.js")),
+        Page(TITLE, fill("site-question"), _verdict(asked, files, texts, known), data, ("tables.js", "verdict.js")),
     )
     write("cost", cost_page(reports))
     write("motion", motion_page(scenes, say))
@@ -70,14 +68,12 @@ def build(reports: Path, out: Path, scenes: dict[str, Scene], say: Callable[[str
     return out / "index.html"
 
 
-def _verdict(files: dict[str, Path], texts: dict[str, str], known: dict[Path, str]) -> str:
-    """Who is robust, who is fast and when averaging pays, from the bench, and what the reports lack."""
-    body = ""
-    for title, heading in SECTIONS.items():
-        if "bench" in files and (text := section(texts["bench"], heading)):
-            body += f"<h2>{title}</h2>{render(text, files['bench'], known).body}"
-    lacking = (missing(f"reports/{name} is", command) for name, (_, command) in REPORTS.items() if name not in files)
-    return body + "".join(lacking)
+def _verdict(asked: str, files: dict[str, Path], texts: dict[str, str], known: dict[Path, str]) -> str:
+    """The question; who is robust, who is fast and when averaging pays, from the bench; what the reports lack."""
+    found = {title: section(texts.get("bench", ""), heading) for title, heading in SECTIONS.items()}
+    sections = {title: render(text, files["bench"], known).body for title, text in found.items() if text}
+    lacking = {name: command for name, (_, command) in REPORTS.items() if name not in files}
+    return html("index", asked=asked, sections=sections, lacking=lacking)
 
 
 def _first(text: str) -> str:
@@ -108,7 +104,5 @@ def _foot() -> str:
     here, packages = machine(), versions()
     libraries = ", ".join(f"{name} {number}" for name, number in packages.items())
     today = datetime.now(UTC).strftime("%Y-%m-%d")
-    return escape(
-        f"Built on {today} by polhode report, {here['processor']}, {here['system']}, Python {here['python']}; "
-        f"{libraries}."
-    )
+    place = f"{here['processor']}, {here['system']}, Python {here['python']}"
+    return f"Built on {today} by polhode report, {place}; {libraries}."

@@ -1,7 +1,6 @@
 """Cost against error, run by run, with filters, from the records of all studies in a folder of reports."""
 
 from collections.abc import Collection, Iterable
-from html import escape
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -13,8 +12,7 @@ from polhode.harness.common.files import open_file
 from polhode.harness.common.store import Store, read_export
 from polhode.harness.pages.figures.style import is_averaged, looks
 from polhode.harness.pages.figures.work_precision import LARGEST_ERROR
-from polhode.harness.pages.tables import fill
-from polhode.harness.site.markup import Page, missing
+from polhode.harness.site.markup import Page, html
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Status
 
@@ -32,15 +30,9 @@ NO_STUDY = ("site", "paper", "accuracy", "pick", "problems")
 def cost_page(reports: Path) -> Page:
     """Every run of every study as a point."""
     studies, unreadable = read_studies(reports, (*WORDS, *COLUMNS, *MARKS))
-    lost = "".join(f"<li>{escape(line)}</li>" for line in unreadable)
-    lost = f"<h2>Files that could not be read</h2><ul>{lost}</ul>" if lost else ""
+    body = html("cost", studies=studies, unreadable=unreadable)
     if not studies:
-        return Page(TITLE, LEAD, missing("Measured runs are", "polhode bench") + lost)
-    body = (
-        '<form class="filters" id="filters" aria-label="Filters"></form><p id="finding" role="status"></p>'
-        f'<figure class="chart" id="cost-chart"><figcaption>{fill("site-cost")}</figcaption></figure>'
-        f'<h2>Runs without a result</h2><div id="failures"></div>{lost}'
-    )
+        return Page(TITLE, LEAD, body)
     groups, rows = [], []
     for study, table in studies.items():
         for scene in dict.fromkeys(table["scene_name"]):

@@ -1,20 +1,27 @@
-"""HTML: pages that need nothing but the files beside them, so that no request leaves the folder."""
+"""HTML of pages that need nothing but the files beside them, so that no request leaves the folder; and of Markdown."""
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from html import escape
 from math import isfinite
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
-from polhode.harness.common.text import WORDING
+from jinja2 import Environment
+from markdown_it import MarkdownIt
+from markdown_it.token import Token
+from markupsafe import Markup
+
+from polhode.harness.pages.tables import templates
 
 # Powers of ten up to which a number is written out.
 PLAIN = 5
-# Nothing from elsewhere is ever loaded, whatever a page says: its policy sees to it.
-SKELETON = Path(__file__).parent / "page.html"
+# Columns beyond which a table is set smaller in print.
+WIDE = 9
+FIGURES = "figures"
 
 
 @dataclass(frozen=True)
@@ -28,43 +35,29 @@ class Page:
     scripts: tuple[str, ...] = ("tables.js",)
 
 
+@cache
+def _templates() -> Environment:
+    found = templates(Path(__file__).parent, autoescape=True)
+    found.filters |= {"prose": prose, "json": _json}
+    return found
+
+
+def html(name: str, /, **fields: Any) -> str:
+    """The template of that name with its fields."""
+    return _templates().get_template(f"{name}.html").render(fields)
+
+
 def document(name: str, page: Page, menu: Mapping[str, str], foot: str) -> str:
     """The complete page of that file name; `menu` names the pages that every page links to."""
     # A page of a folder that holds several belongs to the entry of the folder.
     current = name if name in menu else name.partition("-")[0]
-    links = "".join(
-        f'<a href="{other}.html"{" aria-current=page" if other == current else ""}>{escape(title)}</a>'
-        for other, title in menu.items()
-    )
-    data = "".join(
-        f'<script type="application/json" id="{key}">{_json(value)}</script>' for key, value in page.data.items()
-    )
-    scripts = "".join(f'<script src="{script}"></script>' for script in page.scripts)
-    return (
-        WORDING.format(
-            SKELETON.read_text(encoding="utf-8").replace("\n", ""),
-            name=escape(page.title.replace("`", "")),
-            links=links,
-            title=prose(page.title),
-            lead=f'<p class="lead">{prose(page.lead)}</p>' if page.lead else "",
-            page=page,
-            foot=foot,
-            data=data,
-            scripts=scripts,
-        )
-        + "\n"
-    )
+    return html("page", page=page, menu=menu, foot=foot, current=current)
 
 
-def scroll(content: str, label: str) -> str:
-    """A region wider than a phone's screen, which scrolls by itself; its label is the page's only one of that name."""
-    return f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(label)}">{content}</div>'
-
-
-def prose(text: str) -> str:
+def prose(text: str) -> Markup:
     """Plain text as HTML: `code`, and the rest in `notation`."""
     parts = re.split(r"`([^`]+)`", escape(text, quote=False))
-    return "".join(f"<code>{part}</code>" if i % 2 else notation(part) for i, part in enumerate(parts))
+    return Markup("").join(Markup(f"<code>{part}</code>" if i % 2 else notation(part)) for i, part in enumerate(parts))
 
 
 def notation(text: str) -> str:
@@ -85,11 +78,6 @@ def _number(found: re.Match[str]) -> str:
     return f"<span class=n>{mantissa}e{sign.strip('+')}{exponent}</span>"
 
 
-def missing(what: str, command: str) -> str:
-    """Say what is not there yet, and how to make it."""
-    return f'<p class="missing">{escape(what)} not there yet; to make: <code>{escape(command)}</code></p>'
-
-
 def plain(value: Any) -> Any:
     """The value as JSON can hold it: numbers at four digits, None where they are not finite."""
     if isinstance(value, float):
@@ -99,5 +87,110 @@ def plain(value: Any) -> Any:
     return [plain(each) for each in value] if isinstance(value, list | tuple) else value
 
 
-def _json(value: Any) -> str:
-    return json.dumps(plain(value), separators=(",", ":"), ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
+def _json(value: Any) -> Markup:
+    text = json.dumps(plain(value), separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+    return Markup(text.replace("<", "\\u003c"))
+
+
+@dataclass
+class Rendered:
+    """Title, HTML and pictures, by their names on the site, of a Markdown page."""
+
+    title: str
+    body: str
+    pictures: dict[str, Path] = field(default_factory=dict)
+
+
+def page_name(path: Path) -> str:
+    """Name on the site of `reports/NAME/README.md`: NAME; of other pages beside it, NAME-STEM."""
+    return path.parent.name if path.stem == "README" else f"{path.parent.name}-{path.stem}"
+
+
+def section(text: str, heading: str) -> str:
+    """What stands below a heading of the second level, down to the next heading; empty if there is none."""
+    found = re.search(rf"^## {re.escape(heading)}\n(.*?)(?=^#|\Z)", text, re.MULTILINE | re.DOTALL)
+    return found[1] if found else ""
+
+
+def render(text: str, path: Path, known: Mapping[Path, str], drawn: Callable[[str], str] = lambda _: "") -> Rendered:
+    """Render the Markdown of a file, to which links and pictures are relative.
+
+    `known` holds the address on the site of each Markdown page; links elsewhere become plain text. `drawn` gives HTML
+    in place of the picture of that name; where it is empty the picture stays.
+    """
+    tokens = _parser().parse(text)
+    found = Rendered("", "")
+    if tokens and tokens[0].tag == "h1":
+        found.title, tokens = tokens[1].content, tokens[3:]
+    heading, tables = found.title, 0
+    for i, token in enumerate(tokens):
+        if token.type == "heading_open":
+            heading = tokens[i + 1].content
+            token.attrSet("id", _slug(heading))
+        elif token.type in ("th_open", "td_open") and "right" in str(token.attrs.pop("style", "")):
+            token.attrSet("class", "r")
+            # Numbers in these cells do not break anyway.
+            tokens[i + 1].meta["plain"] = True
+        elif token.type == "table_open":
+            columns = next(j for j, other in enumerate(tokens[i:]) if other.type == "thead_close")
+            wide = sum(other.type == "th_open" for other in tokens[i : i + columns]) > WIDE
+            token.attrSet("class", "sort wide" if wide else "sort")
+            tables += 1
+            token.meta["label"] = f"Table {tables}: {heading}"
+        elif token.type == "inline":
+            children = token.children or []
+            for child in children:
+                child.type = "plain" if child.type == "text" and token.meta else child.type
+            _links(children, path, known)
+            if [child.type for child in children] == ["image"]:
+                html = drawn(str(children[0].attrs["src"])) or _figure(children[0], path, found)
+                token.children = [Token("html_inline", "", 0, content=html)]
+                tokens[i - 1].hidden = tokens[i + 1].hidden = True
+    found.body = _parser().renderer.render(tokens, _parser().options, {})
+    return found
+
+
+def _links(children: list[Token], path: Path, known: Mapping[Path, str]) -> None:
+    """Point links at the pages of the site; those that lead elsewhere lose their tags."""
+    kept = True
+    for child in children:
+        if child.type == "link_open":
+            target, _, part = str(child.attrs["href"]).partition("#")
+            address = known.get((path.parent / target).resolve(), "") if target else ""
+            kept = bool(address or not target)
+            child.attrSet("href", f"{address}#{part}" if part else address)
+        if child.type.startswith("link_") and not kept:
+            child.type = "text"
+
+
+def _figure(picture: Token, path: Path, found: Rendered) -> str:
+    source = path.parent / PurePosixPath(str(picture.attrs["src"]))
+    if not source.is_file():
+        return f"<p>{escape(picture.content)}</p>"
+    name = f"{page_name(path)}-{source.stem}.webp"
+    found.pictures[name] = source
+    return f'<figure><img src="{FIGURES}/{name}" alt="{escape(picture.content)}"></figure>'
+
+
+def _slug(heading: str) -> str:
+    """Anchor of a heading, as GitHub makes it."""
+    return re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")
+
+
+@cache
+def _parser() -> MarkdownIt:
+    parser = MarkdownIt("commonmark", {"html": False}).enable("table")
+
+    def text(_: Any, tokens: list[Token], i: int, *__: Any) -> str:
+        return notation(escape(tokens[i].content, quote=False))
+
+    def table_open(renderer: Any, tokens: list[Token], i: int, options: Any, __: Any) -> str:
+        # Wider than a phone's screen, it scrolls by itself; the label is the page's only one of that name.
+        region = f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(tokens[i].meta["label"])}">'
+        return region + renderer.renderToken(tokens, i, options, {})
+
+    parser.add_render_rule("text", text)
+    parser.add_render_rule("plain", lambda _, tokens, i, *__: escape(tokens[i].content, quote=False))
+    parser.add_render_rule("table_open", table_open)
+    parser.add_render_rule("table_close", lambda *_: "</table></div>")
+    return parser

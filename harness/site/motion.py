@@ -12,7 +12,7 @@ from polhode.harness.api import solve
 from polhode.harness.pages.tables import fill
 from polhode.harness.picking.choice import simplest
 from polhode.harness.references.rotations import rotations
-from polhode.harness.site.markup import Page, missing, prose
+from polhode.harness.site.markup import Page, html
 from polhode.harness.solution import SceneSolution
 from polhode.models.catalogue import averaged_form, form
 from polhode.models.form import FormNotValidError
@@ -48,15 +48,9 @@ def motion_page(own: dict[str, Scene], say: Callable[[str], None]) -> Page:
     for name, scene in {**own, **examples()}.items():
         say(f"motion: {name}")
         motions.append({"name": name, **motion(scene)})
-    shown = [each for each in motions if "samples" in each]
-    lost = "".join(
-        missing(f"The motion of {each['name']} ({each['why']}) is", "polhode solve")
-        for each in motions
-        if "why" in each
-    )
-    body = f'<div id="motion" class="motion"></div><p class=note>{prose(fill("site-motion-note"))}</p>{lost}'
+    shown = {"motion-data": [each for each in motions if "samples" in each]}
     scripts = ("tables.js", "chart.js", "motion.js")
-    return Page("See it move", fill("site-motion"), body, {"motion-data": shown}, scripts)
+    return Page("See it move", fill("site-motion"), html("motion", motions=motions), shown, scripts)
 
 
 def motion(scene: Scene) -> dict[str, Any]:
@@ -103,15 +97,9 @@ def _sentence(solution: SceneSolution, axis: int) -> str:
         nearest = int(np.argmax(np.abs(rows[1])))
         name = ("longest", "middle", "shortest")[list(np.argsort(scene.ellipsoid.semi_axes)[::-1]).index(nearest)]
         name += " axis"
-    first, last = np.degrees(np.arccos(np.minimum(1.0, np.abs(rows[:, nearest]))))
-    end = "spins about it" if last < ALONG else "tumbles end over end" if last > 90 - ALONG else "has not settled"
-    turns = max(1, round(rotations(scene)))
-    lz, energy = _plane(solution)[[0, -1]].T
-    return (
-        f"In {scene.time:g} shear times it turns about {turns} times. Its {name} goes from {first:.0f}° to {last:.0f}° "
-        f"off the vorticity: at the end it {end}. Its L along the vorticity goes from {lz[0]:.2g} to {lz[1]:.2g}, its "
-        f"energy from {energy[0]:.2g} to {energy[1]:.2g}."
-    )
+    angles = np.degrees(np.arccos(np.minimum(1.0, np.abs(rows[:, nearest])))).tolist()
+    turns, plane = max(1, round(rotations(scene))), _plane(solution)[[0, -1]].T.tolist()
+    return fill("site-motion-says", scene=scene, turns=turns, name=name, angles=angles, along=ALONG, plane=plane)
 
 
 def _follow(scene: Scene, samples: int) -> SceneSolution:

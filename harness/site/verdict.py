@@ -2,7 +2,6 @@
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from html import escape
 from io import BytesIO
 from math import inf, isnan, nan
 from pathlib import Path
@@ -16,12 +15,10 @@ from polhode.harness.common.text import duration, factor, short
 from polhode.harness.pages.figures.map_picture import ERRORS, HEADINGS
 from polhode.harness.pages.figures.style import colour, is_averaged, rank
 from polhode.harness.pages.regimes import read_cells
-from polhode.harness.pages.tables import fill
-from polhode.harness.site.markup import prose, scroll
+from polhode.harness.site.markup import html
 from polhode.solvers.contract import Status
 
 TITLE = "What should I run?"
-OWN = "This is measured on the two particles of the map. For a scene of your own: `polhode pick scene.toml`."
 # What the page calls the two kinds of error, and the word of `--want`.
 WANTS = {"slow_error": ("slow", "L and E"), "orientation_error": ("orientation", "orientation")}
 # Letters of a name that may be broken at its hyphens.
@@ -37,24 +34,10 @@ def question(folder: Path, sure: str = "") -> tuple[str, dict[str, Any]]:
     reached = _reached(folder / "runs.csv")
     shapes = {name: runs[0].get("scene.shape.semi_axes", "") for (name, _), runs in reached.items()}
     particles = {name: f"{name} {shapes.get(name, '')}".strip() for name, _ in found}
-    sections = "".join(
-        f'<section class="region" data-particle="{escape(name)}" data-want="{WANTS[error][0]}"><h3>'
-        f"The {particles[name]}: {prose(ERRORS[error][1].replace('$I_{max}$', 'I_max'))}</h3>"
-        f"{_key(cells)}{_map(name, WANTS[error][0], cells)}</section>"
-        for (name, error), cells in found.items()
-    )
-    body = (
-        '<form class="filters ask" id="ask" aria-label="Question"></form><div id="answer" role="status"></div>'
-        f'<p class="note">{prose(OWN)}</p>{_sure(sure)}<h2>The map</h2><p class="note">{fill("site-map")}</p>{sections}'
-    )
+    maps = [_map(name, error, cells) for (name, error), cells in found.items()]
+    body = html("verdict", particles=particles, maps=maps, sure=sure, colour=colour, factor=factor, long=LONG)
     data = {"particles": particles, "wants": dict(WANTS.values()), "columns": _answers(found, reached)}
     return body, {"question-data": data}
-
-
-def _sure(sentence: str) -> str:
-    """Who never failed, with the way to the hard cases."""
-    link = '<a href="hard-cases.html">The hard cases</a>'
-    return f"<h2>Which solver never failed?</h2><p>{prose(sentence)} {link}, one by one.</p>" if sentence else ""
 
 
 def _answers(
@@ -105,46 +88,13 @@ def _reached(path: Path) -> Mapping[tuple[str, float], list[dict[Any, Any]]]:
     return found
 
 
-def _key(found: Sequence[Cell]) -> str:
-    """Colours by kind, and the form that full equations are run in."""
+def _map(particle: str, error: str, found: Sequence[Cell]) -> dict[str, Any]:
+    """What a map shows: its cells in rows by error, and the methods that win, by kind."""
+    rows = defaultdict(list)
+    for cell in sorted(found, key=lambda cell: (-cell.target, cell.stokes)):
+        rows[cell.target].append(cell)
     winners = {cell.winner.label: cell.winner.side for cell in found if cell.winner}
-    lines = []
-    for side, (_, kind) in HEADINGS.items():
-        own = sorted((name for name in winners if winners[name] == side), key=rank)
-        marks = "".join(f'<span style="--c:{colour(name)}">{escape(name)}</span>' for name in own)
-        lines += [f'<p class="key"><b>{kind}</b>{marks}</p>'] if own else []
-    note = f"Full equations in the form {usual_form(found)}, unless a cell names another."
-    return f"{''.join(lines)}<p class=note>{note}</p>"
-
-
-def _map(particle: str, want: str, found: Sequence[Cell]) -> str:
-    numbers = sorted({cell.stokes for cell in found})
-    targets = sorted({cell.target for cell in found}, reverse=True)
-    at = {(cell.stokes, cell.target): cell for cell in found}
-    usual = usual_form(found)
-    head = "".join(f"<th scope=col>{prose(short(stokes))}</th>" for stokes in numbers)
-
-    def cells(target: float) -> str:
-        return "".join(_cell(at[stokes, target], usual, f"particle={particle}&want={want}") for stokes in numbers)
-
-    rows = "".join(f"<tr><th scope=row>{prose(short(target))}</th>{cells(target)}</tr>" for target in targets)
-    corner = "<th class=axis>error ↓ St →</th>"
-    table = f"<table class=map><thead><tr>{corner}{head}</tr></thead><tbody>{rows}</tbody></table>"
-    return scroll(table, f"Map of the {particle}, {want}")
-
-
-def _cell(cell: Cell, usual: str, question: str) -> str:
-    if cell.winner is None:
-        words = "none" if cell.known else "unknown"
-        tip = "no run measured gets there" if cell.known else "below what the reference resolves"
-        return f'<td class="none" title="{tip}">{words}</td>'
-    label, time = cell.winner.label, duration(cell.seconds)
-    name = f"<b{' class=long' if len(label) > LONG else ''}>{escape(label)}</b>"
-    form = "" if cell.winner.side == "averaged" or cell.winner.form == usual else f"<i>{escape(cell.winner.form)}</i>"
-    lead = (
-        f" ={cell.second.label}" if cell.tied and cell.second else "" if isnan(cell.lead) else f" {factor(cell.lead)}"
-    )
-    tip = escape(f"{cell.winner}: {time}; next: {cell.second or 'none'}")
-    address = escape(f"#{question}&St={short(cell.stokes)}&error={short(cell.target)}")
-    content = f'<a href="{address}">{name}{form}<span>{time}{escape(lead)}</span></a>'
-    return f'<td style="--c:{colour(label)}" title="{tip}">{content}</td>'
+    kinds = [(words, [name for name in winners if winners[name] == side]) for side, words in HEADINGS.items()]
+    key = [(words, sorted(labels, key=rank)) for words, labels in kinds if labels]
+    about = {"name": particle, "want": WANTS[error][0], "title": ERRORS[error][1]}
+    return about | {"key": key, "rows": [*rows.values()], "usual": usual_form(found)}
