@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 
 from polhode.harness.common.text import Wording
 from polhode.harness.paper import drawing, planes, runs, tables
-from polhode.harness.paper.item import Data, Item, Number, Parts, Section, Verdict, Word
+from polhode.harness.paper.item import Data, Item, Number, Section, Verdict, Word
 from polhode.models import scenes
 
 PLACE = "polhode.harness.paper.sections"
@@ -30,7 +30,9 @@ SECTIONS = ("periods", "limits", "spheroids", "ellipsoids", "rest", "appendix", 
 SHARED = (scenes, drawing, tables, runs, planes)
 # What a row of numbers may say, the last two together; what a curve says beside its style.
 BOUNDS, NEAR = {"value", "what", "each", "low", "high", "unit"}, {"near", "within"}
-CURVE = {"table", "by", "x", "y", "label", "slope", "level", "broken"}
+CURVE = {"when", "table", "by", "x", "y", "z", "label", "colors", "slope", "level", "broken"}
+# What may differ from one curve to the next.
+VARYING = {"linewidth", "zorder"}
 
 
 @cache
@@ -64,8 +66,14 @@ def section_of(item: Item) -> Section:
 
 
 def names_of(*modules: ModuleType) -> dict[str, Any]:
-    """The names of the shared modules and of others."""
-    return {name: value for module in (*SHARED, *modules) for name, value in vars(module).items()}
+    """The names of the shared modules and of others; ValueError if one means two things."""
+    names: dict[str, Any] = {}
+    for module in (*SHARED, *modules):
+        own = {name: value for name, value in vars(module).items() if not name.startswith("_")}
+        if twice := [name for name in own.keys() & names if own[name] is not names[name]]:
+            raise ValueError(f"{module.__name__}: got other values of {', '.join(twice)}, expected names of its own")
+        names |= own
+    return names
 
 
 def evaluated(expression: Any, names: dict[str, Any]) -> Any:
@@ -105,29 +113,34 @@ def _entries() -> dict[str, tuple[str, dict[str, dict[str, Any]]]]:
 
 
 def _item(name: str, entry: Mapping[str, Any]) -> Item:
-    """An item whose experiment is given as "module: expression", of a module of the sections and in its names."""
+    """An item whose experiment is given as "module: expression", of a module of the sections and in its names.
+
+    It is a function that computes, or settings with such a method.
+    """
     module, _, expression = entry["experiment"].partition(": ")
     place = import_module(f"{PLACE}.{module}")
-    experiment = evaluated(expression, names_of(place) | {"Parts": Parts})
-    kinds = [sys.modules[kind.__module__] for kind in reversed(type(experiment).__mro__)]
+    experiment = evaluated(expression, names_of(place))
+    compute = getattr(experiment, "compute", experiment)
+    kinds = [] if compute is experiment else type(experiment).__mro__[-2::-1]
+    names = names_of(*(sys.modules[kind.__module__] for kind in kinds), place) | vars(experiment)
 
     def facts(data: Data) -> dict[str, Any]:
         rows = {table or "table": rows for table, rows in data.items()}
-        return facts_of(entry, names_of(*kinds, place) | vars(experiment) | rows | {"self": experiment})
+        return facts_of(entry, names | rows | {"self": experiment})
 
-    described = entry.get("figure")
-    figure = (lambda data: drawn(described, facts(data))) if described else experiment.figure
+    def figure(data: Data) -> Figure:
+        return drawn(entry["figure"], facts(data))
 
     def verdict(data: Data) -> Verdict:
         return judged(entry, facts(data))
 
-    return Item(name, entry["title"], entry["claim"], experiment.compute, figure, verdict)
+    return Item(name, entry["title"], entry["claim"], compute, figure, verdict)
 
 
 def facts_of(entry: Mapping[str, Any], names: Mapping[str, Any]) -> dict[str, Any]:
     """The names, and an item's facts, which are expressions over them, each of which may use those before."""
     facts = dict(names)
-    for name, expression in entry["facts"].items():
+    for name, expression in entry.get("facts", {}).items():
         facts[name] = evaluated(expression, facts)
     return facts
 
@@ -162,41 +175,59 @@ def _numbers(row: Mapping[str, Any], facts: dict[str, Any]) -> Iterator[Number]:
 
 
 def drawn(entry: Mapping[str, Any], names: dict[str, Any]) -> Figure:
-    """The figure of an entry: its size, one table for each of its axes, and a legend below all if it has `columns`."""
-    figure, axes = drawing.panels(*entry["panels"], **entry.get("options", {}))
-    for own, panel in zip(axes, entry["axes"], strict=True):
+    """The figure of an entry: its size, a table for each of its axes, and a legend `below` all, of the first axes.
+
+    A table with `each` stands for one of the axes for each value of a list.
+    """
+    size = (evaluated(part, names) for part in entry["panels"])
+    figure, axes = drawing.panels(*size, **entry.get("options", {}))
+    panels = [(panel, value) for panel in entry["axes"] for value in evaluated(panel.get("each", (None,)), names)]
+    for own, (panel, value) in zip(axes, panels, strict=True):
+        facts = facts_of(panel, {**names, "axes": own, "each": value})
         for curve in panel["curves"]:
-            _draw(own, curve, names)
-        title, log = worded(panel.get("title", ""), names), panel.get("log", "")
-        drawing.label(own, panel["x"], panel["y"], title, log, **panel.get("limits", {}))
+            if isinstance(curve, str):
+                evaluated(curve, facts)
+            else:
+                _draw(own, curve, facts)
+        x, y = panel.get("x", own.get_xlabel()), panel.get("y", own.get_ylabel())
+        drawing.label(own, x, y, worded(panel.get("title", ""), facts), panel.get("log", ""), **panel.get("limits", {}))
         for call in panel.get("also", ()):
-            evaluated(call, {**names, "axes": own})
+            evaluated(call, facts)
         if "legend" in panel:
             own.legend(**panel["legend"])
-    if "columns" in entry:
-        drawing.common_legend(figure, axes[0], entry["columns"])
+    if "below" in entry:
+        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", **entry["below"])
     return figure
 
 
 def _draw(axes: Axes, curve: Mapping[str, Any], names: dict[str, Any]) -> None:
-    """Draw a curve of a table, or one for each value of a column `by`; x and y may name its columns, and `part`."""
+    """Draw a curve of a table, or one for each value of a column `by`; x, y and z may name its columns, and `part`.
+
+    One that has a condition is drawn `when` it holds.
+    """
+    if not evaluated(curve.get("when", True), names):
+        return
     style = {key: value for key, value in curve.items() if key not in CURVE}
     style["color"] = getattr(drawing, style.get("color", ""), style.get("color"))
     table = evaluated(curve.get("table", "table"), names)
+    if not len(table):
+        raise ValueError(f"curve: got no rows of {curve['table']}, expected some")
     key, text = curve.get("by"), curve.get("label")
     parts = tables.groups(table, key) if key else [(None, table)]
-    for color, (value, part) in zip(cycle(drawing.CYCLE), parts, strict=False):
+    colors = cycle(evaluated(curve.get("colors", drawing.CYCLE), names))
+    for color, (value, part) in zip(colors, parts, strict=False):
         own = {**names, "part": part, **{name: part[name] for name in part.dtype.names}}
         chosen = {**style, "label": text}
         if key:
             own[key] = value
             chosen |= {"label": text and worded(text, own), "color": style["color"] or color}
+        chosen |= {name: evaluated(style[name], own) for name in VARYING & style.keys()}
         x, y, slope = (evaluated(curve.get(name), own) for name in ("x", "y", "slope"))
         if "slope" in curve:
             drawing.draw_law(axes, x, y, slope, **{name: each for name, each in chosen.items() if each is not None})
         elif "level" in curve:
             axes.axhline(evaluated(curve["level"], own), **chosen)
         elif "broken" in curve:
-            drawing.draw_broken(axes, part, curve["x"], curve["y"], curve["broken"], **chosen)
+            drawing.draw_broken(axes, x, y, part[curve["broken"]], **chosen)
         else:
-            axes.plot(x, y, **chosen)
+            axes.plot(x, y, *([evaluated(curve["z"], own)] if "z" in curve else []), **chosen)

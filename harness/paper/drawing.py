@@ -1,7 +1,7 @@
 """How the figures of the reproduction look: one style, one palette, panels with labels and units."""
 
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
@@ -12,21 +12,20 @@ import numpy as np
 from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from PIL import Image
 
 from polhode.harness.common.files import write_file
 from polhode.harness.pages.figures.style import few_colours, power
-from polhode.harness.paper.item import Table
-from polhode.harness.paper.tables import groups
 
 # Okabe and Ito's palette, safe for colour-blind readers.
 BLACK, ORANGE, SKY, GREEN, BLUE, VERMILLION, PURPLE, YELLOW = (
     "#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7", "#F0E442",
 )  # fmt: skip
 CYCLE = (BLUE, ORANGE, GREEN, VERMILLION, PURPLE, SKY, BLACK)
-# Of full runs at several St, in turn; the planes, which have three at most, keep green for a line of their own.
-RUNS = (BLUE, ORANGE, VERMILLION, GREEN)
+# Of the averaged run and of full ones at several St, in turn; the planes have three at most: green is a line of theirs.
 AVERAGED = BLACK
+RUNS = (AVERAGED, BLUE, ORANGE, VERMILLION, GREEN)
 BOUND = "0.55"
 NODE = PURPLE
 FORMATS = ("png", "svg")
@@ -43,23 +42,22 @@ def style() -> Iterator[None]:
         yield
 
 
-def panels(rows: int, columns: int, width: float = 3.5, height: float = 2.7, **options: Any) -> tuple[Figure, list]:
-    """A figure of equal panels, and its axes in reading order."""
-    figure = Figure(figsize=(width * columns, height * rows), layout="constrained")
-    grid = figure.subplots(rows, columns, squeeze=False, **options)
-    return figure, list(grid.flat)
+def panels(
+    rows: int, columns: int, width: float = 3.5, height: float = 2.7, spatial: Sequence[int] = (), **options: Any
+) -> tuple[Figure, list[Axes]]:
+    """A figure of equal panels, and its axes in reading order; some may have three dimensions."""
+    layout = ConstrainedLayoutEngine(wspace=options.pop("wspace", None))
+    figure = Figure(figsize=(width * columns, height * rows), layout=layout)
+    places: Any = np.arange(rows * columns).reshape(rows, columns).tolist()
+    kinds: dict[Any, Any] = {place: {"projection": "3d"} for place in spatial}
+    found = figure.subplot_mosaic(places, per_subplot_kw=kinds, **options)
+    return figure, [found[place] for row in places for place in row]
 
 
 def label(axes: Axes, x: str, y: str, title: str = "", log: str = "", **limits: Any) -> Axes:
     """Label axes, whose units belong into the labels; those named in `log` are logarithmic, with powers of ten."""
     axes.set(xlabel=x, ylabel=y, title=title, **{f"{side}scale": "log" for side in log}, **limits)
     return axes
-
-
-def common_legend(figure: Figure, axes: Axes, columns: int = 4) -> None:
-    """One legend below all panels, from the entries of one of them."""
-    handles, names = axes.get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside lower center", ncols=columns)
 
 
 def legend_in(empty: Axes, axes: Axes) -> None:
@@ -82,31 +80,15 @@ def unit_sphere(axes: Axes) -> Axes:
     return axes
 
 
-def draw_on_sphere(axes: Axes, path: Table, **style: Any) -> None:
-    """Draw a path with columns x, y, z."""
-    axes.plot(*(path[name] for name in "xyz"), **style)
+def run_name(stokes: float) -> str:
+    """A full run by its St, or the averaged one, whose St is ∞."""
+    return "averaged" if np.isinf(stokes) else f"full, St = {power(stokes)}"
 
 
-def styled_runs(
-    table: Table, key: str, widths: tuple[float, float] = (1.4, 0.7)
-) -> Iterator[tuple[dict[str, Any], Table]]:
-    """Line style and rows of every run by St, ∞ for the averaged one, on top; widths of averaged and full runs."""
-    full = 0
-    for stokes, part in groups(table, key):
-        if np.isinf(stokes):
-            yield {"color": AVERAGED, "label": "averaged", "linewidth": widths[0], "zorder": 5}, part
-        else:
-            label_ = f"full, St = {power(stokes)}"
-            yield {"color": RUNS[full], "label": label_, "linewidth": widths[1], "zorder": 3 + 0.1 * full}, part
-            full += 1
-
-
-def draw_broken(axes: Axes, table: Table, x: str, y: str, key: str = "path", **style: Any) -> None:
-    """Draw the paths of a table as one line with gaps, so that they share one entry of the legend."""
-    parts = [(part[x], part[y]) for _, part in groups(table, key)]
-    gap = np.array([np.nan])
-    columns = [np.concatenate([piece for part in parts for piece in (part[side], gap)]) for side in (0, 1)]
-    axes.plot(*columns, **style)
+def draw_broken(axes: Axes, x: np.ndarray, y: np.ndarray, paths: np.ndarray, **style: Any) -> None:
+    """Draw several paths as one line with gaps, so that they share one entry of the legend."""
+    gaps = np.flatnonzero(np.diff(paths)) + 1
+    axes.plot(np.insert(x, gaps, np.nan), np.insert(y, gaps, np.nan), **style)
 
 
 def draw_law(axes: Axes, x: np.ndarray, y: float, slope: float, line: str = ":", **style: Any) -> None:

@@ -84,14 +84,6 @@ class Verdict:
 
 
 @dataclass(frozen=True)
-class Parts:
-    """An experiment of one function, or of two where the section's file does not describe the figure."""
-
-    compute: Callable[[Grid], Computed]
-    figure: Callable[[Data], Figure] | None = None
-
-
-@dataclass(frozen=True)
 class Item:
     """A figure or table of the paper, or a question beyond it; the claim is the paper's, in our words."""
 

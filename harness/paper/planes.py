@@ -18,6 +18,7 @@ from polhode.models.theory.fixed_points import FixedPoint, Stability, fixed_poin
 ABOVE_PINCH = 0.2
 # Distance from the node, over I_max, at which a trajectory has reached it.
 REACHED = 1e-2
+POINTS = {"stable node": "stable node", "saddle": "saddle", "singular": "singular point"}
 # Markers of fixed points and their sizes.
 MARKERS = {"stable node": ("o", 30), "saddle": ("*", 70), "singular": ("X", 30)}
 
@@ -60,7 +61,7 @@ def distance_from_node(ellipsoid: Ellipsoid, slow: np.ndarray) -> np.ndarray:
     return np.max(np.abs(slow - np.array([0.0, 0.0, *fixed_point(ellipsoid, "stable node")])), axis=-1)
 
 
-def draw_frame(axes: Axes, ellipsoid: Ellipsoid, low: float, high: float, *, title: str = "") -> Axes:
+def draw_frame(axes: Axes, ellipsoid: Ellipsoid, low: float, high: float) -> Axes:
     """Draw parabolas, the line L_z + 4E = 0 and the fixed points of a plane; L_z runs from low to high."""
     momentum = np.linspace(low, high, 201)
     inertia = np.array(sorted(set(ellipsoid.inertia))) / max(ellipsoid.inertia)
@@ -71,7 +72,7 @@ def draw_frame(axes: Axes, ellipsoid: Ellipsoid, low: float, high: float, *, tit
     for point in fixed_points(ellipsoid):
         draw_point(axes, point.stability, place_of(ellipsoid, point))
     axes.set_xlim(low, high)
-    return label(axes, "$L_z/I_{max}$", "$E/I_{max}$", title)
+    return label(axes, "$L_z/I_{max}$", "$E/I_{max}$")
 
 
 def draw_point(
@@ -99,7 +100,7 @@ def name_lines(axes: Axes, ellipsoid: Ellipsoid, bounds: str) -> None:
 
 def draw_paths(axes: Axes, table: Table, heights: Sequence[float]) -> None:
     """Draw slow trajectories, each with an arrow where its E first falls through each of the heights."""
-    draw_broken(axes, table, "Lz", "E", color=AVERAGED, linewidth=0.8)
+    draw_broken(axes, table.Lz, table.E, table.path, color=AVERAGED, linewidth=0.8)
     for _, part in groups(table, "path"):
         for height in heights:
             below = int(np.argmax(part["E"] < height))

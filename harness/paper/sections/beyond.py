@@ -5,13 +5,9 @@ from math import pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.colors import ListedColormap
-from matplotlib.figure import Figure
 from scipy import stats
 
-from polhode.harness.paper import drawing
-from polhode.harness.paper.drawing import label, panels
-from polhode.harness.paper.item import Computed, Data, Grid, Table
+from polhode.harness.paper.item import Computed, Grid, Table
 from polhode.harness.paper.planes import distance_from_node, energy_at
 from polhode.harness.paper.runs import averaged_run, full_run, graded, slow_run
 from polhode.harness.paper.tables import SLOW, Estimate, exponent, groups, mean, root_mean_squares, share
@@ -236,21 +232,3 @@ def map_of(table: Table, names: str) -> tuple[np.ndarray, np.ndarray, np.ndarray
     """Coordinates of a table's rows, the second running fastest, and its values, shape (first, second)."""
     first, second, values = (table[name] for name in names.split())
     return np.unique(first), np.unique(second), values.reshape(len(np.unique(first)), -1)
-
-
-def figure_basins(data: Data) -> Figure:
-    """Two maps."""
-    figure, (left, right) = panels(1, 2, 4.3, 3.4)
-    cosine, height, slow_times = map_of(data["transients"], "cosine share t2")
-    times = left.pcolormesh(cosine, height, slow_times.T, cmap="cividis", rasterized=True)
-    figure.colorbar(times, ax=left, label="slow time to the node")
-    label(left, "$L_z/|L|$", "share of $E$ between its bounds")
-    both = ListedColormap((drawing.BLUE, drawing.YELLOW))
-    theta, psi, up = map_of(data["ends"], "theta psi z")
-    ends = right.pcolormesh(psi, theta, up, cmap=both, vmin=-1, vmax=1, rasterized=True)
-    bar = figure.colorbar(ends, ax=right, label="$z'$ at the end, along the vorticity axis $z$", ticks=(-0.5, 0.5))
-    bar.ax.set_yticklabels(["down", "up"], rotation="vertical", va="center")
-    label(right, "$\\psi_0$, rad", "$\\theta_0$, rad", f"St = {BASIN_STOKES:g}")
-    for axes in (left, right):
-        axes.grid(visible=False)
-    return figure

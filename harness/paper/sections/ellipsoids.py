@@ -3,21 +3,18 @@
 from math import sqrt
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from polhode.harness.paper import planes
-from polhode.harness.paper.drawing import BLACK, BLUE, BOUND, NODE, ORANGE, VERMILLION, common_legend, panels
-from polhode.harness.paper.item import Computed, Data, Grid, Table
+from polhode.harness.paper.item import Computed, Grid, Table
 from polhode.harness.paper.runs import bisected, full_run, graded, slow_run, slow_scene, spheroid
 from polhode.harness.paper.sections import slow_motion
-from polhode.harness.paper.sections.planes import POINTS, plane_tables
-from polhode.harness.paper.tables import by, groups, path
+from polhode.harness.paper.sections.planes import plane_tables
+from polhode.harness.paper.tables import by, path
 from polhode.models.forms.averaged import Averaged
 from polhode.models.operations import FLOAT
 from polhode.models.scene import Scene
 from polhode.models.scenes import PAPER_ELLIPSOID, SPHEROID_START
 from polhode.models.shape import Ellipsoid
-from polhode.models.theory.fixed_points import fixed_points
 from polhode.models.theory.separatrix import Separatrix, Side
 
 ELLIPSOID = Ellipsoid(PAPER_ELLIPSOID)
@@ -164,29 +161,6 @@ def _kept(slow: np.ndarray) -> np.ndarray:
     return np.union1d(planes.plane_steps(slow, 250), np.flatnonzero(np.all(inside, axis=1)))
 
 
-def figure_plane(data: Data) -> Figure:
-    """The plane, and the neighbourhood of the singular point."""
-    figure, (left, right) = panels(1, 2, 4.6, 4.4)
-    x, y = planes.fixed_point(ELLIPSOID, "singular")
-    for own in (left, right):
-        planes.draw_frame(own, ELLIPSOID, -1.0, 1.0)
-        planes.draw_paths(own, data[""], (0.6, 0.2, 0.1))
-        for kind, line in groups(data["critical"], "kind"):
-            style = {"color": (ORANGE, VERMILLION)[int(kind)], "linestyle": ("--", "-")[int(kind)]}
-            for _, part in groups(line, "side"):
-                own.plot(part.Lz, part.E, linewidth=2.0, zorder=4 + (kind == 0), **style)
-    left.set_ylim(0.0, 0.8)
-    right.set(xlim=(x - WINDOW[0], x + WINDOW[0]), ylim=(y - WINDOW[1], y + WINDOW[1]))
-    right.locator_params(axis="x", nbins=5)
-    right.set_title("around the singular point")
-    planes.name_points(left, POINTS)
-    planes.name_lines(left, ELLIPSOID, "$L_z^2 = 2EI_1, 2EI_3$")
-    left.plot([], [], color=VERMILLION, lw=2, label="critical, averaged")
-    left.plot([], [], color=ORANGE, lw=2, linestyle="--", label="critical, local solution")
-    common_legend(figure, left)
-    return figure
-
-
 def misfit(critical: Table, side: float) -> float:
     """How far the local critical trajectory is off the averaged one near the singular point."""
     local, averaged = _both(critical, side)
@@ -216,24 +190,3 @@ def compute_space(grid: Grid) -> Computed:
         slow = np.array([0.0, 0.0, -0.2, planes.energy_at(ELLIPSOID, 1.0, 0.7)])
         slow[1 - zero] = sqrt(1 - 0.2**2)
         yield "", path(zero, slow_times, slow_run(ELLIPSOID, slow.tolist(), slow_times).slow)
-
-
-def figure_space(data: Data) -> Figure:
-    """Two three-dimensional views with their projections."""
-    figure, axes = panels(1, 2, 4.4, 3.5, subplot_kw={"projection": "3d"})
-    for own, (zero, part) in zip(axes, groups(data[""], "path"), strict=True):
-        name = "Lx" if zero == 1 else "Ly"
-        u, v = np.meshgrid(np.linspace(0.0, 1.0, 16), np.linspace(-0.6, 0.6, 16))
-        own.plot_wireframe(u, v, (u**2 + v**2) / 2, color=BOUND, linewidth=0.4)
-        across, along, energy = part[name], part.Lz, part.E
-        own.plot(across, along, energy, color=BLUE, linewidth=1.6)
-        bound, wall = (across**2 + along**2) / 2, np.full_like(energy, 0.6)
-        for projection in ((across, along, bound), (0 * across, along, energy), (across, wall, energy)):
-            own.plot(*projection, color=BLACK, linewidth=0.8)
-        for point in fixed_points(ELLIPSOID):
-            own.scatter(0.0, *planes.place_of(ELLIPSOID, point), color=NODE, edgecolor=BLACK, s=25)
-        own.set(xlabel=f"$L_{name[1]}/I_{{max}}$", ylabel="$L_z/I_{max}$", zlabel="$E/I_{max}$", ylim=(-0.6, 0.6))
-        own.set_title(f"$L_{'xy'[int(zero)]} = 0$", y=1.0)
-        own.view_init(22, 35)
-        own.set_box_aspect((1, 1, 0.8), zoom=1.0)
-    return figure

@@ -5,21 +5,17 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from polhode.harness.paper import planes
-from polhode.harness.paper.drawing import AVERAGED, BLUE, common_legend, draw_broken, label, panels
-from polhode.harness.paper.item import Computed, Data, Grid
+from polhode.harness.paper.item import Computed, Grid
 from polhode.harness.paper.runs import axes_of, full_run, graded
-from polhode.harness.paper.tables import by, groups, path
+from polhode.harness.paper.tables import path
 from polhode.models.shape import Ellipsoid
-from polhode.models.theory.fixed_points import fixed_points
 
 # Share, as of `energy_at`, of starts on the upper parabola: rounding must not carry them out of the plane.
 INSIDE = 1 - 1e-13
 STOKES = (1e3, 1e4)
 STARTS = tuple((momentum, theta) for momentum in (-0.7, 0.7) for theta in (0.4, 0.9, 1.4))
-POINTS = {"stable node": "stable node", "saddle": "saddle", "singular": "singular point"}
 
 
 def plane_tables(
@@ -70,28 +66,6 @@ class Planes:
                 yield "", {**labels, "stokes": stokes, "Lz": full[::4, 2], "E": full[::4, 3]}
                 difference = np.abs(full[: len(averaged)][before] - averaged[before])
                 yield "differences", {"body": name, "stokes": stokes, "path": number, "difference": difference.max()}
-
-    def figure(self, data: Data) -> Figure:
-        """A plane of the most eccentric body; below, the largest differences of all bodies, one bar per start."""
-        figure, axes = panels(2, len(STOKES), 4.4, 2.9)
-        differences = by(data["differences"], "stokes")
-        worst = {name: np.max(part.difference) for name, part in groups(differences[STOKES[0]], "body")}
-        widest = max(worst, key=lambda name: worst[name])
-        part, first = by(data[""], "body")[widest], self.bodies[widest]
-        for own, stokes in zip(axes, STOKES, strict=False):
-            planes.draw_frame(own, first, -0.8, 0.8, title=f"{name_of(first)}, St = {stokes:g}")
-            for wanted, color, text in ((stokes, BLUE, "full"), (np.inf, AVERAGED, "averaged")):
-                draw_broken(own, part[part.stokes == wanted], "Lz", "E", linewidth=0.9, color=color, label=text)
-            own.set_ylim(0.0, 1.05 * max(part.E))
-        for own, stokes in zip(axes[len(STOKES) :], STOKES, strict=True):
-            for place, (_, found) in enumerate(groups(differences[stokes], "body")):
-                own.bar(place + np.linspace(-0.3, 0.3, len(found)), found.difference, 0.1, color=BLUE)
-            own.set_xticks(range(len(self.bodies)), [*map(name_of, self.bodies.values())], fontsize=6.5, rotation=15)
-            label(own, "body, one bar per start", "largest difference$/I_{max}$", f"St = {stokes:g}")
-        planes.name_points(axes[0], {point.stability: POINTS[point.stability] for point in fixed_points(first)})
-        planes.name_lines(axes[0], first, "bounds of $L_z^2/2E$")
-        common_legend(figure, axes[0])
-        return figure
 
 
 def name_of(body: Ellipsoid) -> str:

@@ -6,24 +6,16 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 from scipy.integrate import cumulative_trapezoid
 from scipy.signal import find_peaks
 
-from polhode.harness.pages.figures.style import power
-from polhode.harness.paper import drawing
-from polhode.harness.paper.drawing import draw_law, draw_on_sphere, label, legend_in, panels, unit_sphere
-from polhode.harness.paper.item import Computed, Data, Grid, Table
+from polhode.harness.paper.item import Computed, Grid, Table
 from polhode.harness.paper.runs import Run, full_run
 from polhode.harness.paper.sections.slow_motion import NAMES
-from polhode.harness.paper.tables import groups
 from polhode.models.observables import angular_velocity
 from polhode.models.scene import EulerStart, Scene
 from polhode.models.shape import Ellipsoid
 
-# Of four Stokes numbers, beside the green of the Jeffery orbit.
-COLORS = (drawing.BLUE, drawing.ORANGE, drawing.VERMILLION, drawing.PURPLE)
 # Distance, in rad, at which a path counts as off the Jeffery orbit.
 APART = 0.1
 # Rotation, in rad, of a particle since its start that marks the onset of inertia.
@@ -34,7 +26,6 @@ WIGGLE = 0.02
 LARGE = 5e5
 # Scaled time up to which the magnified views go.
 EARLY = 2.0
-MARKS = ("turned by 1 rad", "first wiggle")
 
 
 def _path(run: Run) -> dict[str, np.ndarray]:
@@ -60,16 +51,10 @@ def _jeffery_orbit(ellipsoid: Ellipsoid, start: EulerStart, count: int) -> Compu
     yield "jeffery", {"t": times, **_path(full_run(Scene(ellipsoid, 0.0, start, float(times[-1])), times))}
 
 
-def _sphere_beside() -> tuple[Figure, Axes, Axes]:
-    """A figure with a unit sphere on the left and plain axes on the right."""
-    figure = Figure(figsize=(8.6, 3.9), layout=ConstrainedLayoutEngine(wspace=0.06))
-    return figure, unit_sphere(figure.add_subplot(1, 2, 1, projection="3d")), figure.add_subplot(1, 2, 2)
-
-
-def _draw_start(sphere: Axes, orbit: Table) -> None:
-    """Draw the Jeffery orbit, and its first point, where all paths start."""
-    draw_on_sphere(sphere, orbit, color=drawing.GREEN, linestyle="--", linewidth=1.3, zorder=4, label="Jeffery orbit")
-    draw_on_sphere(sphere, orbit[:1], marker="o", color=drawing.BLACK, markersize=4, zorder=5)
+def draw_marks(axes: Axes, onset: Table) -> None:
+    """Draw the onset at the largest St."""
+    for name, line, text in (("turned", ":", "turned by 1 rad"), ("wiggle", "--", "first wiggle")):
+        axes.axvline(np.mean(onset[name][-2:]), color="0.4", linestyle=line, linewidth=0.9, label=text)
 
 
 def turns(path: Table) -> np.ndarray:
@@ -105,23 +90,6 @@ class Sphere:
         yield "", {"t": times, **_path(run), "ratio": ratio}
         yield from _jeffery_orbit(self.ellipsoid, self.start, 401)
 
-    def figure(self, data: Data) -> Figure:
-        """The path on the sphere, and the tilt of the axis in time."""
-        figure, sphere, axes = _sphere_beside()
-        table, onset = data[""], onset_of(data[""])
-        before, after = table[table.t <= onset], table[table.t >= onset]
-        for part, color, width, text in (
-            (before, drawing.BLUE, 1.8, "before the onset"),
-            (after, drawing.ORANGE, 0.9, "after it"),
-        ):
-            draw_on_sphere(sphere, part[part.t <= 3 * onset], color=color, linewidth=width, zorder=1 + width)
-            axes.plot(part.t, part.z, color=color, linewidth=1.1, label=text)
-        _draw_start(sphere, data["jeffery"])
-        axes.axvline(onset, color=drawing.NODE, linestyle=":", label="onset: gyroscopic terms exceed viscous ones")
-        axes.plot([], [], color=drawing.GREEN, linestyle="--", label="Jeffery orbit (left)")
-        label(axes, "time $t\\dot\\gamma$", "z component of the axis", ylim=(-1.05, 1.05)).legend(loc="upper right")
-        return figure
-
 
 @dataclass(frozen=True)
 class Short:
@@ -139,17 +107,6 @@ class Short:
             yield "", {"stokes": stokes, **{name: column[::2] for name, column in path.items()}}
             yield "length", {"stokes": stokes, "length": arc_length(np.column_stack([*path.values()]))[-1]}
         yield from _jeffery_orbit(self.ellipsoid, self.start, 201)
-
-    def figure(self, data: Data) -> Figure:
-        """Paths on the sphere, and their lengths."""
-        figure, sphere, axes = _sphere_beside()
-        for color, (stokes, part) in zip(COLORS, list(groups(data[""], "stokes"))[::2], strict=True):
-            draw_on_sphere(sphere, part, color=color, linewidth=1.4, label=f"St = {power(stokes)}")
-        _draw_start(sphere, data["jeffery"])
-        sphere.legend(loc="upper left", fontsize=7)
-        axes.plot(data["length"].stokes, data["length"].length, "o-", color=drawing.BLUE)
-        label(axes, "Stokes number St", "path length until $t = \\mathrm{St}^{1/2}$, rad", log="x").set_ylim(bottom=0.0)
-        return figure
 
 
 @dataclass(frozen=True)
@@ -170,37 +127,6 @@ class Transient:
             if stokes in self.stokes:
                 yield "", {"stokes": stokes, "scaled": scaled[::8], **dict(zip(NAMES, run.slow[::8].T, strict=True))}
             yield "onset", {"stokes": stokes, **_onset_of(run, scaled)}
-
-    def figure(self, data: Data) -> Figure:
-        """Four variables as they are; three of them, scaled, at the largest St; the onset."""
-        figure, axes = panels(3, 3, 3.2, 2.3)
-        onset, wiggle = (float(np.mean(data["onset"][name][-2:])) for name in ("turned", "wiggle"))
-        for place, (name, text) in zip((0, 1, 3, 4), NAMES.items(), strict=True):
-            self._draw(axes[place], data[""], name, text, (onset, wiggle))
-        early = data[""][(data[""].stokes >= 5e3) & (data[""].scaled <= EARLY)]
-        for own, name, exponent_ in zip(axes[6:], ("Ly", "Lz", "E"), (0.5, 0.5, 1.0), strict=True):
-            root = "\\mathrm{St}\\," if name == "E" else "\\mathrm{St}^{1/2}\\,"
-            self._draw(own, early, name, f"${root}" + NAMES[name][1:], (onset, wiggle), exponent_)
-        found, place = data["onset"], axes[2]
-        for style, color, name, text in zip(
-            "os", (drawing.BLUE, drawing.NODE), ("turned", "wiggle"), MARKS, strict=True
-        ):
-            place.plot(found.stokes, found[name] * found.stokes**0.5, style, color=color, label=text)
-        draw_law(place, found.stokes, onset * found.stokes[-1] ** 0.5, 0.5)
-        label(place, "Stokes number St", "onset time $t\\dot\\gamma$", log="xy").legend()
-        legend_in(axes[5], axes[0])
-        return figure
-
-    def _draw(
-        self, axes: Axes, table: Table, name: str, text: str, onset: tuple[float, float], scaling: float = 0.0
-    ) -> None:
-        colors = drawing.CYCLE[self.stokes.index(min(table.stokes)) :]
-        for color, (stokes, part) in zip(colors, groups(table, "stokes"), strict=False):
-            value, run = part[name] * part.stokes**scaling, f"St = {power(stokes)}"
-            axes.plot(part.scaled, value, color=color, label=run, linewidth=0.8)
-        for time, line, own in zip(onset, (":", "--"), MARKS, strict=True):
-            axes.axvline(time, color="0.4", linestyle=line, linewidth=0.9, label=own)
-        label(axes, "$t\\dot\\gamma/\\mathrm{St}^{1/2}$", text)
 
 
 def _onset_of(run: Run, scaled: np.ndarray) -> dict[str, Any]:

@@ -3,10 +3,9 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.axes import Axes
 
-from polhode.harness.paper.drawing import BLUE, draw_law, label, legend_in, panels, styled_runs
-from polhode.harness.paper.item import Computed, Data, Grid, Table
+from polhode.harness.paper.item import Computed, Grid, Table
 from polhode.harness.paper.planes import distance_from_node, fixed_point
 from polhode.harness.paper.runs import averaged_run, full_run
 from polhode.harness.paper.tables import groups, path
@@ -65,27 +64,6 @@ class SlowMotion:
             return np.nan
         return float(np.interp(0.0, beyond, slow_times))
 
-    def figure(self, data: Data) -> Figure:
-        """L_x, L_y, L_z and E against slow time; the error against St."""
-        figure, axes = panels(2, 3, 3.2, 2.4)
-        crossing = data["averaged"].crossing[0]
-        for place, (name, text) in zip((0, 1, 3, 4), NAMES.items(), strict=True):
-            own = axes[place]
-            runs = list(styled_runs(data[""], "path", (0.9, 0.7)))
-            # The averaged run lies thin on the broad one at the largest St, which it would hide.
-            runs[-1][0].update(linewidth=2.0, zorder=2.9)
-            for style, part in runs:
-                own.plot(part.t2, part[name], **style)
-            if np.isfinite(crossing):
-                own.axvline(crossing, color="0.4", linestyle=":", label="$L^2 = 2EI_2$ (averaged)")
-            label(own, "slow time $t_2 = t\\dot\\gamma/\\mathrm{St}$", text)
-        found = data["errors"]
-        axes[2].plot(found.stokes, found.error, "o-", color=BLUE, markersize=3.5, label="measured")
-        draw_law(axes[2], found.stokes, found.error[-1], -1)
-        label(axes[2], "Stokes number St", "largest slow error$/I_{max}$", log="xy").legend()
-        legend_in(axes[5], axes[0])
-        return figure
-
     def leaving(self, table: Table) -> str:
         """When E is halfway from its plateau to the node's, averaged and full."""
         times, staying = [], []
@@ -100,3 +78,9 @@ class SlowMotion:
                 staying.append(f"{stokes:g}")
         late = f"; at St = {' and '.join(staying)} not before the end of the run" if staying else ""
         return f" The plateau at the saddle is left, E halfway to its end, {', '.join(times)}{late}."
+
+
+def draw_crossing(axes: Axes, slow_time: float) -> None:
+    """Draw where the averaged run meets L² = 2EI₂, if it does."""
+    if np.isfinite(slow_time):
+        axes.axvline(slow_time, color="0.4", linestyle=":", label="$L^2 = 2EI_2$ (averaged)")

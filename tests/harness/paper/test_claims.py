@@ -1,5 +1,8 @@
 """Words meet facts: fields, bounds, lists, items that are like others; the law of jumps and the end of turning."""
 
+from math import pi
+from types import ModuleType
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -69,6 +72,14 @@ def test_an_item_like_none_is_an_error(monkeypatch, tmp_path):
         claims._entries.__wrapped__()
 
 
+def test_a_name_that_means_two_things_is_an_error():
+    """`drawing` has a colour of this name."""
+    module = ModuleType("odd")
+    vars(module).update(pi=pi, BLUE="#000001")
+    with pytest.raises(ValueError, match="odd: got other values of BLUE, expected names of its own"):
+        claims.names_of(module)
+
+
 def test_formats_of_the_pages():
     assert WORDING.format("{0:two} {1:.1f}", 5931.0, np.array([1.0, 2.0])) == "5900 1.0, 2.0"
 
@@ -115,3 +126,26 @@ def test_curves_of_a_described_figure():
     assert (law.get_ydata().tolist(), law.get_color()) == ([50.0, 5.0], "#E69F00")
     assert [line.get_ydata()[0] for line in levels] == [4.0, 6.0]
     assert (axes.get_xscale(), axes.get_yscale(), axes.get_title()) == ("log", "linear", "0.5")
+
+
+def test_axes_for_each_of_a_list():
+    """Those of three dimensions among them; a curve without rows is an error, unless its condition says when it is."""
+    table = np.rec.fromarrays([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]], names="x,y,z")
+    curve = {"table": "table[table.x > bound]", "x": "x", "y": "y", "z": "each * z", "linewidth": "each"}
+    panel = {
+        "each": [1, 2],
+        "facts": {"bound": "each - 1"},
+        "title": "{each}",
+        "curves": ["axes.set_xlabel('own')", curve],
+    }
+    entry = {"panels": [1, "1 + 1"], "options": {"spatial": [0, 1]}, "axes": [panel]}
+    first, second = drawn(entry, {"table": table}).axes
+    assert [axes.get_title() for axes in (first, second)] == ["1", "2"]
+    assert [axes.get_xlabel() for axes in (first, second)] == ["own", "own"]
+    assert second.lines[0].get_data_3d()[2].tolist() == [12.0]
+    assert [axes.lines[0].get_linewidth() for axes in (first, second)] == [1, 2]
+    panel["facts"]["bound"] = "each"
+    with pytest.raises(ValueError, match=r"curve: got no rows of table\[table.x > bound\], expected some"):
+        drawn(entry, {"table": table})
+    curve["when"] = "each < 2"
+    assert [len(axes.lines) for axes in drawn(entry, {"table": table}).axes] == [1, 0]

@@ -9,12 +9,9 @@ from math import pi
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 from scipy.integrate import cumulative_simpson
 
-from polhode.harness.paper import drawing
-from polhode.harness.paper.drawing import common_legend, label, panels
-from polhode.harness.paper.item import Computed, Data, Grid
+from polhode.harness.paper.item import Computed, Grid
 from polhode.harness.paper.planes import aligned_scene
 from polhode.harness.paper.runs import averaged_run, full_run, run_form, spheroid
 from polhode.models.files.toml_file import read_toml
@@ -86,25 +83,6 @@ def compute_ellipsoid(grid: Grid) -> Computed:
 
 def _deviations(entries: Sequence["Entry"], worst: Any) -> dict[str, Any]:
     return {"entry": [entry.name for entry in entries], "printed": worst[:, 0], "corrected": worst[:, 1]}
-
-
-def figure_averages(data: Data) -> Figure:
-    """Deviation of every entry, in two columns if there are many."""
-    table = data[""]
-    parts = 1 if len(table) < 12 else 2
-    count = -(-len(table) // parts)
-    figure, axes = panels(1, parts, 6.4 / parts + (parts - 1), 1.2 + 0.15 * count)
-    floor = 1e-17
-    for number, own in enumerate(axes):
-        chosen = table[number * count : (number + 1) * count]
-        place = -np.arange(len(chosen))
-        for name, marker, color, size in (("corrected", "o", drawing.BLUE, 4), ("printed", "x", drawing.VERMILLION, 5)):
-            own.plot(np.maximum(chosen[name], floor), place, marker, color=color, markersize=size, label=name)
-        own.set_yticks(place, chosen.entry.tolist(), fontsize=6.5 if parts > 1 else 8)
-        limits = {"ylim": (-count + 0.3, 0.7), "xlim": (floor, 10)}
-        label(own, "largest deviation from brute force", "entry", log="x", **limits)
-    common_legend(figure, axes[0])
-    return figure
 
 
 def is_mixed(name: str) -> bool:

@@ -4,10 +4,8 @@ from dataclasses import dataclass
 from math import inf, pi
 
 import numpy as np
-from matplotlib.figure import Figure
 
-from polhode.harness.paper.drawing import BLUE, VERMILLION, draw_on_sphere, panels, unit_sphere
-from polhode.harness.paper.item import Computed, Data, Grid, Table
+from polhode.harness.paper.item import Computed, Grid, Table
 from polhode.harness.paper.runs import run_form
 from polhode.models.catalogue import form as find_form
 from polhode.models.free_top.torque_free import TorqueFree
@@ -43,14 +41,6 @@ class Top:
         yield "", {"t": times, "x": axis[:, 0], "y": axis[:, 1], "z": axis[:, 2], "nutation": nutation}
         periods = {"period": top.period, "precession_period": top.precession_period}
         yield "numbers", {**periods, "difference": difference, "drift": drift, "momentum": size}
-
-    def figure(self, data: Data) -> Figure:
-        """Path of z' on the unit sphere."""
-        figure, (axes,) = panels(1, 1, 4.4, 4.2, subplot_kw={"projection": "3d"})
-        unit_sphere(axes)
-        draw_on_sphere(axes, data[""], color=BLUE, linewidth=0.6)
-        draw_on_sphere(axes, data[""][:1], marker="o", color=VERMILLION, markersize=5, zorder=5)
-        return figure
 
 
 def measured_period(path: Table) -> float:

@@ -7,13 +7,10 @@ from math import acosh, log, pi
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from scipy.interpolate import CubicHermiteSpline
 
 from polhode.harness.common.text import in_two_digits
-from polhode.harness.paper.drawing import BLACK, BLUE, VERMILLION, label, panels
-from polhode.harness.paper.item import Computed, Data, Grid, Table
+from polhode.harness.paper.item import Computed, Grid
 from polhode.harness.paper.runs import TOLERANCE, bisected, full_run
 from polhode.models.flow import jeffery_spin, shares
 from polhode.models.forms.jeffery import field as jeffery_field
@@ -185,19 +182,6 @@ class Sections:
     def _is_close(self, theta: float, psi: float) -> bool:
         return abs(theta - pi / 2) <= self.close[1] and pi / 2 - psi <= self.close[0]
 
-    def figure(self, data: Data) -> Figure:
-        """The section, and the neighbourhood of the saddle magnified."""
-        figure, axes = panels(1, 2, 4.2, 3.6)
-        for own, name, size in zip(axes, ("", "close"), (1.2, 1.8), strict=True):
-            _draw_points(own, data[name], data["orbits"], size)
-        axes[0].set(xlim=(-pi / 2, pi / 2), ylim=(0, pi))
-        axes[0].plot([-pi / 2, pi / 2], [pi / 2, pi / 2], "x", color=BLACK, clip_on=False)
-        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, markerscale=5)
-        width, height = self.close
-        axes[1].set(xlim=(pi / 2 - width, pi / 2), ylim=(pi / 2 - height, pi / 2 + height), title="at the saddle")
-        axes[1].locator_params(axis="x", nbins=6)
-        return figure
-
 
 def on_layer(place: float, width: float, turns: float, growth: float) -> str:
     """What is said of the layer of chaos, where one is looked for."""
@@ -226,12 +210,3 @@ def _thinned(points: list[tuple], count: int) -> dict[str, np.ndarray]:
     """At most about so many of the points."""
     table = np.round(points[:: max(1, len(points) // count)], 6)
     return dict(zip(("orbit", "theta", "psi"), table.T, strict=True))
-
-
-def _draw_points(axes: Axes, points: Table, orbits: Table, size: float) -> None:
-    chaotic = dict(zip(orbits.orbit, orbits.chaotic > 0, strict=True))
-    wild = np.array([chaotic[number] for number in points.orbit])
-    for chosen, color, text in ((~wild, BLUE, "regular"), (wild, VERMILLION, "chaotic")):
-        style = {"linestyle": "none", "marker": ".", "markersize": size, "color": color, "rasterized": True}
-        axes.plot(points.psi[chosen], points.theta[chosen], label=text if chosen.any() else None, **style)
-    label(axes, "$\\psi$, rad", "$\\theta$, rad")

@@ -3,14 +3,12 @@
 from math import pi, sqrt
 
 import numpy as np
-from matplotlib.figure import Figure
 from scipy.optimize import brentq
 
-from polhode.harness.paper.drawing import CYCLE, draw_law, label, panels, styled_runs
-from polhode.harness.paper.item import Computed, Data, Grid, Table
-from polhode.harness.paper.planes import aligned_scene, draw_frame
+from polhode.harness.paper.item import Computed, Grid, Table
+from polhode.harness.paper.planes import aligned_scene
 from polhode.harness.paper.runs import Run, averaged_run, full_run, run_form, slow_run_to_pinch, spheroid
-from polhode.harness.paper.tables import exponent, groups, path, root_mean_squares
+from polhode.harness.paper.tables import exponent, path, root_mean_squares
 from polhode.models.catalogue import form as find_form
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.scene import BodyStart, Scene
@@ -98,26 +96,6 @@ def pinch_exponent(kappa: float) -> float:
     What is left of the O(1/St) oscillation in L_y reaches L_z when L_z^(1 - e) is of order 1/St.
     """
     return -1 / (1 - growth_exponent(kappa))
-
-
-def figure_pinch(data: Data) -> Figure:
-    """Paths in the plane, aligned and tilted, the neighbourhood of the pinch point, and the smallest |L|."""
-    figure, axes = panels(2, 2, 3.9, 3.0)
-    titles = ("$L_x = L_y = 0$ at the start", "the same at the pinch point", "$L_y \\neq 0$ at the start")
-    for own, name, title in zip(axes[:3], ("aligned", "aligned", "tilted"), titles, strict=True):
-        draw_frame(own, spheroid(KAPPA), -0.55, 0.4, title=title)
-        for width, (style, part) in zip((0.6, 1.9, 1.4, 1.0), styled_runs(data[name], "path"), strict=False):
-            own.plot(part.Lz, part.E, **style | {"linewidth": width})
-        own.set_ylim(0.0, 0.16)
-    axes[1].set(xlim=(-CLOSE[0], CLOSE[0]), ylim=(0.0, 2 * CLOSE[1]))
-    axes[0].legend(loc="upper center", fontsize=7)
-    for color, (kappa, part) in zip(CYCLE, groups(data["crossing"], "kappa"), strict=False):
-        stokes, mean = root_mean_squares(part, "stokes", "least")
-        axes[3].plot(part.stokes, part.least, ".", markersize=2, color=color)
-        axes[3].plot(stokes, mean, color=color, label=f"$\\kappa$ = {kappa:g}")
-        draw_law(axes[3], stokes, mean[-1], pinch_exponent(kappa), color=color)
-    label(axes[3], "Stokes number St", "smallest $|L|/I_{max}$", log="xy").legend(fontsize=7, loc="lower left")
-    return figure
 
 
 def local_exponent(found: Table, low: float, high: float) -> float:
