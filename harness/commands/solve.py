@@ -1,6 +1,8 @@
 """`polhode solve`: one scene, as a table on the terminal or as CSV."""
 
 import sys
+from contextlib import nullcontext
+from importlib.util import find_spec
 from pathlib import Path
 from time import process_time
 from typing import TYPE_CHECKING, Any
@@ -10,11 +12,15 @@ from click.core import ParameterSource
 
 from polhode.harness.cli import RunFailed, bad_input, command
 from polhode.harness.commands import setup
+from polhode.harness.commands.show import scene_text
+from polhode.harness.common.files import PartialFile, write_file
+from polhode.harness.common.plain_json import dumps
+from polhode.harness.common.progress import Progress
+from polhode.harness.common.text import aligned, duration, fitting, short
+from polhode.models.spent import SPENT, spent_on
 
 if TYPE_CHECKING:
     from polhode.harness.api import Plan
-    from polhode.harness.common.files import PartialFile
-    from polhode.harness.common.progress import Progress
     from polhode.harness.solution import SceneSolution
     from polhode.solvers.contract import Record
 
@@ -41,11 +47,6 @@ def solve(
     scene: str, out: Path | None, omega: bool, restart: Path | None, quiet: bool, verbose: bool, **given: Any
 ) -> None:
     """Solve SCENE and write t, t2, L, E and the rotation matrix at equispaced times."""
-    from polhode.harness.commands.show import scene_text
-    from polhode.harness.common.files import PartialFile, write_file
-    from polhode.harness.common.progress import Progress
-    from polhode.harness.common.text import aligned, duration, fitting, short
-    from polhode.models.spent import SPENT, spent_on
 
     def say(words: str) -> None:
         if not quiet:
@@ -103,8 +104,6 @@ def _notes(what: "Plan", tolerance: float | None) -> list[str]:
 
 def _as_parquet(out: Path) -> bool:
     """Whether the file is Parquet; ValueError where nothing can write that, or the ending promises another format."""
-    from importlib.util import find_spec
-
     if out.suffix not in (".csv", ".txt", ".dat", ".parquet", ""):
         raise ValueError(f"--out: got {str(out)!r}, expected a name ending in .csv or .parquet")
     if out.suffix == ".parquet" and find_spec("pyarrow") is None:
@@ -112,14 +111,9 @@ def _as_parquet(out: Path) -> bool:
     return out.suffix == ".parquet"
 
 
-def _run(what: "Plan", target: "PartialFile | None", progress: "Progress", omega: bool) -> "SceneSolution":
+def _run(what: "Plan", target: PartialFile | None, progress: Progress, omega: bool) -> "SceneSolution":
     """Solve, and write what is finished; RunFailed if the run fails or is interrupted, or the disk is full."""
-    from contextlib import nullcontext
-
-    from polhode.harness.common.files import write_file
-    from polhode.harness.common.plain_json import dumps
     from polhode.harness.solution import write_csv
-    from polhode.models.spent import spent_on
     from polhode.solvers.solve import Interrupted
 
     def watch(record: "Record") -> None:
@@ -159,8 +153,6 @@ def _run(what: "Plan", target: "PartialFile | None", progress: "Progress", omega
 def _table(solution: "SceneSolution") -> str:
     """Some of the rows for the terminal, the first and the last among them, and where the others are."""
     import numpy as np
-
-    from polhode.harness.common.text import aligned
 
     table = solution.table()[:, : len(SHOWN)]
     some = table[np.linspace(0, len(table) - 1, min(FEW, len(table))).round().astype(int)]

@@ -62,7 +62,7 @@ def fitting(text: str, stream: IO[str] | None = None) -> str:
 def markdown(header: Sequence[str], rows: Sequence[Sequence[Any]], right: Sequence[int] = ()) -> str:
     """A Markdown table, columns aligned in the source too; `right` are the indices of right-aligned columns."""
     cells = [[str(cell) for cell in row] for row in (header, *rows)]
-    widths = [max(3, *(len(row[i]) for row in cells)) for i in range(len(header))]
+    widths = [max(3, width) for width in _widths(cells)]
 
     def line(row: Sequence[str]) -> str:
         padded = [

@@ -32,11 +32,6 @@ ROTATIONS_PER_STEP = 20.0
 # Below this St a stiff method may well step over rotations that the particle no longer makes by itself.
 OSCILLATORY_FROM = 1.0
 _RHS_SECONDS: dict[tuple[str, Backend], float] = {}
-# Of the solver and of the model.
-_PARTS = (
-    *("solver_slow_error", "solver_orientation_error", "solver_slow_uncertainty"),
-    *("model_slow_error", "model_orientation_error"),
-)
 
 
 @dataclass(frozen=True)
@@ -107,17 +102,8 @@ class Case:
         )
 
 
-@dataclass(frozen=True)
-class Attempt:
-    """A first run of a case: its record so far, and the solution to be judged."""
-
-    record: Record
-    times: np.ndarray
-    states: np.ndarray
-
-
-def attempt(case: Case) -> Attempt:
-    """Compile, and run once, in a process that may be killed; a run that other work cut short is "disturbed"."""
+def attempt(case: Case) -> tuple[Record, np.ndarray]:
+    """Compile, and run once: the record so far, and the states; a run that other work cut short is "disturbed"."""
     prepare_seconds = prepared(case)
     solution, disturbed = within(
         case.max_seconds,
@@ -134,10 +120,10 @@ def attempt(case: Case) -> Attempt:
         "work": asdict(solution.work),
         "rhs_seconds": _rhs_seconds(case),
     }
-    return Attempt(record | ({"disturbed": True} if disturbed else {}), solution.times, solution.states)
+    return record | ({"disturbed": True} if disturbed else {}), solution.states
 
 
-def judge(case: Case, tried: Attempt) -> Record:
+def judge(case: Case, record: Record, states: np.ndarray) -> Record:
     """Record of an attempt with its errors.
 
     The record's columns: `slow_error` and `orientation_error` against the exact solution of the full equations,
@@ -145,7 +131,7 @@ def judge(case: Case, tried: Attempt) -> Record:
     A full form has no model error. An error that cannot be measured is None. Where the motion is chaotic, errors are
     those up to `meaningful_until`, and `statistics_distance` compares the distributions over the whole run.
     """
-    form, ellipsoid, record = find_form(case.form), case.scene.ellipsoid, tried.record
+    form, ellipsoid = find_form(case.form), case.scene.ellipsoid
     try:
         full = reference(case.scene, reference_form(case.scene), case.samples, case.reference_seconds)
     except ReferenceFailedError as error:
@@ -156,9 +142,9 @@ def judge(case: Case, tried: Attempt) -> Record:
             exact = reference(case.scene, form, case.samples, case.reference_seconds)
         except ReferenceFailedError as error:
             exact, record = None, {**record, "reference_failed": str(error)}
-    found = form.observe(case.scene, tried.states)
+    found = form.observe(case.scene, states)
     if record["status"] != Status.REACHED_END:
-        so_far = errors(ellipsoid, found, full.observables.first(len(tried.times)))
+        so_far = errors(ellipsoid, found, full.observables.first(len(states)))
         return {**record, "slow_error_so_far": so_far.slow}
     n = full.meaningful
     truth, early = full.observables.first(n), found.first(n)
@@ -167,7 +153,7 @@ def judge(case: Case, tried: Attempt) -> Record:
     return (
         record
         | _error_columns(total, full)
-        | (_parted(case, early, truth, exact) if form.averaged else _undivided(total, full))
+        | _parted(case, early, truth, total, full, exact)
         | {"statistics_distance": distance}
         | ({} if form.averaged else _broken_balance(total, case.tolerance))
     )
@@ -227,19 +213,19 @@ def _error_columns(total: Errors, full: Reference) -> Record:
     }
 
 
-def _undivided(total: Errors, full: Reference) -> Record:
-    """A full form's error is its solver's."""
-    return dict(zip(_PARTS, (total.slow, total.orientation, full.slow_uncertainty, 0.0, 0.0), strict=True))
-
-
-def _parted(case: Case, found: Observables, truth: Observables, exact: Reference | None) -> Record:
-    """An averaged form's error, parted by its own exact solution, if that is known."""
+def _parted(
+    case: Case, found: Observables, truth: Observables, total: Errors, full: Reference, exact: Reference | None
+) -> Record:
+    """The solver's error and the model's: all is the solver's if the form is a full one, both open if `exact` is."""
+    names = [f"{part}_{error}_error" for part in ("solver", "model") for error in ("slow", "orientation")]
     if exact is None:
-        return {part: None for part in _PARTS if part.endswith("error")}
-    own_truth = exact.observables.first(len(truth.slow))
-    own, model = (errors(case.scene.ellipsoid, *pair) for pair in ((found, own_truth), (own_truth, truth)))
-    values = own.slow, own.orientation, exact.slow_uncertainty, model.slow, model.orientation
-    return dict(zip(_PARTS, values, strict=True))
+        return dict.fromkeys(names)
+    values = total.slow, total.orientation, 0.0, 0.0
+    if exact is not full:
+        own_truth = exact.observables.first(len(truth.slow))
+        own, model = (errors(case.scene.ellipsoid, *pair) for pair in ((found, own_truth), (own_truth, truth)))
+        values = own.slow, own.orientation, model.slow, model.orientation
+    return dict(zip(names, values, strict=True)) | {"solver_slow_uncertainty": exact.slow_uncertainty}
 
 
 def missing(case: Case) -> Record:

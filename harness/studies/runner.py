@@ -11,7 +11,7 @@ from polhode.harness.common.machine import machine, now, versions
 from polhode.harness.common.store import Record, Store
 from polhode.harness.common.timing import Patience, Timing, sentinel
 from polhode.harness.common.worker import ATTEMPTS, Failure, KilledFromOutsideError, Worker
-from polhode.harness.studies.case import Attempt, Case, attempt, judge, missing, time_once
+from polhode.harness.studies.case import Case, attempt, judge, missing, time_once
 from polhode.harness.studies.study import Study
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Backend, Jacobian, Status
@@ -113,8 +113,7 @@ class Runner:
         reply = self._worker.run(attempt, case, limit=case.max_seconds + COMPILATION)
         if reply.failure is Failure.LOST:
             return None
-        tried: Attempt | None = reply.value
-        record = judge(case, tried) if tried else _failed(reply.failure, reply.message)
+        record = judge(case, *reply.value) if reply.value else _failed(reply.failure, reply.message)
         if _too_slow(record):
             self._too_slow[_group(case)] = record
         return record

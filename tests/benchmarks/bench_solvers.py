@@ -13,7 +13,7 @@ import pytest
 
 from polhode.harness.common.store import Record
 from polhode.harness.common.timing import Patience, sentinel
-from polhode.harness.studies.case import Attempt, Case, attempt, judge
+from polhode.harness.studies.case import Case, attempt, judge
 from polhode.models.catalogue import FORMS, form as find_form
 from polhode.models.form import FormNotValidError
 from polhode.models.scene import Scene
@@ -71,10 +71,10 @@ def examined(case: Case) -> Record:
         if looser["status"] == Status.TIME_LIMIT:
             return {"status": looser["status"], "message": "at a looser tolerance already", "inferred": True}
     try:
-        tried: Attempt = attempt(case)
+        tried = attempt(case)
     except Exception as error:
         return {"status": str(Status.CRASHED), "message": repr(error), "inferred": False}
-    return judge(case, tried)
+    return judge(case, *tried)
 
 
 def _at(case: Case, tolerance: float) -> Case:

@@ -67,7 +67,7 @@ def test_the_whole_error_is_told_without_the_averaged_forms_own_reference(monkey
     scene = Scene(Ellipsoid((1.0, 1.0, 2.0)), 300.0, EulerStart((1.0, 0.5, 0.0), (1.0, 1.0, 1.0)), 30.0)
     case = Case("spheroid", scene, "averaged-spheroid", "cyrk-vern8", 1e-8, 51, 10.0)
     tried = attempt(case)
-    known = judge(case, tried)
+    known = judge(case, *tried)
 
     def refuse(scene, form, samples, seconds):
         if str(getattr(form, "name", form)) == "averaged-spheroid":
@@ -75,7 +75,7 @@ def test_the_whole_error_is_told_without_the_averaged_forms_own_reference(monkey
         return reference(scene, form, samples, seconds)
 
     monkeypatch.setattr(module, "reference", refuse)
-    found = judge(case, tried)
+    found = judge(case, *tried)
     assert found["slow_error"] == known["slow_error"] > 1e-4
     assert found["solver_slow_error"] is found["model_slow_error"] is None
     assert found["reference_failed"] == "no agreement"
@@ -86,7 +86,7 @@ def test_a_run_stopped_for_want_of_the_processor_is_marked_and_says_nothing_of_t
     had, disturbed, monkeypatch
 ):
     monkeypatch.setattr("polhode.harness.common.timing.with_processor", lambda run: (run(), 0.01, had))
-    record = attempt(replace(CASE, scene=replace(SCENE, time=1e5), solver="rk45", max_seconds=0.01)).record
+    record = attempt(replace(CASE, scene=replace(SCENE, time=1e5), solver="rk45", max_seconds=0.01))[0]
     assert record["status"] == "time_limit"
     assert record.get("disturbed", False) == disturbed
     assert _too_slow(record) != disturbed
