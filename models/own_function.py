@@ -117,11 +117,7 @@ def _listed(rates: Any) -> list[Any]:
 
 def _array(state: list[Any]) -> np.ndarray:
     """An array of numbers of any kind."""
-    if all(isinstance(each, float) for each in state):
-        return np.array(state)
-    array = np.empty(len(state), dtype=object)
-    array[:] = state
-    return array
+    return np.array(state, dtype=float if all(isinstance(each, float) for each in state) else object)
 
 
 def _own(ops: Operations) -> dict[str, Any]:
@@ -141,10 +137,7 @@ def _each(function: Callable[..., Any]) -> Callable[..., Any]:
     def of_any(*given: Any) -> Any:
         if not any(isinstance(each, np.ndarray | list | tuple) for each in given):
             return function(*given)
-        arrays = np.broadcast_arrays(*(np.array(each, dtype=object) for each in given))
-        found = np.empty(arrays[0].shape, dtype=object)
-        found.flat[:] = [function(*each) for each in zip(*(array.flat for array in arrays), strict=True)]
-        return found
+        return np.vectorize(function, otypes=[object])(*(np.array(each, dtype=object) for each in given))
 
     return of_any
 

@@ -163,10 +163,7 @@ class Scene:
 
 
 def start_from(ellipsoid: Ellipsoid, observables: Observables) -> Start:
-    """The start that has these observables, of one time; L and E alone where there is no orientation.
-
-    Where the symmetry axis' row alone is known, the angle about it is any.
-    """
+    """The start that has these observables, of one time; L and E alone where there is no orientation."""
     known = completed(ellipsoid, observables.rotation[:1])
     if known is None:
         l1, l2, l3 = observables.angular_momentum[0].tolist()

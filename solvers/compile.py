@@ -47,10 +47,7 @@ def compiled_callback(factory: Factory, dimension: int, parameters: int) -> Call
 
 @cache
 def c_callback(factory: Factory, dimension: int, parameters: int, *, count: bool = False) -> MachineCode:
-    """The field as a C function ``void(double *dy, double t, double *y, double *p)``.
-
-    If it is to count its calls, the address of an integer stands behind the parameters, as eight bytes.
-    """
+    """The field as the C function of `callback.ll`, which counts its calls if it is to."""
     if isinstance(factory, WithRate) and not count:
         return _with_field(factory, dimension, parameters)
     if not count and (known := _BROUGHT_ALONG.get((factory, dimension, parameters))):

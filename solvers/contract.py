@@ -86,15 +86,12 @@ class SolverNotValidError(ValueError):
 class Work:
     """Work done; counts that the library does not report stay None."""
 
-    # Evaluations of the vector field, those for finite-difference Jacobians included.
-    rhs_calls: int | None = None
+    rhs_calls: int | None = None  # those for finite-difference Jacobians included
     steps: int | None = None
     rejected: int | None = None
     jacobians: int | None = None
-    # Of the iteration matrix.
-    factorizations: int | None = None
-    # Of methods whose steps are made of others: so many.
-    inner: int | None = None
+    factorizations: int | None = None  # of the iteration matrix
+    inner: int | None = None  # steps that those of a method are made of, if they are
 
     def add(self, other: "Work") -> None:
         """Add the work of a further piece of the run; a count that is None in one of them stays None."""
@@ -107,45 +104,27 @@ class Work:
 class Settings:
     """What a solver is asked for, besides the problem."""
 
-    # Relative and absolute tolerance alike, as the solver's docstring says.
-    tolerance: float
+    tolerance: float  # relative and absolute alike, as the solver's docstring says
     # Who evaluates the right-hand side: machine code without Python in the loop, machine code called from Python
     # (named after numba, which made it once), or plain Python.
     backend: Backend
     # Of implicit solvers: by automatic differentiation of the vector field, or by the library's finite differences.
     jacobian: Jacobian = "exact"
-    # Count right-hand sides; costs time, so that timed runs leave it off.
-    count: bool = False
+    count: bool = False  # right-hand sides; costs time, so that timed runs leave it off
 
 
 @dataclass
 class Record:
-    """Where a solver writes a piece of a run, row by row, so that finished rows are never lost.
+    """Where a solver writes a piece of a run, row by row, so that finished rows are never lost."""
 
-    Parameters
-    ----------
-    times : ndarray, shape (n,)
-        Requested times, increasing; the first one is that of `rows[0]`.
-    rows : ndarray, shape (n, d)
-        States; the first row is the start, the solver fills the others.
-    deadline : float
-        Reading of `time.perf_counter` after which the solver stops.
-    max_steps : int
-        Limit of steps for this piece.
-    now : float
-        Time that the solver has reached, which may lie beyond the last row filled; an observer of the run reads it.
-    unit : float
-        One unit of these times in units of the run's.
-    """
-
-    times: np.ndarray
-    rows: np.ndarray
-    deadline: float = inf
-    max_steps: int = UNLIMITED
-    filled: int = 1
+    times: np.ndarray  # requested, shape (n,), increasing; the first one is that of `rows[0]`
+    rows: np.ndarray  # states, shape (n, d); the first row is the start, the solver fills the others
+    deadline: float = inf  # reading of `time.perf_counter` after which the solver stops
+    max_steps: int = UNLIMITED  # for this piece
+    filled: int = 1  # rows
     work: Work = field(default_factory=Work)
-    now: float = -inf
-    unit: float = 1.0
+    now: float = -inf  # time that the solver has reached, for observers; it may lie beyond the last row filled
+    unit: float = 1.0  # one unit of these times in units of the run's
 
     @property
     def reached(self) -> float:

@@ -16,10 +16,7 @@ BETWEEN = ("cyrk-dop853", "dop853")
 
 
 class LikeSolveIvp:
-    """The names of `solve_ivp`'s result, for whatever has times, states, work, and is called for those at other times.
-
-    Counts that the library does not report, or that were not asked for, are None.
-    """
+    """The names of `solve_ivp`'s result; counts not reported by the library, or not asked for, are None."""
 
     t = property(attrgetter("times"), doc="Times, shape (n,).")
     y = property(attrgetter("states.T"), doc="States, shape (d, n).")

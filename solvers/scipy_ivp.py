@@ -106,10 +106,9 @@ def _step_through(stepper: Any, record: Record) -> tuple[Outcome, int]:
         before = stepper.t
         try:
             message = stepper.step()
-        except (ArithmeticError, np.linalg.LinAlgError) as error:
-            return (Status.NON_FINITE, str(error)), interpolated
-        except ValueError as error:
-            if "infs or NaNs" not in str(error):
+        except (ArithmeticError, ValueError) as error:
+            # Of linear algebra that fails NumPy and SciPy make errors of their own.
+            if type(error) is ValueError and "infs or NaNs" not in str(error):
                 raise
             return (Status.NON_FINITE, str(error)), interpolated
         if stepper.status == "failed":

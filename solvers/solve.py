@@ -144,12 +144,11 @@ def solve(
     method = find_solver(solver)
     settings = method.settings(tolerance, backend, jacobian, count)
     times = _wanted(problem, times)
-    start = np.array(problem.start)
-    if not method.available:
-        nothing = Work(), Status.ADAPTER_MISSING, str(method.why_not)
-        return Solution(problem, method, settings, times[:1], start[None], nothing[1], nothing[2], nothing[0], 0.0)
-    method.check(problem)
     run = Run(problem, method, settings, times)
+    if method.available:
+        method.check(problem)
+    else:
+        run.status, run.message = Status.ADAPTER_MISSING, str(method.why_not)
 
     def finished() -> Solution:
         seconds, stages = perf_counter() - run.began, tuple(run.stages) if problem.course else ()

@@ -37,10 +37,7 @@ def taylor_integrator(
 
 
 def propagate(integrator: Any, record: Record) -> Outcome:
-    """Propagate a heyoka integrator, already at the record's start, over the record's times.
-
-    In chunks of steps, so that deadlines and Ctrl-C are met and finished rows are kept; the steps do not change.
-    """
+    """Propagate a heyoka integrator from the record's start over its times, in chunks of the same steps."""
     outcome = load_heyoka().taylor_outcome
     number, work = integrator.state.dtype, record.work
     steps, grid = 0, record.times.astype(number, copy=False)
@@ -86,9 +83,7 @@ class Taylor(Solver):
 
         def integrate(record: Record) -> Outcome:
             integrator.time = record.times[0]
-            integrator.state[:] = record.start
-            if len(parameters):
-                integrator.pars[:] = parameters
+            integrator.state[:], integrator.pars[:] = record.start, parameters
             return propagate(integrator, record)
 
         return integrate

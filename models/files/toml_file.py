@@ -49,10 +49,8 @@ def checked(model: type[Model], contents: dict[str, Any]) -> Model:
 
 
 def _first_complaint(error: ValidationError, model: type[BaseModel]) -> str:
-    """The plainest complaint about the contents of a `model` in one line, and how many more there are.
-
-    An unknown key comes first, for it may be the misspelt name of one that is missing.
-    """
+    """The plainest complaint about the contents of a `model` in one line, and how many more there are."""
+    # An unknown key comes first, for it may be the misspelt name of one that is missing.
     complaints = sorted(error.errors(include_url=False), key=lambda each: each["type"] != "extra_forbidden")
     first = complaints[0]
     *above, last = first["loc"] or ("",)

@@ -78,10 +78,7 @@ def field(ops: Operations) -> Field:
 
 
 def coefficients(ellipsoid: Ellipsoid) -> tuple[float, ...]:
-    """Inertia sorted upwards, then 8π times the coefficients of ⟨z_i²⟩ in A, B, C, D, F (below `pz`).
-
-    Inertia and resistance are in units of the largest moment of inertia.
-    """
+    """Inertia sorted upwards, then 8π times the coefficients of ⟨z_i²⟩ in A, B, C, D, F (below `pz`), over I_max."""
     unit = max(ellipsoid.inertia)
     axes = ellipsoid.order
     squares = [ellipsoid.scaled_axes[axis] ** 2 for axis in axes]
@@ -98,10 +95,7 @@ def coefficients(ellipsoid: Ellipsoid) -> tuple[float, ...]:
 
 
 def range_excess(states: np.ndarray, least: float) -> np.ndarray:
-    """How far L²/2E of states, shape (n, 4), lies outside the moments of inertia, over the largest energy of them.
-
-    L, E and the least moment of inertia are in units of the largest one.
-    """
+    """How far L²/2E of states, shape (n, 4), in units of I_max, lies outside `least` … 1, over their largest energy."""
     lx, ly, lz, energy = states.T
     momentum2, energy2 = lx * lx + ly * ly + lz * lz, 2 * energy
     outside = np.maximum(momentum2 - energy2, least * energy2 - momentum2)

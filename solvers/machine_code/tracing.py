@@ -55,13 +55,10 @@ def _arithmetic(instruction: str, left: Any, right: Any) -> Any:
 
 
 def _of_array(instruction: str, left: Any, right: Any) -> Any:
-    for array in (left, right):
-        if isinstance(array, np.ndarray):
-            found = np.empty(array.shape, dtype=object)
-            pairs = ((left, each) if array is right else (each, right) for each in array.flat)
-            found.flat[:] = [_arithmetic(instruction, *pair) for pair in pairs]
-            return found
-    return NotImplemented
+    if not (isinstance(left, np.ndarray) or isinstance(right, np.ndarray)):
+        return NotImplemented
+    pairs = np.vectorize(partial(_arithmetic, instruction), otypes=[object])
+    return pairs(*(np.array(each, dtype=object) for each in (left, right)))
 
 
 class Number:
