@@ -6,10 +6,13 @@ Throughput per core is measured in one process at a time; two processes are comp
 import json
 import resource
 import sys
+import tomllib
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from time import perf_counter, process_time
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -28,18 +31,9 @@ from polhode.solvers.ensembles.equal_steps import PIECES, Plan, plan, run
 from polhode.solvers.ensembles.taylor_batch import run_batches
 from polhode.solvers.solve import solve
 
-STOKES, SLOW_TIME, TOLERANCE = 1e3, 0.2, 1e-6
-# Largest errors of the whole state; the St of long runs, and the error in L and E that these are to keep.
-TARGETS, LONG, LONG_ERROR = (1e-4, 1e-6, 1e-8), 1e6, 1e-4
-# Particles of long runs whose errors are known.
-LONG_KNOWN = 128
+SETTINGS = SimpleNamespace(**tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")))
 SHAPES = {"1 : 0.8 : 0.5": Ellipsoid((1.0, 0.8, 0.5)), "1 : 1 : 2": Ellipsoid((1.0, 1.0, 2.0))}
 STARTS = Starts("momentum-isotropic", (0.0, 0.0, 0.7))
-ROUNDS = 21
-# What shows the errors of whole ensembles, at which tolerance, and of how many particles: no method of theirs.
-JUDGE, JUDGED, KNOWN = "cyrk-lsoda", 1e-13, 1000
-# Seconds of a task whose engine overhead is measured, and how many of them.
-TASK_SECONDS, TASKS = 1.0, 10
 LIMIT = 3600.0
 
 
@@ -47,19 +41,8 @@ def measure() -> dict[str, Any]:
     """Everything that `polhode.harness.pages.ensembles` shows."""
     steady = sentinel()
     return {
-        "settings": {
-            "stokes": STOKES,
-            "slow_time": SLOW_TIME,
-            "tolerance": TOLERANCE,
-            "rounds": ROUNDS,
-            "task_seconds": TASK_SECONDS,
-            "long_stokes": LONG,
-            "long_error": LONG_ERROR,
-            "long_known": LONG_KNOWN,
-            "judge": f"{JUDGE} at tolerance {JUDGED:g}",
-            "known": KNOWN,
-        },
-        "full": [full_throughput(*item, target) for item in SHAPES.items() for target in TARGETS],
+        "settings": {**vars(SETTINGS), "judge": f"{SETTINGS.judge} at tolerance {SETTINGS.judge_tolerance:g}"},
+        "full": [full_throughput(*item, target) for item in SHAPES.items() for target in SETTINGS.targets],
         "long": long_runs(),
         "tasks": [ensemble_throughput(name, equations) for name in SHAPES for equations in ("full", "averaged")],
         "memory": memory(),
@@ -116,18 +99,18 @@ def _below(largest: float) -> list[float]:
     return [largest * 10 ** (-k / 8) for k in range(48)]
 
 
-def long_runs(particles: int = 20_000, known: int = LONG_KNOWN) -> list[dict[str, Any]]:
+def long_runs(particles: int = 20_000, known: int = SETTINGS.long_known) -> list[dict[str, Any]]:
     """Averaged and hybrid equations at St = 10⁶ to t₂ = 0.5: particles per second, and errors in L and E of some."""
     shape, samples, random = SHAPES["1 : 0.8 : 0.5"], 51, np.random.default_rng(1)
-    options: Any = {"stokes": LONG, "time": 0.5 * LONG, "samples": samples}
+    options: Any = {"stokes": SETTINGS.long_stokes, "time": 0.5 * SETTINGS.long_stokes, "samples": samples}
     drawn, rows = STARTS.draw(shape, np.random.SeedSequence(1), known), []
     ensembles = [
         replace(_ensemble(shape, equations, particles), tolerance=tolerance, **options)
-        for equations, tolerance in (("averaged", LONG_ERROR / 1e4), ("hybrid", LONG_ERROR))
+        for equations, tolerance in (("averaged", SETTINGS.long_error / 1e4), ("hybrid", SETTINGS.long_error))
     ]
     scene, full = ensembles[0].first_scene(drawn), find_form(full_form(ensembles[0].any_scene))
     times = np.linspace(0.0, scene.time, samples)
-    states, _ = run_full(scene, drawn.states(full.name, shape), times, LONG_ERROR / 1000)
+    states, _ = run_full(scene, drawn.states(full.name, shape), times, SETTINGS.long_error / 1000)
     exact = full.observe(scene, states.reshape(samples * known, -1)).slow.reshape(samples, known, 4)
     for ensemble in ensembles:
         form, problem, starts = find_form(ensemble.form), ensemble.problem(scene), drawn.states(ensemble.form, shape)
@@ -143,7 +126,7 @@ def long_runs(particles: int = 20_000, known: int = LONG_KNOWN) -> list[dict[str
             {
                 "equations": ensemble.equations,
                 "per_second": particles / seconds,
-                "within": float(np.mean(errors <= LONG_ERROR)),
+                "within": float(np.mean(errors <= SETTINGS.long_error)),
                 "median_error": float(np.median(errors)),
                 "error": float(errors.max()),
                 "plan_seconds": spent,
@@ -164,8 +147,11 @@ def ensemble_throughput(name: str, equations: Any, particles: int = 20_000) -> d
         lambda: run_task(Task(ensemble, 0)),
         rounds=5,
     )
-    alone = (solve(replace(problem, start=tuple(start)), JUDGE, JUDGED, two) for start in starts[:KNOWN].tolist())
-    error = np.max(np.abs(states[-1, :KNOWN] - np.array([each.states[-1] for each in alone])), axis=1)
+    alone = (
+        solve(replace(problem, start=tuple(start)), SETTINGS.judge, SETTINGS.judge_tolerance, two)
+        for start in starts[: SETTINGS.known].tolist()
+    )
+    error = np.max(np.abs(states[-1, : SETTINGS.known] - np.array([each.states[-1] for each in alone])), axis=1)
     return {
         "shape": name,
         "equations": equations,
@@ -197,14 +183,16 @@ def overhead() -> list[dict[str, Any]]:
     """What engines add to tasks of a second that use the processor, the start of processes left out."""
     rows = []
     for name, engine in (("serial", serial), ("one process", partial(processes, 1))):
-        arrivals = [perf_counter() for _ in engine(_busy, range(TASKS + 1))]
-        seconds = (arrivals[-1] - arrivals[0]) / TASKS
-        rows.append({"engine": name, "task_seconds": TASK_SECONDS, "share": seconds / TASK_SECONDS - 1})
+        arrivals = [perf_counter() for _ in engine(_busy, range(SETTINGS.tasks + 1))]
+        seconds = (arrivals[-1] - arrivals[0]) / SETTINGS.tasks
+        rows.append(
+            {"engine": name, "task_seconds": SETTINGS.task_seconds, "share": seconds / SETTINGS.task_seconds - 1}
+        )
     return rows
 
 
 def _busy(_: int) -> None:
-    end = perf_counter() + TASK_SECONDS
+    end = perf_counter() + SETTINGS.task_seconds
     while perf_counter() < end:
         pass
 
@@ -230,8 +218,8 @@ def _warm_seconds(workers: int, ensemble: Ensemble) -> float:
 
 
 def _ensemble(shape: Ellipsoid, equations: Any, particles: int) -> Ensemble:
-    options: Any = {"particles": particles, "block": particles, "equations": equations, "tolerance": TOLERANCE}
-    return Ensemble(shape, STOKES, SLOW_TIME * STOKES, STARTS, **options)
+    options: Any = {"particles": particles, "block": particles, "equations": equations, "tolerance": SETTINGS.tolerance}
+    return Ensemble(shape, SETTINGS.stokes, SETTINGS.slow_time * SETTINGS.stokes, STARTS, **options)
 
 
 def _problem(shape: Ellipsoid, equations: Any, particles: int) -> tuple[Problem, np.ndarray]:
@@ -245,7 +233,7 @@ def _alternate(*functions: Callable[[], Any], rounds: int | None = None) -> list
     best = [np.inf] * len(functions)
     patience = Patience(sentinel, share=0.5)
     with collector_off():
-        for _ in range(rounds or ROUNDS):
+        for _ in range(rounds or SETTINGS.rounds):
             for k, function in enumerate(functions):
                 patience.steady()
                 began = process_time()

@@ -3,6 +3,7 @@
 import pytest
 
 from polhode.harness.ensembles import throughput as ensemble_bench
+from polhode.harness.ensembles.throughput import SETTINGS
 from polhode.harness.pages.ensembles import page
 
 
@@ -16,8 +17,8 @@ def test_ensembles_are_measured_by_what_is_kept_of_them(equations: str):
 
 
 def test_equal_steps_are_held_against_taylor_at_the_same_largest_error(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(ensemble_bench, "ROUNDS", 1)
-    monkeypatch.setattr(ensemble_bench, "STOKES", 20.0)
+    monkeypatch.setattr(SETTINGS, "rounds", 1)
+    monkeypatch.setattr(SETTINGS, "stokes", 20.0)
     row = ensemble_bench.full_throughput("1 : 1 : 2", ensemble_bench.SHAPES["1 : 1 : 2"], 1e-4, particles=200)
     assert 0 < row["median_error"] < row["error"] <= 1e-4
     assert 0 < row["taylor_error"] <= 1e-4
@@ -26,12 +27,12 @@ def test_equal_steps_are_held_against_taylor_at_the_same_largest_error(monkeypat
 
 
 def test_long_runs_are_held_against_full_equations(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(ensemble_bench, "LONG", 5e3)
+    monkeypatch.setattr(SETTINGS, "long_stokes", 5e3)
     averaged, hybrid = ensemble_bench.long_runs(particles=20, known=3)
     assert (averaged["equations"], hybrid["equations"]) == ("averaged", "hybrid")
     # Both are steps of the same equations; averaging errs by up to 133/St, hybrid by what was asked for.
     assert 1e-5 < averaged["error"] < 133 / 5e3
-    assert hybrid["error"] < ensemble_bench.LONG_ERROR
+    assert hybrid["error"] < SETTINGS.long_error
     assert hybrid["within"] == 1
 
 
