@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any, TypeVar, get_args, get_type_hints
 
 from polhode.harness.common.files import read_file, write_file
-from polhode.harness.common.store import Record
-from polhode.harness.common.tables import read_table, write_table
+from polhode.harness.common.store import Record, read_table, write_table
 from polhode.models.rotation import Triple
 
 VARIABLES = ("Lx", "Ly", "Lz", "E")

@@ -14,8 +14,7 @@ import numpy as np
 
 from polhode.harness.common import cache
 from polhode.harness.common.files import SUMS, read_file, write_file
-from polhode.harness.common.store import Store, export, read_export
-from polhode.harness.common.tables import read_table, write_table
+from polhode.harness.common.store import Store, export, read_export, read_table, write_table
 from polhode.harness.picking.laws import load_laws, own_laws_path, read_laws
 from polhode.models.files import kept
 from polhode.solvers.machine_code import kept_code

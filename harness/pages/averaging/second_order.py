@@ -11,7 +11,7 @@ from polhode.harness.averaging.data import Passage, SecondOrderErrors, SecondOrd
 from polhode.harness.averaging.orders import Slope, slopes
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
-from polhode.harness.common.tables import write_table
+from polhode.harness.common.store import write_table
 from polhode.harness.pages.figures.averaging import Line, against_stokes
 from polhode.harness.pages.figures.work_precision import save
 from polhode.harness.pages.tables import fill, lines_of

@@ -11,7 +11,7 @@ from polhode.harness.calibration.heldout import FINAL, FINALISTS, ask, finalists
 from polhode.harness.calibration.scenes import HELD_OUT_SEED, TRAINING_SCENES, questions
 from polhode.harness.calibration.selection import decade, rules
 from polhode.harness.calibration.training import EVERY_LONG
-from polhode.harness.commands.calibrate import calibrate, validate
+from polhode.harness.commands.pick import calibrate, validate
 from polhode.harness.pages.picking.pick import summary, write_pages
 from polhode.harness.picking.laws import Interval, load_laws
 from polhode.harness.picking.pilot import pilot

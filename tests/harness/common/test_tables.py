@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from polhode.harness.common.tables import read_table, write_table
+from polhode.harness.common.store import read_table, write_table
 
 
 @dataclass(frozen=True)
