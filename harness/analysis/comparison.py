@@ -10,7 +10,7 @@ from typing import Any
 
 import pandas as pd
 
-from polhode.harness.analysis.frames import frame
+from polhode.harness.analysis.frames import frame, rows_of
 from polhode.harness.common.store import Record, Store, read_export
 from polhode.harness.references.uncertainty import least_known, uncertainty_of
 
@@ -64,11 +64,7 @@ def compare(before: pd.DataFrame, after: pd.DataFrame, *, slower: float, less_ac
 
 def _by_identity(table: pd.DataFrame) -> dict[tuple[Any, ...], Record]:
     """Rows by what makes them the same case; of several, as of several versions or repetitions, the last counts."""
-    rows = (
-        {str(name): value if isinstance(value, list) or not pd.isna(value) else None for name, value in row.items()}
-        for row in table.to_dict(orient="records")
-    )
-    return {tuple(row.get(column) for column in IDENTITY): row for row in rows}
+    return {tuple(row.get(column) for column in IDENTITY): row for row in rows_of(table)}
 
 
 def _sentinel(rows: Mapping[Any, Record]) -> float:

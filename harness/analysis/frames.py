@@ -57,6 +57,11 @@ def where(table: pd.DataFrame, condition: Any) -> pd.DataFrame:
     return cast("pd.DataFrame", table.loc[condition])
 
 
+def rows_of(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """Rows of a frame as dictionaries, None where there is nothing."""
+    return table.astype(object).where(table.notna(), None).to_dict("records")  # pyright: ignore[reportReturnType]
+
+
 def by_scene(table: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
     """Runs of each scene under its name, in the order of the records; those of a single one under none."""
     names = list(dict.fromkeys(table["scene_name"])) if "scene_name" in table else []

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import nan
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_type_hints
 
@@ -87,16 +88,16 @@ class Passage:
     start: str
     slow_time: float
     stokes: float
-    modes: str  # modes treated, as (k₁, k₂), the strongest first
-    kick: float  # over I_max: what the strongest mode met would give L, were it left out
-    slow: float
-    estimated_slow: float
-    first_order_slow: float
-    orientation: float
-    estimated_orientation: float
-    integration: float
-    seconds: float  # of the integration and of the observables at all samples
-    refused: str  # why the form does not follow the run; empty if it does
+    modes: str = ""  # modes treated, as (k₁, k₂), the strongest first
+    kick: float = nan  # over I_max: what the strongest mode met would give L, were it left out
+    slow: float = nan
+    estimated_slow: float = nan
+    first_order_slow: float = nan
+    orientation: float = nan
+    estimated_orientation: float = nan
+    integration: float = nan
+    seconds: float = nan  # of the integration and of the observables at all samples
+    refused: str = ""  # why the form does not follow the run; empty if it does
 
 
 @dataclass(frozen=True)

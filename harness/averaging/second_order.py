@@ -84,28 +84,23 @@ def true_observables(scene: Scene, samples: int = SAMPLES) -> tuple[Observables,
     return tight, errors(scene.ellipsoid, loose, tight)
 
 
+def _compared(case: Subject, scene: Scene, run: TimedRun) -> tuple[dict[str, Any], Errors]:
+    """What both tables say of a run: errors, first order's, and the form's estimate; and the truth's uncertainty."""
+    true, uncertainty = true_observables(scene)
+    first = timed_run(scene, averaged_form(scene), TOLERANCE, SAMPLES).observables
+    error, estimate = errors(scene.ellipsoid, run.observables, true), SecondOrder().estimate(scene)
+    row = {"shape": case.axes, "start": case.name, "slow_time": case.slow_time, "stokes": scene.stokes}
+    row |= {"slow": error.slow, "first_order_slow": errors(scene.ellipsoid, first, true).slow}
+    row |= {"orientation": _known(error.orientation), "estimated_orientation": estimate.orientation}
+    return row | {"estimated_slow": estimate.slow}, uncertainty
+
+
 def measure_away(case: Subject, stokes: float) -> SecondOrderErrors:
     """Errors of first and second order, and the form's own estimate."""
-    scene, form = case.scene(stokes), SecondOrder()
-    true, uncertainty = true_observables(scene)
-    error, first = (
-        errors(scene.ellipsoid, timed_run(scene, name, TOLERANCE, SAMPLES).observables, true)
-        for name in (form.name, averaged_form(scene))
-    )
-    estimate = form.estimate(scene)
-    return SecondOrderErrors(
-        shape=case.axes,
-        start=case.name,
-        slow_time=case.slow_time,
-        stokes=stokes,
-        slow=error.slow,
-        orientation=_known(error.orientation),
-        first_order_slow=first.slow,
-        estimated_slow=estimate.slow,
-        estimated_orientation=estimate.orientation,
-        slow_uncertainty=uncertainty.slow,
-        orientation_uncertainty=_known(uncertainty.orientation),
-    )
+    scene = case.scene(stokes)
+    row, uncertainty = _compared(case, scene, timed_run(scene, SecondOrder.name, TOLERANCE, SAMPLES))
+    turned = _known(uncertainty.orientation)
+    return SecondOrderErrors(**row, slow_uncertainty=uncertainty.slow, orientation_uncertainty=turned)
 
 
 def measure_passage(case: Subject, stokes: float, whole: bool = True) -> Passage:
@@ -115,31 +110,19 @@ def measure_passage(case: Subject, stokes: float, whole: bool = True) -> Passage
         if not whole:
             case = replace(case, slow_time=form.reach(scene))
             scene = case.scene(stokes)
-        estimate = form.estimate(scene)
         repeats = range(PASSAGE_REPEATS)
         found = fastest(timed_run(scene, form.name, TOLERANCE, SAMPLES, PASSAGE_SOLVER) for _ in repeats)
     except (FormNotValidError, RuntimeError) as refusal:
         reason = refusal.condition if isinstance(refusal, FormNotValidError) else str(refusal)
-        return Passage(case.axes, case.name, case.slow_time, stokes, "", nan, nan, nan, nan, nan, nan, nan, nan, reason)
-    strong = [each for each in outline(scene).kicks if each.size > SMALL_KICK * estimate.slow]
-    true, _ = true_observables(scene)
-    first = timed_run(scene, averaged_form(scene), TOLERANCE, SAMPLES).observables
-    error = errors(scene.ellipsoid, found.observables, true)
+        return Passage(case.axes, case.name, case.slow_time, stokes, refused=reason)
+    row, _ = _compared(case, scene, found)
+    strong = [each for each in outline(scene).kicks if each.size > SMALL_KICK * row["estimated_slow"]]
     return Passage(
-        shape=case.axes,
-        start=case.name,
-        slow_time=case.slow_time,
-        stokes=stokes,
+        **row,
         modes=" ".join(f"({k1:.0f}, {k2:.0f})" for k1, k2 in dict.fromkeys(each.mode for each in strong)),
         kick=max((each.size for each in strong), default=nan),
-        slow=error.slow,
-        estimated_slow=estimate.slow,
-        first_order_slow=errors(scene.ellipsoid, first, true).slow,
-        orientation=_known(error.orientation),
-        estimated_orientation=estimate.orientation,
         integration=found.integration,
         seconds=found.seconds,
-        refused="",
     )
 
 

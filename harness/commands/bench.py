@@ -75,7 +75,7 @@ def _problems(wanted: Wanted) -> None:
 @options.study_options
 def regimes(wanted: Wanted) -> None:
     """Measure and draw who wins over St and error: one map for the full solution, one for the slow variables."""
-    from polhode.harness.analysis.regime_map import LONGEST_SLOW_TIME
+    from polhode.harness.analysis.pareto import LONGEST_SLOW_TIME
     from polhode.harness.pages.regimes import write_page
     from polhode.harness.studies.runner import Runner
 

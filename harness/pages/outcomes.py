@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-from polhode.harness.analysis.frames import frame
+from polhode.harness.analysis.frames import frame, rows_of
 from polhode.harness.common.files import write_file
 from polhode.harness.common.store import Record, export
 from polhode.harness.common.text import duration, markdown, scientific
@@ -126,13 +126,13 @@ def outcome(run: dict[Any, Any], allowed: float = INACCURATE) -> Ending:
     if status != Status.REACHED_END:
         meaning = Status(status).meaning if status in set(Status) else ""
         kind = "stopped" if status in (Status.TIME_LIMIT, Status.STEP_LIMIT) else "failed"
-        return kind, f"{status.replace('_', ' ')}: {_known(run.get('message')) or meaning}"
-    error, seconds = _known(run.get("solver_slow_error")), _known(run.get("seconds"))
+        return kind, f"{status.replace('_', ' ')}: {run.get('message') or meaning}"
+    error, seconds = run.get("solver_slow_error"), run.get("seconds")
     took = f"{duration(seconds)}, " if seconds is not None else ""
     if error is None:
-        failure = _known(run.get("reference_failed"))
+        failure = run.get("reference_failed")
         return "unknown", f"reached the end, but {failure or 'there is no certified reference'}"
-    model = _known(run.get("model_slow_error")) or 0.0
+    model = run.get("model_slow_error") or 0.0
     off = f"; the form itself is off by {scientific(model)}" if model > 0 else ""
     return ("reached" if error <= allowed else "inaccurate"), f"{took}solver error {scientific(error)}{off}"
 
@@ -140,8 +140,8 @@ def outcome(run: dict[Any, Any], allowed: float = INACCURATE) -> Ending:
 def endings(table: pd.DataFrame, allowed: Mapping[str, float]) -> list[dict[str, Any]]:
     """How every run ended: scene, St, duration, tolerance, form, solver, outcome and reason."""
     found = []
-    for run in table.to_dict("records"):
-        row = {"scene": str(run["scene_name"]), "St": float(run["stokes"]), "time": _known(run.get("scene.time"))}
+    for run in rows_of(table):
+        row = {"scene": str(run["scene_name"]), "St": float(run["stokes"]), "time": run.get("scene.time")}
         row |= {"tolerance": float(run["tolerance"]), "form": str(run["form"]), "solver": str(run["solver"])}
         kind, reason = outcome(run, allowed[row["scene"]])
         found.append({**row, "outcome": kind, "reason": reason})
@@ -152,7 +152,3 @@ def columns(table: pd.DataFrame) -> list[str]:
     """Solvers in the order of the catalogue, others last."""
     found = set(table["solver"])
     return [name for name in SOLVERS if name in found] + sorted(found - set(SOLVERS))
-
-
-def _known(value: Any) -> Any:
-    return None if value is None or value is pd.NA or value != value else value

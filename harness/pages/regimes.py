@@ -11,8 +11,7 @@ from typing import Any
 import pandas as pd
 
 from polhode.harness.analysis.frames import frame, where, write_runs
-from polhode.harness.analysis.pareto import TIE, Method
-from polhode.harness.analysis.regime_map import Cell, cells, standings
+from polhode.harness.analysis.pareto import TIE, Cell, Method, cells, standings
 from polhode.harness.common.files import read_file, write_file
 from polhode.harness.common.store import Record
 from polhode.harness.common.text import short

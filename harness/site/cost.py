@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-from polhode.harness.analysis.frames import by_stokes, frame, where
+from polhode.harness.analysis.frames import by_stokes, frame, rows_of, where
 from polhode.harness.common.files import open_file
 from polhode.harness.common.store import Store, read_export
 from polhode.harness.pages.figures.style import is_averaged, looks
@@ -38,7 +38,7 @@ def cost_page(reports: Path) -> Page:
         for scene in dict.fromkeys(table["scene_name"]):
             own = where(table, table["scene_name"] == scene)
             for stokes, runs in by_stokes(own):
-                rows += [[len(groups), *_row(run)] for run in runs.to_dict("records")]
+                rows += [[len(groups), *_row(run)] for run in rows_of(runs)]
                 groups.append([study, scene, stokes, _scene_tags(runs)])
     # A line stands together and goes from the loosest tolerance to the tightest.
     rows.sort(key=lambda row: (*row[:3], -row[5]))
@@ -73,20 +73,16 @@ def cost_page(reports: Path) -> Page:
 
 def _row(run: dict[Any, Any]) -> list[Any]:
     """A run as the page's script reads it, its solver with the back end and the Jacobian where they were chosen."""
-    chosen = [str(run[name]) for name in ("backend", "jacobian") if _known(run.get(name))]
+    chosen = [str(run[name]) for name in ("backend", "jacobian") if run.get(name)]
     method = f"{run['solver']} ({', '.join(chosen)})" if chosen else run["solver"]
-    values = [run["form"], method, run["status"], _known(run.get("message")) or "", float(run["tolerance"])]
-    return [*values, int(bool(_known(run.get("inferred")))), *(_known(run.get(name)) for name in COLUMNS)]
+    values = [run["form"], method, run["status"], run.get("message") or "", float(run["tolerance"])]
+    return [*values, int(bool(run.get("inferred"))), *(run.get(name) for name in COLUMNS)]
 
 
 def _runs(values: Iterable[Any]) -> list[Any]:
     """The values, those that stand several times in a row as [value, times]."""
     counted = ((value, sum(1 for _ in same)) for value, same in groupby(values))
     return [value if times == 1 else [value, times] for value, times in counted]
-
-
-def _known(value: Any) -> Any:
-    return None if pd.isna(value) else value
 
 
 def _scene_tags(runs: pd.DataFrame) -> list[str]:

@@ -9,7 +9,7 @@ from typing import Any
 
 import pandas as pd
 
-from polhode.harness.analysis.regime_map import Cell, usual_form
+from polhode.harness.analysis.pareto import Cell, usual_form
 from polhode.harness.common.files import read_file
 from polhode.harness.common.text import duration, factor, short
 from polhode.harness.pages.figures.map_picture import ERRORS, HEADINGS

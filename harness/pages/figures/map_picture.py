@@ -9,8 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.patches import Patch, Polygon, Rectangle
 
-from polhode.harness.analysis.pareto import TIE, Side
-from polhode.harness.analysis.regime_map import Cell, usual_form
+from polhode.harness.analysis.pareto import TIE, Cell, Side, usual_form
 from polhode.harness.common.text import duration, factor, short
 from polhode.harness.pages.figures.style import colour, power, rank
 

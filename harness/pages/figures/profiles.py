@@ -13,12 +13,11 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from polhode.harness.analysis.frames import by_scene, by_stokes
-from polhode.harness.analysis.pareto import cost, front, methods
+from polhode.harness.analysis.pareto import MAP_TARGETS as TARGETS, cost, front, methods
 from polhode.harness.pages.figures.style import looks
 from polhode.harness.pages.figures.work_precision import name_lines, save
 from polhode.harness.pages.tables import fill
 
-TARGETS = tuple(float(f"1e-{exponent}") for exponent in range(2, 13))
 # Factors over the fastest shown, and the one that the sentence is about.
 LARGEST_FACTOR, NEAR = 1000.0, 2.0
 # Methods that the figure names, those that are fast and sure; the others are grey.

@@ -9,8 +9,7 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-from polhode.harness.analysis.pareto import Method, cost, front
-from polhode.harness.analysis.regime_map import LONGEST_SLOW_TIME, cells, standings
+from polhode.harness.analysis.pareto import LONGEST_SLOW_TIME, Method, cells, cost, front, standings
 from polhode.harness.commands.bench import ahead, regimes
 from polhode.harness.common.store import Store
 from polhode.harness.pages.figures.map_picture import draw, picture

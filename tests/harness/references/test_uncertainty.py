@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from polhode.harness.analysis.frames import frame
-from polhode.harness.analysis.regime_map import cells
+from polhode.harness.analysis.pareto import cells
 from polhode.harness.references.uncertainty import known, least_known
 
 ROWS = [
