@@ -7,8 +7,8 @@ from functools import cached_property
 import numpy as np
 from tqdm import tqdm
 
+from polhode.harness.common.files import digest
 from polhode.harness.common.machine import machine, versions
-from polhode.harness.common.plain_json import digest
 from polhode.harness.common.store import Record, Store
 from polhode.harness.common.worker import Failure, KilledFromOutsideError, Worker
 from polhode.harness.work_precision import WorkPrecision

@@ -9,8 +9,8 @@ from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
+from polhode.harness.common.files import dumps
 from polhode.harness.common.machine import versions
-from polhode.harness.common.plain_json import dumps
 from polhode.harness.common.text import scientific, short
 from polhode.harness.picking.stated_error import UNKNOWN, RunError
 from polhode.models.form import Form

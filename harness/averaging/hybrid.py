@@ -11,8 +11,8 @@ from tqdm import tqdm
 from polhode.harness.api import plan
 from polhode.harness.averaging.second_order import REFERENCE_TOLERANCES, true_observables
 from polhode.harness.common import cache
+from polhode.harness.common.files import digest
 from polhode.harness.common.machine import here
-from polhode.harness.common.plain_json import digest
 from polhode.harness.common.store import Record
 from polhode.harness.references.errors import errors
 from polhode.models.catalogue import form as find_form, full_form

@@ -10,7 +10,7 @@ from polhode.harness.api import SceneSolution, plan
 from polhode.harness.calibration.heldout import no_reference
 from polhode.harness.calibration.scenes import STRATA, Question, questions
 from polhode.harness.calibration.training import REFERENCE_SECONDS, fast_solvers, methods_for
-from polhode.harness.common.plain_json import digest
+from polhode.harness.common.files import digest
 from polhode.harness.common.store import Record, Store
 from polhode.harness.picking.pilot import Pilot, pilot
 from polhode.harness.picking.second_look import LEAST, SHARE

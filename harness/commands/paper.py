@@ -74,7 +74,7 @@ def accuracy(
     from polhode.harness.averaging.data import PaperStudy, SecondOrderStudy, read_study
     from polhode.harness.averaging.measure import measure_all
     from polhode.harness.averaging.second_order import measure_study
-    from polhode.harness.common.plain_json import dumps
+    from polhode.harness.common.files import dumps
     from polhode.harness.pages.averaging import first_order, hybrid, second_order
     from polhode.harness.references.reference import ReferenceFailedError
 

@@ -217,7 +217,7 @@ def export(store: Path, out: Path) -> None:
 def compare(before: Path, after: Path, slower: float, less_accurate: float, as_json: bool) -> None:
     """Compare two saved runs; fail if a case of AFTER is slower or less accurate than in BEFORE, or failed."""
     from polhode.harness.analysis.comparison import compare as compare_runs, read_runs
-    from polhode.harness.common.plain_json import dumps
+    from polhode.harness.common.files import dumps
     from polhode.harness.common.text import aligned
 
     with bad_input():

@@ -13,8 +13,7 @@ from click.core import ParameterSource
 from polhode.harness.cli import RunFailed, bad_input, command
 from polhode.harness.commands import setup
 from polhode.harness.commands.show import scene_text
-from polhode.harness.common.files import PartialFile, write_file
-from polhode.harness.common.plain_json import dumps
+from polhode.harness.common.files import PartialFile, dumps, write_file
 from polhode.harness.common.progress import Progress
 from polhode.harness.common.text import aligned, duration, fitting, short
 from polhode.models.spent import SPENT, spent_on

@@ -1,19 +1,23 @@
 """The one way to write a file: it appears under its name when it is complete; what failed is left as FILE.partial.
 
 Files that are read again, such as tables and records, have their checksums in SHA256SUMS beside them, which `sha256sum
---check` reads too.
+--check` reads too. JSON is such as every reader takes: numbers that it has no sign for are words.
 """
 
 import fcntl
+import json
 import os
 import secrets
+from collections.abc import Callable
 from contextlib import suppress
-from hashlib import file_digest
+from hashlib import file_digest, sha256
+from math import inf, isfinite, nan
 from pathlib import Path
 from typing import IO, Any
 
 STANDARD_OUTPUT = Path("-"), Path("/dev/stdout")
 SUMS = "SHA256SUMS"
+WORDS = {"Infinity": inf, "-Infinity": -inf, "NaN": nan}
 
 
 class PartialFile:
@@ -138,3 +142,33 @@ def _expect(path: Path, *coming: Path) -> None:
         write_file(path.with_name(SUMS), "".join(lines))
     finally:
         os.close(folder)
+
+
+def dumps(value: Any) -> str:
+    """One line of JSON, keys in order."""
+    return json.dumps(_with(_word, value), sort_keys=True, allow_nan=False)
+
+
+def loads(text: str) -> Any:
+    """The value that `dumps` wrote, words turned into numbers again; raises ValueError if the text is no JSON."""
+    return _with(_number, json.loads(text))
+
+
+def digest(value: Any) -> str:
+    """SHA-256 of a value's JSON, keys in order: the same for the same content."""
+    return sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
+
+
+def _with(change: Callable[[Any], Any], value: Any) -> Any:
+    """A value with all in it that is neither dictionary nor list changed."""
+    if isinstance(value, dict):
+        return {name: _with(change, each) for name, each in value.items()}
+    return [_with(change, each) for each in value] if isinstance(value, list | tuple) else change(value)
+
+
+def _word(value: Any) -> Any:
+    return json.dumps(value) if isinstance(value, float) and not isfinite(value) else value
+
+
+def _number(value: Any) -> Any:
+    return WORDS.get(value, value) if isinstance(value, str) else value

@@ -17,9 +17,8 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_type_hints
 
-from polhode.harness.common.files import PartialFile, open_file, read_file
+from polhode.harness.common.files import PartialFile, dumps, loads, open_file, read_file
 from polhode.harness.common.machine import now
-from polhode.harness.common.plain_json import dumps, loads
 
 Record = dict[str, Any]
 Entry = TypeVar("Entry")
@@ -157,7 +156,7 @@ def _digest(*content: object) -> str:
 def export(records: Iterable[Record], path: Path) -> None:
     """Write records as CSV or JSON Lines, as the file's ending says, for sharing; ValueError if it has another one."""
     # Records of a store are read one by one, for CSV twice. Numbers that are not finite are words, which `read_export`
-    # and `float` read (`polhode.harness.common.plain_json`).
+    # and `float` read (`polhode.harness.common.files`).
     if path.suffix not in (".csv", ".jsonl"):
         raise ValueError(f"{path}: expected a file name ending in .csv or .jsonl")
     with PartialFile(path, summed=True) as file:

@@ -8,8 +8,8 @@ from typing import Literal
 
 import numpy as np
 
+from polhode.harness.common.files import digest
 from polhode.harness.common.machine import package_version
-from polhode.harness.common.plain_json import digest
 from polhode.harness.common.store import Record
 from polhode.harness.common.text import scientific
 from polhode.harness.ensembles.hybrid import POOL, SAMPLE as BOTH_WAYS, SOLVER, least_momentum, run_hybrid

@@ -11,8 +11,7 @@ import pandas as pd
 
 from polhode.harness.analysis.frames import by_stokes, frame, where
 from polhode.harness.analysis.pareto import times_at_error
-from polhode.harness.common.files import read_file, write_file
-from polhode.harness.common.plain_json import digest
+from polhode.harness.common.files import digest, read_file, write_file
 from polhode.harness.common.store import Record, export
 from polhode.harness.common.text import duration, markdown, short
 from polhode.harness.common.timing import seconds_of

@@ -10,9 +10,8 @@ from pathlib import Path
 import pandas as pd
 
 from polhode import models, solvers
-from polhode.harness.common.files import read_file, write_file
+from polhode.harness.common.files import digest, read_file, write_file
 from polhode.harness.common.machine import package_version
-from polhode.harness.common.plain_json import digest
 from polhode.harness.paper import sections
 from polhode.harness.paper.item import Computed, Data, Grid, Item, Table, Verdict
 from polhode.harness.paper.tables import tables_of

@@ -9,7 +9,7 @@ from time import perf_counter
 import numpy as np
 
 from polhode.harness.common import cache
-from polhode.harness.common.plain_json import digest
+from polhode.harness.common.files import digest
 from polhode.harness.common.timing import within
 from polhode.harness.references import extended
 from polhode.harness.references.certificate import Certificate, Flow, UncertifiedError, certify, expected_times, observe

@@ -7,8 +7,8 @@ from time import perf_counter
 
 import numpy as np
 
+from polhode.harness.common.files import digest
 from polhode.harness.common.machine import package_version
-from polhode.harness.common.plain_json import digest
 from polhode.harness.common.store import Record
 from polhode.harness.common.timing import seconds_of, with_processor, within
 from polhode.harness.references.errors import Errors, errors, statistics_distance
