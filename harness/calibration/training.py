@@ -91,7 +91,7 @@ def methods_for(known: Pilot, tolerance: float, angles: bool, steady: bool) -> I
         if isinstance(form, InPieces):
             windows = sum(known.share_of(each) for each in planned(form, known, tolerance) if each.tolerance)
             if windows * rotations < MOST_QUICK:
-                yield name, solvers if rotations < EVERY_LONG else quick
+                yield name, solvers if windows * rotations < EVERY_LONG else quick
         elif angles or not form.angles:
             every = form.averaged or rotations < EVERY_LONG
             yield name, solvers if every else quick if rotations < MOST_QUICK else longest

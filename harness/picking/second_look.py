@@ -35,8 +35,9 @@ TIGHTER, LOOSER, DEARER = 1e-2, 1e2, 2.5
 # Taylor's method errs by less than its tolerance: what looks at it is tighter still, as far as time allows: Verner's
 # method takes about so many steps a rotation at a tolerance, and is of this order.
 TIGHTER_THAN_TAYLOR, VERNER = 1e-4, (10.0, 1e-9, 8)
-# Seconds of a step, explicit and implicit, of compiled solvers; share of the limit that a look is planned to take.
-STEP, PLANNED = (4e-7, 3e-6), 0.8
+# Seconds of a step of compiled solvers, explicit, implicit and switching ones; shares of the limit that a look is
+# planned to take, and after which it is stopped, so that time is left for what compares.
+EXPLICIT_STEP, IMPLICIT_STEP, SWITCHING_STEP, PLANNED, STOPPED = 4e-7, 3e-6, 8e-7, 0.8, 0.9
 LOOSEST = 1e-2
 # Tolerance below which Radau's fifth order takes too many steps to look at a stiff run; LSODA's errors are larger.
 LOW_ORDER = 1e-6
@@ -123,8 +124,8 @@ def _solver_error(
     in_full = bool(found.stages) and not averaged
     if in_full:
         form, found = _in_one(scene, found)
-    step = -(-len(found.times) // (FEW_TIMES if averaged or hasattr(form, "estimate") else MOST_TIMES))
-    rows = np.append(np.arange(0, len(found.times) - 1, step), len(found.times) - 1)
+    stride = -(-len(found.times) // (FEW_TIMES if averaged or hasattr(form, "estimate") else MOST_TIMES))
+    rows = np.append(np.arange(0, len(found.times) - 1, stride), len(found.times) - 1)
     turns = 0.0 if form.averaged else _rotations(scene, observables)
     # A second run in pieces enters as many, and takes as long; where none is far tighter than full pieces, these state
     # an error of their own.
@@ -133,15 +134,18 @@ def _solver_error(
         equations, problem = _takes(form, scene, found.problem, look)
         times = found.times[rows] * (problem.end / found.problem.end)
         # Counted in steps as well: what these stop is the same on a busy machine.
-        most = max(100, int(limit / STEP[look.solver.implicit])) if _compiled(look.solver) else UNLIMITED
-        run = solve(problem, look.solver, look.tolerance, times, max_seconds=limit, max_steps=most)
+        known = look.solver is method and look.larger > 1 and SHARE * found.seconds > LEAST and found.work.steps
+        step = found.seconds / known if known else _step(look.solver)
+        most = max(100, int(STOPPED * limit / step)) if _compiled(look.solver) else UNLIMITED
+        run = solve(problem, look.solver, look.tolerance, times, max_seconds=STOPPED * limit, max_steps=most)
         if run.success:
             there = equations.observe(scene, run.states)
             here = observables.at(rows)
             apart = _apart(scene, here, there)
             words = f"a second run by {look.solver.name} at {look.tolerance:.0e}"
             own = _estimates(scene, form, here, apart, look)
-            if look.larger > 1 and in_full:
+            # Pieces that both runs average differ by nothing.
+            if found.stages and (look.larger > 1 or any(each.averaged for each in run.stages)):
                 own = {
                     want: each and replace(each, high=max(each.high, bound))
                     for (want, each), bound in zip(own.items(), _bounds(found), strict=True)
@@ -159,28 +163,37 @@ def _looks(scene: Scene, method: Solver, found: Solution, turns: float, limit: f
     """Second runs worth trying, the most telling one first."""
     tolerance, taylor = found.settings.tolerance, method.order_by_tolerance
     implicit = "cyrk-radau" if tolerance >= LOW_ORDER else "cyrk-lsoda"
-    other = find_solver(implicit if damping_times(scene) > STIFF else "cyrk-vern8")
+    held = damping_times(scene) > STIFF
+    other = find_solver(implicit if held else "cyrk-vern8")
     explicit = _compiled(method) and not method.implicit
     # Of solvers over many periods their own tighter runs are far cheaper than those of any other.
-    if explicit or method.many_periods or method.name == other.name:
+    own = explicit or method.many_periods or method.name == other.name
+    usual = (found.work.steps or inf) * _step(method) if _compiled(method) else found.seconds
+    if own and usual * DEARER <= limit:
         tighter = max(TIGHTEST, tolerance * TIGHTER)
-        usual = (found.work.steps or inf) * STEP[method.implicit] if _compiled(method) else found.seconds
-        if usual * DEARER <= limit and tighter < tolerance:
+        if tighter < tolerance:
             yield Look(method, tighter, tighter / tolerance, CERTAIN)
-    else:
-        per_rotation, usual, order = VERNER
-        affordable = 0.0 if other.implicit else usual * (per_rotation * turns * STEP[False] / limit) ** order
+    elif not own or (explicit and held):
+        per_rotation, at, order = VERNER
+        affordable = 0.0 if other.implicit else at * (per_rotation * turns * EXPLICIT_STEP / limit) ** order
         sharper = TIGHTER_THAN_TAYLOR if taylor else TIGHTER / 10 if other.switching else TIGHTER
         tighter = max(TIGHTEST, affordable, tolerance * sharper)
         if taylor or tighter < tolerance:
             yield Look(other, min(LOOSEST, tighter), 0.0, CERTAIN)
-    looser = min(LOOSEST, tolerance * LOOSER)
+    # Of a high order even a hundredfold tolerance hardly saves half of the steps.
+    high = explicit and not method.low_order and SHARE * min(usual, found.seconds) > LEAST
+    looser = min(LOOSEST, tolerance * ((SHARE * PLANNED) ** -VERNER[2] if high else LOOSER))
     if looser > tolerance and not taylor:
         yield Look(method, looser, looser / tolerance, LOOSELY if method.implicit else SCALED)
 
 
+def _step(method: Solver) -> float:
+    """Seconds of a step, about."""
+    return SWITCHING_STEP if method.switching else IMPLICIT_STEP if method.implicit else EXPLICIT_STEP
+
+
 def _compiled(method: Solver) -> bool:
-    """Whether a step takes about `STEP`: one by Taylor's method and one of a plan over many periods do not."""
+    """Whether a step takes about `_step`: one by Taylor's method and one of a plan over many periods do not."""
     return method.backends == ("compiled",) and not (method.many_periods or method.order_by_tolerance)
 
 
