@@ -9,7 +9,7 @@ import numpy as np
 from polhode.harness.solution import SceneSolution
 from polhode.models.own_function import place_of
 from polhode.models.registry import hint
-from polhode.models.theory.attractors import attractors
+from polhode.models.theory.fixed_points import attractors
 
 # The function is looked at so often per step of the run, and between two rows at least; and so often at most.
 LOOKS_PER_STEP, LOOKS_PER_ROW, MOST_LOOKS = 16, 4, 1_000_000

@@ -4,7 +4,7 @@ import tomllib
 from dataclasses import dataclass
 from math import cos, pi
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from polhode.models.registry import hint
 from polhode.models.scene import BodyStart, EulerStart, Scene
@@ -63,12 +63,7 @@ def find_scene(word: str) -> Scene:
     raise ValueError(f"scene: got {word!r}{hint(word, SCENES)}, expected a file or one of {', '.join(SCENES)}")
 
 
-def _start(name: str) -> EulerStart:
-    start = named_scene(name).start
-    assert isinstance(start, EulerStart)
-    return start
-
-
-PAPER_START, SPHEROID_START, SADDLE_START = map(_start, ("paper", "spheroid", "paper-saddle"))
-NEAR_POLE_START = _start("near-pole")
+PAPER_START, SPHEROID_START, SADDLE_START, NEAR_POLE_START = (
+    cast(EulerStart, named_scene(name).start) for name in ("paper", "spheroid", "paper-saddle", "near-pole")
+)
 PAPER_ELLIPSOID, PROLATE = (named_scene(name).ellipsoid.semi_axes for name in ("paper", "spheroid"))

@@ -4,7 +4,7 @@ import numpy as np
 
 from polhode import solve
 from polhode.models.form import Form
-from polhode.models.forms.motion import angular_acceleration, body_parameters, explicit_parameters, mass_form
+from polhode.models.forms.motion import angular_acceleration, body_parameters, full_problem
 from polhode.models.observables import Observables, observe_body
 from polhode.models.operations import Field, Operations
 from polhode.models.problem import Problem
@@ -41,15 +41,9 @@ class Directions(Form):
         """Initial value problem in time t."""
         self.require_orientation(scene)
         flow, gradient = scene.initial_rotation[:, 0], scene.initial_rotation[:, 1]
-        shape = body_parameters(scene.ellipsoid)
-        return Problem(
-            name=self.name,
-            field=field,
-            start=(*flow.tolist(), *gradient.tolist(), *scene.angular_velocity),
-            end=scene.time,
-            parameters=explicit_parameters(scene, shape),
-            mass_form=mass_form(scene, (False,) * 6 + (True,) * 3, shape),
-        )
+        start = *flow.tolist(), *gradient.tolist(), *scene.angular_velocity
+        inertial, shape = (False,) * 6 + (True,) * 3, body_parameters(scene.ellipsoid)
+        return full_problem(self, scene, field, start, inertial, shape)
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         """Observables; the directions, drifted by now, are put at right angles first."""

@@ -19,7 +19,7 @@ from polhode.models.catalogue import form as find_form
 from polhode.models.problem import Problem
 from polhode.models.scene import BodyStart, Scene
 from polhode.models.shape import Ellipsoid
-from polhode.models.theory.attractors import Attractor, attractors
+from polhode.models.theory.fixed_points import Attractor, attractors
 from polhode.solvers.contract import Status
 from polhode.solvers.ensembles.adaptive_steps import run_adaptive
 from polhode.solvers.ensembles.equal_steps import TAYLOR, Plan, plan, run
@@ -122,7 +122,7 @@ class Ensemble:
 
     @cached_property
     def attractors(self) -> tuple[Attractor, ...]:
-        """The stable states that particles can be said to arrive at (`polhode.models.theory.attractors`)."""
+        """The stable states that particles can be said to arrive at (`polhode.models.theory.fixed_points`)."""
         return attractors(self.ellipsoid, self.stokes, self.radius, circling=self.equations != "averaged")
 
     @cached_property

@@ -27,27 +27,17 @@ def body_parameters(ellipsoid: Ellipsoid) -> tuple[float, ...]:
     return gyro1, gyro2, gyro3, *ellipsoid.damping, *shares(ellipsoid)
 
 
-def explicit_parameters(scene: Scene, shape: tuple[float, ...]) -> tuple[float, ...] | None:
-    """Parameters (1, 1/St, *shape) of the explicit form; None at St = 0, where there is none."""
-    if scene.stokes == 0:
-        return None
-    return 1.0, scene.torque_factor, *shape
-
-
-def mass_form(scene: Scene, inertial: tuple[bool, ...], shape: tuple[float, ...]) -> MassForm | None:
-    """The form with mass St on the inertial rows, p = (St, 1, *shape), valid down to St = 0; None at St = inf."""
-    if scene.torque_factor == 0:
-        return None
-    mass = tuple(scene.stokes if row else 1.0 for row in inertial)
-    return MassForm(mass, (scene.stokes, 1.0, *shape))
-
-
 def full_problem(
     form: Form, scene: Scene, field: Factory, start: Floats, inertial: tuple[bool, ...], shape: Floats, **known: Any
 ) -> Problem:
-    """Initial value problem in time t of a form of the full equations; `known` is what else there is to a `Problem`."""
-    parameters, masses = explicit_parameters(scene, shape), mass_form(scene, inertial, shape)
-    return Problem(form.name, field, start, scene.time, parameters, masses, **known)
+    """Initial value problem in time t of a form of the full equations; `known` is what else there is to a `Problem`.
+
+    At St = 0 there is no explicit form, at St = inf no implicit one, which has the mass St on the inertial rows.
+    """
+    mass = tuple(scene.stokes if row else 1.0 for row in inertial)
+    explicit = (1.0, scene.torque_factor, *shape) if scene.stokes > 0 else None
+    implicit = MassForm(mass, (scene.stokes, 1.0, *shape)) if scene.torque_factor > 0 else None
+    return Problem(form.name, field, start, scene.time, explicit, implicit, **known)
 
 
 def angular_acceleration(ops: Operations) -> Callable:

@@ -14,7 +14,7 @@ from polhode.models.observables import observe_body
 from polhode.models.rotation import matrix_from_quaternion
 from polhode.models.scene import BodyStart, Scene
 from polhode.models.shape import Ellipsoid
-from polhode.models.theory.attractors import attractors, circle
+from polhode.models.theory.fixed_points import attractors, circle
 from polhode.solvers.ensembles.adaptive_steps import BENDS, DIFFERENCE, STAGES, run_adaptive
 from polhode.solvers.ensembles.taylor_batch import run_batches
 from polhode.solvers.parts.schemes import dop853
