@@ -104,7 +104,7 @@ def _entries() -> dict[str, tuple[str, dict[str, dict[str, Any]]]]:
         raise ValueError(f"like: got {', '.join(unknown)}, expected one of {', '.join(known)}")
 
     def whole(entry: dict[str, Any]) -> dict[str, Any]:
-        other = known.get(entry.get("like", ""), {})
+        other = whole(known[entry["like"]]) if "like" in entry else {}
         return other | entry | {"facts": other.get("facts", {}) | entry.get("facts", {})}
 
     return {

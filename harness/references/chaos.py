@@ -63,7 +63,7 @@ def growth(problem: Problem, intervals: int = INTERVALS) -> Growth:
         raise ValueError(f"form {problem.name!r}: expected an explicit form, which St = 0 has not; use 'jeffery'")
     times = np.linspace(0.0, problem.end, intervals + 1)
     direction = np.cos(np.arange(1.0, problem.dimension + 1))
-    integrator = _tangent_integrator(problem.field, problem.dimension, len(problem.parameters))
+    integrator = tangent_integrator(problem.field, problem.dimension, len(problem.parameters))
     integrator.time = 0.0
     integrator.state[:] = [*problem.start, *(direction / np.linalg.norm(direction))]
     integrator.pars[:] = problem.parameters
@@ -80,6 +80,7 @@ def growth(problem: Problem, intervals: int = INTERVALS) -> Growth:
 
 
 @cache
-def _tangent_integrator(factory: Factory, dimension: int, parameters: int) -> Any:
+def tangent_integrator(factory: Factory, dimension: int, parameters: int) -> Any:
+    """An integrator of a field of so many variables and parameters, and of a tangent vector behind them."""
     system = tangent_system(factory, dimension, parameters)
     return load_heyoka().taylor_adaptive(system, [0.0] * len(system), tol=TOLERANCE, compact_mode=True)

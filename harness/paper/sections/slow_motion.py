@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from matplotlib.axes import Axes
 
-from polhode.harness.paper.item import Computed, Grid, Table
-from polhode.harness.paper.planes import distance_from_node, fixed_point
+from polhode.harness.paper.item import Computed, Grid
+from polhode.harness.paper.planes import distance_from_node
 from polhode.harness.paper.runs import averaged_run, full_run
-from polhode.harness.paper.tables import groups, path
+from polhode.harness.paper.tables import path
 from polhode.models.scene import EulerStart, Scene
 from polhode.models.shape import Ellipsoid
 
@@ -32,7 +32,6 @@ class SlowMotion:
     constant: tuple[float, float] = field(repr=False)  # range for (largest slow error) × St at the largest St
     at_100: tuple[float, float] = field(repr=False)  # range for the largest slow error at St = 100
     shown: tuple[float, ...] = (50.0, 100.0, 500.0, 5e3)
-    lingers: bool = field(default=False, repr=False)  # at the saddle, so that the sentence says when it leaves
 
     def compute(self, grid: Grid) -> Computed:
         """Runs of the figure, and the largest error at each St."""
@@ -63,21 +62,6 @@ class SlowMotion:
         if self.ellipsoid.kind != "triaxial" or not beyond[0] < 0 < beyond[-1]:
             return np.nan
         return float(np.interp(0.0, beyond, slow_times))
-
-    def leaving(self, table: Table) -> str:
-        """When E is halfway from its plateau to the node's, averaged and full."""
-        times, staying = [], []
-        averaged = table.E[np.isinf(table.path)]
-        middle = (min(averaged) + fixed_point(self.ellipsoid, "stable node")[1]) / 2
-        for stokes, part in groups(table, "path"):
-            time = part.t2[np.flatnonzero(middle > part.E)[-1]]
-            if time < 0.95 * self.slow_time:
-                name = "averaged" if np.isinf(stokes) else f"St = {stokes:g}"
-                times.append(f"at t₂ = {time:.2f} ({name})")
-            else:
-                staying.append(f"{stokes:g}")
-        late = f"; at St = {' and '.join(staying)} not before the end of the run" if staying else ""
-        return f" The plateau at the saddle is left, E halfway to its end, {', '.join(times)}{late}."
 
 
 def draw_crossing(axes: Axes, slow_time: float) -> None:

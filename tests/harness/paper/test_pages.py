@@ -95,7 +95,7 @@ def test_the_key_knows_settings_and_grid():
     assert len(keys) == 4
     motion = first.compute.__self__
     for judged, expected in (
-        ({"at_100": (0.0, 9.0), "lingers": True, "constant": (1.0, 2.0)}, True),
+        ({"at_100": (0.0, 9.0), "constant": (1.0, 2.0)}, True),
         ({"slow_time": 0.4}, False),
     ):
         other = replace(first, compute=replace(motion, **judged).compute)

@@ -2,22 +2,20 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from math import acosh, log, pi
-from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from polhode.harness.common.text import in_two_digits
 from polhode.harness.paper.item import Computed, Grid
-from polhode.harness.paper.runs import TOLERANCE, bisected, full_run
+from polhode.harness.paper.runs import bisected, full_run
+from polhode.harness.references.chaos import tangent_integrator
 from polhode.models.flow import jeffery_spin, shares
 from polhode.models.forms.jeffery import field as jeffery_field
 from polhode.models.rotation import matrix_from_quaternion, quaternion_from_euler
 from polhode.models.scene import EulerStart, Scene
 from polhode.models.shape import Ellipsoid
-from polhode.solvers.compile import load_heyoka, tangent_system
+from polhode.solvers.compile import load_heyoka
 
 # Sampling step, in inverse shear rates, of the orbits.
 STEP = 0.2
@@ -71,7 +69,7 @@ def stretched_orbit(
     ellipsoid: Ellipsoid, theta: float, psi: float, duration: float
 ) -> tuple[tuple[np.ndarray, np.ndarray], float]:
     """Section points, θ and ψ, of the orbit from φ = 0, and the logarithm of the stretching of a tangent vector."""
-    integrator = _tangent_integrator()
+    integrator = tangent_integrator(jeffery_field, 4, 6)
     times = np.linspace(0.0, duration, int(duration / STEP) + 2)
     integrator.time = 0.0
     integrator.state[:] = [*quaternion_from_euler((theta, 0.0, psi)), *TANGENT]
@@ -86,12 +84,6 @@ def stretched_orbit(
         integrator.state[4:] /= length
         stretch += log(length)
     return section_points(ellipsoid, times, np.concatenate(orientation)), stretch
-
-
-@cache
-def _tangent_integrator() -> Any:
-    system = tangent_system(jeffery_field, 4, 6)
-    return load_heyoka().taylor_adaptive(system, [0.0] * 8, tol=TOLERANCE, compact_mode=True)
 
 
 def orbit(ellipsoid: Ellipsoid, theta: float, psi: float, duration: float) -> tuple[np.ndarray, np.ndarray]:
@@ -181,21 +173,6 @@ class Sections:
 
     def _is_close(self, theta: float, psi: float) -> bool:
         return abs(theta - pi / 2) <= self.close[1] and pi / 2 - psi <= self.close[0]
-
-
-def on_layer(place: float, width: float, turns: float, growth: float) -> str:
-    """What is said of the layer of chaos, where one is looked for."""
-    if width > ROUNDING:
-        return (
-            " Between orbits that librate and orbits that circulate lies a layer of chaos at least "
-            f"{width:.1g} rad wide, {place:.3f} rad from the plane θ = π/2 at ψ = 0 ({turns:g} half turns)."
-        )
-    return (
-        f" A layer of chaos, if there is one, is thinner than {ROUNDING:g} rad: at ψ = 0 libration changes to "
-        f"circulation at {place:.3f} rad from θ = π/2 within {in_two_digits(abs(width))} rad, which is rounding, "
-        f"over {turns:g} half turns. The saddle repels by no more than {growth:.2g} per half turn, and a "
-        "separatrix splits by what is exponentially small in the inverse of that."
-    )
 
 
 def beside_a_half(interval: tuple[float, float]) -> str:
