@@ -12,7 +12,7 @@ from polhode.harness.paper import claims
 from polhode.harness.paper.claims import drawn, facts_of, judged
 from polhode.harness.paper.item import Word
 from polhode.harness.paper.sections.beyond import SPREAD, fitted_level, law
-from polhode.harness.paper.sections.limits.weak_inertia import turns
+from polhode.harness.paper.sections.periods import turns
 from polhode.harness.paper.tables import Estimate
 
 ENTRY = {

@@ -5,7 +5,7 @@ from math import cosh, log, pi
 import numpy as np
 import pytest
 
-from polhode.harness.paper.sections.limits.poincare import half_turn, orbit, saddle_growth, stretched_orbit
+from polhode.harness.paper.sections.limits import half_turn, orbit, saddle_growth, stretched_orbit
 from polhode.models.shape import Ellipsoid
 
 BODY = Ellipsoid((1.0, 0.9, 0.5))

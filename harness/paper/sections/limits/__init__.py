@@ -1,1 +1,0 @@
-"""Euler tops and Jeffery orbits: the limits of large and small Stokes number."""

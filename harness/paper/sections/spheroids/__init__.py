@@ -1,1 +1,0 @@
-"""Massive spheroids: planes, projections, motion, the pinch point."""
