@@ -11,7 +11,7 @@ from polhode.harness.common.store import Store, export
 from polhode.harness.pages import outcomes, regimes
 from polhode.harness.site.build import build
 from polhode.harness.studies.runner import Runner
-from polhode.harness.studies.study_file import parse_study
+from polhode.harness.studies.study import parse_study
 
 # A page with everything that Markdown pages of reports hold.
 OWN = """\

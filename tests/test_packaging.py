@@ -115,7 +115,7 @@ def test_the_wheel_works_from_another_folder(installed: Path, tmp_path: Path):
         return done.stdout
 
     code = (
-        "import polhode; from polhode.harness.studies.study_file import read_study; read_study(None, 'regimes')\n"
+        "import polhode; from polhode.harness.studies.study import read_study; read_study(None, 'regimes')\n"
         "print(polhode.__version__, *polhode.__path__)"
     )
     done = subprocess.run(

@@ -27,7 +27,7 @@ from polhode.harness.paper import claims, store
 from polhode.harness.paper.item import Grid
 from polhode.harness.paper.pages import write_pages
 from polhode.harness.studies.cost import FirstRun, Overhead
-from polhode.harness.studies.study_file import read_study as read_study_file
+from polhode.harness.studies.study import read_study as read_study_file
 from polhode.models.catalogue import FORMS
 from polhode.solvers.catalogue import SOLVERS
 

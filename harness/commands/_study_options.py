@@ -53,7 +53,7 @@ class Wanted:
 
     def study(self, default: str = "bench") -> "Study":
         """The part of the study that is wanted, under a name of its own; raises ValueError if nothing is left."""
-        from polhode.harness.studies.study_file import read_study
+        from polhode.harness.studies.study import read_study
 
         study = read_study(self.study_file, default)
         values = [value for kind in KINDS for value in self.filters[kind]]

@@ -110,7 +110,7 @@ def equal_error(out: Path, quick: bool, resume: bool, quiet: bool) -> None:
     from polhode.harness.pages.footing import Measured, write_page
     from polhode.harness.studies.cost import first_runs, measure, paper_problem, rhs_seconds, startup_seconds
     from polhode.harness.studies.runner import Runner
-    from polhode.harness.studies.study_file import read_study
+    from polhode.harness.studies.study import read_study
     from polhode.solvers.contract import Backend
 
     problem, found = paper_problem(), {}

@@ -131,7 +131,7 @@ def solvers(as_json: bool) -> None:
 def schema(kind: str) -> None:
     """Print the JSON Schema of scene, study or sweep files, by which editors complete and check them."""
     from polhode.harness.ensembles.sweep import SweepTable
-    from polhode.harness.studies.study_file import StudyTable
+    from polhode.harness.studies.study import StudyTable
     from polhode.models.files.scene_file import SceneTable
 
     found = {"scene": SceneTable, "study": StudyTable, "sweep": SweepTable}[kind].model_json_schema()

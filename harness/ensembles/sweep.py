@@ -19,7 +19,7 @@ from polhode.harness.ensembles.ensemble import AVERAGING, BOUNDS, Ensemble, Equa
 from polhode.harness.ensembles.hybrid import ERROR_OVER_TOLERANCE
 from polhode.harness.ensembles.starts import Starts
 from polhode.harness.ensembles.statistics import Statistics
-from polhode.harness.studies.study_file import Name, StokesNumbers
+from polhode.harness.studies.study import Name, StokesNumbers
 from polhode.models.files.scene_file import FourVector, Positive, Vector
 from polhode.models.files.toml_file import checked, read_toml
 from polhode.models.shape import Ellipsoid

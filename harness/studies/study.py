@@ -1,18 +1,34 @@
-"""A study: scenes × forms × solvers × tolerances, as data."""
+"""A study: scenes × forms × solvers × tolerances, as data, and the file in TOML that describes it."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
+from importlib.resources import files
 from math import inf
-from typing import Literal
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema, model_validator
 
 from polhode.harness.studies.case import Case
-from polhode.models.catalogue import form as find_form
+from polhode.models.catalogue import FORMS, form as find_form
+from polhode.models.files.scene_file import Positive, parse_scene, scene_table
+from polhode.models.files.toml_file import checked, read_toml
 from polhode.models.form import FormNotValidError
+from polhode.models.registry import NotFoundError
 from polhode.models.scene import Scene
-from polhode.solvers.catalogue import solver as find_solver
+from polhode.models.scenes import SCENES, named_scene
+from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Backend, Jacobian
 
 QUICK_SECONDS = 0.2
+# Of a run that is compared with a reference.
+MOST_SAMPLES = 100_000
+# What a study may say of a built-in scene.
+BESIDE_BUILTIN = ("time", "tags", "forms", "solvers", "max_seconds")
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
+Stokes = Annotated[float, Field(ge=0)]
+_ONE = {"type": "number", "minimum": 0}
+_ONE_OR_MORE = WithJsonSchema({"anyOf": [_ONE, {"type": "array", "items": _ONE, "minItems": 1}]})
 Page = Literal["costs", "outcomes", "known-stokes"]
 """What a page is about: the cheapest run, who gets through, or what solvers gain that know St."""
 
@@ -137,3 +153,125 @@ def _known(kind: str, names: Iterable[str], known: Iterable[str]) -> set[str]:
             expected = f"one of {', '.join(sorted(known))}" if known else f"none, for the study has no {kind}s"
             raise ValueError(f"{kind}: got {name!r}, expected {expected}")
     return set(names)
+
+
+def _as_list(value: Any) -> Any:
+    return value if isinstance(value, list) else [value]
+
+
+StokesNumbers = Annotated[list[Stokes], Field(min_length=1), BeforeValidator(_as_list), _ONE_OR_MORE]
+
+
+class StudySceneTable(BaseModel):
+    """``[[scenes]]``: a scene file's contents with a name, and one or several Stokes numbers.
+
+    ``{name = "pinch-point", builtin = true}`` stands for a built-in scene, `time` beside it for another duration. Tags
+    are what a run may be limited to; forms and solvers, some of the study's, limit those of the scene; `max_seconds`
+    is a time limit of its own.
+    """
+
+    # A built-in scene needs no stokes.
+    model_config = ConfigDict(extra="allow", strict=True, json_schema_extra={"required": ["name"]})
+    name: Name
+    stokes: StokesNumbers
+    tags: list[str] = []
+    forms: Annotated[list[str], Field(min_length=1)] | None = None
+    solvers: Annotated[list[str], Field(min_length=1)] | None = None
+    max_seconds: Positive | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _spelled_out(cls, scene: Any) -> Any:
+        """A built-in scene with its contents."""
+        if not (isinstance(scene, dict) and scene.get("builtin") is True):
+            return scene
+        if not {"name", "builtin"} <= set(scene) <= {"name", "builtin", *BESIDE_BUILTIN}:
+            expected = f"name, builtin and perhaps {', '.join(BESIDE_BUILTIN)}"
+            raise ValueError(f"got {sorted(scene)}, expected {expected}")
+        if scene["name"] not in list(SCENES):
+            raise ValueError(f"got {scene['name']!r}, expected one of {', '.join(SCENES)}")
+        own = {key: value for key, value in scene.items() if key in ("name", *BESIDE_BUILTIN)}
+        return scene_table(named_scene(scene["name"])) | own
+
+
+class StudyTable(BaseModel):
+    """A study file; its name is that of the folder of its results."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+    name: Name
+    title: str
+    samples: Annotated[int, Field(ge=2, le=MOST_SAMPLES)] = 501
+    max_seconds: Positive = 10.0
+    tolerances: Annotated[list[Positive], Field(min_length=1)]
+    forms: Annotated[list[str], Field(min_length=1)]
+    solvers: Annotated[list[str], Field(min_length=1)] = list(SOLVERS)
+    backends: Annotated[list[Backend], Field(min_length=1)] | None = None
+    jacobians: Annotated[list[Jacobian], Field(min_length=1)] | None = None
+    page: Page | None = None
+    scenes: Annotated[list[StudySceneTable], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _known_names(self) -> "StudyTable":
+        for kind, names, catalogue in (("forms", self.forms, FORMS), ("solvers", self.solvers, SOLVERS)):
+            for name in names:
+                if ":" in name:
+                    try:
+                        catalogue.find(name)
+                    except NotFoundError as error:
+                        raise ValueError(f"got {name!r}{error.near} in {kind}, expected {error.expected}") from None
+                elif name not in catalogue:
+                    known = ", ".join(catalogue)
+                    raise ValueError(f"got {name!r} in {kind}, expected some of {known}, or module:class")
+        for scene in self.scenes:
+            for kind, own, known in (("forms", scene.forms, self.forms), ("solvers", scene.solvers, self.solvers)):
+                for name in own or ():
+                    if name not in known:
+                        expected = f"some of the study's: {', '.join(known)}"
+                        raise ValueError(f"got {name!r} in {kind} of scene {scene.name!r}, expected {expected}")
+        return self
+
+    @model_validator(mode="after")
+    def _nothing_twice(self) -> "StudyTable":
+        scenes = [(scene.name, stokes) for scene in self.scenes for stokes in scene.stokes]
+        lists = {"forms": self.forms, "solvers": self.solvers, "tolerances": self.tolerances, "scenes": scenes}
+        for kind, values in lists.items():
+            for value in values:
+                if values.count(value) > 1:
+                    raise ValueError(f"got {value!r} {values.count(value)} times in {kind}, expected it once")
+        return self
+
+
+def read_study(path: Path | None, default: str = "bench") -> Study:
+    """Read a study file, or the one of the given name that comes with the package; raises as `read_toml` does."""
+    own = files("polhode.harness.studies") / f"{default}.toml"
+    return read_toml(path or own, parse_study, where=None if path else f"study {default!r}")
+
+
+def parse_study(contents: dict[str, Any]) -> Study:
+    """The study that a file's contents describe; raises ValueError, in one line, if a key is wrong or nothing fits."""
+    table = checked(StudyTable, contents)
+    own = _shared(Study, table)
+    own["scenes"] = tuple(scene for position, scenes in enumerate(table.scenes) for scene in _scenes(position, scenes))
+    choices = {(each.name, stokes): _shared(Choice, each) for each in table.scenes for stokes in each.stokes}
+    own["choices"] = {scene: Choice(**choice) for scene, choice in choices.items()}
+    # Which is the cheapest makes sense for one scene; several ask who gets through.
+    own["page"] = table.page or ("costs" if len({scene.name for scene in table.scenes}) == 1 else "outcomes")
+    study = Study(**own)
+    if not any(study.batches()):
+        raise ValueError(f"forms: got {list(study.forms)}, expected one that some scene and solver accept")
+    return study
+
+
+def _shared(kind: Any, table: BaseModel) -> dict[str, Any]:
+    """What a table says of a dataclass's fields, but for scenes; lists become tuples."""
+    names = [each.name for each in fields(kind) if each.name in type(table).model_fields and each.name != "scenes"]
+    values = {name: getattr(table, name) for name in names}
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
+
+
+def _scenes(position: int, table: StudySceneTable) -> Iterator[tuple[str, Scene]]:
+    for stokes in table.stokes:
+        try:
+            yield table.name, parse_scene({"stokes": stokes, **(table.model_extra or {})})
+        except ValueError as error:
+            raise ValueError(f"scenes[{position}]: {error}") from None

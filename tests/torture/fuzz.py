@@ -177,6 +177,6 @@ def warm() -> None:
     """Import and compile, in this process, what the forked ones need."""
     for module in ("bench", "paper", "pick", "records", "show", "solve", "sweep"):
         import_module(f"polhode.harness.commands.{module}")
-    for module in ("api", "ensembles.sweep", "studies.study_file", "studies.runner", "picking.ranking"):
+    for module in ("api", "ensembles.sweep", "studies.study", "studies.runner", "picking.ranking"):
         import_module(f"polhode.harness.{module}")
     import_module("polhode").solve("paper", samples=3)

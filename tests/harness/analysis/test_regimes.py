@@ -15,7 +15,7 @@ from polhode.harness.common.store import Store
 from polhode.harness.pages.figures.map_picture import draw, picture
 from polhode.harness.pages.figures.style import LOOKS, colour
 from polhode.harness.pages.regimes import horizon, read_cells, sentence, write_page
-from polhode.harness.studies.study_file import read_study
+from polhode.harness.studies.study import read_study
 from polhode.models.catalogue import form as find_form
 
 TOLERANCES = [10.0**-k for k in range(2, 13)]

@@ -11,8 +11,7 @@ from commandline import STUDY
 
 from polhode.harness.pages import bench, outcomes, regimes
 from polhode.harness.pages.bench import write_page
-from polhode.harness.studies.study import Study
-from polhode.harness.studies.study_file import read_study
+from polhode.harness.studies.study import Study, read_study
 
 mpl.use("Agg")
 

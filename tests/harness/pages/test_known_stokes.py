@@ -6,7 +6,7 @@ import pytest
 
 from polhode.harness.common.machine import machine
 from polhode.harness.pages import known_stokes
-from polhode.harness.studies.study_file import parse_study
+from polhode.harness.studies.study import parse_study
 
 STUDY = {
     "name": "two",

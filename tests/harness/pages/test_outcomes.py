@@ -10,7 +10,7 @@ import pytest
 from commandline import STUDY
 
 from polhode.harness.pages.outcomes import INACCURATE, limits, outcome, sentences, write_page
-from polhode.harness.studies.study_file import parse_study
+from polhode.harness.studies.study import parse_study
 from polhode.models.files.scene_file import scene_table
 from polhode.models.scenes import named_scene
 

@@ -6,8 +6,7 @@ import tomllib
 import pytest
 from commandline import STUDY, Run
 
-from polhode.harness.studies.study import Study
-from polhode.harness.studies.study_file import parse_study
+from polhode.harness.studies.study import Study, parse_study
 
 SECOND = """
 [[scenes]]

@@ -20,8 +20,7 @@ from polhode.harness.common.store import Record, Store, read_export
 from polhode.harness.common.worker import KilledFromOutsideError
 from polhode.harness.references.reference import reference
 from polhode.harness.studies.runner import Runner
-from polhode.harness.studies.study import Choice, Study
-from polhode.harness.studies.study_file import read_study
+from polhode.harness.studies.study import Choice, Study, read_study
 
 TOLERANCES = (1e-1, 1e-2, 1e-3)
 SOLVERS = (

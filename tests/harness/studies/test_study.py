@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from commandline import STUDY
 
-from polhode.harness.studies.study_file import parse_study, read_study
+from polhode.harness.studies.study import parse_study, read_study
 from polhode.models.scenes import named_scene
 from polhode.solvers.catalogue import SOLVERS
 

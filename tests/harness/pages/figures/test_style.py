@@ -7,7 +7,7 @@ import pytest
 
 from polhode.harness.analysis.pareto import Method
 from polhode.harness.pages.figures.style import LOOKS, OTHER, colour, looks, rank
-from polhode.harness.studies.study_file import read_study
+from polhode.harness.studies.study import read_study
 from polhode.solvers.catalogue import SOLVERS
 
 # Linear sRGB as a protanope and a deuteranope see it (Machado, Oliveira and Fernandes 2009, severity 1).
