@@ -25,7 +25,7 @@ from polhode.models import scenes
 
 PLACE = "polhode.harness.paper.sections"
 # In the paper's order.
-SECTIONS = ("periods", "limits", "spheroids", "ellipsoids", "rest", "appendix", "beyond")
+SECTIONS = ("periods", "limits", "spheroids", "clocks", "ellipsoids", "rest", "appendix", "beyond")
 # Modules whose names all expressions may use.
 SHARED = (scenes, drawing, tables, runs, planes)
 # What a row of numbers may say, the last two together; what a curve says beside its style.

@@ -31,7 +31,7 @@ class Grid(StrEnum):
 
 
 class Word(StrEnum):
-    """What became of a claim."""
+    """What became of a claim; `texts/paper.md` says what each means."""
 
     CONFIRMED = "confirmed"
     SHARPENED = "sharpened"
@@ -39,16 +39,6 @@ class Word(StrEnum):
     MEASURED = "measured"
     UNDECIDED = "undecided"
     NOT_CONFIRMED = "not confirmed"
-
-
-MEANINGS = {
-    Word.CONFIRMED: "the computation agrees with what the paper says",
-    Word.SHARPENED: "it agrees, and a number now stands where the paper has words",
-    Word.CORRECTED: "it contradicts what is printed; the number says what holds instead",
-    Word.MEASURED: "the paper leaves the question open; this is the answer of the computation",
-    Word.UNDECIDED: "the number allows the claim and its opposite",
-    Word.NOT_CONFIRMED: "a measured number lies outside the range that the verdict needs",
-}
 
 
 @dataclass(frozen=True)

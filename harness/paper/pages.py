@@ -7,11 +7,11 @@ from time import perf_counter
 
 from polhode.harness.common.files import write_file
 from polhode.harness.common.text import markdown, short
-from polhode.harness.pages.tables import bullets, fill
+from polhode.harness.pages.tables import fill
 from polhode.harness.paper import store
 from polhode.harness.paper.claims import section_of, sections
 from polhode.harness.paper.drawing import save, style
-from polhode.harness.paper.item import MEANINGS, Grid, Item, Number, Section, Word
+from polhode.harness.paper.item import Grid, Item, Number, Section, Word
 
 NOTICE = "Made by `polhode paper`. Do not edit: the next run overwrites this page."
 
@@ -79,7 +79,6 @@ def _index(sections: Sequence[Section], found: Mapping[str, store.Judged], grid:
         notice=NOTICE,
         remarks=remarks,
         items=markdown(["item", "claim", "verdict", "number"], rows),
-        meanings=bullets(f"*{word}*: {MEANINGS[word]}." for word in Word),
         sections=", ".join(f"[{each.title}]({each.name}.md)" for each in sections),
     )
 

@@ -267,6 +267,7 @@ def test_command_makes_a_page_with_small_figures(tmp_path):
     index = (tmp_path / "README.md").read_text()
     assert "Made on the reduced grid: a look, not a result." in index
     assert "[symmetric-top](limits.md#trajectory-of-a-symmetric-euler-top)" in index
+    assert all(f"- *{word}*: " in index for word in Word)
 
 
 def test_palette_keeps_common_and_rare_colours(tmp_path):
