@@ -1,6 +1,7 @@
 """The solver contract: what a solver receives, what it returns, who counts what."""
 
 import sys
+import tomllib
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -9,6 +10,7 @@ from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
 from math import inf, isfinite
+from pathlib import Path
 from time import perf_counter
 from typing import Any, ClassVar, Literal
 
@@ -53,21 +55,12 @@ class Status(StrEnum):
     @property
     def meaning(self) -> str:
         """What it means and what usually causes it."""
-        return _MEANINGS[self]
+        return _meanings()[self]
 
 
-_MEANINGS = {
-    Status.REACHED_END: "the end was reached; says nothing about the error",
-    Status.STEP_LIMIT: "stopped at the limit of steps; usually a tolerance too tight or a method unfit for stiffness",
-    Status.TIME_LIMIT: "stopped at the limit of wall time; usually a method unfit for the problem, or a long run",
-    Status.STEP_UNDERFLOW: "the step shrank to nothing; usually a singularity, or a corrector that never converges",
-    Status.NON_FINITE: "the state became infinite or NaN; usually instability, or a form left its validity",
-    Status.TOLERANCE_UNATTAINABLE: "the library refused the tolerance; usually one below its roundoff limit",
-    Status.ADAPTER_MISSING: "the solver's library is not installed",
-    Status.FALSE_SUCCESS: "the library claims success, but the end was not reached, the steps are too few, "
-    "an invariant is broken, or sharper runs contradict it",
-    Status.CRASHED: "the library crashed and took its process with it, or raised; usually a bug",
-}
+@cache
+def _meanings() -> dict[str, str]:
+    return tomllib.loads(Path(__file__).with_name("statuses.toml").read_text(encoding="utf-8"))
 
 
 class SolverNotValidError(ValueError):

@@ -44,14 +44,20 @@ class ScipySolver(Solver):
         fun, options = self.bind(problem, settings)
 
         def integrate(record: Record) -> Outcome:
-            calls = [0]
+            calls = 0
+
+            def counted(t: float, y: np.ndarray) -> np.ndarray:
+                nonlocal calls
+                calls += 1
+                return fun(t, y)
+
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                counting = _counted(fun, calls) if settings.count else fun
-                stepper = method(counting, record.times[0], record.start.copy(), record.times[-1], **options)
+                own = counted if settings.count else fun
+                stepper = method(own, record.times[0], record.start.copy(), record.times[-1], **options)
                 outcome, interpolated = _step_through(stepper, record)
             work = record.work
-            work.rhs_calls = calls[0] if settings.count else None
+            work.rhs_calls = calls if settings.count else None
             if self.implicit:
                 work.jacobians, work.factorizations = int(stepper.njev), int(stepper.nlu)
             if self.attempt and work.steps:
@@ -88,14 +94,6 @@ class ScipySolver(Solver):
         fun, options = self.bind(problem, settings)
         start, span = np.array(problem.start), (times[0], times[-1])
         return lambda: solve_ivp(fun, span, start, self.method, times, **options)
-
-
-def _counted(fun: Callback, calls: list[int]) -> Callback:
-    def counted(t: float, y: np.ndarray) -> np.ndarray:
-        calls[0] += 1
-        return fun(t, y)
-
-    return counted
 
 
 def _step_through(stepper: Any, record: Record) -> tuple[Outcome, int]:

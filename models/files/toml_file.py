@@ -92,22 +92,12 @@ def _keys(model: Any, path: list[int | str]) -> list[str]:
     return list(model.model_fields)
 
 
-_OUR_WORDS = (
-    ("Input should be a valid integer", "expected a whole number"),
-    ("Input should be a valid boolean", "expected true or false"),
-    ("Input should be a valid dictionary", "expected a table"),
-    ("Input should be a valid", "expected a"),
-    ("Input should be a finite number", "expected a finite number"),
-    ("Input should be '", "expected '"),
-    ("Input should be", "expected a number"),
-    ("List should have", "expected"),
-    ("String should", "expected a string that should"),
-)
+_OUR_WORDS = tomllib.loads(Path(__file__).with_name("our_words.toml").read_text(encoding="utf-8"))
 
 
 def _in_our_words(message: str) -> str:
     message = message.replace(" after validation", "").split(" or instance of")[0]
-    for theirs, ours in _OUR_WORDS:
+    for theirs, ours in _OUR_WORDS.items():
         if message.startswith(theirs):
             return ours + message.removeprefix(theirs)
     return message

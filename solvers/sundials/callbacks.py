@@ -77,7 +77,10 @@ class Callbacks:
             except RuntimeError as error:
                 return Status.STEP_UNDERFLOW, f"no consistent initial values: {error}"
             try:
-                return self._by_steps(record) if every else self._by_rows(record)
+                if every:
+                    return self._by_steps(record)
+                self._rows(record, len(record.times))
+                return Status.REACHED_END, ""
             except _StoppedError as stopped:
                 return stopped.args
 
@@ -98,10 +101,9 @@ class Callbacks:
             raise _StoppedError(FAILURES.get(result.status, (Status.NON_FINITE,))[0], result.message)
         return result
 
-    def _by_rows(self, record: Record) -> Outcome:
-        for time in record.times[1:].tolist():
+    def _rows(self, record: Record, last: int) -> None:
+        for time in record.times[record.filled : last].tolist():
             record.put(self._to(time, record).y[None])
-        return Status.REACHED_END, ""
 
     def _by_steps(self, record: Record) -> Outcome:
         times, work, end = record.times, record.work, float(record.times[-1])
@@ -112,9 +114,7 @@ class Callbacks:
             # After an interpolation the library first hands back the step it has.
             steps, reached = steps + (result.t > reached), result.t
             work.steps = steps
-            last = int(np.searchsorted(times, result.t, side="right"))
-            for time in times[record.filled : last].tolist():
-                record.put(self._to(time, record).y[None])
+            self._rows(record, int(np.searchsorted(times, result.t, side="right")))
             if result.t >= end:
                 return Status.REACHED_END, ""
             if steps >= record.max_steps:
