@@ -83,14 +83,6 @@ def times_at_error(runs: pd.DataFrame, target: float) -> dict[tuple[str, str], f
     return dict(sorted(((method, t) for method, t in times.items() if not np.isnan(t)), key=lambda item: item[1]))
 
 
-def fastest(times: dict[tuple[str, str], float], form: str, library: str) -> tuple[str, float] | None:
-    """The fastest solver of a form in a library, and its time; None if there is none."""
-    for (one, solver), seconds in times.items():
-        if one == form and find_solver(solver).family == library:
-            return solver, seconds
-    return None
-
-
 def crossing(runs: pd.DataFrame, form: str, first: str, second: str) -> float | None:
     """The largest slow error at which `second` stops being faster than `first` as it falls; None if it never does."""
     of_form = where(runs, runs["form"] == form)

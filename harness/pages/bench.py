@@ -17,8 +17,7 @@ from polhode.harness.analysis.pareto import (
 )
 from polhode.harness.common.store import Record, export
 from polhode.harness.common.text import duration, markdown, short
-from polhode.harness.pages.figures.profiles import profile_lines
-from polhode.harness.pages.figures.work_precision import save, work_precision_panels
+from polhode.harness.pages.figures.work_precision import profile_lines, save, work_precision_panels
 from polhode.harness.pages.tables import lines_of, table, write
 from polhode.harness.references.uncertainty import least_known, uncertainty_of
 from polhode.harness.studies.study import Study

@@ -11,7 +11,7 @@ from typing import Any
 import pandas as pd
 
 from polhode.harness.analysis.frames import by_stokes, frame, where
-from polhode.harness.analysis.pareto import crossing, fastest, times_at_error
+from polhode.harness.analysis.pareto import crossing, times_at_error
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record, export
@@ -27,6 +27,7 @@ ERRORS = (1e-4, 1e-6, 1e-8)
 ALONE = ("heyoka", "CyRK", "SUNDIALS")
 # What of `Measured` is no record.
 COSTS = ("overheads", "first_runs", "rhs_costs", "startup")
+Times = dict[tuple[str, str], float]
 WAYS: dict[Backend, str] = {"python": "plain Python", "numba": "compiled, called from Python", "compiled": "alone"}
 
 
@@ -86,22 +87,25 @@ def _table(header: Sequence[str], rows: Sequence[Sequence[Any]], words: int = 1)
     return markdown(header, rows, right=range(words, len(header)))
 
 
-def _times_by_stokes(table: pd.DataFrame, target: float) -> dict[float, dict[tuple[str, str], float]]:
-    """Time of each form and solver at a slow error, by St."""
-    return {stokes: times_at_error(runs, target) for stokes, runs in by_stokes(table)}
+def _at_errors(table: pd.DataFrame, targets: Sequence[float] = ERRORS) -> dict[tuple[float, float], Times]:
+    """Time of each form and solver, the fastest first, by slow error and St."""
+    groups = by_stokes(table)
+    return {(target, stokes): times_at_error(runs, target) for target in targets for stokes, runs in groups}
 
 
 def _worth(table: pd.DataFrame) -> tuple[list[str], str]:
     """How the libraries compare, in sentences and by place."""
     rows, behind = [], {name: [] for name in ALONE}
-    for target in ERRORS:
-        for stokes, times in _times_by_stokes(table, target).items():
-            best = {name: found for name in ALONE if (found := fastest(times, "quaternion", name))}
-            least = min((seconds for _, seconds in best.values()), default=nan)
-            for name, (_, seconds) in best.items():
-                behind[name].append(seconds / least)
-            cells = [f"{best[name][0]}, {duration(best[name][1])}" if name in best else "–" for name in ALONE]
-            rows.append([short(target), short(stokes), *cells])
+    for (target, stokes), times in _at_errors(table).items():
+        # The fastest comes last, and stays.
+        own = [(solver, seconds) for (form, solver), seconds in reversed(times.items()) if form == "quaternion"]
+        by_library = {find_solver(solver).family: (solver, seconds) for solver, seconds in own}
+        best = {name: by_library[name] for name in ALONE if name in by_library}
+        least = min((seconds for _, seconds in best.values()), default=nan)
+        for name, (_, seconds) in best.items():
+            behind[name].append(seconds / least)
+        cells = [f"{best[name][0]}, {duration(best[name][1])}" if name in best else "–" for name in ALONE]
+        rows.append([short(target), short(stokes), *cells])
     shares = [(name, factors, median(factors)) for name, factors in behind.items() if factors]
     claims = lines_of("footing-claims", shares=shares, places=len(rows))
     return claims, _table(["slow error", "St", *ALONE], rows, 2)
@@ -159,10 +163,9 @@ def _ratios(
 ) -> dict[float, list[str]]:
     """Time of one form and solver over that of another at each slow error, by St."""
     found: dict[float, list[str]] = {}
-    for target in targets:
-        for stokes, times in _times_by_stokes(table, target).items():
-            ratio = times.get(first, nan) / times.get(second, nan)
-            found.setdefault(stokes, []).append("–" if isnan(ratio) else f"{ratio:.2f}")
+    for (_, stokes), times in _at_errors(table, targets).items():
+        ratio = times.get(first, nan) / times.get(second, nan)
+        found.setdefault(stokes, []).append("–" if isnan(ratio) else f"{ratio:.2f}")
     return found
 
 
@@ -172,15 +175,15 @@ def _forms(table: pd.DataFrame) -> str:
     return _table(["St", *map(short, targets)], [[short(stokes), *row] for stokes, row in ratios.items()])
 
 
-def _times(table: pd.DataFrame) -> str:
-    lines = []
+def _times(table: pd.DataFrame) -> dict[float, str]:
+    """Every solver's times by St, a table for each slow error."""
+    tables, found = {}, _at_errors(table)
     for target in ERRORS:
-        times = _times_by_stokes(table, target)
+        columns = {stokes: times for (error, stokes), times in found.items() if error == target}
         rows = [
-            [solver, *(duration(found.get(("quaternion", solver))) for found in times.values())]
+            [solver, *(duration(times.get(("quaternion", solver))) for times in columns.values())]
             for solver in SOLVERS
-            if any(("quaternion", solver) in found for found in times.values())
+            if any(("quaternion", solver) in times for times in columns.values())
         ]
-        text = _table(["solver", *(f"St = {short(stokes)}" for stokes in times)], rows)
-        lines.append(f"Slow error {short(target)}:\n\n{text}")
-    return "\n".join(lines)
+        tables[target] = _table(["solver", *(f"St = {short(stokes)}" for stokes in columns)], rows)
+    return tables

@@ -11,8 +11,7 @@ from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record
 from polhode.harness.common.text import duration, in_two_digits, markdown, short
-from polhode.harness.pages.figures.profiles import profiles, sentence
-from polhode.harness.pages.figures.work_precision import panels, save
+from polhode.harness.pages.figures.work_precision import panels, profiles, save, sentence
 from polhode.harness.pages.tables import fill
 from polhode.models.problems.catalogue import PROBLEMS
 

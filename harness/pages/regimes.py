@@ -16,8 +16,7 @@ from polhode.harness.common.files import read_file, write_file
 from polhode.harness.common.store import Record
 from polhode.harness.common.text import short
 from polhode.harness.pages.figures.map_picture import ERRORS, HEADINGS, picture
-from polhode.harness.pages.figures.profiles import profile_lines
-from polhode.harness.pages.figures.work_precision import save
+from polhode.harness.pages.figures.work_precision import profile_lines, save
 from polhode.harness.pages.tables import fill, lines_of, write
 from polhode.harness.studies.study import Study
 from polhode.models.scene import Scene

@@ -5,7 +5,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from polhode.harness.pages.figures.profiles import NAMED, TARGETS, profiles, sentence, times
+from polhode.harness.pages.figures.work_precision import NAMED, TARGETS, profiles, sentence, times
 from polhode.solvers.catalogue import SOLVERS
 
 
