@@ -21,10 +21,16 @@ HEADINGS: dict[Side, tuple[str, str]] = {
     "explicit": ("Oscillatory middle", "explicit methods"),
     "averaged": ("Averaged side", "slow equations, any solver"),
 }
-# In inches: a cell, what stands left of the map, the note below it, an entry of the legend; lines of a cell, in rows.
-CELL, LEFT, NOTE, ENTRY, LINE = (0.74, 0.43), 0.95, 0.6, 0.192, 0.36
+# In inches: a cell, what stands beside both maps, an entry of the legend; lines of a cell, in rows.
+CELL, BESIDE, ENTRY, LINE = (0.74, 0.43), (0.85, 2.7), 0.192, 0.36
 # The legend needs as much width as so many columns.
 LEAST_COLUMNS = 12
+NOTE = """\
+St: Stokes number. $t$: duration of the runs, in shear times. $t_2 = t/\\mathrm{{St}}$: the same in slow time{0}.
+Numbers: time of a warm run, × its lead over the next colour; alone: no other colour gets there. \
+Corner: who ties, within {1:.0f} %.
+Full equations in the form {2}, unless a cell names another.
+"""
 # What a map is about: in sentences, and as its title.
 ERRORS = {
     "orientation_error": ("orientation", "Full solution: orientation error, rad"),
@@ -35,26 +41,21 @@ ERRORS = {
 def picture(panels: Sequence[Sequence[Cell]], times: Mapping[float, float]) -> Any:
     """Two maps, full solution above slow variables, with one legend; `times` are the runs' durations by St."""
     columns, rows = (len({getattr(cell, name) for cell in panels[0]}) for name in ("stokes", "target"))
-    width = LEFT + CELL[0] * max(columns, LEAST_COLUMNS) + 0.1
     cells = [cell for found in panels for cell in found]
     entries = _entries(cells)
-    legend = NOTE + ENTRY * (1 + max(map(len, entries)))
-    height = 2 * (CELL[1] * rows + 0.4) + 0.9 + legend
-    drawing, grid = plt.subplots(2, 1, figsize=(width, height), sharex=True)
+    longest = max(map(len, entries))
+    width = BESIDE[0] + CELL[0] * max(columns, LEAST_COLUMNS)
+    height = BESIDE[1] + CELL[1] * rows * 2 + ENTRY * longest
+    drawing, grid = plt.subplots(2, 1, figsize=(width, height), sharex=True, layout="constrained")
     for axes, found, (_, title) in zip(grid, panels, ERRORS.values(), strict=True):
         draw(axes, found)
         axes.set_title(title, fontsize=13, loc="left")
         axes.set_ylabel("error asked for", fontsize=11)
-    _durations(grid[-1], sorted({cell.stokes for cell in panels[0]}), times)
-    _legend(drawing, entries, legend)
-    _note(drawing, cells)
-    drawing.subplots_adjust(
-        left=LEFT / width,
-        right=1 - 0.1 / width,
-        top=1 - 0.35 / height,
-        bottom=(legend + 0.9) / height,
-        hspace=0.4 / (CELL[1] * rows),
-    )
+    shorter = _durations(grid[-1], sorted({cell.stokes for cell in panels[0]}), times)
+    handles = [each for own in entries for each in (*own, *[Patch(facecolor="none")] * (longest - len(own)))]
+    note = NOTE.format(", bold where it is shorter" * shorter, 100 * (TIE - 1), usual_form(cells))
+    style = {"frameon": False, "fontsize": 9.5, "handlelength": 1.3, "ncols": len(entries), "columnspacing": 5.0}
+    drawing.legend(handles=handles, loc="outside lower left", title=note, title_fontsize=9.5, alignment="left", **style)
     return drawing
 
 
@@ -84,8 +85,8 @@ def draw(axes: Axes, found: Sequence[Cell]) -> Axes:
     return axes
 
 
-def _durations(axes: Axes, numbers: Sequence[float], times: Mapping[float, float]) -> None:
-    """Three rows below a map: St, and over what time and slow time its runs go; bold where that is less than usual."""
+def _durations(axes: Axes, numbers: Sequence[float], times: Mapping[float, float]) -> bool:
+    """Rows below a map: St, time and slow time of its runs; returns whether some, bold, go over less than usual."""
     slow = [times[stokes] / stokes if stokes else inf for stokes in numbers]
     usual = max(slow, key=slow.count)
     rows = {
@@ -102,9 +103,7 @@ def _durations(axes: Axes, numbers: Sequence[float], times: Mapping[float, float
             weight = "bold" if k and slow[i] < usual else "normal"
             place = {"xycoords": ("data", "axes fraction"), "ha": "center", "annotation_clip": False}
             axes.annotate(text, (i + 0.5, 0), (0, below), weight=weight, **place, **style)
-    note = r"St: Stokes number. $t$: duration of the runs, in shear times. $t_2 = t/\mathrm{St}$: the same in slow time"
-    note += ", bold where it is shorter." if min(slow) < usual else "."
-    axes.annotate(note, (0, 0), (0, -58), xycoords="axes fraction", textcoords="offset points", fontsize=9.5)
+    return min(slow) < usual
 
 
 def _write_in(axes: Axes, cell: Cell, i: int, j: int, usual: str) -> None:
@@ -148,22 +147,3 @@ def _entries(found: Sequence[Cell]) -> list[list[Any]]:
             columns.append([Patch(facecolor="none", label=f"{title}\n{what}"), *patches])
     nobody = Patch(facecolor=NOBODY, edgecolor="0.7", label="no run measured gets there")
     return [*columns, [nobody, Patch(facecolor=UNKNOWN, label="below what the\nreference resolves")]]
-
-
-def _legend(drawing: Any, columns: Sequence[Sequence[Any]], top: float) -> None:
-    """Draw the columns side by side, from `top`, in inches, down."""
-    width, height = drawing.get_size_inches()
-    style = {"frameon": False, "fontsize": 9.5, "handlelength": 1.3, "borderaxespad": 0}
-    for k, handles in enumerate(columns):
-        place = (0.15 / width + k * (1 - 0.2 / width) / len(columns), top / height)
-        drawing.add_artist(drawing.legend(handles=handles, loc="upper left", bbox_to_anchor=place, **style))
-
-
-def _note(drawing: Any, found: Sequence[Cell]) -> None:
-    width, height = drawing.get_size_inches()
-    note = (
-        f"Numbers: time of a warm run, × its lead over the next colour; alone: no other colour gets there. "
-        f"Corner: who ties, within {100 * (TIE - 1):.0f} %.\n"
-        f"Full equations in the form {usual_form(found)}, unless a cell names another."
-    )
-    drawing.text(0.2 / width, 0.1 / height, note, fontsize=9.5, va="bottom")
