@@ -71,25 +71,9 @@ def scenes(scene: str | None, as_json: bool) -> None:
 
 def scene_text(table: dict[str, Any]) -> str:
     """A scene file with the contents of `polhode.models.files.scene_file.scene_table`, and what its keys mean."""
-    lines = [
-        f"stokes = {table['stokes']!r}  # St, from 0 to inf",
-        f"time = {table['time']!r}  # in inverse shear rates; or: slow_time = t/St",
-        "[shape]",
-        f"semi_axes = {table['shape']['semi_axes']}  # along x', y', z', any unit",
-        "[start]",
-        *(f"{name} = {value}  # {_MEANINGS[name]}" for name, value in table["start"].items()),
-    ]
-    return "\n".join(lines) + "\n"
+    from polhode.harness.pages.tables import templates
 
-
-_MEANINGS = {
-    "euler_angles": "θ, φ, ψ in rad",
-    "euler_rates": "in shear rates; or: at_rest = true",
-    "quaternion": "turns the body from the space axes to its place; real part first",
-    "angular_velocity": "along the body axes, in shear rates; or: at_rest = true",
-    "angular_momentum": "L_x, L_y, L_z without St; averaged forms alone",
-    "energy": "E without St",
-}
+    return templates(Path(__file__).parent).get_template("scene_file.md").render(table)
 
 
 @command()
