@@ -50,6 +50,9 @@ class Parts:
     slow_quantities: Callable[[Any], tuple[Any, ...]]  # of y, over generic numbers: what the fast flow leaves alone
     # (ops)(y, constants, constants): the fast flow and the slow one behind it, where they take less time together.
     both: Callable[[Operations], Callable[[Any, Any, Any], Sequence[Any]]] | None = None
+    # (y): a mean of states close to each other, brought back, to second order, to where solutions lie; where it is not
+    # given, no means are taken.
+    restored: Callable[[Any], Sequence[Any]] | None = None
 
 
 @dataclass(frozen=True)

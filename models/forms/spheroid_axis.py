@@ -153,6 +153,13 @@ def slow_quantities(y: Any) -> tuple[Any, ...]:
     return y[0], y[1], y[2], y[0] * y[3] + y[1] * y[4] + y[2] * y[5]
 
 
+def restored(y: Any) -> tuple[Any, ...]:
+    """The state with p̂ of length one, if it nearly is."""
+    lx, ly, lz, px, py, pz = y
+    scale = 1.5 - 0.5 * (px * px + py * py + pz * pz)
+    return lx, ly, lz, scale * px, scale * py, scale * pz
+
+
 PARTS = Parts(
     fast=Part(rotation_constants, rotation),
     slow=Part(relaxation_constants, relaxation),
@@ -163,6 +170,7 @@ PARTS = Parts(
     moving=(3, 6),
     slow_quantities=slow_quantities,
     both=both,
+    restored=restored,
 )
 
 

@@ -91,9 +91,10 @@ def _traced(step: Step | None, name: str, state: Sequence[str], constants: int) 
     return [named(operand(each)) for each in made], widened(named(text))
 
 
-def widened(line: str) -> str:
-    """A line about numbers as one about vectors of them."""
-    line = re.sub(r"\bdouble\b", f"<{width()} x double>", line)
+def widened(line: str, lanes: int = 0) -> str:
+    """A line about numbers as one about vectors of them, of as many as this processor moves at once if not said."""
+    lanes = lanes or width()
+    line = re.sub(r"\bdouble\b", f"<{lanes} x double>", line)
     line = re.sub(r"\b0x[0-9A-F]{16}", lambda number: f"splat (double {number[0]})", line)
-    line = re.sub(r"@llvm\.(\w+)\.f64", rf"@llvm.\1.v{width()}f64", line)
-    return line.replace("select i1", f"select <{width()} x i1>").replace(", 0.0", ", zeroinitializer")
+    line = re.sub(r"@llvm\.(\w+)\.f64", rf"@llvm.\1.v{lanes}f64", line)
+    return line.replace("select i1", f"select <{lanes} x i1>").replace(", 0.0", ", zeroinitializer")

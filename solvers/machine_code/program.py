@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from polhode.models.operations import polynomial
-from polhode.solvers.machine_code.lanes import widened, width
+from polhode.solvers.machine_code.lanes import widened
 from polhode.solvers.machine_code.llvm import compile_text
 from polhode.solvers.machine_code.tracing import OPERATIONS, Number, operand
 
@@ -57,10 +57,10 @@ class Program(dict[str, str]):
         self.count += 1
         return f"v{self.count}"
 
-    def room(self, size: int = 1, *, wide: bool = False) -> "Array":
-        """Space for numbers, or for one in each lane."""
-        array = (WideArray if wide else Array)(self, f"%{self.new()}")
-        self.rooms.append(f"{array.pointer} = alloca {array.kind()}, i64 {size}")
+    def room(self, size: int = 1, lanes: int = 1) -> "Array":
+        """Space for numbers, or for one of each lane."""
+        array = Array(self, f"%{self.new()}", lanes)
+        self.rooms.append(f"{array.pointer} = alloca {array.kind}, i64 {size}")
         return array
 
     def cell(self, value: Any) -> "Array":
@@ -117,41 +117,57 @@ class Program(dict[str, str]):
 
 
 class Wide(Number):
-    """A number in each SIMD lane."""
+    """A number in each of so many SIMD lanes."""
+
+    def __init__(self, lines: dict[str, str], name: str, lanes: int) -> None:
+        super().__init__(lines, name)
+        self.lanes = lanes
 
     def emit(self, line: str) -> "Wide":
-        return Wide(self.lines, super().emit(widened(line)).name)
+        return Wide(self.lines, super().emit(widened(line, self.lanes)).name, self.lanes)
+
+    def total(self) -> Number:
+        """The sum over the lanes."""
+        kind = f"{operand(-0.0)}, {widened('double', self.lanes)} {self.name}"
+        return super().emit(f"call reassoc double @llvm.vector.reduce.fadd.v{self.lanes}f64(double {kind})")
+
+
+def splat(number: Number, lanes: int) -> Number:
+    """The same number in each lane."""
+    if lanes == 1:
+        return number
+    vector = widened("double", lanes)
+    first = number.emit(f"insertelement {vector} poison, double {number.name}, i64 0")
+    all_ = f"{vector} poison, <{lanes} x i32> zeroinitializer"
+    return Wide(number.lines, number.emit(f"shufflevector {vector} {first.name}, {all_}").name, lanes)
 
 
 class Array:
-    """Numbers in memory, by an index that is counted from 0."""
+    """Numbers in memory, by an index that is counted from 0; with lanes, one of each lane at an index."""
 
-    number = Number
+    def __init__(self, program: Program, pointer: str, lanes: int = 1) -> None:
+        self.program, self.pointer, self.lanes = program, pointer, lanes
+        self.kind = widened("double", lanes) if lanes > 1 else "double"
 
-    def __init__(self, program: Program, pointer: str) -> None:
-        self.program, self.pointer = program, pointer
-
-    @staticmethod
-    def kind() -> str:
-        """LLVM's name of what an entry is."""
-        return "double"
-
-    def __add__(self, index: Any) -> Any:
+    def __add__(self, index: Any) -> "Array":
         """What begins with the entry of that index."""
         if not isinstance(index, Number):
             whole = int(index)
         else:
             whole = self.program.setdefault(f"fptosi double {index.name} to i64", "")
-        place = self.program.setdefault(f"getelementptr {self.kind()}, ptr {self.pointer}, i64 {whole}", "")
-        return type(self)(self.program, place)
+        place = self.program.setdefault(f"getelementptr {self.kind}, ptr {self.pointer}, i64 {whole}", "")
+        return Array(self.program, place, self.lanes)
 
     def __getitem__(self, index: Any) -> Number:
-        line = f"load {self.kind()}, ptr {(self + index).pointer}, align 8"
-        return self.number(self.program, self.program.fresh(line))
+        name = self.program.fresh(f"load {self.kind}, ptr {(self + index).pointer}, align 8")
+        return Wide(self.program, name, self.lanes) if self.lanes > 1 else Number(self.program, name)
 
     def __setitem__(self, index: Any, value: Any) -> None:
-        line = f"store {self.kind()} {operand(value)}, ptr {(self + index).pointer}, align 8"
-        self.program.text.append(line)
+        self.program.text.append(f"store {self.kind} {operand(value)}, ptr {(self + index).pointer}, align 8")
+
+    def of(self, lanes: int) -> "Array":
+        """The same place, entries of so many lanes."""
+        return Array(self.program, self.pointer, lanes)
 
     def load(self, size: int) -> tuple[Number, ...]:
         """The first numbers."""
@@ -163,25 +179,14 @@ class Array:
             self[i] = value
 
 
-class WideArray(Array):
-    """Numbers in memory, one of each lane at an index."""
-
-    number = Wide
-
-    @staticmethod
-    def kind() -> str:
-        return widened("double")
-
-
-class Same(Array):
+class Same:
     """Numbers in memory, each of them for all lanes."""
 
-    def __getitem__(self, index: Any) -> Wide:
-        vector, number = widened("double"), super().__getitem__(index).name
-        first = self.program.setdefault(f"insertelement {vector} poison, double {number}, i64 0", "")
-        lanes = f"<{width()} x i32> zeroinitializer"
-        line = f"shufflevector {vector} {first}, {vector} poison, {lanes}"
-        return Wide(self.program, self.program.setdefault(line, ""))
+    def __init__(self, array: Array, lanes: int) -> None:
+        self.array, self.lanes = array, lanes
+
+    def __getitem__(self, index: Any) -> Number:
+        return splat(self.array[index], self.lanes)
 
 
 def _expm1(x: Any) -> Any:

@@ -10,7 +10,7 @@ import numpy as np
 
 from polhode.models.problem import Parts
 from polhode.solvers.machine_code.lanes import width
-from polhode.solvers.machine_code.program import WIDE, WIDEST_REGISTERS, Array, Program, Same, Wide, compare, compiled
+from polhode.solvers.machine_code.program import WIDE, WIDEST_REGISTERS, Array, Program, Same, compare, compiled, splat
 from polhode.solvers.machine_code.tracing import OPERATIONS, Number
 
 # A step follows the rate of the fast angle when that has changed by this factor; in between it stays, since what errs
@@ -19,7 +19,7 @@ BAND = 1.05
 # Rows are reached backwards in time where the slow part relaxes by less than twice this in a step.
 BACKWARD = 0.05
 # Numbers in a law; times at which a check compares runs, in either part; what rounding makes of their difference.
-LAW, POINTS, ROUNDING = 7, 8, {float: 1e-13, np.longdouble: 5e-17}
+LAW, POINTS, ROUNDING = 7, 8, {float: 3e-13, np.longdouble: 5e-17}
 # More slow flows than a step of any scheme has.
 MOST_STAGES = 16
 # How a call of `kernel` ends.
@@ -35,19 +35,19 @@ sqrt, where_positive = OPERATIONS.sqrt, OPERATIONS.where_positive
 class Kernels:
     """Compiled functions of one problem's parts; all arguments are arrays.
 
-    A scheme holds the number of slow flows in a step, and the fast and the slow shares; a law the factor, the exponent
-    and the widest angle of a step, the square of the least rate that counts, the rates between which it holds, and 1 if
-    few flows lead to a row.
+    A scheme holds the number of slow flows in a step, the fast and the slow shares of each chain, and the chains'
+    weights; then come two schemes of one chain each, without weights, that lead to a row. A law holds the factor, the
+    exponent and the widest angle of a step, the square of the least rate that counts, the rates between which it holds,
+    and 1 if few flows lead to a row.
     """
 
     # (scheme, law, p, state, clock, times, rests, rows): steps until the rows are filled, or a limit in the clock is
     # met, from which state and clock go on. `rests` is room for a number of each row.
     advance: Callable[..., None]
     # (scheme, p, state, numbers): two runs by one law each, to POINTS times at the beginning and at the end. The
-    # numbers are the laws, the time, the length of either part, that of the whole, and the rate; then come results. Of
-    # what the two runs differ by: the most of the slow quantities, the most of the fast components per turn, and the
-    # change of the slow quantities' mean; the amplitudes of the fast components in either part; the steps of both;
-    # their codes' sum.
+    # numbers: the laws, the time, the length of either part and of the whole, the rate, and what is found. Of what the
+    # two runs differ by: the most of the slow quantities, the most of the fast components per turn, and the change of
+    # the slow quantities' mean; the amplitudes of the fast components in either part; the steps; the codes' sum.
     check: Callable[..., None]
 
 
@@ -57,9 +57,9 @@ def clock(time: float, number: type = float) -> np.ndarray:
 
 
 @cache
-def kernels(parts: Parts, dimension: int, number: type = float) -> Kernels:
+def kernels(parts: Parts, dimension: int, number: type = float, chains: int = 1) -> Kernels:
     """Compile those of splitting for a problem's parts, once in a process, over a type of numbers."""
-    pieces = Pieces(parts, dimension, number)
+    pieces = Pieces(parts, dimension, number, chains)
     advance = _advance(pieces)
     programs = pieces.prepare, pieces.spread, advance, _check(pieces, advance, ROUNDING[number])
     return Kernels(*compiled(*programs, number=number))
@@ -78,12 +78,13 @@ def length(vector: Sequence[Number]) -> Number:
 class Pieces:
     """What the kernels are made of: `prepare` computes the constants of a step's flows, `spread` moves rows by a step.
 
-    Constants of stage i, a fast flow and a slow one, are row i of an array; then come those of the last fast flow, and
-    those of the last one and the first one of the next step together.
+    Chains are compositions of flows beside each other, each in a SIMD lane. Constants of stage i, a fast flow and a
+    slow one, are row i of an array; then come those of the last fast flow, and of the last and the next one together.
     """
 
-    def __init__(self, parts: Parts, dimension: int, number: type = float) -> None:
-        self.parts, self.dimension, self.wide = parts, dimension, number is float
+    def __init__(self, parts: Parts, dimension: int, number: type = float, chains: int = 1) -> None:
+        self.parts, self.dimension, self.chains = parts, dimension, chains
+        self.lanes = width() if number is float else 1
         self.fast, self.slow = parts.fast.flow(OPERATIONS), parts.slow.flow(OPERATIONS)
         numbers = (0.5,) * 64, 0.5
         self.sizes = len(parts.fast.constants(*numbers)), len(parts.slow.constants(*numbers))
@@ -91,9 +92,9 @@ class Pieces:
         self.prepare = self._prepare()
         self.spread = self._spread()
 
-    def constants(self, program: Program) -> Array:
-        """Room for the constants of a step."""
-        return program.room((MOST_STAGES + 2) * sum(self.sizes))
+    def constants(self, program: Program, lanes: int = 0) -> Array:
+        """Room for the constants of a step, of each chain if lanes are not given."""
+        return program.room((MOST_STAGES + 2) * sum(self.sizes), lanes or self.chains)
 
     def row(self, constants: Array, i: float | Number) -> Array:
         """Constants from row i on."""
@@ -119,63 +120,68 @@ class Pieces:
     def _prepare(self) -> Program:
         program = Program("prepare", "scheme p constants", "h", "internal", "noinline")
         scheme, p, constants, h = program.arguments
-        self.fill(program, constants, scheme, p, h)
+        shares = (scheme + 1).of(self.chains)
+        self.fill(constants.of(self.chains), scheme[0], shares, p, splat(h, self.chains))
         return program
 
-    def fill(self, program: Program, constants: Array, scheme: Array, p: Array, h: Number) -> None:
-        """Compute the constants of a step h, which may be one of each lane."""
-        fast, slow, ops = self.parts.fast, self.parts.slow, WIDE if isinstance(h, Wide) else OPERATIONS
-        stages = Array(program, scheme.pointer)[0]
+    def fill(self, constants: Array, stages: Number, shares: Array | Same, p: Array, h: Number) -> None:
+        """Compute the constants of a step h, in as many lanes as they have."""
+        fast, slow, lanes, mirrored = self.parts.fast, self.parts.slow, constants.lanes, self.chains == 1
+        ops, parameters, program = WIDE if lanes > 1 else OPERATIONS, Same(p, lanes), constants.program
         with program.times(stages + 1.0) as i:
-            self.row(constants, i).store(fast.constants(p, scheme[i + 1.0] * h, ops))
-        self.row(constants, stages + 1.0).store(fast.constants(p, 2 * scheme[1] * h, ops))
-        with program.times(0.5 * stages) as i:
-            made = slow.constants(p, scheme[stages + i + 2.0] * h, ops)
-            for row in (i, stages - 1.0 - i):
+            self.row(constants, i).store(fast.constants(parameters, shares[i] * h, ops))
+        self.row(constants, stages + 1.0).store(fast.constants(parameters, 2.0 * shares[0] * h, ops))
+        with program.times(0.5 * stages if mirrored else stages) as i:
+            made = slow.constants(parameters, shares[stages + 1.0 + i] * h, ops)
+            for row in (i, stages - 1.0 - i) if mirrored else (i,):
                 (self.row(constants, row) + self.sizes[0]).store(made)
 
     def _spread(self) -> Program:
         """Move rows by a time of each one's own, one in each lane; `number` holds the rows, and the steps of each."""
         program = Program("spread", "scheme p number times rows", linkage="internal", attribute=WIDEST_REGISTERS)
         scheme, p, number, times, rows = program.arguments
-        stages, last, steps, dimension = scheme[0], number[0] - 1.0, number[1], float(self.dimension)
-        lanes = float(width()) if self.wide else 1.0
-        y, h = program.room(self.dimension, wide=self.wide), program.room(wide=self.wide)
-        constants = program.room((MOST_STAGES + 2) * sum(self.sizes), wide=self.wide)
-        shares, parameters = (Same(program, each.pointer) if self.wide else each for each in (scheme, p))
-        entries, lengths = Array(program, y.pointer), Array(program, h.pointer)
+        stages, last, steps, dimension, lanes = scheme[0], number[0] - 1.0, number[1], self.dimension, float(self.lanes)
+        y, h = program.room(dimension, self.lanes), program.room(1, self.lanes)
+        constants, entries, lengths = self.constants(program, self.lanes), y.of(1), h.of(1)
         with program.times(number[0] / lanes) as i:
 
-            def at(k: Number) -> Number:
+            def row(k: Number) -> tuple[Number, Array]:
                 j = lanes * i + k
-                return where_positive(j - last, last, j)
+                j = where_positive(j - last, last, j)
+                return j, rows + j * float(dimension)
 
             with program.times(lanes) as k:
-                lengths[k] = times[at(k)] / steps
-                for c in range(self.dimension):
-                    entries[k + c * lanes] = (rows + at(k) * dimension)[c]
-            self.fill(program, constants, shares, parameters, h[0])
+                j, at = row(k)
+                lengths[k] = times[j] / steps
+                for c in range(dimension):
+                    entries[k + c * lanes] = at[c]
+            self.fill(constants, stages, Same(scheme + 1, self.lanes), p, h[0])
             with program.times(steps):
                 with program.times(stages) as k:
                     self.flows(y, self.row(constants, k), self.row(constants, k))
                 self.fast_flow(y, self.row(constants, stages))
             with program.times(lanes) as k:
-                for c in range(self.dimension):
-                    (rows + at(k) * dimension)[c] = entries[k + c * lanes]
+                row(k)[1].store([entries[k + c * lanes] for c in range(dimension)])
         return program
 
 
 def _advance(pieces: Pieces) -> Program:
-    program = Program("advance", "scheme law p state clock times rests rows")
+    program = Program("advance", "scheme law p state clock times rests rows", attribute=WIDEST_REGISTERS)
     scheme, law, p, state, clock, times, rests, rows = program.arguments
     stages, dimension = scheme[0], pieces.dimension
     constants, number = pieces.constants(program), program.room(2)
-    y, at = (program.room(dimension) for _ in range(2))
+    y, at, each = program.room(dimension), program.room(dimension), program.room(dimension, pieces.chains)
     y.store(state.load(dimension))
     # 1 while the state lacks the last fast flow of its step.
     open_, code = program.cell(0.0), program.cell(float(Code.FINISHED))
     limit = clock[At.STEPS] + clock[At.LIMIT]
     begin, step, low, high, since, filled, steps = (program.cell(clock[i]) for i in range(At.CODE))
+
+    def close(y: Array) -> None:
+        if pieces.chains == 1:
+            with program.when(compare("ogt", open_[0], 0.0)):
+                pieces.fast_flow(y, pieces.row(constants, stages))
+
     program.call(pieces.prepare, scheme, p, constants, step[0])
     with program.repeat() as leave:
         leave(compare("oge", filled[0], clock[At.ROWS]))
@@ -185,8 +191,7 @@ def _advance(pieces: Pieces) -> Program:
         with program.when(compare("oge", speed, low[0])), program.when(compare("ole", speed, high[0])):
             outside[0] = 0.0
         with program.when(compare("ogt", outside[0], 0.0)):
-            with program.when(compare("ogt", open_[0], 0.0)):
-                pieces.fast_flow(y, pieces.row(constants, stages))
+            close(y)
             open_[0] = 0.0
             begin[0], since[0] = begin[0] + since[0] * step[0], 0.0
             low[0], high[0] = speed / BAND, speed * BAND
@@ -205,8 +210,7 @@ def _advance(pieces: Pieces) -> Program:
         near = now + where_positive(BACKWARD - law[3] * step[0], 0.5, 1.0) * step[0]
         with program.when(compare("ole", times[filled[0]], near)):
             at.store(y.load(dimension))
-            with program.when(compare("ogt", open_[0], 0.0)):
-                pieces.fast_flow(at, pieces.row(constants, stages))
+            close(at)
             with program.repeat() as done:
                 done(compare("oge", filled[0], clock[At.ROWS]))
                 done(compare("ogt", times[filled[0]], near))
@@ -221,15 +225,26 @@ def _advance(pieces: Pieces) -> Program:
             code[0] = float(reason)
             leave(condition)
         code[0] = float(Code.FINISHED)
-        first = open_[0] * (stages + 1.0)
-        with program.times(stages) as i:
-            pieces.flows(y, pieces.row(constants, where_positive(i, i, first)), pieces.row(constants, i))
-        open_[0], since[0], steps[0] = 1.0, since[0] + 1.0, steps[0] + 1.0
-    with program.when(compare("ogt", open_[0], 0.0)):
-        pieces.fast_flow(y, pieces.row(constants, stages))
+        if pieces.chains > 1:
+            # All chains begin where the step does, and their mean, by weight, is where it ends.
+            each.store([splat(number, pieces.chains) for number in y.load(dimension)])
+            with program.times(stages) as i:
+                pieces.flows(each, pieces.row(constants, i), pieces.row(constants, i))
+            pieces.fast_flow(each, pieces.row(constants, stages))
+            weights = (scheme + 1).of(pieces.chains)[2.0 * stages + 1.0]
+            assert pieces.parts.restored is not None
+            y.store(pieces.parts.restored([(weights * number).total() for number in each.load(dimension)]))
+        else:
+            first = open_[0] * (stages + 1.0)
+            with program.times(stages) as i:
+                pieces.flows(y, pieces.row(constants, where_positive(i, i, first)), pieces.row(constants, i))
+            open_[0] = 1.0
+        since[0], steps[0] = since[0] + 1.0, steps[0] + 1.0
+    close(y)
     state.store(y.load(dimension))
     before = clock[At.FILLED]
-    within = scheme + where_positive(law[6], 2.0 * stages + 2.0, 0.0)
+    leading = scheme + (1.0 + (2.0 * stages + 2.0) * pieces.chains)
+    within = leading + where_positive(law[6], 2.0 * leading[0] + 2.0, 0.0)
     number.store([filled[0] - before, 1.0])
     program.call(pieces.spread, within, p, number, rests + before, rows + before * float(dimension))
     clock.store([each[0] for each in (begin, step, low, high, since, filled, steps, code)])

@@ -7,12 +7,11 @@ from typing import Any
 import numpy as np
 
 from polhode.solvers.contract import Record
-from polhode.solvers.parts.schemes import BEST
 
 # A step h at the rate r of the fast angle, where the slow part relaxes at the rate γ, leaves the slow components with
 # errors of about COEFFICIENT γ r**-POWER (h r)**ORDER, in whatever time: what accumulates does so no longer than the
 # slow components remember, a time 1/γ. The angle h r is never wider than WIDEST.
-ORDER, POWER, COEFFICIENT, WIDEST = 6, 2.0, 1e-6, 5.15
+ORDER, POWER, COEFFICIENT, WIDEST = 6, 2.0, 6e-7, 5.15
 # Of steps ``H r**-EXPONENT`` that err alike, between those equal in angle (1) and in time (0).
 EXPONENT = 1 - POWER / ORDER
 # Error aimed at over the tolerance: estimates may be off, and what follows the check may amplify.
@@ -130,7 +129,7 @@ class Planner:
         span = MEAN_OVER * turn if window > 4 * MEAN_OVER * turn else window / 2
         given = *plan.law(), *plan.law(FINER), now, span, window, 2 * pi / turn
         numbers = np.array((*given, *(0.0,) * FOUND), problem.number)
-        problem.kernels.check(BEST.addresses[problem.number], problem.address, state, numbers)
+        problem.kernels.check(problem.scheme.addresses[problem.number], problem.address, state, numbers)
         slow, fast, change, begin, end, steps, failed = numbers[-FOUND:].tolist()
         record.work.rejected = (record.work.rejected or 0) + int(steps)
         if failed:

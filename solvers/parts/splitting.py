@@ -23,7 +23,7 @@ from polhode.solvers.contract import (
 from polhode.solvers.machine_code.underflow import FlushedToZero
 from polhode.solvers.parts.kernels import ROUNDING, At, Code, Kernels, clock, kernels
 from polhode.solvers.parts.planning import Planner
-from polhode.solvers.parts.schemes import BEST, Scheme
+from polhode.solvers.parts.schemes import ABA, PARALLEL, Scheme
 
 # Deadline and Ctrl-C are looked at once per this many steps, some 20 ms.
 CHUNK = 120_000
@@ -49,12 +49,13 @@ class Split:
         self.address, self.dimension = self.p.ctypes.data, problem.dimension
         self.strength, self.forgetting = self.parts.strength(p.tolist()), self.parts.forgetting(p.tolist())
         self.floor = SHEAR * self.strength
+        self.scheme = PARALLEL if number is float and self.parts.restored else ABA
         self.planner = Planner(self, tolerance)
 
     @cached_property
     def kernels(self) -> Kernels:
         """The machine code, compiled when first asked for."""
-        return kernels(self.parts, self.dimension, self.number)
+        return kernels(self.parts, self.dimension, self.number, self.scheme.chains)
 
     def rate(self, state: np.ndarray) -> float:
         """Rate of the fast angle, no less than the least one that counts."""
@@ -92,7 +93,7 @@ class Split:
                 # Ever wider, so that a rate that goes to and fro asks for few plans.
                 law, width = plan.law(between=(rate / width, rate * width)), width * WIDER
             limit = min(CHUNK, record.max_steps - int(own[At.STEPS]))
-            code = self.advance(BEST, law, state, own, times, rows, limit=limit)
+            code = self.advance(self.scheme, law, state, own, times, rows, limit=limit)
             record.put(rows[record.filled : int(own[At.FILLED])])
             work.steps, record.now = int(own[At.STEPS]), float(now_of(own))
             if code == Code.STEPS_DONE and work.steps >= record.max_steps:
@@ -108,7 +109,8 @@ class Split:
         state, own, times, rows = arrays
         own[At.LIMIT], own[At.ROWS] = limit, len(times)
         own_law, rests = np.array(law, self.number), np.empty_like(times)
-        self.kernels.advance(scheme.addresses[self.number], own_law, self.address, state, own, times, rests, rows)
+        own_kernels = kernels(self.parts, self.dimension, self.number, scheme.chains)
+        own_kernels.advance(scheme.addresses[self.number], own_law, self.address, state, own, times, rests, rows)
         return int(own[At.CODE])
 
     def free(self, record: Record) -> Outcome:
@@ -132,17 +134,17 @@ def now_of(own: np.ndarray) -> Any:
 
 
 class Splitting(Solver):
-    """Exact rotation and exact relaxation in turns, by a scheme of order (10, 6, 4).
+    """Exact rotation and exact relaxation in turns, by a mean of eight compositions of four relaxations each.
 
-    Class: palindromic composition for nearly integrable systems; torque-free motion is exact at any step. The step
-    follows from the tolerance by a law, and from checks by two step sizes at the beginning and, on longer runs, where
-    the rate has changed and at shares of the run.
+    Class: compositions for nearly integrable systems, each in a SIMD lane; torque-free motion is exact at any step.
+    The step follows from the tolerance by a law, and from checks by two step sizes at the beginning and, on longer
+    runs, where the rate has changed and at shares of the run.
     Stability: unconditional in the relaxation but for short backward ones; the step is bound by the angle, so that at
     small St, where relaxation outpaces the rotation, steps are as short as those of an explicit method.
     Tolerance: error of L/I_e over the whole run, however long; orientation errs by that times the angle turned.
     Caveat: what lingers at a saddle amplifies errors after the check.
     Error per rotation over tolerance: at most 10; 2 measured.
-    Source: Blanes, Casas, Farrés, Laskar, Makazaga and Murua, Appl. Numer. Math. 68 (2013) 58.
+    Source: for one composition, Blanes, Casas, Farrés, Laskar, Makazaga and Murua, Appl. Numer. Math. 68 (2013) 58.
     """
 
     name = "splitting"

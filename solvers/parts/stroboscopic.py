@@ -8,7 +8,7 @@ import numpy as np
 
 from polhode.models.problem import Problem
 from polhode.solvers.contract import Outcome, Record, Status
-from polhode.solvers.parts.schemes import BEST, dop853
+from polhode.solvers.parts.schemes import ABA, dop853
 from polhode.solvers.parts.splitting import Split, Splitting
 from polhode.solvers.parts.strobe_kernels import NEAR, StrobeKernels, strobe_kernels
 
@@ -60,7 +60,7 @@ class Strobe:
 
     def __init__(self, problem: Problem, tolerance: float) -> None:
         self.split, self.tolerance = Split(problem, tolerance), tolerance
-        self.p, self.scheme, self.table = self.split.address, BEST.addresses[float], dop853()
+        self.p, self.scheme, self.table = self.split.address, ABA.addresses[float], dop853()
         # Machine code takes addresses in less time than arrays.
         self.nodes, self.inner = self.table.A.ctypes.data, 0
         # Either machine code is compiled beforehand if it is the one needed, and else where it turns out to be.

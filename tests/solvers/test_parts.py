@@ -29,7 +29,7 @@ from polhode.solvers.catalogue import SOLVERS, solver
 from polhode.solvers.contract import SolverNotValidError, Status
 from polhode.solvers.parts.kernels import Code, clock
 from polhode.solvers.parts.planning import ROUNDS
-from polhode.solvers.parts.schemes import SCHEMES, Scheme
+from polhode.solvers.parts.schemes import PARALLEL, SCHEMES, Scheme
 from polhode.solvers.parts.splitting import Split
 from polhode.solvers.parts.strobe_kernels import TERMS
 from polhode.solvers.parts.stroboscopic import MOST, Setting, Strobe
@@ -130,6 +130,24 @@ def test_a_scheme_is_a_quadrature_in_the_slow_part(scheme: Scheme):
         assert slow @ nodes**k == pytest.approx(1 / (k + 1), abs=5e-15)
 
 
+def test_chains_integrate_products_of_slow_flows():
+    """In the mean over the chains, their nodes and shares are a quadrature of the first order and of the second."""
+    stages, chains = PARALLEL.stages, PARALLEL.chains
+    first, numbers = (stages + 1) * chains, PARALLEL.numbers[float][1:]
+    fast, slow = numbers[:first].reshape(-1, chains), numbers[first : first + stages * chains].reshape(-1, chains)
+    weights = numbers[first + stages * chains :][:chains]
+    assert [weights.sum(), *fast.sum(axis=0), *slow.sum(axis=0)] == pytest.approx([1.0] * (1 + 2 * chains), abs=1e-15)
+    nodes = np.cumsum(fast, axis=0)[:-1]
+    powers = [slow * nodes**k for k in range(9)]
+    for k, each in enumerate(powers):
+        assert weights @ each.sum(axis=0) == pytest.approx(1 / (k + 1), abs=5e-12 if k < 6 else 1e-9)
+    for k in range(4):
+        for m in range(4 - k):
+            before, after = powers[k], powers[m]
+            pairs = np.sum((np.cumsum(before, axis=0) - 0.5 * before) * after, axis=0)
+            assert weights @ pairs == pytest.approx(1 / ((k + 1) * (k + m + 2)), abs=2e-9)
+
+
 def end_state(each: Problem, scheme: Scheme, steps: int) -> np.ndarray:
     rows = np.array([each.start, each.start])
     law = np.array([each.end / steps, 0.0, inf, 0.0, 0.0, inf, 0.0])
@@ -150,11 +168,12 @@ def end_state(each: Problem, scheme: Scheme, steps: int) -> np.ndarray:
         ("ABA(8,6,4)", 1e5, 3.0, 8, (3, 4, 5, 6)),
         # Here those quadratic in it.
         ("ABA(10,6,4)", 1e4, 6.0, 6, (8, 9, 10, 11)),
+        ("parallel", 20.0, 6.0, 4, (24, 32, 48)),
     ],
 )
 def test_order_at_fixed_steps(name: str, stokes: float, end: float, order: int, steps: tuple[int, ...]):
     each = problem(stokes, end)
-    scheme = next(scheme for scheme in SCHEMES if scheme.name == name)
+    scheme = next(scheme for scheme in (*SCHEMES, PARALLEL) if scheme.name == name)
     exact = solve(each, "taylor", TIGHT).states[-1]
     errors = [np.abs(end_state(each, scheme, n) - exact)[:3].max() for n in steps]
     assert -np.polyfit(np.log(steps), np.log(errors), 1)[0] == pytest.approx(order, abs=0.35)

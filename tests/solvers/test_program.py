@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from polhode.solvers.machine_code.lanes import width
-from polhode.solvers.machine_code.program import WIDE, Array, Program, Same, compare, compiled
+from polhode.solvers.machine_code.program import WIDE, Program, Same, compare, compiled
 from polhode.solvers.machine_code.tracing import OPERATIONS
 
 
@@ -78,12 +78,12 @@ def test_lanes_beside_each_other():
     """A number of each lane, and one for all of them."""
     program = Program("wide", "x factors out")
     x, factors, out = program.arguments
-    y = program.room(2, wide=True)
-    entries = Array(program, y.pointer)
+    y = program.room(2, width())
+    entries = y.of(1)
     lanes = float(width())
     with program.times(lanes) as k:
         entries[k] = x[k]
-    y[1] = WIDE.expm1(Same(program, factors.pointer)[1] * y[0])
+    y[1] = WIDE.expm1(Same(factors, width())[1] * y[0])
     with program.times(2 * lanes) as k:
         out[k] = entries[k]
     (function,) = compiled(program)
