@@ -21,6 +21,7 @@ from polhode.models.hybrid.form import Hybrid
 from polhode.models.observables import Observables
 from polhode.models.scene import BodyStart, Scene
 from polhode.models.second_order import swing, tables
+from polhode.models.second_order.extent import squares_for, squares_of
 from polhode.models.second_order.outline import outline
 from polhode.models.second_order.path import path_of
 from polhode.models.shape import Ellipsoid
@@ -187,11 +188,12 @@ def _prepared(ellipsoid: Ellipsoid) -> tuple[float, float]:
         return 0.0, 0.0
 
     def read() -> float:
-        for kept in (tables.table, swing.series_for):
+        for kept in (tables.table, swing.series_for, squares_for):
             kept.cache_clear()
         began = process_time()
         for longest in (False, True):
             tables.table(ellipsoid, longest)
+            squares_for(ellipsoid, longest)
             swing.series_for(ellipsoid, longest)
         return process_time() - began
 
@@ -199,7 +201,7 @@ def _prepared(ellipsoid: Ellipsoid) -> tuple[float, float]:
     began = process_time()
     for side in (tables.side_of(ellipsoid, longest) for longest in (False, True)):
         tables.made(side)
-        swing.series_of(side)
+        squares_of(swing.series_of(side))
     return process_time() - began, read()
 
 

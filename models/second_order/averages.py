@@ -14,7 +14,6 @@ L⊥        n×(r₁S_n + r₂W_n)          [p₁S_n⊥ + p₂W_n + n×(p₃S_n 
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -33,25 +32,22 @@ _TURNS = np.array([[[2, -1, 2], [2, 2, -1], [-1, 2, 2]], [[6, 2, 3], [-3, 6, 2],
     [[[3]], [[7]]]
 )
 EVERY_FRAME, SIZES = np.repeat(_TURNS, 2, axis=0), np.tile([1.0, 2.0], len(_TURNS))
-# 1/St at which the size of the generator is taken, lest single resonances make it.
-AWAY = 1e-2
 # Modes (-k₁, k₂), k₂ = 1, 2, 3 and k₁ up to this, whose strength is kept.
 MODES = 24
 
 
-def averages(side: SidedBody, y: Array) -> tuple[dict[str, Array], float, Array, Array]:
+def averages(side: SidedBody, y: Array) -> tuple[dict[str, Array], float, Array]:
     """Coefficients by name, each shape (m,), at y, shape (m,), and the largest relative residual of their fit.
 
     Beside them the strength of modes in L', shape (m, k₁, k₂, 3), the largest of several orientations of L: at l = 0,
-    what it gains per l, and that of all modes at l = 1. Last the size of the generator, shape (m, 2), largest over
-    phases and orientations, as change of L over l and turn of R: its part in 1/l² and that in 1/l.
+    what it gains per l, and that of all modes at l = 1.
     """
     counts, found = phases(side, y), {}
     for count in np.unique(counts).tolist():
         here = np.flatnonzero(counts == count)
         found |= dict(zip(here.tolist(), _at(side, y[here], count), strict=True))
-    numbers, residuals, strengths, swings = zip(*(found[i] for i in range(len(y))), strict=True)
-    return dict(zip(NAMES, np.array(numbers).T, strict=True)), max(residuals), np.array(strengths), np.array(swings)
+    numbers, residuals, strengths = zip(*(found[i] for i in range(len(y))), strict=True)
+    return dict(zip(NAMES, np.array(numbers).T, strict=True)), max(residuals), np.array(strengths)
 
 
 def phases(side: SidedBody, y: Array) -> Array:
@@ -63,19 +59,19 @@ def phases(side: SidedBody, y: Array) -> Array:
     return LEAST_PHASES + STEP_OF_PHASES * np.ceil(np.maximum(needed - LEAST_PHASES, 0) / STEP_OF_PHASES).astype(int)
 
 
-def _at(side: SidedBody, levels: Array, count: int) -> Iterator[tuple[list[float], float, Array, Array]]:
+def _at(side: SidedBody, levels: Array, count: int) -> Iterator[tuple[list[float], float, Array]]:
     """What is found at each of several levels, with so many polhode phases."""
     poses, m = len(SIZES), len(levels)
     size, frames, zero = np.tile(SIZES, m), np.tile(EVERY_FRAME, (m, 1, 1)), np.zeros(m * poses)
     polhode = Polhodes(side, np.repeat(levels, poses), zero, count)
     torus = Torus(polhode, size, zero, frames[:, 0], frames[:, 1])
-    mean, second, swings = np.real(torus.spectrum[:, 0, 0]), second_order(torus), _swings(torus)
+    mean, second = np.real(torus.spectrum[:, 0, 0]), second_order(torus)
     strengths = np.linalg.norm(torus.spectrum[..., :3], axis=-1)
     for i in range(m):
         own = slice(poses * i, poses * (i + 1))
         numbers, residual = _coefficients(mean[own], second[own])
         numbers += [float(polhode.rate[own][0]), float(polhode.precession[own][0])]
-        yield numbers, residual, _strengths(strengths[own]), _swing(swings[own])
+        yield numbers, residual, _strengths(strengths[own])
 
 
 def _coefficients(mean: Array, second: Array) -> tuple[list[float], float]:
@@ -92,22 +88,6 @@ def _coefficients(mean: Array, second: Array) -> tuple[list[float], float]:
     parts = [((s, s * w), second[:, 2]), ((s * over, s * w * over), second[:, 3])]
     higher, right = fitted([*parts, ([*across, *steep], second[:, :2])])
     return [*first, *higher], max(left, right)
-
-
-def _swings(torus: Torus) -> Array:
-    """Size of the generator in each pose: change of L over l and turn of R."""
-    away = replace(torus, torque_factor=AWAY)
-    # None of these depends on St.
-    vars(away).update(rotation=torus.rotation, spectrum=torus.spectrum, turn_beside=torus.turn_beside)
-    change, turn = away.ambient
-    relative = np.linalg.norm(change, axis=-1) / torus.size[:, None, None] + np.linalg.norm(turn, axis=-1)
-    return relative.max(axis=(1, 2))
-
-
-def _swing(sizes: Array) -> Array:
-    one, two = (float(sizes[i::2].max()) for i in (0, 1))
-    drag = min(max(4 * two - one, 0.0), one)
-    return np.array([one - drag, drag])
 
 
 def _strengths(spectrum: Array) -> Array:

@@ -97,7 +97,7 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
     held = np.where(sound, second * smaller, 0) * np.gradient(times) * weight
     late = np.exp(min(FADING * min(scene.ellipsoid.damping), LONG_AGO / times[-1]) * times)
     # Where the phase is wrong, the swing is put back wrongly.
-    swung = np.where(sound, swing * path.scale, 0)
+    swung = np.where(sound & (local <= share), swing * path.scale, 0)
     level = most = held.max()
     while True:
         errors = np.cumsum(late * np.where(held <= level, held, 0)) / late
@@ -176,14 +176,13 @@ def _stretches(
     path: Path, why: Array, reasons: list[str], drifting: Array, passing: Array, lag: Array, weight: Array
 ) -> Iterator[Stretch]:
     """Stretches of the run; those by second order last a while, unless it is the whole run."""
-    times, turn = path.times, 2 * pi * path.torque_factor * max(path.ellipsoid.inertia)
+    times, turns = path.times, path.summed(path.speed) / (2 * pi * path.torque_factor)
     # Windows reach from a sound point to a sound point.
     between = np.where(why[:-1] > 0, why[:-1], why[1:])
     changes = (np.flatnonzero(np.diff(between > 0)) + 1).tolist()
     found: list[tuple[int, int]] = []
     for first, last in pairwise([0, *changes, len(between)]):
-        turns = (times[last] - times[first]) * path.size[first] / turn
-        if found and (between[first] or turns < TURNS) and between[found[-1][0]]:
+        if found and (between[first] or turns[last] - turns[first] < TURNS) and between[found[-1][0]]:
             found[-1] = found[-1][0], last
         else:
             found.append((first, last))

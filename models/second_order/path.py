@@ -13,6 +13,7 @@ from polhode.models.forms.spheroid import Spheroid
 from polhode.models.registry import imported
 from polhode.models.scene import Scene
 from polhode.models.second_order import spheroid as spheroidal, tables
+from polhode.models.second_order.extent import extent
 from polhode.models.second_order.swing import modes_at, series_for
 from polhode.models.shape import Ellipsoid
 
@@ -141,7 +142,8 @@ class Path:
             orders[:, here] = spheroidal.orders(Spheroid.of(self.ellipsoid), self.torque_factor, self.slow[here])
         unit = max(self.ellipsoid.inertia)
         for longest, here, found in self._sides:
-            swing[here] = tables.swing(found, unit * self.size[here], self.a2[here]) * self.torque_factor
+            size = extent(self.ellipsoid, longest, self.slow[here, :3], self.a2[here])
+            swing[here] = size * self.torque_factor
             steep = np.exp(-self.a2[here]) * self.a2[here] * _range(self.ellipsoid, longest)[1]
             second[here] = tables.second(found, unit, self.slow[here] / unit, self.a2[here], steep) * self.torque_factor
         return orders

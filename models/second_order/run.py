@@ -41,6 +41,8 @@ class Entry:
 
     def observe(self, states: Array) -> Observables:
         """Observables with the complete rotation of states, shape (n, 9): fast phases and O(1/St) swing put back."""
+        if not len(states):
+            return Observables(np.empty((0, 3)), np.empty(0), np.empty((0, 3, 3)))
         pieces = [self._exact(states[i : i + CHUNK]) for i in range(0, len(states), CHUNK)]
         momentum, rotation = (np.concatenate(each) for each in zip(*pieces, strict=True))
         rotation = np.swapaxes(rotation @ self.side.axes, 1, 2)

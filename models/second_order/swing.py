@@ -29,7 +29,7 @@ VERSION = 3
 # Chebyshev nodes in a up to that of the tables' end, polhode phases at them, Fourier terms kept.
 NODES, PHASES, TERMS = 40, 96, 25
 _ANGLES = pi * (NODES - 0.5 - np.arange(NODES)) / NODES
-_DEPTHS = 0.5 * sqrt(MOST) * (1 + np.cos(_ANGLES))
+DEPTHS = 0.5 * sqrt(MOST) * (1 + np.cos(_ANGLES))
 _E, _Z = np.array([1, -1j, 0]), np.array([0, 0, 1])
 _LEVEL, _TURN = np.diag([0.5, 0.5, -1]), np.array([[0, 0.5, 0], [-0.5, 0, 0], [0, 0, 0]])
 BASIS = np.array([np.outer(_E, _E), np.outer(_E, _Z), np.outer(_Z, _E), _LEVEL, _TURN])
@@ -92,7 +92,12 @@ class Place:
 
     def swing(self, q: Array, size: Array, torque_factor: float) -> tuple[Array, Array]:
         """What the transformation adds in frames Q, shape (m, 3, 3), at |L|: changes of L and turns of R in space."""
-        series, m, c = self.series, len(size), coefficients(q, size)
+        added = q @ self.moved(coefficients(q, size), size, torque_factor)
+        return added[..., 0], added[..., 1]
+
+    def moved(self, c: Array, size: Array, torque_factor: float) -> Array:
+        """The same in the frame of L, shape (m, 3, 2), of the tensors' c."""
+        series, m = self.series, len(size)
         terms = series.needed(float(self.a2.max()) ** 0.5, FAINT / torque_factor)
         found = (self._levels @ series.rates[:, : len(RATE) * terms]).reshape(m, terms, -1)
         nu = self._levels @ series.frequencies
@@ -127,8 +132,7 @@ class Place:
         x, y = x - z1 * least, y - z2 * least
         changes = across.real, across.imag, u_l / size
         turns = (y / size - across.imag) / size, (across.real - x / size) / size, u_b / size**2
-        added = q @ (torque_factor * np.array([changes, turns])).reshape(2, 3, m).T
-        return added[..., 0], added[..., 1]
+        return (torque_factor * np.array([changes, turns])).reshape(2, 3, m).T
 
     @cached_property
     def _levels(self) -> Array:
@@ -153,13 +157,13 @@ class Series:
 
     def needed(self, a: float, faint: float) -> int:
         """Terms that matter up to a, fainter ones left out."""
-        return _needed(self, min(MOST_FAINT, max(LEAST_FAINT, faint)))[min(NODES - 1, bisect_left(_DEPTHS, a))]
+        return _needed(self, min(MOST_FAINT, max(LEAST_FAINT, faint)))[min(NODES - 1, bisect_left(DEPTHS, a))]
 
 
 @lru_cache(maxsize=64)
 def _needed(series: Series, faint: float) -> list[int]:
     """Of the rates, terms that matter at each node's a."""
-    sizes = np.abs(_levels(_DEPTHS**2) @ series.rates).reshape(NODES, TERMS, -1).max(axis=2)
+    sizes = np.abs(_levels(DEPTHS**2) @ series.rates).reshape(NODES, TERMS, -1).max(axis=2)
     return [int(np.flatnonzero(row > faint * row.max())[-1]) + 1 for row in sizes]
 
 
@@ -216,10 +220,10 @@ def frame(n: Array, first: Array, turn: Array) -> Array:
     return np.array([(cos * first + sin * second).T, (cos * second - sin * first).T, n.T]).T
 
 
-def frame_of(momentum: Array) -> Array:
-    """Frames Q of L alone, shape (m, 3, 3)."""
+def frame_of(momentum: Array, turn: float = 0.0) -> Array:
+    """Frames Q of L alone, shape (m, 3, 3), turned about it."""
     n = momentum / np.linalg.norm(momentum, axis=1)[:, None]
-    return frame(n, np.eye(3)[np.argmin(np.abs(n), axis=1)], np.zeros(1))
+    return frame(n, np.eye(3)[np.argmin(np.abs(n), axis=1)], np.array([turn]))
 
 
 def modes_at(series: "Series", momentum: Array, a2: Array, k1: Array, k2: Array) -> tuple[Array, Array, Array]:
@@ -259,7 +263,7 @@ def series_for(ellipsoid: Ellipsoid, longest: bool) -> Series:
 
 def series_of(side: SidedBody) -> Series:
     """The series of a side."""
-    a = _DEPTHS
+    a = DEPTHS
     p = Polhodes(side, np.log(np.expm1(a * a)), np.zeros(NODES), PHASES)
     z, dz, yz = p.z, p.along, p.beside.z
     least = least_rotation(z)

@@ -17,7 +17,7 @@ from polhode.models.shape import Ellipsoid
 Array = np.ndarray
 
 # Changes whenever the numbers of a table do.
-VERSION = 1
+VERSION = 2
 # Tables reach from a² = 0 to here: 1 - x = 0.0025.
 MOST = 6.0
 POINTS = 0.5 * MOST * (1 + np.cos(pi * (np.arange(NODES) + 0.5) / NODES))
@@ -43,7 +43,6 @@ class Table:
     series: Array  # Chebyshev coefficients, a row per function, in the order of `NAMES`; y' as (a²)'/a²
     poles: Array  # a row per pole: its a², dD/da² over l, residues of second and of first order of the functions
     resonances: Array  # a row per resonance: k₁, k₂, a², dD/da² over l, |P_k| of L' at l = 0 and its gain per l
-    swing: Array  # size of the generator over l at the Chebyshev points, shape (NODES, 2): its parts in 1/l² and in 1/l
     residual: float  # relative misfit of the closed structure, largest over the nodes
 
     @cached_property
@@ -69,23 +68,21 @@ def table(ellipsoid: Ellipsoid, longest: bool) -> Table:
     numbers = kept.load(key)
     if numbers is None:
         found = made(side_of(ellipsoid, longest))
-        arrays = found.series, found.poles, found.swing, found.resonances
+        arrays = found.series, found.poles, found.resonances
         kept.save(key, np.concatenate([[found.residual], *(each.ravel() for each in arrays)]))
         return found
-    residual, *parts = np.split(numbers, np.cumsum([1, len(NAMES) * NODES, POLES * POLE, 2 * NODES]))
-    series, poles, swing, resonances = (each.reshape(-1, n) for each, n in zip(parts, (NODES, POLE, 2, 6), strict=True))
-    return Table(series, poles, resonances, swing, float(residual[0]))
+    residual, *parts = np.split(numbers, np.cumsum([1, len(NAMES) * NODES, POLES * POLE]))
+    series, poles, resonances = (each.reshape(-1, n) for each, n in zip(parts, (NODES, POLE, 6), strict=True))
+    return Table(series, poles, resonances, float(residual[0]))
 
 
 def made(side: SidedBody) -> Table:
     """The table of a side, not kept."""
     points = POINTS
-    found, residual, strengths, swing = averages(side, level(points))
+    found, residual, strengths = averages(side, level(points))
     for name in ("g0", "g2", "b1", "b2"):
         found[name] = found[name] * per_square(points)
     series = series_of(np.stack([found[name] for name in NAMES]))
-    padded = np.concatenate([swing[:1], swing, swing[-1:]])
-    swing = np.median([padded[:-2], swing, padded[2:]], axis=0)
     resonances = _resonances(series[-2:], points, strengths)
     poles = _poles(side, resonances)
     first, count = NAMES.index(SECOND[0]), len(SECOND)
@@ -103,7 +100,7 @@ def made(side: SidedBody) -> Table:
     largest = poles[np.argsort(-np.abs(poles[:, 2:]).max(axis=1, initial=0))][:POLES]
     chosen[: len(largest)] = largest
     inside = (resonances[:, 2] > 0) & (resonances[:, 2] < MOST)
-    return Table(series, chosen, resonances[inside], swing, residual)
+    return Table(series, chosen, resonances[inside], residual)
 
 
 def _resonances(rates: Array, points: Array, strengths: Array) -> Array:
@@ -199,12 +196,6 @@ def series_of(values: Array) -> Array:
     series = 2 / nodes * values @ np.cos(np.outer(angles, np.arange(nodes)))
     series[:, 0] /= 2
     return series
-
-
-def swing(found: Table, size: Array, a2: Array) -> Array:
-    """Size of the generator at |L| and a²."""
-    flow, drag = (np.interp(a2, POINTS[::-1], row[::-1]) for row in found.swing.T)
-    return flow / size**2 + drag / size
 
 
 def second(found: Table, unit: float, slow: Array, a2: Array, steep: Array) -> Array:

@@ -14,7 +14,6 @@ from math import pi
 
 import numpy as np
 
-from polhode.models.second_order.field import regular
 from polhode.models.second_order.polhodes import Polhodes, SidedBody
 
 Array = np.ndarray
@@ -35,7 +34,6 @@ class Torus:
     precession: Array  # β of the states, shape (m,)
     flow: Array  # the flow's directions x and y in the frame of L, shape (m, 3) each
     gradient: Array
-    torque_factor: float = 0.0  # 1/St, which says where a mode is too near its resonance to be averaged
 
     @cached_property
     def rotation(self) -> Array:
@@ -82,21 +80,17 @@ class Torus:
 
     @cached_property
     def inverses(self) -> tuple[Array, Array]:
-        """1/D² and 1/D of D = k₁ν₁ + k₂ν₂, shape (m, a, b) each, as `regular` within √(|dD/dt|/St) of resonances.
+        """1/D² and 1/D of D = k₁ν₁ + k₂ν₂, shape (m, a, b) each.
 
         Zero for the mean, for Nyquist modes and for k₁ + k₂ odd.
         """
         p, nodes = self.polhode, self.polhode.nodes
         k1 = np.fft.fftfreq(nodes, 1 / nodes)[:, None]
         k2 = np.fft.fftfreq(PRECESSIONS, 1 / PRECESSIONS)
-        divisor, change = (
-            k1 * one[:, None, None] + k2 * other[:, None, None]
-            for one, other in ((p.rate, p.precession), (p.beside.rate, p.beside.precession))
-        )
-        rise = np.real(self.spectrum[:, 0, 0, 3]) / self.size
+        divisor = k1 * p.rate[:, None, None] + k2 * p.precession[:, None, None]
         left_out = ((k1 + k2) % 2 != 0) | (k1 == -(nodes // 2)) | (k2 == -(PRECESSIONS // 2)) | ((k1 == 0) & (k2 == 0))
-        twice, once = regular(divisor, self.torque_factor * rise[:, None, None] * change)
-        return np.where(left_out, 0, twice), np.where(left_out, 0, once)
+        once = np.where(left_out, 0, 1 / np.where(left_out, 1, divisor))
+        return once**2, once
 
     @cached_property
     def spectrum(self) -> Array:

@@ -6,6 +6,7 @@ from scipy.integrate import simpson
 
 from polhode.models.second_order import swing as swing_module, tables
 from polhode.models.second_order.averages import phases
+from polhode.models.second_order.extent import extent
 from polhode.models.second_order.polhodes import Polhodes
 from polhode.models.second_order.swing import Place, frame, frame_of, modes_at, series_for, tails
 from polhode.models.second_order.torus import Torus
@@ -64,6 +65,21 @@ def test_modes_are_those_of_the_torus(longest: bool):
     assert np.abs(strength / np.linalg.norm(spectrum[:, :3], axis=1) - 1).max() < 1e-6
     for found, exact in ((along, spectrum[:, 2]), (rise, spectrum[:, 3])):
         assert np.abs(found - exact.conj()).max() < 1e-7 * np.abs(exact).max()
+
+
+@pytest.mark.parametrize("longest", [True, False])
+def test_the_size_is_the_root_mean_square_over_the_torus(longest: bool):
+    body, draw = Ellipsoid((1.0, 0.8, 0.5)), np.random.default_rng(7)
+    # Away from resonances.
+    least, most = (0.6, 1.1) if longest else (0.1, 0.6)
+    series, a2 = series_for(body, longest), np.tile(draw.uniform(least, most, MANY), 2)
+    # L at random, and along the vorticity, where single tensors are left.
+    momentum = np.concatenate([draw.normal(size=(MANY, 3)), -0.5 * np.eye(3)[[2] * MANY]])
+    size, q, zero = np.linalg.norm(momentum, axis=1), frame_of(momentum), np.zeros(2 * MANY)
+    polhode = Polhodes(series.side, tables.level(a2), zero, 48)
+    change, turn = Torus(polhode, size, zero, q[:, 0], q[:, 1]).ambient
+    square = np.sum((change / size[:, None, None, None]) ** 2 + turn**2, axis=-1).mean(axis=(1, 2))
+    assert extent(body, longest, momentum, a2) == pytest.approx(np.sqrt(2 * square), rel=0.05)
 
 
 def test_series_go_on_smoothly_where_a_run_steps_beyond_their_end():

@@ -282,6 +282,13 @@ def test_the_size_of_second_order_is_that_of_the_rates_of_the_field(axes, spin):
     assert path.second[0] == pytest.approx(expected, rel=0.02)
 
 
+@pytest.mark.parametrize("axes", [PAPER.semi_axes, (1, 1, 2)])
+def test_no_rows_have_no_observables(axes):
+    scene = Scene(Ellipsoid(axes), 1e6, BodyStart(POSE, (0.6, 0.5, 0.5)), 1e3)
+    found = form(NAME).observe(scene, np.empty((0, len(form(NAME).problem(scene).start))))
+    assert (found.slow.shape, found.rotation.shape) == ((0, 4), (0, 3, 3))
+
+
 def test_windows_narrow_with_the_error_allowed_and_meet():
     scene, widths = Scene(PAPER, 1e6, BodyStart(POSE, (0.6, 0.5, 0.5)), 1e5), []
     for budget in (1e-4, 1e-7, 1e-8):

@@ -1,0 +1,66 @@
+"""How large the near-identity transformation of a triaxial ellipsoid is, over the torus, per shape and side.
+
+It is linear in the coefficients c of `polhode.models.second_order.swing`: the mean of its square is a quadratic form in
+them, whose matrix depends on a alone.
+"""
+
+from functools import lru_cache
+from math import pi
+
+import numpy as np
+
+from polhode.models.files import kept
+from polhode.models.second_order import swing
+from polhode.models.second_order.swing import DEPTHS as EVERY, Place, coefficients, frame_of, series_for
+from polhode.models.shape import Ellipsoid
+
+Array = np.ndarray
+
+# Changes whenever the numbers do, beside those of the series.
+VERSION = 1
+# The values of a.
+DEPTHS = EVERY[::2]
+# All c that are 1, then those of k > 0 that are i.
+UNITS = np.concatenate([np.eye(6), 1j * np.eye(6)[:3]])
+# Turns about L and polhode phases that means are taken over: the former are exact.
+TURNS, PHASES = pi / 4 * np.arange(8), pi / 4 * (np.arange(4) + 0.25)
+# 1/St at which they are taken.
+SLIGHT = 1e-12
+
+
+def extent(ellipsoid: Ellipsoid, longest: bool, momentum: Array, a2: Array) -> Array:
+    """Size of the transformation times St at each L, shape (m, 3), and a²: √2 times the root mean square."""
+    size, a = np.linalg.norm(momentum, axis=1), np.sqrt(a2)
+    at = np.clip(np.searchsorted(DEPTHS, a), 1, len(DEPTHS) - 1)
+    share = np.clip((a - DEPTHS[at - 1]) / (DEPTHS[at] - DEPTHS[at - 1]), 0, 1)[:, None, None]
+    squares, total = squares_for(ellipsoid, longest), np.zeros(len(a))
+    squares = (1 - share) * squares[at - 1] + share * squares[at]
+    for turn in TURNS:
+        c = coefficients(frame_of(momentum, turn), size)
+        c = np.concatenate([np.real(c), np.imag(c[:, :3])], axis=1)
+        total += np.einsum("mi,mij,mj->m", c, squares, c)
+    return np.sqrt(2 * total / len(TURNS)) / size**2
+
+
+@lru_cache(maxsize=64)
+def squares_for(ellipsoid: Ellipsoid, longest: bool) -> Array:
+    """The matrices at the nodes of the series, at |L| = 1; kept on disk."""
+    key = f"extent of the swing {VERSION} {swing.VERSION} {ellipsoid.scaled_axes} {longest}"
+    found = kept.load(key)
+    if found is None:
+        kept.save(key, found := squares_of(series_for(ellipsoid, longest)))
+    return found.reshape(len(DEPTHS), len(UNITS), len(UNITS))
+
+
+def squares_of(series: swing.Series) -> Array:
+    """The same from the series of a side, single resonances left out."""
+    a2, alpha = (np.repeat(each.ravel(), len(UNITS)) for each in np.meshgrid(DEPTHS**2, PHASES, indexing="ij"))
+    place = Place(series, a2, alpha, series.side.normal(-np.expm1(-a2), np.exp(-a2), alpha))
+    units = np.tile(UNITS, (len(DEPTHS) * len(PHASES), 1))
+    moved = place.moved(units, np.ones(len(a2)), SLIGHT) / SLIGHT
+    moved = moved.reshape(len(DEPTHS), len(PHASES), len(UNITS), -1)
+    squares = np.einsum("napk,naqk->npq", moved, moved) / len(PHASES)
+    sizes = np.trace(squares, axis1=1, axis2=2)
+    padded = np.concatenate([sizes[:1], sizes, sizes[-1:]])
+    usual = np.median([padded[:-2], sizes, padded[2:]], axis=0)
+    return squares * np.minimum(1, usual / sizes)[:, None, None]
