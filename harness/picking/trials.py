@@ -34,7 +34,7 @@ LOOSEST, TIGHTEST = 1e-3, 1e-15
 BEYOND = 1e3
 # Seconds that a run may be expected to take to be tried, or its share of the quickest one expected, up to a limit; ways
 # that are, tolerances of each, and how many times as long a yardstick may take.
-MOST_SECONDS, TENTH, PATIENT, WAYS, TOLERANCES, YARDSTICK = 0.02, 0.1, 0.2, 4, 4, 2.0
+MOST_SECONDS, TENTH, PATIENT, WAYS, TOLERANCES, YARDSTICK = 0.02, 0.1, 0.1, 4, 4, 2.0
 # Shares of what the solver may err by: what the yardstick may be off by, what a trial may make, and what its next
 # tolerance aims at, which is worth another run if it is looser by the factor, and is at most so far from the last one.
 # Where no law promises that, another yardstick will do, by a method that steps and rounds like no other, if a trial is
@@ -144,9 +144,10 @@ def with_trials(candidates: Sequence[Candidate], want: str) -> list[Way | Refusa
         if candidate.doubtful:
             candidate = replace(candidate, budget=candidate.asked, model=None)
         if hope.form not in poor and (yardstick := _yardstick(candidate, candidates, limit)):
-            others = _quickest([*found[:place], *found[place + 1 :]])
-            shown = _tried(candidate, hope.tolerance, found[place], yardstick, want, others)
-            tried, found[place] = tried + 1, shown or found[place]
+            tried, shown, others = tried + 1, None, _quickest([*found[:place], *found[place + 1 :]])
+            with suppress(PilotFailedError):
+                shown = _tried(candidate, hope.tolerance, found[place], yardstick, want, others)
+            found[place] = shown or found[place]
             if not isinstance(shown, Way) and (candidate.form.averaged or isinstance(candidate.form, InPieces)):
                 poor.add(hope.form)
     return found
@@ -205,7 +206,8 @@ def _tried(
         unsure = UNSURE * candidate.budget if yardstick.met == MET else candidate.budget - made
         own = Interval(made, max(0.0, made - unsure), made + unsure)
         return candidate.way(best, own, f"a trial run errs by {scientific(made)}", counted)
-    if isinstance(expected, Way) and missed <= expected.tolerance and candidate.budget < least < inf:
+    sure = yardstick.met == MET and candidate.budget < least < inf
+    if sure and isinstance(expected, Way) and missed <= expected.tolerance:
         why = f"a trial run at {scientific(missed)} errs by {scientific(least)}"
         return Refusal(expected.form, expected.solver, why, Stage.ERROR)
     return None
