@@ -24,8 +24,9 @@ MISSED, MET = 0.5, 1.1
 RATIO = 3.0
 EXPONENTS = (0.5, 2.2)
 OFF, FACTOR = 0.15, 2.0
-# What a form says of its own error, over the true one: at most and at least.
-OVERSTATED, UNDERSTATED = 10.0, 1.3
+# What a form says of its own error, over the true one, in nine of ten scenes at most, and the true one over it: of 80
+# random scenes 79 stay below, and 97.5 % below 0.85.
+OVERSTATED, UNDERSTATED = 30.0, 1.0
 # What makes averaging poor: L gets so small a share of its largest size, or L²/2EI₂ so close to 1.
 PINCHED, NEAR = 0.1, 0.03
 
