@@ -61,7 +61,7 @@ def bench(wanted: Wanted, problems: bool, page_only: bool) -> None:
 
 def _problems(wanted: Wanted) -> None:
     from polhode.harness.pages.problems import write_page
-    from polhode.harness.problems import run_problems
+    from polhode.harness.work_precision import run_problems
 
     if wanted.study_file or wanted.filters["forms"] or wanted.filters["tags"]:
         raise BadInput("--problems: got a study, --form or --tag, expected --scene and --solver at most")

@@ -8,7 +8,7 @@ from commandline import Run
 
 from polhode.harness.common.store import Store
 from polhode.harness.common.worker import KilledFromOutsideError
-from polhode.harness.problems import measured, run_problems
+from polhode.harness.work_precision import measured, run_problems
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def test_what_is_in_the_store_is_not_run_again(folder: Path, monkeypatch: pytest
             ("robertson-dae", "ida"),
         }
         assert len(rows) == 9
-        monkeypatch.setattr("polhode.harness.problems.Worker.run", None)
+        monkeypatch.setattr("polhode.harness.work_precision.Worker.run", None)
         assert run_problems(store, *wanted, quick=True, quiet=True) == rows
 
 
