@@ -28,8 +28,8 @@ class MachineCode:
         return made
 
 
-def compile_file(path: Path, **fields: Any) -> MachineCode:
-    """Compile a file of LLVM's language that defines the function; fields stand in it as ``$name``.
+def compile_file(path: Path, functions: Any = None, **fields: Any) -> MachineCode:
+    """Compile a file of LLVM's language that defines the function; fields, or a library's `functions`, are ``$name``.
 
     Lines from ``; for each name`` to ``; end`` stand in it as often as that field says, each time with its own ``{i}``.
     """
@@ -38,7 +38,7 @@ def compile_file(path: Path, **fields: Any) -> MachineCode:
         return "".join(block[2].replace("{i}", str(i)) for i in range(fields[block[1]]))
 
     text = re.sub(r"(?ms)^; for each (\w+)\n(.*?)^; end\n", repeated, path.read_text(encoding="utf-8"))
-    engine = compile_text(Template(text).substitute(fields))
+    engine = compile_text(Template(text).substitute(functions or {}, **fields))
     return MachineCode(engine.get_function_address("function"), engine)
 
 

@@ -24,9 +24,6 @@ from polhode.solvers.sundials.library import FAILURES, TOO_MUCH_WORK, Sundials, 
 
 # Steps between two looks at deadline and Ctrl-C: a tenth of a second at most.
 CHUNK = 20_000
-# What `rows.ll` calls, whichever the library.
-_CALLED = ("GetNumSteps", "GetCurrentTime", "SetMaxNumSteps", "N_VSetArrayPointer")
-_CALLED += ("GetNumErrTestFails", "GetNumStepSolveFails", "GetNumJacEvals", "GetNumLinSolvSetups")
 # IDA's "IDA_YA_YDP_INIT" and how far beyond the start it looks, as scikit-sundae has it.
 _ALGEBRAIC, _BEYOND = 1, 0.01
 
@@ -151,8 +148,7 @@ def _callback(library: Sundials, what: str, factory: Factory, dimension: int, pa
     traced = trace if what == "field" else trace_jacobian
     lines = traced(factory, dimension, parameters, mass=library.prefix == "IDA")
     file = Path(__file__).with_name(f"{library.prefix.lower()}_{what}.ll")
-    calls = {name: library.address(name) for name in ("N_VGetArrayPointer", "SUNDenseMatrix_Data")}
-    return compile_file(file, lines=lines, parameters=parameters, **calls)
+    return compile_file(file, library, lines=lines, parameters=parameters)
 
 
 @cache
@@ -160,8 +156,8 @@ def _loop(library: Sundials) -> Callable[..., int]:
     """Fill rows ``first <= i < count`` in at most `most` steps since the start; the first row not filled."""
     implicit = library.prefix == "IDA"
     solve, kind = ("Solve", "Res") if implicit else ("", "Rhs")
-    names = {"solve": solve, "evaluations": f"GetNum{kind}Evals", "differences": f"GetNumLin{kind}Evals"}
-    calls = {field: library.address(name) for field, name in (names | {each: each for each in _CALLED}).items()}
+    fields = {"solve": library[solve], "too_much_work": TOO_MUCH_WORK}
+    fields |= {"evaluations": library[f"GetNum{kind}Evals"], "differences": library[f"GetNumLin{kind}Evals"]}
     arguments = "ptr %now_at, ptr %y, ptr %slope" if implicit else "ptr %y, ptr %now_at"
-    code = compile_file(Path(__file__).with_name("rows.ll"), **calls, arguments=arguments, too_much_work=TOO_MUCH_WORK)
+    code = compile_file(Path(__file__).with_name("rows.ll"), library, arguments=arguments, **fields)
     return code.function(ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 6, *[ctypes.c_int64] * 4))

@@ -51,7 +51,7 @@ class Sundials:
         shared = name.startswith(("SUN", "N_V"))
         return getattr(self._functions, name if shared else self.prefix + name)
 
-    def address(self, name: str) -> str:
+    def __getitem__(self, name: str) -> str:
         """A function's address as LLVM's language has it."""
         return f"inttoptr (i64 {ctypes.cast(self.function(name), ctypes.c_void_p).value} to ptr)"
 
