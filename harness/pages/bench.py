@@ -18,7 +18,7 @@ from polhode.harness.analysis.pareto import (
 from polhode.harness.common.store import Record, export
 from polhode.harness.common.text import duration, markdown, short
 from polhode.harness.pages.figures.work_precision import profile_lines, save, work_precision_panels
-from polhode.harness.pages.tables import lines_of, table, write
+from polhode.harness.pages.tables import fill, lines_of, table, write
 from polhode.harness.references.uncertainty import least_known, uncertainty_of
 from polhode.harness.studies.study import Study
 
@@ -113,19 +113,8 @@ def _winner(runs: pd.DataFrame, target: float, error: str) -> str:
 
 def when_averaged_wins(records: pd.DataFrame, target: float) -> str | None:
     """At which of the St measured an averaged form is the cheapest, in words; None if it is not at the largest."""
-    start = averaged_wins_from(records, target)
-    if start is None:
-        return None
-    numbers = [stokes for stokes, _ in by_stokes(records)]
-    onwards = f"from St = {short(start)} on" if start < numbers[-1] else f"at St = {short(start)}"
-    if len(numbers) == 1:
-        return f"{onwards}, the only one measured"
-    if start == numbers[0]:
-        return f"{onwards}, the smallest measured"
-    before = numbers[numbers.index(start) - 1]
-    if start > GAP * before:
-        return f"{onwards}, not at {short(before)} (no St between measured)"
-    return onwards if start < numbers[-1] else f"{onwards}, the largest measured"
+    start, numbers = averaged_wins_from(records, target), [stokes for stokes, _ in by_stokes(records)]
+    return None if start is None else fill("bench-from", start=start, numbers=numbers, gap=GAP)
 
 
 def verdict(records: pd.DataFrame, targets: Sequence[float] = TARGETS) -> list[str]:

@@ -83,7 +83,7 @@ def _splitting(table: pd.DataFrame) -> tuple[list[list[str]], list[bool]]:
 
 def _stroboscopic(study: Study, table: pd.DataFrame, folder: Path) -> list[str]:
     """What averaging takes for tight errors of both kinds, and over how long a run."""
-    slow, orientation, asked = REACHED
+    slow, orientation, _ = REACHED
     runs = where(table, (table["scene_name"] == "spheroid") & (table["stokes"] == STOKES))
     done = where(runs, runs["seconds"].notna() & (runs["status"] == "reached_end"))
     good = where(done, (done["slow_error"] <= slow) & (done["orientation_error"] <= orientation))
@@ -96,10 +96,8 @@ def _stroboscopic(study: Study, table: pd.DataFrame, folder: Path) -> list[str]:
     scene = next(scene for name, scene in study.scenes if name == "spheroid" and scene.stokes == STOKES)
     longer = _kept_longer(folder, scene, min(strobe["tolerance"].to_numpy(float)), study.samples)
     least = min(strobe["slow_error"].to_numpy(float))
-    numbers = {"stokes": STOKES, "larger": LARGER, "least": least, "longer": longer, "most": LONGER}
-    return lines_of(
-        "known-stokes-stroboscopic", **numbers, slow=slow, orientation=orientation, asked=asked, best=best, name=name
-    )
+    found = {"best": best, "other": name, "least": least, "longer": longer}
+    return lines_of("known-stokes-stroboscopic", **found, reached=REACHED, stokes=STOKES, larger=LARGER, most=LONGER)
 
 
 def _kept_longer(folder: Path, scene: Scene, tolerance: float, samples: int) -> float:

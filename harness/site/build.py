@@ -14,10 +14,9 @@ from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import machine, versions
 from polhode.harness.pages.figures.style import few_colours
 from polhode.harness.pages.tables import fill
-from polhode.harness.site.cost import cost_page
+from polhode.harness.site.answers import TITLE, cost_page, question
 from polhode.harness.site.markup import FIGURES, Page, document, html, page_name, prose, render, section
 from polhode.harness.site.motion import motion_page
-from polhode.harness.site.verdict import TITLE, question
 from polhode.models.scene import Scene
 from polhode.models.scenes import SCENES
 

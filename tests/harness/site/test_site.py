@@ -17,8 +17,8 @@ from polhode.harness.common.text import duration
 from polhode.harness.pages.figures.style import looks
 from polhode.harness.pages.regimes import read_cells
 from polhode.harness.site import markup
+from polhode.harness.site.answers import COLUMNS, NEEDED, read_studies
 from polhode.harness.site.build import REPORTS
-from polhode.harness.site.cost import COLUMNS, NEEDED, read_studies
 from polhode.harness.site.markup import Page, document, plain, prose, section
 from polhode.harness.site.motion import examples, motion
 from polhode.models.scenes import named_scene

@@ -1,22 +1,35 @@
-"""Cost against error, run by run, with filters, from the records of all studies in a folder of reports."""
+"""What the scripts of two pages read: the question with its answers and the map; cost against error, run by run."""
 
-from collections.abc import Collection, Iterable
+from collections import defaultdict
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from io import BytesIO
 from itertools import groupby
+from math import inf, isnan, nan
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from polhode.harness.analysis.frames import by_stokes, frame, rows_of, where
-from polhode.harness.common.files import open_file
+from polhode.harness.analysis.pareto import Cell, usual_form
+from polhode.harness.common.files import open_file, read_file
 from polhode.harness.common.store import Store, read_export
-from polhode.harness.pages.figures.style import is_averaged, looks
+from polhode.harness.common.text import duration, factor, short
+from polhode.harness.pages.figures.map_picture import ERRORS, HEADINGS
+from polhode.harness.pages.figures.style import colour, is_averaged, looks, rank
 from polhode.harness.pages.figures.work_precision import LARGEST_ERROR
+from polhode.harness.pages.regimes import read_cells
 from polhode.harness.site.markup import Page, html
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Status
 
-TITLE = "Cost against accuracy"
+TITLE = "What should I run?"
+# What the page calls the two kinds of error, and the word of `--want`.
+WANTS = {"slow_error": ("slow", "L and E"), "orientation_error": ("orientation", "orientation")}
+# Letters of a name that may be broken at its hyphens.
+LONG = 12
+
+COSTS = "Cost against accuracy"
 LEAD = "Every run measured: wall time, or calls of the right-hand side, against the error along the whole run."
 WORDS = ("form", "solver", "status", "message")
 COLUMNS = ("slow_error", "orientation_error", "seconds", "work.rhs_calls", "work.steps", "model_slow_error")
@@ -27,12 +40,87 @@ NEEDED = ("scene_name", "form", "solver", "tolerance", "status")
 NO_STUDY = ("site", "paper", "accuracy", "pick", "problems")
 
 
+def question(folder: Path, sure: str = "") -> tuple[str, dict[str, Any]]:
+    """The question, its maps, and its script's data, from `folder`, empty without cells; `sure`: who never failed."""
+    path = folder / "cells.csv"
+    found = read_cells(path) if path.is_file() else {}
+    if not found:
+        return "", {}
+    reached = _reached(folder / "runs.csv")
+    shapes = {name: runs[0].get("scene.shape.semi_axes", "") for (name, _), runs in reached.items()}
+    particles = {name: f"{name} {shapes.get(name, '')}".strip() for name, _ in found}
+    maps = [_map(name, error, cells) for (name, error), cells in found.items()]
+    body = html("verdict", particles=particles, maps=maps, sure=sure, colour=colour, factor=factor, long=LONG)
+    data = {"particles": particles, "wants": dict(WANTS.values()), "columns": _answers(found, reached)}
+    return body, {"question-data": data}
+
+
+def _answers(
+    found: Mapping[tuple[str, str], Sequence[Cell]], reached: Mapping[tuple[str, float], list[dict[Any, Any]]]
+) -> list[dict[str, Any]]:
+    """What the script knows: of a particle, kind of error and St the span and averaging; of a cell there the answer."""
+    columns = []
+    for (name, error), cells in found.items():
+        for stokes in dict.fromkeys(cell.stokes for cell in cells):
+            runs = [run for run in reached.get((name, stokes), []) if not isnan(run[error])]
+            answers = [_answer(cell, runs, error) for cell in cells if cell.stokes == stokes]
+            place = {"particle": name, "want": WANTS[error][0], "St": stokes}
+            columns.append(place | _there(runs, error) | {"cells": answers})
+    return columns
+
+
+def _there(runs: Sequence[dict[Any, Any]], error: str) -> dict[str, Any]:
+    """How far the runs at one St go, and the least error of each averaged form among them."""
+    averaging: dict[str, float] = {}
+    for run in runs:
+        if is_averaged(run["form"]):
+            averaging[run["form"]] = min(run[error], averaging.get(run["form"], inf))
+    if not runs or isnan(time := runs[0].get("scene.time", nan)):
+        return {"averaging": averaging}
+    slow = f", t₂ = {short(time / runs[0]['stokes'])}" if runs[0]["stokes"] else ""
+    return {"averaging": averaging, "span": f"t = {short(time)}{slow}"}
+
+
+def _answer(cell: Cell, runs: Sequence[dict[Any, Any]], error: str) -> dict[str, Any]:
+    """The method of a cell, and the loosest tolerance with which it reaches the error."""
+    answer = {"error": cell.target, "known": cell.known}
+    if cell.winner:
+        method = cell.winner.form, cell.winner.solver
+        answer |= dict(zip(("form", "solver"), method, strict=True))
+        answer |= {"time": duration(cell.seconds), "next": str(cell.second or ""), "tied": cell.tied}
+        answer["lead"] = "" if isnan(cell.lead) else factor(cell.lead)
+        own = [run for run in runs if (run["form"], run["solver"]) == method and run[error] <= cell.target]
+        answer["tolerance"] = short(max(run["tolerance"] for run in own)) if own else ""
+    return answer
+
+
+def _reached(path: Path) -> Mapping[tuple[str, float], list[dict[Any, Any]]]:
+    """Finished runs by scene and St."""
+    found = defaultdict(list)
+    for run in pd.read_csv(BytesIO(read_file(path))).to_dict("records") if path.is_file() else ():
+        if run["status"] == Status.REACHED_END:
+            found[run["scene_name"], run["stokes"]].append(run)
+    return found
+
+
+def _map(particle: str, error: str, found: Sequence[Cell]) -> dict[str, Any]:
+    """What a map shows: its cells in rows by error, and the methods that win, by kind."""
+    rows = defaultdict(list)
+    for cell in sorted(found, key=lambda cell: (-cell.target, cell.stokes)):
+        rows[cell.target].append(cell)
+    winners = {cell.winner.label: cell.winner.side for cell in found if cell.winner}
+    kinds = [(words, [name for name in winners if winners[name] == side]) for side, words in HEADINGS.items()]
+    key = [(words, sorted(labels, key=rank)) for words, labels in kinds if labels]
+    about = {"name": particle, "want": WANTS[error][0], "title": ERRORS[error][1]}
+    return about | {"key": key, "rows": [*rows.values()], "usual": usual_form(found)}
+
+
 def cost_page(reports: Path) -> Page:
     """Every run of every study as a point."""
     studies, unreadable = read_studies(reports, (*WORDS, *COLUMNS, *MARKS))
     body = html("cost", studies=studies, unreadable=unreadable)
     if not studies:
-        return Page(TITLE, LEAD, body)
+        return Page(COSTS, LEAD, body)
     groups, rows = [], []
     for study, table in studies.items():
         for scene in dict.fromkeys(table["scene_name"]):
@@ -42,8 +130,6 @@ def cost_page(reports: Path) -> Page:
                 groups.append([study, scene, stokes, _scene_tags(runs)])
     # A line stands together and goes from the loosest tolerance to the tightest.
     rows.sort(key=lambda row: (*row[:3], -row[5]))
-    forms = looks(str(row[1]) for row in rows)
-    solvers = _solvers({str(row[2]) for row in rows})
     # Words stand once: columns hold their places.
     words = {
         word: i for i, word in enumerate(dict.fromkeys(word for row in rows for word in row if isinstance(word, str)))
@@ -57,18 +143,15 @@ def cost_page(reports: Path) -> Page:
             for name, values in zip(names, zip(*rows, strict=True), strict=True)
         },
         "forms": {
-            name: {
-                "averaged": is_averaged(name),
-                "color": look.colour if is_averaged(name) else "#555",
-                "mark": look.outline,
-            }
-            for name, look in forms.items()
+            name: {"averaged": averaged, "color": look.colour if averaged else "#555", "mark": look.outline}
+            for name, look in looks(str(row[1]) for row in rows).items()
+            for averaged in [is_averaged(name)]
         },
-        "solvers": solvers,
+        "solvers": _solvers({str(row[2]) for row in rows}),
         "largest": LARGEST_ERROR,
         "meanings": {str(status): status.meaning for status in Status},
     }
-    return Page(TITLE, LEAD, body, {"cost-data": data}, ("tables.js", "chart.js", "cost.js"))
+    return Page(COSTS, LEAD, body, {"cost-data": data}, ("tables.js", "chart.js", "cost.js"))
 
 
 def _row(run: dict[Any, Any]) -> list[Any]:
