@@ -153,22 +153,15 @@ def oriented(scene: Scene) -> Scene:
     size = float(np.linalg.norm(momentum))
     if size == 0:
         raise PilotFailedError("the start has L = 0 and no orientation, expected one that determines the motion")
-    first, middle, last = ellipsoid.order
+    first, _, last = ellipsoid.order
     low, high = ellipsoid.inertia[first], ellipsoid.inertia[last]
     share = 1.0 if low == high else (2 * scene.start.energy / size**2 - 1 / high) / (1 / low - 1 / high)
     share = min(1.0, max(0.0, share))
     body = np.zeros(3)
     body[first], body[last] = np.sqrt(share), np.sqrt(1 - share)
-    across = np.zeros(3)
-    across[middle] = 1.0
-    direction = momentum / size
-    helper = np.eye(3)[int(np.argmin(np.abs(direction)))]
-    side = np.cross(direction, helper)
-    side /= np.linalg.norm(side)
     from scipy.spatial.transform import Rotation
 
-    turn = Rotation.align_vectors([direction, side], [body, across])[0]
-    x, y, z, w = turn.as_quat().tolist()
+    x, y, z, w = Rotation.align_vectors([momentum], [body])[0].as_quat().tolist()
     velocity = size * body / np.array(ellipsoid.inertia)
     v1, v2, v3 = velocity.tolist()
     return replace(scene, start=BodyStart((w, x, y, z), (v1, v2, v3)))

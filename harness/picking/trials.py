@@ -168,21 +168,14 @@ def _worth_trying(candidate: Candidate, limit: float) -> Way | None:
     """The way that is hoped for, if the whole of the scene can be tried soon by a method that may come first."""
     form, found, solver = candidate.form, candidate.found, find_solver(candidate.solver)
     slow = form.angles or (solver.implicit and not form.averaged and found.damping_times <= SOFT)
-    if slow or solver.closed_form:
-        return None
     with suppress(PilotFailedError):
-        hope = candidate.hoped()
+        hope = None if slow or solver.closed_form else candidate.hoped()
         return hope if hope and hope.seconds.predicted < limit else None
     return None
 
 
 def _tried(
-    candidate: Candidate,
-    tolerance: float,
-    expected: Way | Refusal,
-    yardstick: Yardstick,
-    want: str,
-    quickest: float,
+    candidate: Candidate, tolerance: float, expected: Way | Refusal, yardstick: Yardstick, want: str, quickest: float
 ) -> Way | Refusal | None:
     """A candidate at the loosest tolerance tried at which it meets the error; None if trials say nothing."""
     best, made, counted, missed, least = 0.0, inf, None, inf, inf
