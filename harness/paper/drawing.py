@@ -60,12 +60,6 @@ def label(axes: Axes, x: str, y: str, title: str = "", log: str = "", **limits: 
     return axes
 
 
-def legend_in(empty: Axes, axes: Axes) -> None:
-    """Fill empty axes with the legend of others."""
-    empty.axis("off")
-    empty.legend(*axes.get_legend_handles_labels(), loc="center")
-
-
 def unit_sphere(axes: Axes) -> Axes:
     """Prepare three-dimensional axes for paths on the unit sphere."""
     u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 25), np.linspace(0, np.pi, 13))

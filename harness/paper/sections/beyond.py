@@ -141,18 +141,14 @@ class Scatter(NamedTuple):
     along: np.ndarray  # components along it, which points to where the law has its tail, in units of their deviation
 
 
-def _scatter(part: Table) -> Scatter:
+def scatter(part: Table) -> Scatter:
+    """Of deviations in L and E."""
     values = np.stack([part[name] for name in SLOW], axis=1)
     values = values - values.mean(axis=0)
     _, sizes, directions = np.linalg.svd(values, full_matrices=False)
     along = values @ directions[0]
     along = along * np.sign(stats.skew(along)) / along.std()
     return Scatter(np.sqrt(np.mean(np.sum(values**2, axis=1))), sizes[0] ** 2 / np.sum(sizes**2), along)
-
-
-def by_stokes(table: Table, after: float) -> dict[float, Scatter]:
-    """Of the deviations before (0) or after (1) the crossing."""
-    return {stokes: _scatter(part) for stokes, part in groups(table[table.after == after], "stokes")}
 
 
 ENDING_TIME = 1.5
@@ -199,13 +195,6 @@ def _arrival(slow_times: np.ndarray, slow: np.ndarray, near: float = ARRIVED) ->
 def late(table: Table) -> dict[float, Estimate]:
     """Share of arrivals that are late or early, by St."""
     return {n: share(np.abs(own.full - own.averaged) > 0.2 * own.averaged) for n, own in groups(table, "stokes")}
-
-
-def flips(table: Table) -> dict[float, Estimate]:
-    """Share of starts whose end depends on the fast phase, by St."""
-    return {
-        stokes: share(part.up[part.phase == 0] != part.up[part.phase == 1]) for stokes, part in groups(table, "stokes")
-    }
 
 
 BASIN_STOKES, BASIN_TIME = 1e3, 0.6

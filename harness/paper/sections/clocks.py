@@ -4,8 +4,6 @@ from functools import cache
 from math import pi
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.ticker import LogLocator, NullFormatter
 from scipy.signal import find_peaks
 
 from polhode.harness.paper.item import Computed, Grid, Part, Table
@@ -81,14 +79,6 @@ def _from_large(grid: Grid) -> Computed:
         turned = np.arccos(np.clip(momentum @ momentum[0] / size / size[0], -1, 1))
         squares = {"axial": axial, "transverse": size**2 - axial}
         yield "large", {"kappa": kappa, "t2": slow_times, **squares, "turned": turned}
-
-
-def few_ticks(axes: Axes) -> None:
-    """Ticks of two logarithmic axes at 1, 2 and 5 times powers of ten, as plain numbers."""
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axis.set_major_formatter("{x:g}")
-        axis.set_minor_formatter(NullFormatter())
 
 
 def large_decay(large: Table) -> list[float]:

@@ -161,26 +161,12 @@ def _kept(slow: np.ndarray) -> np.ndarray:
     return np.union1d(planes.plane_steps(slow, 250), np.flatnonzero(np.all(inside, axis=1)))
 
 
-def misfit(critical: Table, side: float) -> float:
-    """How far the local critical trajectory is off the averaged one near the singular point."""
-    local, averaged = _both(critical, side)
-    close = local[np.abs(local.Lz + MIDDLE / 2) < CLOSE]
-    return np.max(np.min(_gap(close[:, None], averaged), axis=1))
-
-
-def far_misfit(critical: Table, side: float) -> float:
-    """The same at the end of the local one."""
-    local, averaged = _both(critical, side)
-    return np.min(_gap(local[-1], averaged))
-
-
-def _both(critical: Table, side: float) -> tuple[Table, Table]:
-    own = by(by(critical, "side")[side], "kind")
-    return own[0.0], own[1.0]
-
-
-def _gap(first: Table, second: Table) -> np.ndarray:
-    return np.hypot(first.Lz - second.Lz, first.E - second.E)
+def misfits(critical: Table, side: float) -> tuple[float, float]:
+    """How far the local critical trajectory is off the averaged one near the singular point, and at its end."""
+    kinds = by(by(critical, "side")[side], "kind")
+    local, averaged = kinds[0.0], kinds[1.0]
+    gaps = np.min(np.hypot(local.Lz[:, None] - averaged.Lz, local.E[:, None] - averaged.E), axis=1)
+    return np.max(gaps[np.abs(local.Lz + MIDDLE / 2) < CLOSE]), gaps[-1]
 
 
 def compute_space(grid: Grid) -> Computed:

@@ -10,7 +10,6 @@ from scipy.interpolate import CubicHermiteSpline
 
 from polhode.harness.paper.item import Computed, Grid, Table
 from polhode.harness.paper.runs import bisected, full_run, run_form, spheroid
-from polhode.harness.paper.tables import exponent
 from polhode.models.catalogue import form as find_form
 from polhode.models.forms.spheroid_axis import field
 from polhode.models.forms.tumbling import Tumbling
@@ -102,16 +101,6 @@ def compute_drift(grid: Grid) -> Computed:
     for kappa in DRIFTING:
         yield "", {"kappa": kappa, "stokes": numbers, "growth": [growth(kappa, stokes) for stokes in numbers]}
         yield "runs", {"kappa": kappa, "growth": growth(kappa, FOLLOWED), "followed": followed(kappa, FOLLOWED)}
-
-
-def _size(table: Table) -> tuple[np.ndarray, np.ndarray]:
-    return table.stokes, np.abs(table.growth)
-
-
-def ends(part: Table) -> tuple[float, float]:
-    """Exponents of the growth at small and at large St."""
-    low, high = (exponent(*_size(part[chosen])) for chosen in (part.stokes < 1e-2, part.stokes > 1e5))
-    return low, high
 
 
 def printed_growth(kappa: float) -> float:

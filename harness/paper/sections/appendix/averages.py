@@ -85,12 +85,6 @@ def _deviations(entries: Sequence["Entry"], worst: Any) -> dict[str, Any]:
     return {"entry": [entry.name for entry in entries], "printed": worst[:, 0], "corrected": worst[:, 1]}
 
 
-def is_mixed(name: str) -> bool:
-    """Whether an entry multiplies components along L with components in space: ⟨z_i x'_j y'_k⟩."""
-    strokes = ["'" in word for word in name.strip("⟨⟩").split()]
-    return name.startswith("⟨z") and any(strokes) and not all(strokes)
-
-
 # The first-order correction: κ, L_z over I_e at the start, θ₀, φ₀, and the slow time followed.
 KAPPA, MOMENTUM, THETA, PHI, SLOW_TIME = 2.0, -0.9, 0.9, 0.6, 0.04
 SHOWN = 200.0
@@ -150,7 +144,8 @@ class Entry:
 
 
 @cache
-def _rows() -> dict[str, Any]:
+def rows() -> dict[str, Any]:
+    """Entries by group, and the general formulas."""
     return read_toml(files("polhode.harness.paper.sections") / "appendix" / "entries.toml", dict)
 
 
@@ -173,8 +168,8 @@ def sign_of(i: int, j: int, k: int) -> float:
 def ellipsoid_entries() -> list[Entry]:
     """Entries and general formulas of the ellipsoid's table, in its order."""
     found = []
-    for group, general in _rows()["general"].items():
-        for words, printed, *corrected in _rows()[group]:
+    for group, general in rows()["general"].items():
+        for words, printed, *corrected in rows()[group]:
             found.append(Entry(f"⟨{words}⟩", mean_of(words), printed, *(corrected or [printed])))
         printed, mean = general["printed"], partial(value_of, general["mean"])
         corrected = general.get("corrected", printed)
@@ -186,5 +181,5 @@ def spheroid_entries() -> list[Entry]:
     """The eight entries of the spheroid's table; ``t`` holds p̂, z is h²."""
     return [
         Entry(f"⟨{words}⟩", lambda t, u, of=mean: float(np.mean(value_of(of, p=t))), printed, printed)
-        for words, mean, printed in _rows()["spheroid"]
+        for words, mean, printed in rows()["spheroid"]
     ]
