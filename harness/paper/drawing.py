@@ -54,24 +54,20 @@ def panels(
     return figure, [found[place] for row in places for place in row]
 
 
-def label(axes: Axes, x: str, y: str, title: str = "", log: str = "", **limits: Any) -> Axes:
+def label(axes: Axes, x: str, y: str, title: str = "", log: str = "", **limits: Any) -> None:
     """Label axes, whose units belong into the labels; those named in `log` are logarithmic, with powers of ten."""
     axes.set(xlabel=x, ylabel=y, title=title, **{f"{side}scale": "log" for side in log}, **limits)
-    return axes
 
 
-def unit_sphere(axes: Axes) -> Axes:
+def unit_sphere(axes: Any) -> None:
     """Prepare three-dimensional axes for paths on the unit sphere."""
     u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 25), np.linspace(0, np.pi, 13))
-    axes.computed_zorder = False  # pyright: ignore[reportAttributeAccessIssue]
-    axes.plot_wireframe(  # pyright: ignore[reportAttributeAccessIssue]
-        np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v), color="0.85", linewidth=0.4, zorder=0
-    )
-    axes.set_box_aspect((1, 1, 1))  # pyright: ignore[reportArgumentType]
-    axes.set(xlabel="flow $x$", ylabel="gradient $y$", zlabel="vorticity $z$", xticks=(-1, 0, 1), yticks=(-1, 0, 1))
-    axes.set_zticks((-1, 0, 1))  # pyright: ignore[reportAttributeAccessIssue]
+    x, y, z = np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)
+    axes.computed_zorder = False
+    axes.plot_wireframe(x, y, z, color="0.85", linewidth=0.4, zorder=0)
+    axes.set(xlabel="flow $x$", ylabel="gradient $y$", zlabel="vorticity $z$")
+    axes.set(xticks=(-1, 0, 1), yticks=(-1, 0, 1), zticks=(-1, 0, 1), box_aspect=(1, 1, 1))
     axes.grid(visible=False)
-    return axes
 
 
 def run_name(stokes: float) -> str:

@@ -61,7 +61,7 @@ def distance_from_node(ellipsoid: Ellipsoid, slow: np.ndarray) -> np.ndarray:
     return np.max(np.abs(slow - np.array([0.0, 0.0, *fixed_point(ellipsoid, "stable node")])), axis=-1)
 
 
-def draw_frame(axes: Axes, ellipsoid: Ellipsoid, low: float, high: float) -> Axes:
+def draw_frame(axes: Axes, ellipsoid: Ellipsoid, low: float, high: float) -> None:
     """Draw parabolas, the line L_z + 4E = 0 and the fixed points of a plane; L_z runs from low to high."""
     momentum = np.linspace(low, high, 201)
     inertia = np.array(sorted(set(ellipsoid.inertia))) / max(ellipsoid.inertia)
@@ -72,7 +72,7 @@ def draw_frame(axes: Axes, ellipsoid: Ellipsoid, low: float, high: float) -> Axe
     for point in fixed_points(ellipsoid):
         draw_point(axes, point.stability, place_of(ellipsoid, point))
     axes.set_xlim(low, high)
-    return label(axes, "$L_z/I_{max}$", "$E/I_{max}$")
+    label(axes, "$L_z/I_{max}$", "$E/I_{max}$")
 
 
 def draw_point(

@@ -1,6 +1,6 @@
 """Certificates of references: short pieces solved again by an unrelated method in another form, and back again."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -123,7 +123,9 @@ def _other_form(
     axes = [2] if by[0] != "euler-angles" else np.argsort(np.abs(before.rotation[0, :, 2].astype(float))).tolist()
     best = None
     for axis in axes:
-        turned = replace(scene, ellipsoid=Ellipsoid(_turn(scene.ellipsoid.semi_axes, axis)), time=length)
+        x, y, z = np.roll(scene.ellipsoid.semi_axes, -1 - axis).tolist()
+        body = Ellipsoid((x, y, z))
+        turned = replace(scene, ellipsoid=body, time=length)
         starts = (restart(turned, _turned(before, axis), ulps) for ulps in (np.zeros(4), *SIGNS))
         try:
             problems = [form.problem(replace(turned, start=start)) for start in starts]
@@ -185,18 +187,6 @@ def _backward(
     return float(_compare(scene.ellipsoid, [found, found, other], true, 0.0)[0])
 
 
-def _turn(items: tuple, axis: int) -> tuple:
-    """Cyclic renaming of the body axes that makes `axis` the third one."""
-    return tuple(items[(axis + 1 + i) % 3] for i in range(3))
-
-
 def _turned(observables: Observables, axis: int) -> Observables:
-    order = list(_turn((0, 1, 2), axis))
-    return replace(observables, rotation=observables.rotation[:, order])
-
-
-def expected_times(scene: Scene, form: Form, end: float) -> Iterator[float]:
-    """Times at which `certify` wants states."""
-    for piece in pieces(scene, form, end):
-        yield from piece
-    yield end
+    """The same with the body axes renamed cyclically, so that `axis` is the third one."""
+    return replace(observables, rotation=np.roll(observables.rotation, -1 - axis, axis=1))

@@ -3,6 +3,7 @@
 from dataclasses import astuple, dataclass, replace
 from functools import lru_cache
 from importlib.metadata import version
+from itertools import chain
 from math import inf, isfinite, isnan
 from time import perf_counter
 
@@ -12,7 +13,7 @@ from polhode.harness.common import cache
 from polhode.harness.common.files import digest
 from polhode.harness.common.timing import within
 from polhode.harness.references import extended
-from polhode.harness.references.certificate import Certificate, Flow, UncertifiedError, certify, expected_times, observe
+from polhode.harness.references.certificate import Certificate, Flow, UncertifiedError, certify, observe, pieces
 from polhode.harness.references.chaos import Growth, growth
 from polhode.harness.references.errors import errors, magnitude, statistics_distance
 from polhode.harness.references.extended import ReferenceFailedError, extended_run
@@ -132,7 +133,7 @@ def _tried_less(arrays: dict[str, np.ndarray], seconds: float) -> bool:
 
 def _compute(scene: Scene, form: Form, problem: Problem, samples: int, deadline: float) -> dict[str, np.ndarray]:
     times = np.linspace(0.0, problem.end, samples)
-    extra = list(expected_times(scene, form, problem.end))
+    extra = [*chain(*pieces(scene, form, problem.end)), problem.end]
     every = np.union1d(times, extra)
     wanted = np.searchsorted(every, times)
     (precision, tight_tolerance), loose_run, seeds = _runs(scene, form)

@@ -10,7 +10,7 @@ from scipy import stats
 from polhode.harness.paper.item import Computed, Grid, Table
 from polhode.harness.paper.planes import distance_from_node, energy_at
 from polhode.harness.paper.runs import averaged_run, full_run, graded, slow_run
-from polhode.harness.paper.tables import SLOW, Estimate, exponent, groups, mean, root_mean_squares, share
+from polhode.harness.paper.tables import SLOW, Estimate, exponent, groups, mean, share
 from polhode.models.free_top.torque_free import TorqueFree
 from polhode.models.rotation import quaternion_from_euler
 from polhode.models.scene import BodyStart, EulerStart, Scene
@@ -85,13 +85,6 @@ def local_exponents(part: Table) -> list[Estimate]:
     """Mean over starts of the exponents between neighbouring St."""
     runs = (np.diff(np.log([run.stokes, run.error])) for _, run in groups(part, "start"))
     return [mean(column) for column in np.transpose([errors / steps for steps, errors in runs])]
-
-
-def growth(part: Table) -> float:
-    """How the root mean square over starts, over St^-½ ln St, changes from the first to the last St."""
-    stokes, error = root_mean_squares(part, "stokes", "error")
-    over = error / (np.log(stokes) / np.sqrt(stokes))
-    return over[-1] / over[0]
 
 
 SLOW_TIME = 0.08
