@@ -126,7 +126,8 @@ class Pieces:
 
     def fill(self, constants: Array, stages: Number, shares: Array | Same, p: Array, h: Number) -> None:
         """Compute the constants of a step h, in as many lanes as they have."""
-        fast, slow, lanes, mirrored = self.parts.fast, self.parts.slow, constants.lanes, self.chains == 1
+        fast, slow, lanes = self.parts.fast, self.parts.slow, constants.lanes
+        mirrored = self.chains == 1 or isinstance(shares, Same)
         ops, parameters, program = WIDE if lanes > 1 else OPERATIONS, Same(p, lanes), constants.program
         with program.times(stages + 1.0) as i:
             self.row(constants, i).store(fast.constants(parameters, shares[i] * h, ops))

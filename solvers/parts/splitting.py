@@ -30,6 +30,8 @@ CHUNK = 120_000
 # The least rate that counts: L grows from rest as fast as the shear makes it, in half a unit of it. The kernels read
 # half the relaxation's rate from its square as well, which holds for this number alone.
 SHEAR = 0.5
+# From this rate of relaxation on no means are taken: what relaxes in far less than a step has none.
+STRONG = 10.0
 # Plans are made anew after these shares of a run, if that is so many turns at least.
 AGAIN, LEAST_BETWEEN = (0.1, 0.4), 120.0
 # And where the rate has changed by this factor, which widens by another each time.
@@ -49,7 +51,8 @@ class Split:
         self.address, self.dimension = self.p.ctypes.data, problem.dimension
         self.strength, self.forgetting = self.parts.strength(p.tolist()), self.parts.forgetting(p.tolist())
         self.floor = SHEAR * self.strength
-        self.scheme = PARALLEL if number is float and self.parts.restored else ABA
+        means = number is float and self.parts.restored and self.strength < STRONG
+        self.scheme = PARALLEL if means else ABA
         self.planner = Planner(self, tolerance)
 
     @cached_property

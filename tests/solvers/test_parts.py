@@ -29,7 +29,7 @@ from polhode.solvers.catalogue import SOLVERS, solver
 from polhode.solvers.contract import SolverNotValidError, Status
 from polhode.solvers.parts.kernels import Code, clock
 from polhode.solvers.parts.planning import ROUNDS
-from polhode.solvers.parts.schemes import PARALLEL, SCHEMES, Scheme
+from polhode.solvers.parts.schemes import ABA, PARALLEL, SCHEMES, Scheme
 from polhode.solvers.parts.splitting import Split
 from polhode.solvers.parts.strobe_kernels import TERMS
 from polhode.solvers.parts.stroboscopic import MOST, Setting, Strobe
@@ -177,6 +177,24 @@ def test_order_at_fixed_steps(name: str, stokes: float, end: float, order: int, 
     exact = solve(each, "taylor", TIGHT).states[-1]
     errors = [np.abs(end_state(each, scheme, n) - exact)[:3].max() for n in steps]
     assert -np.polyfit(np.log(steps), np.log(errors), 1)[0] == pytest.approx(order, abs=0.35)
+
+
+def test_means_of_compositions_are_taken_where_they_hold():
+    """A step errs less than one of a single composition; strong damping, and parts without `restored`, have one."""
+    each = problem(1e4, 200.0)
+    assert each.parts is not None
+    exact = solve(each, "taylor", TIGHT).states[-1]
+    assert Split(each, TOLERANCE).scheme is PARALLEL
+    for steps in (50, 100):
+        one, mean = (np.abs(end_state(each, scheme, steps) - exact)[:3].max() for scheme in (ABA, PARALLEL))
+        assert 0 < mean < one
+    assert abs(np.linalg.norm(end_state(each, PARALLEL, 50)[3:]) - 1) < 1e-12
+    assert Split(replace(each, parts=replace(each.parts, restored=None)), TOLERANCE).scheme is ABA
+    # Here means diverged in the first step.
+    damped = problem(0.0125, 10.0, 0.05)
+    assert solve(damped, "splitting", 1e-4).states[-1] == pytest.approx(
+        solve(damped, "cyrk-radau", 1e-8).states[-1], abs=1e-3
+    )
 
 
 def test_tolerances_below_rounding_ask_for_no_end_of_steps():
