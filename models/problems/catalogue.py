@@ -1,5 +1,6 @@
 """The test problems by name, those of plug-ins too."""
 
+import re
 from dataclasses import dataclass
 from importlib.resources import files
 from typing import Any
@@ -20,15 +21,12 @@ class Formulas:
 
     def __call__(self, ops: Operations) -> Field:
         """The field over numbers of a kind."""
-        code = [(name, compile(f"({text})", name, "eval")) for name, text in (*self.terms, ("rates", self.rates))]
-
-        def rhs(y, p):
-            names = {"y": y, "sqrt": ops.sqrt} | {f"y{i}": each for i, each in enumerate(y, start=1)}
-            for name, expression in code:
-                names[name] = eval(expression, names)
-            return names["rates"]
-
-        return rhs
+        terms = (*self.terms, ("rates", self.rates))
+        numbers = sorted(set(re.findall(r"\by(\d+)\b", " ".join(text for _, text in terms))))
+        lines = [f"y{i} = y[{int(i) - 1}]" for i in numbers] + [f"{name} = ({text})" for name, text in terms]
+        names: dict[str, Any] = {"sqrt": ops.sqrt}
+        exec("\n    ".join(["def rhs(y, p):", *lines, "return rates"]), names)
+        return names["rhs"]
 
 
 def _problems(table: dict[str, Any]) -> dict[str, Classical]:
