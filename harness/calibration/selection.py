@@ -6,16 +6,14 @@ take longer than `CUTOFF` times the shortest count `PENALTY` times that (PAR10).
 benchmark library for algorithm selection, Artificial Intelligence 237 (2016) 41.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from math import log10
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from polhode.harness.calibration.scenes import Question
-from polhode.harness.common.files import write_file
 from polhode.harness.common.store import Record
 from polhode.harness.picking.choice import simplest
 from polhode.harness.picking.laws import STIFF
@@ -134,54 +132,3 @@ def features(question: Question) -> tuple[float, ...]:
     speed = float(np.linalg.norm(scene.angular_velocity))
     numbers = log10(stokes), log10(scene.time), middle / longest, short / longest, speed, log10(question.error)
     return (*numbers, float(question.want == "orientation"), float(question.samples))
-
-
-def write_aslib(folder: Path, questions: Mapping[str, Question], runs: Any) -> None:
-    """Write the scenario in ASlib's format, version 4.0: a description and five tables."""
-    algorithms = runs[runs["algorithm"].str.contains("/")]
-    names = sorted(set(algorithms["algorithm"]))
-    most = float(algorithms["seconds"].replace(np.inf, np.nan).max())
-    description = [
-        "scenario_id: ODE-POLHODE-2026",
-        "performance_measures: [runtime]",
-        "maximize: [false]",
-        "performance_type: [runtime]",
-        f"algorithm_cutoff_time: {CUTOFF * most:.6g}",
-        "algorithm_cutoff_memory: '?'",
-        "features_cutoff_time: '?'",
-        "features_cutoff_memory: '?'",
-        "number_of_feature_steps: 1",
-        "default_steps: [scene]",
-        f"features_deterministic: [{', '.join(FEATURES)}]",
-        "features_stochastic: []",
-        "feature_steps:",
-        "  scene:",
-        f"    provides: [{', '.join(FEATURES)}]",
-        "metainfo_algorithms:",
-        *(f"  {name}:\n    deterministic: true\n    configuration: ''" for name in names),
-    ]
-    write_file(folder / "description.txt", "\n".join(description) + "\n")
-    solved = [
-        (row.instance, 1, row.algorithm, f"{row.seconds:.6g}" if row.seconds < np.inf else "?", _status(row))
-        for row in algorithms.itertuples()
-    ]
-    head = ("instance_id STRING", "repetition NUMERIC", "algorithm STRING", "runtime NUMERIC")
-    _arff(folder, "algorithm_runs", (*head, "runstatus {ok, timeout, memout, not_applicable, crash, other}"), solved)
-    numeric = [f"{name} NUMERIC" for name in FEATURES]
-    values = [(name, 1, *(f"{value:.6g}" for value in features(each))) for name, each in questions.items()]
-    _arff(folder, "feature_values", (*head[:2], *numeric), values)
-    status = "scene {ok, timeout, memout, presolved, crash, other}"
-    _arff(folder, "feature_runstatus", (*head[:2], status), [(name, 1, "ok") for name in questions])
-    _arff(folder, "feature_costs", (*head[:2], "scene NUMERIC"), [(name, 1, 0) for name in questions])
-    folds = [(name, 1, i % 10 + 1) for i, name in enumerate(questions)]
-    _arff(folder, "cv", (*head[:2], "fold NUMERIC"), folds)
-
-
-def _status(row: Any) -> str:
-    return "ok" if row.met else "other" if row.seconds < np.inf else "timeout"
-
-
-def _arff(folder: Path, name: str, attributes: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
-    lines = [f"@RELATION {name}", "", *(f"@ATTRIBUTE {each}" for each in attributes), "", "@DATA"]
-    lines += [",".join(str(cell) for cell in row) for row in rows]
-    write_file(folder / f"{name}.arff", "\n".join(lines) + "\n")

@@ -1,7 +1,7 @@
 """The pages of `pick`: how it did on scenes held out, beside other rules, and what stated errors are worth; CSVs."""
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,8 @@ import pandas as pd
 
 from polhode.harness.calibration import evaluation as asked
 from polhode.harness.calibration.evaluation import FACTOR, Evaluation
-from polhode.harness.calibration.selection import CUTOFF, PENALTY, PICK, pays_from, scores, write_aslib
+from polhode.harness.calibration.scenes import Question
+from polhode.harness.calibration.selection import CUTOFF, FEATURES, PENALTY, PICK, features, pays_from, scores
 from polhode.harness.calibration.stated import judged
 from polhode.harness.common.files import write_file
 from polhode.harness.pages.figures.work_precision import save
@@ -124,6 +125,37 @@ def _write_figures(folder: Path, evaluation: Evaluation) -> None:
         axes.set(xlabel=f"predicted, {unit}", ylabel="measured over predicted")
     figure.tight_layout()
     save(figure, folder, "predicted")
+
+
+def write_aslib(folder: Path, questions: Mapping[str, Question], runs: Any) -> None:
+    """Write the scenario in ASlib's format, version 4.0: a description and five tables."""
+    algorithms = runs[runs["algorithm"].str.contains("/")]
+    names = sorted(set(algorithms["algorithm"]))
+    most = float(algorithms["seconds"].replace(inf, np.nan).max())
+    description = fill("pick-aslib", cutoff=CUTOFF * most, features=FEATURES, algorithms=names)
+    write_file(folder / "description.txt", description)
+    solved = [
+        (row.instance, 1, row.algorithm, f"{row.seconds:.6g}" if row.seconds < inf else "?", _status(row))
+        for row in algorithms.itertuples()
+    ]
+    head = ("instance_id STRING", "repetition NUMERIC", "algorithm STRING", "runtime NUMERIC")
+    _arff(folder, "algorithm_runs", (*head, "runstatus {ok, timeout, memout, not_applicable, crash, other}"), solved)
+    numeric = [f"{name} NUMERIC" for name in FEATURES]
+    values = [(name, 1, *(f"{value:.6g}" for value in features(each))) for name, each in questions.items()]
+    _arff(folder, "feature_values", (*head[:2], *numeric), values)
+    status = "scene {ok, timeout, memout, presolved, crash, other}"
+    _arff(folder, "feature_runstatus", (*head[:2], status), [(name, 1, "ok") for name in questions])
+    _arff(folder, "feature_costs", (*head[:2], "scene NUMERIC"), [(name, 1, 0) for name in questions])
+    folds = [(name, 1, i % 10 + 1) for i, name in enumerate(questions)]
+    _arff(folder, "cv", (*head[:2], "fold NUMERIC"), folds)
+
+
+def _status(row: Any) -> str:
+    return "ok" if row.met else "other" if row.seconds < inf else "timeout"
+
+
+def _arff(folder: Path, name: str, attributes: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
+    write_file(folder / f"{name}.arff", fill("pick-arff", name=name, attributes=attributes, rows=rows))
 
 
 def write_stated(folder: Path, runs: pd.DataFrame, command: str) -> Path:

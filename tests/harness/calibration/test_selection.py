@@ -7,7 +7,7 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from polhode.harness.calibration.scenes import Question, questions
+from polhode.harness.calibration.scenes import questions
 from polhode.harness.calibration.selection import (
     COLUMNS,
     CUTOFF,
@@ -19,7 +19,6 @@ from polhode.harness.calibration.selection import (
     rules,
     runs_of,
     scores,
-    write_aslib,
 )
 from polhode.models.scenes import named_scene
 
@@ -72,23 +71,3 @@ def test_ways_are_named_by_powers_of_ten_from_the_error():
     assert not any("/" in name for name in rules(question).values())
     assert found[PICK]["met"] is True
     assert "quaternion/cyrk-vern7/+0" in rules(question)
-
-
-def test_the_scenario_has_aslibs_files(tmp_path):
-    first, second = questions(1, 2)
-    known: dict[str, Question] = {"s": first, "l": second}
-    write_aslib(tmp_path, known, WAYS)
-    assert sorted(path.name for path in tmp_path.iterdir()) == [
-        "algorithm_runs.arff",
-        "cv.arff",
-        "description.txt",
-        "feature_costs.arff",
-        "feature_runstatus.arff",
-        "feature_values.arff",
-    ]
-    runs = (tmp_path / "algorithm_runs.arff").read_text(encoding="utf-8").partition("@DATA\n")[2].splitlines()
-    assert runs[0] == "s,1,quaternion/taylor/-1,2,ok"
-    assert runs[3] == "l,1,quaternion/radau/+0,5,other"
-    assert len(runs) == 4
-    values = (tmp_path / "feature_values.arff").read_text(encoding="utf-8")
-    assert len(values.partition("@DATA\n")[2].splitlines()[0].split(",")) == values.count("@ATTRIBUTE")
