@@ -6,7 +6,7 @@ the resonances behind it, and so what these give.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 from math import hypot, inf, pi, sqrt
@@ -29,6 +29,8 @@ SHARE, LEFT_OUT, ONE = 0.5, 0.3, 0.15
 RANDOM = 1.77
 # Turns of the body that a stretch between windows lasts at least, lest it cost more than it saves.
 TURNS = 300
+# A window is cut where this share of its weighted turning is left, but far more turns, for a looser tolerance.
+FALLEN = 0.1
 # Share of the slowest damping rate at which errors are forgotten, by trial, and so many e-foldings in a run at most.
 FADING, LONG_AGO = 0.15, 600.0
 # Levels between which windows are chosen: the share of the one before, and the least one's of the largest.
@@ -189,13 +191,18 @@ def _stretches(
     gained = path.summed(path.wear * weight)
     for first, last in found:
         here, whole = slice(first, last + 1), [each for each in dict.fromkeys(between[first:last].tolist()) if each]
-        stretch = Stretch(
-            float(times[first]), float(times[last]), not whole, turned=float(gained[last] - gained[first])
-        )
         if whole:
-            names = dict.fromkeys(reasons[each] for each in whole)
-            yield replace(stretch, reason="; ".join(names), decisive=SEPARATRIX in whole or TOO_SLOW in whole)
+            reason = "; ".join(dict.fromkeys(reasons[each] for each in whole))
+            decisive, until = SEPARATRIX in whole or TOO_SLOW in whole, last
+            while first < last:
+                cut = int(np.searchsorted(gained, gained[last] - FALLEN * (gained[last] - gained[first])))
+                lasting = turns[last] - turns[cut] > max(TURNS, 2 * FALLEN * (turns[last] - turns[first]))
+                until = cut if cut > first and lasting else last
+                ends, turned = (float(times[first]), float(times[until])), float(gained[until] - gained[first])
+                yield Stretch(*ends, False, reason, decisive=decisive and until == last, turned=turned)
+                first = until
         else:
             error = drifting[here].max() - (drifting[first] if first else 0.0) + passing[here].max()
-            swing = lag[last] - lag[first] + path.swing[here].max()
-            yield replace(stretch, error=float(error), swing=float(swing))
+            swing, turned = lag[last] - lag[first] + path.swing[here].max(), gained[last] - gained[first]
+            ends = float(times[first]), float(times[last])
+            yield Stretch(*ends, True, error=float(error), swing=float(swing), turned=float(turned))

@@ -51,6 +51,19 @@ def kinds(solution: Solution) -> list[bool]:
     return [stage.averaged for stage in solution.stages]
 
 
+def test_a_window_goes_on_at_a_looser_tolerance_where_less_is_to_amplify_its_errors():
+    scene = replace(CROSSING, start=EulerStart((pi / 3, pi / 6, 0.0), (1.0, -1.0, 1.0)))
+    first, second, *_ = course.foreseen(scene, 1e-6)
+    assert not first.second_order
+    assert not second.second_order
+    assert second.turned / first.turned < 0.2 < (second.end - second.start) / (first.end - first.start)
+    solution = run(scene, 1e-6)
+    assert solution.stages[1].tolerance > solution.stages[0].tolerance
+    true = form(full_form(scene)).observe(scene, full_run(scene).states)
+    found = errors(scene.ellipsoid, Hybrid().observe(scene, solution.states), true).slow
+    assert found < sum(stage.error for stage in solution.stages) < 1e-6
+
+
 @SCENES
 def test_the_error_along_the_run_is_below_the_one_asked_for(scene: Scene):
     true = form(full_form(scene)).observe(scene, full_run(scene).states)
