@@ -1,6 +1,6 @@
 """Slow variables in time, full against averaged: the figures of one start at several Stokes numbers."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,8 +13,6 @@ from polhode.models.scene import EulerStart, Scene
 from polhode.models.shape import Ellipsoid
 
 NAMES = {"Lx": "$L_x/I_{max}$", "Ly": "$L_y/I_{max}$", "Lz": "$L_z/I_{max}$", "E": "$E/I_{max}$"}
-
-
 # Stokes numbers at which the error is measured beside those of the figure.
 MEASURED = (1e3, 2e3, 1e4, 2e4, 5e4)
 # Largest slow error at St = 100, over I_max, that counts as accurate.
@@ -23,14 +21,11 @@ ACCURATE = 0.25
 
 @dataclass(frozen=True)
 class SlowMotion:
-    """One start, several Stokes numbers; what shapes the words alone is not shown among the settings of the data."""
+    """One start, several Stokes numbers."""
 
     ellipsoid: Ellipsoid
     start: EulerStart
     slow_time: float
-    asymptotic: float = field(repr=False)  # smallest St of the fit
-    constant: tuple[float, float] = field(repr=False)  # range for (largest slow error) × St at the largest St
-    at_100: tuple[float, float] = field(repr=False)  # range for the largest slow error at St = 100
     shown: tuple[float, ...] = (50.0, 100.0, 500.0, 5e3)
 
     def compute(self, grid: Grid) -> Computed:
