@@ -19,7 +19,7 @@ BAND = 1.05
 # Rows are reached backwards in time where the slow part relaxes by less than twice this in a step.
 BACKWARD = 0.05
 # Numbers in a law; times at which a check compares runs, in either part; what rounding makes of their difference.
-LAW, POINTS, ROUNDING = 7, 8, {float: 3e-13, np.longdouble: 5e-17}
+LAW, POINTS, ROUNDING = 6, 8, {float: 3e-13, np.longdouble: 5e-17}
 # More slow flows than a step of any scheme has.
 MOST_STAGES = 16
 # How a call of `kernel` ends.
@@ -36,9 +36,8 @@ class Kernels:
     """Compiled functions of one problem's parts; all arguments are arrays.
 
     A scheme holds the number of slow flows in a step, the fast and the slow shares of each chain, and the chains'
-    weights; then come two schemes of one chain each, without weights, that lead to a row. A law holds the factor, the
-    exponent and the widest angle of a step, the square of the least rate that counts, the rates between which it holds,
-    and 1 if few flows lead to a row.
+    weights; then comes the scheme, of one chain, that leads to a row. A law holds the factor, the exponent and the
+    widest angle of a step, the square of the least rate that counts, and the rates between which it holds.
     """
 
     # (scheme, law, p, state, clock, times, rests, rows): steps until the rows are filled, or a limit in the clock is
@@ -245,9 +244,8 @@ def _advance(pieces: Pieces) -> Program:
     state.store(y.load(dimension))
     before = clock[At.FILLED]
     leading = scheme + (1.0 + (2.0 * stages + 2.0) * pieces.chains)
-    within = leading + where_positive(law[6], 2.0 * leading[0] + 2.0, 0.0)
     number.store([filled[0] - before, 1.0])
-    program.call(pieces.spread, within, p, number, rests + before, rows + before * float(dimension))
+    program.call(pieces.spread, leading, p, number, rests + before, rows + before * float(dimension))
     clock.store([each[0] for each in (begin, step, low, high, since, filled, steps, code)])
     return program
 

@@ -16,8 +16,6 @@ ORDER, POWER, COEFFICIENT, WIDEST = 6, 2.0, 6e-7, 5.15
 EXPONENT = 1 - POWER / ORDER
 # Error aimed at over the tolerance: estimates may be off, and what follows the check may amplify.
 AIM = 0.2
-# Rows are reached by few flows where the square of the relaxation in half a step is below so many errors aimed at.
-FEW = 12.0
 # A check takes this share of what is left of the run, within so many turns, against steps smaller by this factor, at so
 # many times within some turns at its beginning and at its end. It takes all of a run of few turns, or of more where
 # they are damped, in proportion.
@@ -44,15 +42,14 @@ HOPELESS = 1e3
 
 @dataclass(frozen=True)
 class Plan:
-    """The number H of a step, the square of the least rate that counts, and whether few flows lead to a row."""
+    """The number H of a step, and the square of the least rate that counts."""
 
     factor: float
     floor: float
-    few: bool = False
 
     def law(self, smaller: float = 1.0, between: tuple[float, float] = (0.0, inf)) -> tuple[float, ...]:
         """What machine code receives as law; all steps smaller by a factor, if asked; it holds between two rates."""
-        return self.factor * smaller, EXPONENT, WIDEST * smaller, self.floor, *between, self.few
+        return self.factor * smaller, EXPONENT, WIDEST * smaller, self.floor, *between
 
     def step(self, rate: float) -> float:
         """A step at a rate of the fast angle."""
@@ -69,10 +66,8 @@ class Planner:
 
     def by_law(self, rate: float, longest: float) -> Plan:
         """The plan of widest steps at a rate, where errors are so many times those of the law."""
-        strength, floor = self.problem.strength, self.problem.floor
-        factor = (self.error / (strength * self.scale * COEFFICIENT)) ** (1 / ORDER)
-        plan = Plan(min(factor, longest * rate**EXPONENT), floor)
-        return Plan(plan.factor, floor, (0.5 * strength * plan.step(rate)) ** 2 < FEW * self.error)
+        factor = (self.error / (self.problem.strength * self.scale * COEFFICIENT)) ** (1 / ORDER)
+        return Plan(min(factor, longest * rate**EXPONENT), self.problem.floor)
 
     def plan(self, old: Plan | None, state: np.ndarray, now: float, record: Record) -> Plan:
         """The widest plan found that a check lets stand, beginning with that in use."""
