@@ -115,16 +115,15 @@ def _scatter(runs: list[float]) -> float:
 
 def read_runs(path: Path) -> pd.DataFrame:
     """Records as a frame: of JSON of the benchmark suite or a folder of such, a ``.sqlite`` store, its ``.jsonl``."""
-    records = _repeated(path) if path.is_dir() else _records(path)
+    # Of all runs in a folder the failed ones come first and the shortest last, which counts.
+    paths = sorted(path.glob("*.json")) if path.is_dir() else [path]
+    records = [record for each in paths for record in _records(each)]
     if not records:
         raise ValueError(f"{path}: got no records, expected at least one")
+    records = (
+        sorted(records, key=lambda record: record.get("seconds") or inf, reverse=True) if path.is_dir() else records
+    )
     return frame(records)
-
-
-def _repeated(folder: Path) -> list[Record]:
-    """Records of all runs in a folder, failed ones first and the shortest last."""
-    records = [record for path in sorted(folder.glob("*.json")) for record in _records(path)]
-    return sorted(records, key=lambda record: record.get("seconds") or inf, reverse=True)
 
 
 def _records(path: Path) -> list[Record]:

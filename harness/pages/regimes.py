@@ -61,7 +61,6 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         particles=particles,
         profiles=[*profile_lines(runs, folder), *long],
         study=study,
-        count=len(study.solvers),
         tie=100 * (TIE - 1),
     )
 

@@ -36,6 +36,11 @@ def _tables() -> dict[str, dict[str, Any]]:
     return tomllib.loads((TEXTS / "tables.toml").read_text(encoding="utf-8"))
 
 
+def columns_of(name: str) -> dict[str, str]:
+    """Headings and cells of one of `texts/tables.toml`."""
+    return _tables()[name]["columns"]
+
+
 def templates(folder: Path, **options: Any) -> Environment:
     """The templates of a folder; numbers by the formats of `WORDING` or Python's own: ``{{ x|form(".2f") }}``."""
     options |= {"undefined": StrictUndefined, "trim_blocks": True, "lstrip_blocks": True, "keep_trailing_newline": True}

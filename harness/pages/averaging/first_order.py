@@ -17,25 +17,14 @@ from polhode.harness.common.machine import header
 from polhode.harness.common.text import aligned, in_two_digits, short
 from polhode.harness.pages.figures.averaging import Line, against_stokes
 from polhode.harness.pages.figures.work_precision import save
-from polhode.harness.pages.tables import cells, fill, lines_of, table
+from polhode.harness.pages.tables import cells, columns_of, fill, lines_of
 
 # Where the paper says that the averaged equations are good.
 GOOD_FROM = {"spheroid": 1e2, "ellipsoid": 1e3}
 # Errors of which the page says from which St on they are met.
 SHOWN = (1e-2, 1e-4)
-COLUMNS = {
-    "case": "{case}",
-    **{
-        f"St for {short(target)}, {which} order": f"{{{which}_{target:.0e}}}"
-        for target in SHOWN
-        for which in ("first", "second")
-    },
-    "p of first order": "{first}",
-    "p of second order": "{second}",
-    "second order up to t₂": "{until}",
-}
 PANELS = {"spheroid": "spheroids", "ellipsoid": "triaxial ellipsoids"}
-_FIELDS = [text.strip("{}") for text in COLUMNS.values()]
+_FIELDS = [text.strip("{}") for text in columns_of("accuracy").values()]
 
 
 def statements(rows: Sequence[AveragingErrors]) -> list[str]:
@@ -59,7 +48,8 @@ def statements(rows: Sequence[AveragingErrors]) -> list[str]:
 
 def as_text(study: PaperStudy) -> str:
     """What was found, and the table of the page, for a terminal."""
-    return "\n".join([*statements(study.errors), "", aligned([*COLUMNS], cells(case_rows(study.errors), COLUMNS))])
+    columns = columns_of("accuracy")
+    return "\n".join([*statements(study.errors), "", aligned([*columns], cells(case_rows(study.errors), columns))])
 
 
 def as_json(study: PaperStudy) -> dict[str, Any]:
@@ -117,21 +107,9 @@ def case_rows(rows: Sequence[AveragingErrors]) -> list[dict[str, str]]:
 
 def page(study: PaperStudy, command: str) -> str:
     """The report as Markdown."""
-    rows = study.errors
-    return fill(
-        "accuracy",
-        header=header("How accurate the averaged equations are", command, list(study.timed.values())),
-        findings=statements(rows),
-        cases=table(case_rows(rows), COLUMNS),
-        fitted=orders,
-        measured=measure,
-        solver_error=max(row.solver_error for row in rows),
-        pieces=min(row.pieces for row in rows),
-        uncertainty=max(row.uncertainty for row in rows),
-        same=100 * orders.SAME_HORIZON,
-        absent=len(study.absent),
-        all=len(study.absent) + len(rows),
-    )
+    head = header("How accurate the averaged equations are", command, list(study.timed.values()))
+    about = {"header": head, "findings": statements(study.errors), "cases": case_rows(study.errors)}
+    return fill("accuracy", **about, study=study, fitted=orders, measured=measure)
 
 
 def _order(law: Law) -> str:

@@ -15,7 +15,6 @@ from polhode.harness.common.store import write_table
 from polhode.harness.pages.figures.averaging import Line, against_stokes
 from polhode.harness.pages.figures.work_precision import save
 from polhode.harness.pages.tables import fill, lines_of
-from polhode.models.scene import EulerStart
 from polhode.models.second_order.form import STOPS, SecondOrder
 
 # St at which second order is compared with first order.
@@ -44,8 +43,7 @@ def page(study: SecondOrderStudy, fitted: Sequence[Slope], command: str) -> str:
         timed=study.timed,
         measured=second_order,
         fitted=orders,
-        starts="; ".join(f"*{name}*, {_euler(start)}" for name, start in cases.NAMED.items()),
-        tilted=cases.TILTED,
+        cases=cases,
         stops=STOPS,
     )
 
@@ -111,8 +109,3 @@ def _rows(rows: Sequence[SecondOrderErrors], fitted: Sequence[Slope]) -> list[di
         for slope in fitted
         for row in [last[slope.shape, slope.start]]
     ]
-
-
-def _euler(start: EulerStart) -> str:
-    angles, rates = (", ".join(f"{x:.4g}" for x in group) for group in (start.angles, start.rates))
-    return f"θ, φ, ψ = {angles} and θ̇, φ̇, ψ̇ = {rates}"

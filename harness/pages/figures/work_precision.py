@@ -17,6 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.transforms import offset_copy
+from scipy.optimize import isotonic_regression
 
 from polhode.harness.analysis.frames import by_scene, by_stokes, where
 from polhode.harness.analysis.pareto import MAP_TARGETS as TARGETS, cost, front as front_of, methods, pareto_front
@@ -145,17 +146,12 @@ def name_lines(axes: Axes) -> None:
             ends.append((axes.transData.transform(end)[1] / scale, tuple(end), line, name))
     ends.sort(key=lambda each: each[0])
     box = axes.get_window_extent()
-    rooms = [APART * (1 + name.count("\n")) / 2 for *_, name in ends]
-    heights: list[float] = []
-    least = box.y0 / scale - APART / 2
-    for (y, *_), room in zip(ends, rooms, strict=True):
-        heights.append(max(least + room, y))
-        least = heights[-1] + room
-    # A pile that rises above the panel is pushed down.
-    most = box.y1 / scale + APART / 2
-    for k in reversed(range(len(ends))):
-        heights[k] = min(heights[k], most - rooms[k])
-        most = heights[k] - rooms[k]
+    # Names move as little as keeps them apart, in order and beside the panel.
+    rooms = np.array([APART * (1 + name.count("\n")) for *_, name in ends])
+    middles = np.cumsum(rooms) - rooms / 2
+    lowest, highest = box.y0 / scale - APART / 2, box.y1 / scale + APART / 2 - rooms.sum()
+    free = [y - middle for (y, *_), middle in zip(ends, middles, strict=True)]
+    heights = middles + np.clip(isotonic_regression(free).x if free else [], lowest, highest)
     for (_, end, line, name), height in zip(ends, heights, strict=True):
         style = {"fontsize": LETTERS, "color": line.get_color(), "fontweight": "bold", "va": "center"}
         arrow = {"arrowstyle": "-", "color": BEHIND, "lw": 0.4, "shrinkA": 0, "shrinkB": 2}
