@@ -84,7 +84,7 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
         path = path.at(np.outer(INSIDE, halves) + [each.time for each in kicks])
     times, weight, why, reasons = path.times, ahead.weight(path.times), _reasons(path, budget), [*REASONS]
     sound, sudden = why == 0, np.zeros(len(times))
-    swing, second, smaller = (np.where(sound, each, 0) for each in (path.swing, path.second, path.smaller))
+    swing, smaller, third = (np.where(sound, each, 0) for each in (path.swing, path.smaller, path.third))
     local = swing * smaller * path.scale
     for each, half in ahead.strong.items():
         why[np.abs(times - each.time) <= half] = len(reasons)
@@ -96,7 +96,7 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
             sudden[at] = hypot(sudden[at], ahead.left[each])
     sound = why == 0
     sudden = RANDOM * np.sqrt(np.cumsum(np.where(sound, sudden, 0) ** 2))
-    held = np.where(sound, second * smaller, 0) * np.gradient(times) * weight
+    held = third * np.gradient(times) * weight
     late = np.exp(min(FADING * min(scene.ellipsoid.damping), LONG_AGO / times[-1]) * times)
     # Where the phase is wrong, the swing is put back wrongly.
     swung = np.where(sound & (local <= share), swing * path.scale, 0)

@@ -31,6 +31,8 @@ DEEPEST = tables.MOST - 0.2
 WIDTHS = (4.0, 40.0)
 # Third-order terms over what rho makes of those of second order, so that estimates bound most runs; chosen by trial.
 MARGIN = 4.5
+# Of those of first order, over the square of the damping over a radian; by trial, too.
+DAMPED = 0.05
 # Least speed at which the shear turns a body.
 LEAST_SPEED = 0.5
 # What L² = 2EI₂ makes of a phase: E changes by ln(2 sin α)/(4K) of what a polhode takes, the mean square of cot α being
@@ -159,11 +161,22 @@ class Path:
         return self._orders[1]
 
     @cached_property
+    def change(self) -> Array:
+        """|L'| of first order over I_max."""
+        momentum = np.gradient(self.slow[:, :3], self.times, axis=0)
+        return np.linalg.norm(momentum, axis=1) / max(self.ellipsoid.inertia)
+
+    @cached_property
     def smaller(self) -> Array:
         """What terms of third order are over those of second order: rho, or how far L changes in a radian."""
-        momentum = np.gradient(self.slow[:, :3], self.times, axis=0) / max(self.ellipsoid.inertia)
-        slow = np.linalg.norm(momentum, axis=1) / np.maximum(self.size, TINY) * self.torque_factor / self.speed
+        slow = self.change / np.maximum(self.size, TINY) * self.torque_factor / self.speed
         return np.hypot(MARGIN * self.swing, slow)
+
+    @property
+    def third(self) -> Array:
+        """|L'| or |E'| of third order over I_max; that of second order may vanish where a body settles."""
+        damped = max(self.ellipsoid.damping) * self.torque_factor / self.speed
+        return self.second * self.smaller + DAMPED * self.change * damped**2
 
     @cached_property
     def kicks(self) -> tuple[Kick, ...]:

@@ -97,6 +97,15 @@ def test_hand_over_there_and_back_is_exact_to_rounding(scene: Scene):
         assert np.abs(np.r_[sign * returned[:4], returned[4:]] - state).max() < 1e-12
 
 
+def test_a_body_that_settles_errs_by_what_its_damping_does():
+    """Rates of second order fade faster than those of third; the error was five times the one asked for."""
+    pose, spin = (-0.722, -0.676, -0.049, 0.136), (-0.22, -0.10, -0.43)
+    scene = Scene(Ellipsoid((0.193, 0.865, 0.865)), 1e4, BodyStart(pose, spin), 2e4)
+    true = Hybrid().observe(scene, full_run(scene).states)
+    found = Hybrid().observe(scene, run(scene, 1e-8).states)
+    assert errors(scene.ellipsoid, found, true).slow < 1e-8
+
+
 def test_nothing_is_integrated_in_full_where_averaging_holds():
     gentle = Scene(Ellipsoid((1.0, 1.0, 0.5)), 1e6, PAPER, 1e5)
     assert kinds(run(gentle, 1e-6)) == [True]
