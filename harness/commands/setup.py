@@ -2,7 +2,6 @@
 
 import json
 import os
-import subprocess
 import sys
 from pathlib import Path
 from time import perf_counter
@@ -129,6 +128,8 @@ def look(name: str, folder: Path) -> dict[str, Any]:
 
 def cold_start() -> dict[str, float]:
     """Seconds that `polhode solve paper` takes in a process of its own, by piece of work."""
+    import subprocess
+
     began = perf_counter()
     done = subprocess.run([sys.executable, "-P", "-c", _COLD], capture_output=True, text=True, check=False)
     return json.loads(done.stdout or "{}") | {"in all": perf_counter() - began}
