@@ -10,8 +10,8 @@ from polhode.solvers.contract import Record
 
 # A step h at the rate r of the fast angle, where the slow part relaxes at the rate γ, leaves the slow components with
 # errors of about COEFFICIENT γ r**-POWER (h r)**ORDER, in whatever time: what accumulates does so no longer than the
-# slow components remember, a time 1/γ. The angle h r is never wider than WIDEST.
-ORDER, POWER, COEFFICIENT, WIDEST = 6, 2.0, 6e-7, 5.15
+# slow components remember, a time 1/γ. The angle h r is never wider than flows reach.
+ORDER, POWER, COEFFICIENT = 6, 2.0, 6e-7
 # Of steps ``H r**-EXPONENT`` that err alike, between those equal in angle (1) and in time (0).
 EXPONENT = 1 - POWER / ORDER
 # Error aimed at over the tolerance: estimates may be off, and what follows the check may amplify.
@@ -42,18 +42,19 @@ HOPELESS = 1e3
 
 @dataclass(frozen=True)
 class Plan:
-    """The number H of a step, and the square of the least rate that counts."""
+    """The number H of a step, the square of the least rate that counts, and the widest angle of a step."""
 
     factor: float
     floor: float
+    widest: float
 
     def law(self, smaller: float = 1.0, between: tuple[float, float] = (0.0, inf)) -> tuple[float, ...]:
         """What machine code receives as law; all steps smaller by a factor, if asked; it holds between two rates."""
-        return self.factor * smaller, EXPONENT, WIDEST * smaller, self.floor, *between
+        return self.factor * smaller, EXPONENT, self.widest * smaller, self.floor, *between
 
     def step(self, rate: float) -> float:
         """A step at a rate of the fast angle."""
-        return min(self.factor * rate**-EXPONENT, WIDEST / rate)
+        return min(self.factor * rate**-EXPONENT, self.widest / rate)
 
 
 class Planner:
@@ -67,7 +68,7 @@ class Planner:
     def by_law(self, rate: float, longest: float) -> Plan:
         """The plan of widest steps at a rate, where errors are so many times those of the law."""
         factor = (self.error / (self.problem.strength * self.scale * COEFFICIENT)) ** (1 / ORDER)
-        return Plan(min(factor, longest * rate**EXPONENT), self.problem.floor)
+        return Plan(min(factor, longest * rate**EXPONENT), self.problem.floor, self.problem.widest)
 
     def plan(self, old: Plan | None, state: np.ndarray, now: float, record: Record) -> Plan:
         """The widest plan found that a check lets stand, beginning with that in use."""

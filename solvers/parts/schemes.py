@@ -38,6 +38,11 @@ class Scheme:
         return np.concatenate([np.array([self.stages], number), *shares, np.ones(1, number)])
 
     @cached_property
+    def widest(self) -> float:
+        """The largest fast share, either way."""
+        return float(np.abs(self.numbers[float][1 : 1 + (self.stages + 1) * self.chains]).max())
+
+    @cached_property
     def addresses(self) -> dict[type, int]:
         """Where machine code finds these numbers."""
         return {number: array.ctypes.data for number, array in self.numbers.items()}

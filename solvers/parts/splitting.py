@@ -32,6 +32,8 @@ CHUNK = 120_000
 SHEAR = 0.5
 # From this rate of relaxation on no means are taken: what relaxes in far less than a step has none.
 STRONG = 10.0
+# Share of the reach of a fast flow that steps make use of.
+WIDEST = 0.99
 # Plans are made anew after these shares of a run, if that is so many turns at least.
 AGAIN, LEAST_BETWEEN = (0.1, 0.4), 120.0
 # And where the rate has changed by this factor, which widens by another each time.
@@ -53,6 +55,7 @@ class Split:
         self.floor = SHEAR * self.strength
         means = number is float and self.parts.restored and self.strength < STRONG
         self.scheme = PARALLEL if means else ABA
+        self.widest = WIDEST * self.parts.reach / self.scheme.widest
         self.planner = Planner(self, tolerance)
 
     @cached_property
