@@ -97,7 +97,7 @@ class Parallel(Scheme):
 
 
 # By least squares: products of up to three slow flows, integrated as oscillations of up to two per turn, err less in
-# steps of 0.4 to 2.6 rad than those of ABA(10,6,4). Symmetric products of two weigh a hundred times as much as
+# steps of 0.4 to 3.8 rad than those of ABA(10,6,4). Symmetric products of two weigh a hundred times as much as
 # commutators, since what they leave is never averaged away.
 PARALLEL = Parallel(
     "parallel",
