@@ -30,7 +30,7 @@ DEEPEST = tables.MOST - 0.2
 # Of resonances, the least and the largest half width of a window, in √(|dD/dt|/St) of the divisor.
 WIDTHS = (4.0, 40.0)
 # Third-order terms over what rho makes of those of second order, so that estimates bound most runs; chosen by trial.
-MARGIN = 4.5
+MARGIN = 3.6
 # Of those of first order, over the square of the damping over a radian; by trial, too.
 DAMPED = 0.05
 # Least speed at which the shear turns a body.
