@@ -5,6 +5,7 @@ from math import inf, isnan
 from typing import Any
 
 import matplotlib.pyplot as plt
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.patches import Patch, Polygon, Rectangle
@@ -74,8 +75,8 @@ def draw(axes: Axes, found: Sequence[Cell]) -> Axes:
                 corner = [(i + 0.77, j), (i + 1, j), (i + 1, j + 0.9)]
                 axes.add_patch(Polygon(corner, facecolor=colour(cell.second.label), edgecolor="none"))
             _write_in(axes, cell, i, j, usual)
-    won = [[at[stokes, target].winner for target in targets] for stokes in numbers]
-    _borders(axes, [[winner.side if winner else None for winner in column] for column in won])
+    winners = [[at[stokes, target].winner for target in targets] for stokes in numbers]
+    _borders(axes, np.array([[winner.side if winner else "" for winner in column] for column in winners]))
     axes.set(xlim=(0, len(numbers)), ylim=(len(targets), 0))
     axes.set_xticks([i + 0.5 for i in range(len(numbers))], [power(stokes) for stokes in numbers], fontsize=11)
     axes.set_yticks([j + 0.5 for j in range(len(targets))], [power(target) for target in targets], fontsize=11)
@@ -123,15 +124,13 @@ def _write_in(axes: Axes, cell: Cell, i: int, j: int, usual: str) -> None:
         axes.text(i + 0.44, y, line, ha="center", va="center", fontsize=size, color=ink)
 
 
-def _borders(axes: Axes, sides: Sequence[Sequence[Side | None]]) -> None:
+def _borders(axes: Axes, sides: np.ndarray) -> None:
     """Heavy lines where one kind of method hands over to another."""
     style = {"color": "black", "linewidth": 2.2, "solid_capstyle": "round", "zorder": 3}
-    for i, column in enumerate(sides):
-        for j, side in enumerate(column):
-            if i + 1 < len(sides) and side != sides[i + 1][j]:
-                axes.plot([i + 1, i + 1], [j, j + 1], **style)
-            if j + 1 < len(column) and side != column[j + 1]:
-                axes.plot([i, i + 1], [j + 1, j + 1], **style)
+    for i, j in np.argwhere(sides[1:] != sides[:-1]):
+        axes.plot([i + 1, i + 1], [j, j + 1], **style)
+    for i, j in np.argwhere(sides[:, 1:] != sides[:, :-1]):
+        axes.plot([i, i + 1], [j + 1, j + 1], **style)
 
 
 def _entries(found: Sequence[Cell]) -> list[list[Any]]:

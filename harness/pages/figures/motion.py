@@ -34,13 +34,9 @@ def slow_variables(axes: Axes, solution: SceneSolution, *, names: tuple[str, ...
     frame = solution.frame()
     slow = 0 < solution.scene.stokes < np.inf
     for name in names:
-        axes.plot(
-            frame["t2" if slow else "t"],
-            frame[name] / max(solution.scene.ellipsoid.inertia),
-            color=COLOURS[name],
-            linewidth=1.1,
-            label=f"${name[0]}_{name[1]}$" if len(name) > 1 else f"${name}$",
-        )
+        label = f"${name[0]}_{name[1]}$" if len(name) > 1 else f"${name}$"
+        values = frame[name] / max(solution.scene.ellipsoid.inertia)
+        axes.plot(frame["t2" if slow else "t"], values, color=COLOURS[name], linewidth=1.1, label=label)
     time = "slow time $t_2 = t/\\mathrm{St}$" if slow else "time, in inverse shear rates"
     axes.set(xlabel=time, ylabel="L and E over $I_{max}$")
     axes.grid(True, linewidth=0.4, alpha=0.5)
