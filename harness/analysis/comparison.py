@@ -82,7 +82,9 @@ def _changes(before: Record, after: Record, drift: float, slower: float, less_ac
         return [] if near and after["status"] == "time_limit" else [change]
     changes = []
     if before.get("seconds") is not None and after.get("seconds") is not None:
-        pace = max(drift, _pace(before, after))
+        # How many times as long the sentinel took beside the case itself, where that compares.
+        alone, beside = before.get("sentinel_seconds"), after.get("sentinel_seconds")
+        pace = max(drift, beside / alone) if alone and beside and _machine(before) == _machine(after) else drift
         first, second = before["seconds"], after["seconds"] / pace
         noise = _scatter(before["seconds_runs"]) + _scatter(after["seconds_runs"]) / pace
         if second > slower * first and second - first > max(LEAST_SECONDS, noise):
@@ -95,12 +97,6 @@ def _changes(before: Record, after: Record, drift: float, slower: float, less_ac
         if second > max(floor, less_accurate * first):
             changes.append({"what": error.replace("_", " "), "before": first, "after": second})
     return changes
-
-
-def _pace(before: Record, after: Record) -> float:
-    """How many times as long the sentinel took beside the case itself; 0 where that does not compare."""
-    first, second = before.get("sentinel_seconds"), after.get("sentinel_seconds")
-    return second / first if first and second and _machine(before) == _machine(after) else 0.0
 
 
 def _machine(row: Record) -> tuple[Any, ...]:

@@ -20,7 +20,7 @@ from polhode.harness.studies.study import Study
 from polhode.models.catalogue import form as find_form
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
-from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.solve import solve
 
 ERRORS = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
@@ -33,6 +33,7 @@ TARGETS = {
     **{("spheroid", 1e3, error): 0.9 for error in (1e-6, 1e-8)},
     **{("spheroid-near-pole", stokes, 1e-7): 10.0 for stokes in (1e5, 1e6)},
 }
+OWN = [name for name in SOLVERS if find_solver(name).family == "polhode"]
 # Of stroboscopic averaging: slow error, orientation error, ratio; how much longer a run at the larger St may take.
 REACHED, LONGER, STOKES, LARGER, ROUNDS = (5e-9, 3e-4, 30.0), 1.3, 1e6, 1e8, 7
 
@@ -56,10 +57,6 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     )
 
 
-def _known(name: str) -> bool:
-    return find_solver(name).family == "polhode"
-
-
 def _splitting(table: pd.DataFrame) -> tuple[list[list[str]], list[bool]]:
     """Rows of the table, and which targets are met."""
     rows, met = [], []
@@ -68,7 +65,7 @@ def _splitting(table: pd.DataFrame) -> tuple[list[list[str]], list[bool]]:
             cells = []
             for error in ERRORS:
                 times = {solver: seconds for (_, solver), seconds in times_at_error(runs, error).items()}
-                others = {name: seconds for name, seconds in times.items() if not _known(name)}
+                others = {name: seconds for name, seconds in times.items() if name not in OWN}
                 best = min(others, key=lambda name: others[name], default="")
                 ratio = others[best] / times["splitting"] if best and "splitting" in times else nan
                 target = TARGETS.get((scene, stokes, error))
@@ -89,7 +86,7 @@ def _stroboscopic(study: Study, table: pd.DataFrame, folder: Path) -> list[str]:
     good = where(done, (done["slow_error"] <= slow) & (done["orientation_error"] <= orientation))
     ordered = good.sort_values(by=["seconds"]).drop_duplicates("solver")
     best = dict(zip(ordered["solver"].astype(str), ordered["seconds"].to_numpy(float).tolist(), strict=True))
-    name = next((each for each in best if not _known(each)), None)
+    name = next((each for each in best if each not in OWN), None)
     if "stroboscopic" not in best:
         return []
     strobe = where(done, done["solver"] == "stroboscopic")

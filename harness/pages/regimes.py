@@ -110,11 +110,8 @@ def _methods(runs: pd.DataFrame, name: str, maps: Maps) -> list[dict[str, Any]]:
         for error in ("orientation_error", "slow_error")
     )
     return [
-        {"method": method, "full": full[method], "slow": row, "failed": [*map(_failed, row.failures.items())]}
+        {"method": method, "full": full[method], "slow": row}
+        | {"failed": [f"{status.replace('_', ' ')} {number}" for status, number in row.failures.items()]}
         | {"seen": any(each.won + each.tied + each.front for each in (full[method], row))}
         for method, row in slow.items()
     ]
-
-
-def _failed(ending: tuple[str, int]) -> str:
-    return f"{ending[0].replace('_', ' ')} {ending[1]}"

@@ -43,7 +43,7 @@ def build(reports: Path, out: Path, scenes: dict[str, Scene], say: Callable[[str
     for file in resources.files("polhode.harness.site").iterdir():
         if file.name.endswith((".css", ".js")):
             write_file(out / file.name, file.read_bytes())
-    foot = _foot()
+    foot = html("foot", today=datetime.now(UTC).date(), here=machine(), packages=versions())
 
     def write(name: str, page: Page) -> None:
         say(page.title)
@@ -97,11 +97,3 @@ def _copy(source: Path, target: Path) -> None:
     with Image.open(source) as image:
         few_colours(image.convert("RGB")).convert("RGB").save(copied, "webp", lossless=True, quality=50, method=2)
     write_file(target, copied.getvalue())
-
-
-def _foot() -> str:
-    here, packages = machine(), versions()
-    libraries = ", ".join(f"{name} {number}" for name, number in packages.items())
-    today = datetime.now(UTC).strftime("%Y-%m-%d")
-    place = f"{here['processor']}, {here['system']}, Python {here['python']}"
-    return f"Built on {today} by polhode report, {place}; {libraries}."
