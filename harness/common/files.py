@@ -86,8 +86,8 @@ class PartialFile:
                     _expect(self.path)
 
 
-def write_file(path: Path, content: str | bytes, *, summed: bool = False) -> None:
-    """Write a whole file at once, into a folder that is made if need be; a failure leaves nothing behind."""
+def write_file(path: Path, content: str | bytes, *, summed: bool = False) -> Path:
+    """Write a whole file at once, its folder too, and return its path; a failure leaves nothing behind."""
     path.parent.mkdir(parents=True, exist_ok=True)
     target = PartialFile(path, binary=isinstance(content, bytes), summed=summed)
     try:
@@ -98,6 +98,7 @@ def write_file(path: Path, content: str | bytes, *, summed: bool = False) -> Non
             for left in (target._private, target.partial):
                 left.unlink(missing_ok=True)
         raise
+    return path
 
 
 def open_file(path: Path) -> IO[bytes]:

@@ -167,8 +167,7 @@ def write_page(found: Found, folder: Path) -> Path:
     """Write ``throughput.json``, a picture of it and ``throughput.md`` into a folder; returns the page's path."""
     write_file(folder / "throughput.json", json.dumps(found, indent=1) + "\n")
     save(_speeds(found["full"]), folder, "throughput")
-    write_file(folder / "throughput.md", page(found))
-    return folder / "throughput.md"
+    return write_file(folder / "throughput.md", page(found))
 
 
 def page(found: Found) -> str:

@@ -27,9 +27,7 @@ def write_page(rows: Sequence[Record], folder: Path, command: str) -> Path:
     groups = [(str(name), own) for name, own in runs.groupby("problem", sort=False)]
     save(panels(groups, "slow_error", "error at the end", alike=False), folder, "work-precision")
     save(profiles(_times(runs, PROFILED)), folder, "profiles")
-    file = folder / "README.md"
-    write_file(file, page(kept, header("Classical test problems", command, rows)))
-    return file
+    return write_file(folder / "README.md", page(kept, header("Classical test problems", command, rows)))
 
 
 def _as_slow(runs: pd.DataFrame) -> pd.DataFrame:

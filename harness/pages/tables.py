@@ -77,5 +77,4 @@ def bullets(sentences: Iterable[str]) -> str:
 
 def write(path: Path, name: str, title: str, command: str, records: Sequence[Record], **fields: Any) -> Path:
     """Write the page of the text of that name, its head from the records that were measured; returns its path."""
-    write_file(path, fill(name, header=header(title, command, records), **fields))
-    return path
+    return write_file(path, fill(name, header=header(title, command, records), **fields))

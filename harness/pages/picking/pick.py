@@ -37,9 +37,7 @@ def write_pages(folder: Path, laws: Laws, evaluation: Evaluation, command: str) 
     if evaluation.ways is not None:
         write_aslib(folder / "aslib", evaluation.questions, evaluation.ways)
     _write_figures(folder, evaluation)
-    page = folder / "README.md"
-    write_file(page, _page(laws, evaluation, command))
-    return page
+    return write_file(folder / "README.md", _page(laws, evaluation, command))
 
 
 def summary(evaluation: Evaluation) -> list[str]:
@@ -166,16 +164,8 @@ def write_stated(folder: Path, runs: pd.DataFrame, command: str) -> Path:
         *((("both", solver), mine) for solver, mine in runs.groupby("solver")),
     ]
     rows = [judged(mine) | {"stratum": stratum, "solver": solver} for (stratum, solver), mine in groups]
-    text = fill(
-        "pick-stated",
-        command=command,
-        summary=stated_summary(runs),
-        left_out=_counted(runs.attrs["left_out"]),
-        rows=rows,
-    )
-    page = folder / "stated.md"
-    write_file(page, text)
-    return page
+    found = {"summary": stated_summary(runs), "left_out": _counted(runs.attrs["left_out"]), "rows": rows}
+    return write_file(folder / "stated.md", fill("pick-stated", command=command, **found))
 
 
 def stated_summary(runs: pd.DataFrame) -> list[str]:
