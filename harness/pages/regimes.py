@@ -36,14 +36,13 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     maps: Maps = {
         (name, error): cells(where(runs, runs["scene_name"] == name), error) for name in names for error in ERRORS
     }
-    for name in names:
-        times = {scene.stokes: scene.time for own, scene in study.scenes if own == name}
-        save(picture([maps[name, error] for error in ERRORS], times), folder, name)
     write_runs(runs, folder)
     _write_cells(maps, folder / "cells.csv")
     particles = []
     for name in names:
         scenes = [scene for own, scene in study.scenes if own == name]
+        times = {scene.stokes: scene.time for scene in scenes}
+        save(picture([maps[name, error] for error in ERRORS], times), folder, name)
         methods = _methods(where(runs, runs["scene_name"] == name), name, maps)
         axes = scenes[0].ellipsoid.semi_axes
         particles.append({"name": name, "axes": axes, "remarks": horizon(scenes), "methods": methods})

@@ -95,8 +95,7 @@ def _sentence(solution: SceneSolution, axis: int) -> str:
     name, nearest = "symmetry axis", scene.ellipsoid.symmetry_axis
     if nearest is None:
         nearest = int(np.argmax(np.abs(rows[1])))
-        name = ("longest", "middle", "shortest")[list(np.argsort(scene.ellipsoid.semi_axes)[::-1]).index(nearest)]
-        name += " axis"
+        name = f"{('longest', 'middle', 'shortest')[scene.ellipsoid.order.index(nearest)]} axis"
     angles = np.degrees(np.arccos(np.minimum(1.0, np.abs(rows[:, nearest])))).tolist()
     turns, plane = max(1, round(rotations(scene))), _plane(solution)[[0, -1]].T.tolist()
     return fill("site-motion-says", scene=scene, turns=turns, name=name, angles=angles, along=ALONG, plane=plane)
