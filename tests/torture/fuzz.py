@@ -175,7 +175,7 @@ def _run(words: list[str], place: Path) -> None:
 
 def warm() -> None:
     """Import and compile, in this process, what the forked ones need."""
-    for module in ("bench", "paper", "pick", "records", "show", "solve", "sweep"):
+    for module in ("bench", "paper", "pick", "setup", "show", "solve"):
         import_module(f"polhode.harness.commands.{module}")
     for module in ("api", "ensembles.sweep", "studies.study", "studies.runner", "picking.ranking"):
         import_module(f"polhode.harness.{module}")
