@@ -105,8 +105,9 @@ def _step_through(stepper: Any, record: Record) -> tuple[Outcome, int]:
         try:
             message = stepper.step()
         except (ArithmeticError, ValueError) as error:
-            # Of linear algebra that fails NumPy and SciPy make errors of their own.
-            if type(error) is ValueError and "infs or NaNs" not in str(error):
+            # A field's own errors are not the state's.
+            known = isinstance(error, (ArithmeticError, np.linalg.LinAlgError))
+            if not known and "infs or NaNs" not in str(error):
                 raise
             return (Status.NON_FINITE, str(error)), interpolated
         if stepper.status == "failed":

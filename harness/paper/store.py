@@ -41,7 +41,7 @@ def content_key(item: Item, grid: Grid) -> str:
 def code() -> list[Path]:
     """Files that compute, tables among them: of models, solvers and sections, and what these take from this package."""
     rooms = [Path(room.__file__ or "").parent for room in (models, solvers, sections)]
-    beside = [rooms[-1].parent / name for name in ("planes.py", "runs.py", "tables.py")]
+    beside = [rooms[-1].parent / name for name in ("planes.py", "runs.py", "tables.py", "../references/chaos.py")]
     found = sorted(path for room in rooms for path in room.rglob("*") if path.suffix in (".py", ".toml", ".ll"))
     # Claims are no code: an item's data stay when its words change.
     return [*beside, *(path for path in found if path.suffix != ".toml" or path.parent != rooms[-1])]

@@ -190,8 +190,8 @@ class Same:
 
 
 def _expm1(x: Any) -> Any:
-    """exp(x) - 1 by its series at x/128, doubled seven times; -1 below -40."""
-    small = OPERATIONS.where_positive(x + 40.0, x, -40.0) * (1 / 128)
+    """exp(x) - 1 by its series at x/128, doubled seven times; -1 below -40, NaN of NaN."""
+    small = OPERATIONS.where_positive(-40.0 - x, -40.0, x) * (1 / 128)
     value = small * polynomial([1 / factorial(k) for k in range(1, 14)], small)
     for _ in range(7):
         value = value * (value + 2.0)

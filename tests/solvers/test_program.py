@@ -94,3 +94,5 @@ def test_lanes_beside_each_other():
     for factor in (1e-3, 1e-9):
         function(given, np.array([0.0, factor]), answer)
         assert answer[1] == pytest.approx(np.expm1(factor * given), rel=1e-15)
+    function(np.full_like(given, np.nan), np.array([0.0, 1.0]), answer)
+    assert np.isnan(answer).all()

@@ -91,6 +91,25 @@ def test_growth_beyond_double_precision(name: str | Solver):
     assert_finished_rows(solution, np.exp)
 
 
+class OutsideTableError(ValueError):
+    """What a field of a user's own may raise."""
+
+
+def test_an_error_of_the_field_is_not_a_state_that_is_not_finite():
+    def field(ops):
+        def rates(y, p):
+            if isinstance(y[0], float) and y[0] > 0.5:
+                raise OutsideTableError("beyond the table")
+            return (0.0 * y[0] + 1.0,)
+
+        return rates
+
+    for name in ("dop853", "radau", "lsoda"):
+        solution = solve(Problem("table", field, (0.0,), 1.0), name, 1e-6, backend="python")
+        assert solution.status is Status.CRASHED
+        assert "OutsideTableError: beyond the table (" in solution.message
+
+
 @pytest.mark.parametrize("name", WAYS)
 def test_step_limit_keeps_the_rows_before_it(name: str | Solver):
     full = solve(RUN.problem, name, 1e-6, RUN.times, count=True)
