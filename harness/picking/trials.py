@@ -32,9 +32,9 @@ from polhode.solvers.contract import Work
 LOOSEST, TIGHTEST = 1e-3, 1e-15
 # So much tighter than its tightest measured run a method may be asked to be.
 BEYOND = 1e3
-# Seconds that a run may be expected to take to be tried, or its share of the quickest one expected, up to a limit; ways
-# that are, tolerances of each, and how many times as long a yardstick may take.
-MOST_SECONDS, TENTH, PATIENT, WAYS, TOLERANCES, YARDSTICK = 0.02, 0.1, 0.1, 4, 4, 2.0
+# Seconds that a run may be expected to take to be tried, if the quickest one expected takes longer as long as that, up
+# to a limit; ways that are, tolerances of each, and how many times as long a yardstick may take.
+MOST_SECONDS, PATIENT, WAYS, TOLERANCES, YARDSTICK = 0.02, 0.2, 4, 4, 2.0
 # Shares of what the solver may err by: what the yardstick may be off by, what a trial may make, and what its next
 # tolerance aims at, which is worth another run if it is looser by the factor, and is at most so far from the last one.
 # Where no law promises that, another yardstick will do, by a method that steps and rounds like no other, if a trial is
@@ -135,7 +135,7 @@ def with_trials(candidates: Sequence[Candidate], want: str) -> list[Way | Refusa
     What an averaged form or one in pieces errs by is its own: if a trial finds no tolerance, it will by no solver.
     """
     found, tried, poor = [_expected(each) for each in candidates], 0, set[str]()
-    limit = max(MOST_SECONDS, min(TENTH * _quickest(found), PATIENT))
+    limit = max(MOST_SECONDS, min(_quickest(found), PATIENT))
     hopes = [(hope, place) for place, each in enumerate(candidates) if (hope := _worth_trying(each, limit))]
     for hope, place in sorted(hopes, key=lambda each: each[0].seconds.predicted):
         candidate = candidates[place]
@@ -220,7 +220,7 @@ def _yardstick(candidate: Candidate, others: Sequence[Candidate], limit: float) 
     for met, unsure, those in ((MET, UNSURE, able), (UNLIKE_MET, 1.0, unlike)):
         for each in those:
             with suppress(PilotFailedError, UnfitError):
-                way = replace(each, budget=unsure * candidate.budget).expected()
+                way = replace(each, budget=unsure * candidate.budget, model=None).expected()
                 if way.seconds.predicted < YARDSTICK * limit:
                     return Yardstick(_run(each.form, found.scene, way.tolerance, way.solver, each.samples)[1], met)
     return None
