@@ -13,32 +13,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Way:
-    """One way to run a scene, as `polhode solve` takes it.
-
-    Parameters
-    ----------
-    form, solver : str
-    tolerance : float
-        Positive.
-    error : Interval
-        Predicted error of the kind wanted, model error included.
-    seconds : Interval
-        Predicted time of a warm run.
-    first_run_seconds : float
-        The same with the compilation that a first run in a process pays.
-    tied : bool
-        Whether it is among those, more than one, whose intervals of time overlap with the first one's: no significant
-        difference.
-    reason : str
-    """
+    """One way to run a scene, as `polhode solve` takes it."""
 
     form: str
     solver: str
     tolerance: float
-    error: Interval
-    seconds: Interval
-    first_run_seconds: float
-    tied: bool
+    error: Interval  # predicted, of the kind wanted, model error included
+    seconds: Interval  # predicted, of a warm run
+    first_run_seconds: float  # the same with the compilation that a first run in a process pays
+    tied: bool  # whether there are others whose intervals of time overlap with the first one's, and it is of those
     reason: str
 
 
@@ -53,26 +36,13 @@ class Excluded:
 
 @dataclass(frozen=True)
 class Recommendation:
-    """What `pick` answers.
-
-    Parameters
-    ----------
-    want : str
-    error : float
-    rotations : float
-        N = ∫|ω|dt/2π of the scene.
-    damping_times : float
-        T max(8πX/I)/St of the scene.
-    ranking : tuple of Way
-        From the cheapest to the dearest.
-    excluded : tuple of Excluded
-    """
+    """What `pick` answers."""
 
     want: str
     error: float
-    rotations: float
-    damping_times: float
-    ranking: tuple[Way, ...]
+    rotations: float  # N = ∫|ω|dt/2π of the scene
+    damping_times: float  # T max(8πX/I)/St of the scene
+    ranking: tuple[Way, ...]  # from the cheapest to the dearest
     excluded: tuple[Excluded, ...]
 
     @property

@@ -17,31 +17,15 @@ TIGHTEST = 1e-15
 
 @dataclass(frozen=True)
 class RunError:
-    """Estimated error of one run.
+    """Estimated error of one run; None where it is not known or there is none."""
 
-    Parameters
-    ----------
-    slow, orientation : Interval or None
-        Of L and E over I_max, and of the orientation in rad; None where it is not known or there is none. The upper
-        end bounds the error of `share` of the runs.
-    note : str
-        What the estimate rests on, or why there is none.
-    share : float
-    seconds : float
-        What it cost, compilation left out.
-    advice : str
-        What to do about an error asked for that was missed; empty if none was.
-    largest_lz : float
-        The whole run's largest |L_z| over I_max, which the first error is compared with; 0 where it is not known.
-    """
-
-    slow: Interval | None
-    orientation: Interval | None
-    note: str
-    share: float = BOUNDED
-    seconds: float = 0.0
-    advice: str = ""
-    largest_lz: float = 0.0
+    slow: Interval | None  # of L and E over I_max
+    orientation: Interval | None  # in rad
+    note: str  # what the estimate rests on, or why there is none
+    share: float = BOUNDED  # of the runs, whose error stays below the upper end
+    seconds: float = 0.0  # what the estimate cost, compilation left out
+    advice: str = ""  # what to do about an error asked for that was missed; empty if none was
+    largest_lz: float = 0.0  # the whole run's largest |L_z| over I_max; 0 where it is not known
 
     def wanted(self, want: str) -> Interval | None:
         """That of what is wanted."""
