@@ -8,10 +8,10 @@ import numpy as np
 
 from polhode.harness.events import EventLike, as_events, with_events
 from polhode.harness.picking.choice import check_tolerance, choose
-from polhode.harness.picking.doubt import doubt
 from polhode.harness.picking.ranking import pick as recommend
 from polhode.harness.picking.recommendation import Recommendation
 from polhode.harness.picking.second_look import run_error
+from polhode.harness.picking.stated_error import doubt
 from polhode.harness.solution import SceneSolution
 from polhode.models.catalogue import form as find_form
 from polhode.models.form import Form

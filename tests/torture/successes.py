@@ -18,8 +18,8 @@ import numpy as np
 from polhode import solve
 from polhode.harness.calibration.scenes import questions
 from polhode.harness.calibration.training import LOW_ORDER_ROWS, fast_solvers, forms_for
-from polhode.harness.picking.doubt import OFF, SHARE
 from polhode.harness.picking.pilot import PilotFailedError, pilot
+from polhode.harness.picking.stated_error import OFF, SHARE
 from polhode.models.catalogue import form as find_form
 from polhode.models.form import Form
 from polhode.models.scene import BodyStart, Scene
