@@ -9,7 +9,7 @@ import numpy as np
 
 from polhode.harness.picking.laws import WANTS, Interval
 from polhode.harness.picking.pilot import Pilot, PilotFailedError, follow, form_ladder, samples_of
-from polhode.harness.picking.refusals import apart
+from polhode.harness.picking.refusals import Stage, UnfitError, apart
 from polhode.harness.references.errors import Errors, errors
 from polhode.models.catalogue import form as find_form, reference_form
 from polhode.models.form import Form
@@ -31,10 +31,6 @@ OVERSTATED, UNDERSTATED = 30.0, 1.0
 PINCHED, NEAR = 0.1, 0.03
 
 
-class NotApplicableError(ValueError):
-    """Averaging does not apply to a scene; the message says why."""
-
-
 def own_estimate(form: Form, scene: Scene) -> dict[str, Interval | None]:
     """What a form says of its own errors; nothing where it says nothing."""
     if not hasattr(form, "estimate"):
@@ -47,13 +43,12 @@ def own_estimate(form: Form, scene: Scene) -> dict[str, Interval | None]:
 def model_errors(form: Form, pilot: Pilot) -> dict[str, Interval | None]:
     """Slow and orientation error of an averaged form's exact solution against the full one.
 
-    The smaller one of what the form says itself and what pilots show, who cannot tell it from errors of their own.
-    Raises NotApplicableError if there is nothing to average over, or no pilot shows the error.
+    The smaller one of what the form says itself and what pilots show; raises UnfitError or PilotFailedError for none.
     """
     said = own_estimate(form, pilot.scene)
     try:
         shown = _shown(form, pilot)
-    except (NotApplicableError, PilotFailedError):
+    except (UnfitError, PilotFailedError):
         if not said:
             raise
         return said
@@ -68,24 +63,23 @@ def _shown(form: Form, pilot: Pilot) -> dict[str, Interval | None]:
     if pilot.scene.ellipsoid.kind == "sphere":
         # L obeys the averaged equation itself.
         return {"slow": Interval(0.0, 0.0, 0.0), "orientation": None}
-    if unfit := unfit_to_average(pilot):
-        raise NotApplicableError(unfit)
+    check_averaging(pilot)
     if pilot.gains["slow"].error == np.inf:
-        raise NotApplicableError("trial runs lost the motion, so that the model error is unknown")
+        raise UnfitError("trial runs lost the motion, so that the model error is unknown", Stage.AVERAGING)
     if pilot.direct:
         return _measured(form, pilot)
     if not pilot.twin:
-        raise NotApplicableError("the start is too slow for rotations to be fast against damping")
+        raise UnfitError("the start is too slow for rotations to be fast against damping", Stage.AVERAGING)
     return _carried_on(form, pilot)
 
 
-def unfit_to_average(pilot: Pilot) -> str:
-    """Why a scene has nothing to average over, in words; empty where it has."""
+def check_averaging(pilot: Pilot) -> None:
+    """Raise UnfitError for a scene that has nothing to average over."""
     rotations, damping = pilot.rotations, pilot.damping_times
-    if pilot.scene.ellipsoid.kind == "sphere" or rotations >= LEAST_ROTATIONS * damping:
-        return ""
-    share, least = apart(rotations / damping, LEAST_ROTATIONS)
-    return f"St is too small to average over rotations: {share} of them per damping time, expected at least {least}"
+    if pilot.scene.ellipsoid.kind != "sphere" and rotations < LEAST_ROTATIONS * damping:
+        share, least = apart(rotations / damping, LEAST_ROTATIONS)
+        small = "St is too small to average over rotations"
+        raise UnfitError(f"{small}: {share} of them per damping time, expected at least {least}", Stage.AVERAGING)
 
 
 def causes(form: Form, pilot: Pilot) -> list[str]:

@@ -9,7 +9,7 @@ from math import inf, isfinite, pi
 from polhode.harness.common.text import short
 from polhode.harness.picking.laws import EPS, WANTS, ErrorLaw, Interval, Laws, MethodLaws, Sensitivity, load_laws
 from polhode.harness.picking.load import held_back
-from polhode.harness.picking.model_error import NotApplicableError, causes, model_errors, own_estimate, unfit_to_average
+from polhode.harness.picking.model_error import causes, check_averaging, model_errors, own_estimate
 from polhode.harness.picking.pilot import InPieces, Pilot, PilotFailedError, form_sensitivity, pilot
 from polhode.harness.picking.recommendation import Excluded, Recommendation, Way
 from polhode.harness.picking.refusals import Refusal, Stage, UnfitError, rounded_up, too_far_off, why_nothing
@@ -180,8 +180,8 @@ def _problem(form: Form, scene: Scene, found: Pilot, want: str) -> Problem:
     """The scene's problem in a form that takes it; the first of several reasons against it is the plainest one."""
     if want == "orientation" and form.orientation_of(scene) == "none":
         raise UnfitError("gives no orientation", Stage.FORM)
-    if (form.averaged or isinstance(form, InPieces)) and (unfit := unfit_to_average(found)):
-        raise UnfitError(unfit, Stage.AVERAGING)
+    if form.averaged or isinstance(form, InPieces):
+        check_averaging(found)
     return form.problem(scene)
 
 
@@ -193,7 +193,7 @@ def _budget(form: Form, found: Pilot, error: float, want: str) -> tuple[float, I
         model = own_estimate(form, found.scene).get(want)
         if model is None or model.high > error / 2:
             model = model_errors(form, found)[want]
-    except (NotApplicableError, PilotFailedError) as refusal:
+    except PilotFailedError as refusal:
         raise UnfitError(str(refusal), Stage.AVERAGING) from None
     if model is None:
         raise UnfitError("gives no orientation", Stage.FORM)

@@ -14,8 +14,9 @@ from typing import NamedTuple
 import numpy as np
 
 from polhode.harness.picking.laws import EPS, STIFF, Interval
-from polhode.harness.picking.model_error import NotApplicableError, model_errors, own_estimate
+from polhode.harness.picking.model_error import model_errors, own_estimate
 from polhode.harness.picking.pilot import SATURATED, PilotFailedError, damping_times, pilot
+from polhode.harness.picking.refusals import UnfitError
 from polhode.harness.picking.stated_error import TIGHTEST, RunError
 from polhode.harness.references.errors import magnitude, orientation_difference
 from polhode.models.catalogue import form as find_form, reference_form
@@ -83,7 +84,7 @@ def run_error(scene: Scene, form: Form, method: Solver, found: Solution, observa
                     model, how = model_errors(form, pilot(scene)), "by trial runs"
                 note = f"{note}; averaging {how}"
                 own = {want: _sum(own[want], model[want]) for want in own}
-    except (_NoLookError, NotApplicableError, PilotFailedError, FormNotValidError) as failure:
+    except (_NoLookError, UnfitError, PilotFailedError, FormNotValidError) as failure:
         return RunError(None, None, str(failure), seconds=seconds())
     largest = float(np.max(np.abs(observables.angular_momentum[:, 2]))) / max(scene.ellipsoid.inertia)
     return RunError(own["slow"], own["orientation"], note, seconds=seconds(), largest_lz=largest)

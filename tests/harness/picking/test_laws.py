@@ -26,8 +26,9 @@ from polhode.harness.picking.laws import (
     parse_laws,
 )
 from polhode.harness.picking.load import held_back, load_of
-from polhode.harness.picking.model_error import NotApplicableError, causes, model_errors
+from polhode.harness.picking.model_error import causes, model_errors
 from polhode.harness.picking.pilot import form_sensitivity, oriented, pilot
+from polhode.harness.picking.refusals import UnfitError
 from polhode.harness.references import rotations
 from polhode.harness.references.errors import errors
 from polhode.models.catalogue import form, reference_form
@@ -344,7 +345,7 @@ def test_what_makes_averaging_poor(name, averaged, word):
 
 
 def test_averaging_needs_rotations():
-    with pytest.raises(NotApplicableError, match="St is too small"):
+    with pytest.raises(UnfitError, match="St is too small"):
         model_errors(form("averaged"), pilot(named_scene("stiff")))
 
 
