@@ -13,7 +13,7 @@ from polhode.harness.calibration.selection import CUTOFF, decade, rules, runs_of
 from polhode.harness.calibration.training import REFERENCE_SECONDS, batches_of, methods_for, study
 from polhode.harness.common.store import Record, Store
 from polhode.harness.picking.laws import Laws
-from polhode.harness.picking.pilot import PilotFailedError, pilot
+from polhode.harness.picking.pilot import PilotFailedError, form_ladder, pilot
 from polhode.harness.picking.ranking import NotAttainableError, pick
 from polhode.harness.references.extended import MOST_ROTATIONS, ReferenceFailedError
 from polhode.harness.references.reference import reference
@@ -92,6 +92,7 @@ def no_reference(question: Question) -> str:
 def ask(question: Question, laws: Laws, stratum: Stratum = "short") -> Answer:
     """What `pick` says, and what that costs with everything compiled."""
     pilot.cache_clear()
+    form_ladder.cache_clear()
     began, compiling = perf_counter(), SPENT["compilation"]
     found, refusal = None, ""
     try:

@@ -151,14 +151,14 @@ def planned(form: InPieces, pilot: Pilot, tolerance: float) -> tuple[PlannedPiec
 
 @lru_cache(maxsize=256)
 def steps(form: Form, scene: Scene, gauge: Gauge) -> tuple[float, float]:
-    """Steps of a form's pilot run: those that accuracy asks for, and those that stability does.
+    """Steps of a form's pilot run: those that accuracy asks for, and those that stability does."""
 
-    Raises PilotFailedError if the run does not reach its end.
-    """
+    def count(tolerance: float) -> float:
+        return float(follow(form, scene, tolerance, gauge.solver).work.steps or 0)
+
     if gauge is not EXPLICIT:
-        return _count(form, scene, gauge.solver, gauge.tolerance), 0.0
-    loose = _count(form, scene, gauge.solver, gauge.tolerance * LOOSER)
-    tight = _count(form, scene, gauge.solver, gauge.tolerance * TIGHTER)
+        return count(gauge.tolerance), 0.0
+    loose, tight = count(gauge.tolerance * LOOSER), count(gauge.tolerance * TIGHTER)
     few, many = LOOSER ** (-1 / ORDER), TIGHTER ** (-1 / ORDER)
     asked = max(0.0, (tight - loose) / (many - few))
     most = 0.0 if form.averaged else MOST_STABILITY * gauge.per_damping_time * damping_times(scene)
@@ -195,10 +195,3 @@ def _beginning(form: Form, scene: Scene, solver: str, tolerance: float) -> tuple
         raise PilotFailedError(f"pilot: {form.name!r} by {solver!r} ended with {run.status.value}")
     taken = run.work.steps, run.work.inner or 0
     return taken, run.work.rejected or 0, float(run.times[-1] / problem.end)
-
-
-def _count(form: Form, scene: Scene, solver: str, tolerance: float) -> float:
-    run = follow(form, scene, tolerance, solver)
-    if not run.success or not run.work.steps:
-        raise PilotFailedError(f"pilot: {form.name!r} by {solver!r} ended with {run.status.value}")
-    return float(run.work.steps)

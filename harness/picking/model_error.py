@@ -141,7 +141,4 @@ def _interval(want: str, near: Errors, far: Errors, gap: float) -> Interval | No
 @lru_cache(maxsize=100)
 def _tight(scene: Scene) -> Observables:
     form = find_form(reference_form(scene))
-    solution = follow(form, scene, 1e-8)
-    if not solution.success:
-        raise PilotFailedError(f"pilot: St = {scene.stokes:g} ended with {solution.status}")
-    return form.observe(scene, solution.states)
+    return form.observe(scene, follow(form, scene, 1e-8).states)

@@ -6,6 +6,7 @@ which every rotation stands for several. Where there is no slow motion, only the
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
@@ -134,8 +135,9 @@ class Pilot:
 def _end_of(scene: Scene) -> Start | None:
     """Where a run ends, loosely followed; none if it cannot be."""
     form = find_form(reference_form(scene))
-    found = follow(form, scene, BEGUN)
-    return start_from(scene.ellipsoid, form.observe(scene, found.states[-1:])) if found.success else None
+    with suppress(PilotFailedError):
+        return start_from(scene.ellipsoid, form.observe(scene, follow(form, scene, BEGUN).states[-1:]))
+    return None
 
 
 def damping_times(scene: Scene) -> float:
@@ -176,7 +178,7 @@ def pilot(scene: Scene) -> Pilot:
     except ValueError as error:
         raise PilotFailedError(f"pilot: {error}") from None
     followed = _within_reach(whole, count)
-    found = _ladder(find_form(reference_form(followed)), followed)
+    found = form_ladder(find_form(reference_form(followed)), followed)
     own = _grown(gains(followed.ellipsoid, found), whole.time / followed.time)
     return Pilot(whole, followed, count, found[-1][1], own)
 
@@ -197,10 +199,13 @@ def samples_of(form: Form) -> int:
 
 
 def follow(form: Form, scene: Scene, tolerance: float, solver: str | None = None, samples: int = 0) -> Solution:
-    """One pilot run of a form, by the scene's pilot solver or another one."""
-    problem = form.problem(scene)
+    """One pilot run of a form, by the scene's pilot solver or another one; raises PilotFailedError if it fails."""
+    problem, solver = form.problem(scene), solver or pilot_solver(scene)
     times = np.linspace(0.0, problem.end, samples or samples_of(form))
-    return solve(problem, solver or pilot_solver(scene), tolerance, times, max_steps=MOST_STEPS)
+    run = solve(problem, solver, tolerance, times, max_steps=MOST_STEPS)
+    if not run.success:
+        raise PilotFailedError(f"pilot: {form.name!r} by {solver!r} ended with {run.status.value}")
+    return run
 
 
 def gains(ellipsoid: Ellipsoid, found: list[tuple[float, Observables]]) -> dict[str, Gain]:
@@ -223,13 +228,13 @@ def _first_below(pairs: list[tuple[float, Errors]], name: str, limit: float, luc
     return Gain(pairs[-1][0], inf)
 
 
-def _ladder(form: Form, scene: Scene) -> list[tuple[float, Observables]]:
-    """Runs at ever tighter tolerances until two of them agree."""
+@lru_cache(maxsize=200)
+def form_ladder(form: Form, scene: Scene) -> list[tuple[float, Observables]]:
+    """Pilot runs of a form at ever tighter tolerances until two of them agree."""
     found: list[tuple[float, Observables]] = []
     for tolerance in TOLERANCES:
-        solution = follow(form, scene, tolerance)
-        if solution.success:
-            found.append((tolerance, form.observe(scene, solution.states)))
+        with suppress(PilotFailedError):
+            found.append((tolerance, form.observe(scene, follow(form, scene, tolerance).states)))
         if len(found) >= 3 and all(isfinite(gain.error) for gain in gains(scene.ellipsoid, found).values()):
             break
     if len(found) < 2:
@@ -255,12 +260,6 @@ def _starts_fast(scene: Scene, count: float) -> bool:
     """Whether a scene starts about as fast as it goes on: from rest, or nearly so, nothing slow is there to be kept."""
     usual = 2 * pi * count / scene.time
     return float(np.linalg.norm(scene.angular_velocity)) > USUAL * usual
-
-
-@lru_cache(maxsize=100)
-def form_ladder(form: Form, scene: Scene) -> list[tuple[float, Observables]]:
-    """Pilot runs of a form."""
-    return _ladder(form, scene)
 
 
 def over_whole_run(form: Form, solver: str) -> bool:
