@@ -1,9 +1,11 @@
 """Fitting the laws: robust least squares in logarithms, with bootstrap over scenes."""
 
+import tomllib
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from math import exp, log
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -38,6 +40,15 @@ SOFT_COST, SOFT_ERROR = 0.15, 1.0
 # Resampled fits, and the quantiles that they give.
 REPLICATES, SEED = 40, 1
 LOW, MIDDLE, HIGH = 0.025, 0.5, 0.975
+# Parameters that have a typical value are fitted in logarithms.
+_TABLES = tomllib.loads(Path(__file__).with_name("priors.toml").read_text(encoding="utf-8"))
+PRIORS: dict[str, Prior] = {}
+for _law, _table in _TABLES.items():
+    _means = {name: each["mean"] if "mean" in each else log(each["typical"]) for name, each in _table.items()}
+    PRIORS[_law] = {name: (mean, _table[name]["spread"]) for name, mean in _means.items()}
+READABLE: dict[str, Callable[[float], float]] = {"offset": lambda x: float(x / log(10))}
+READABLE |= {name: exp for table in _TABLES.values() for name, each in table.items() if "typical" in each}
+AVERAGED = "per_piece", "per_entering", "per_row"
 
 
 def fit_laws(records: Iterable[Record], source: dict[str, Any], base: Laws | None = None) -> Laws:
@@ -123,38 +134,6 @@ def with_first_runs(laws: Laws) -> Laws:
     return Laws(methods, laws.source | {"first_runs": machine()})
 
 
-# Parameters with what is expected of them before anything is measured, mean and standard deviation: it decides only
-# what the measurements leave open. Those of the first kind are fitted in logarithms.
-COST_PRIOR = {
-    "fixed": (log(1e-4), 2.0),
-    "per_sample": (log(1e-7), 2.0),
-    "start": (log(1e-5), 3.0),
-    "per_rotation": (log(1e-6), 3.0),
-    "per_time": (log(1e-7), 3.0),
-    "per_damping_time": (log(1e-8), 4.0),
-    "per_piece": (log(1e-4), 2.0),
-    "per_entering": (log(3e-3), 2.0),
-    "per_row": (log(3e-5), 2.0),
-    "exponent": (-0.12, 0.1),
-    "stiff_exponent": (-0.02, 0.05),
-}
-STEP_PRIOR = {"per_step": (log(1e-6), 3.0), "step_exponent": (0.0, 0.1)}
-AVERAGED = "per_piece", "per_entering", "per_row"
-ERROR_PRIOR = {
-    "offset": (0.0, 5.0),
-    "order": (1.0, 0.15),
-    "gain": (1.0, 0.1),
-    "growth": (0.0, 0.2),
-    "stiffness": (0.0, 0.3),
-    "floor": (0.0, 2.0),
-}
-# Rounding changes L, whose changes turn into an angle that grows with every rotation.
-FLOOR_GROWTH = {"slow": (0.7, 0.3), "orientation": (1.7, 0.3)}
-# A closed form has rounding alone; errors of a method that holds its tolerance over the whole run do not grow with it.
-NO_TRUNCATION = {"offset": (-300.0, 1e-6), "order": (1.0, 1e-6)}
-WHOLE_RUN_PRIOR = {"growth": (0.0, 0.02), "gain": (1.0, 0.02)}
-
-
 def robust_fit(
     predicted: Callable[[Array], Array], measured: Array, prior: Prior, soft: float, weights: Array, start: Array
 ) -> Array:
@@ -181,12 +160,11 @@ def bootstrap(
     measured: Array,
     prior: Prior,
     soft: float,
-    readable: dict[str, Callable[[float], float]],
 ) -> dict[str, Any]:
     """Fit a law, and fit it again to scenes drawn with replacement: its parameters, their intervals, and its stray.
 
     What one scene says of another is what a prediction is worth: strays are those of the scenes left out, wider where
-    there are few, by Student's t over the normal distribution. `readable` turns parameters into those of the law.
+    there are few, by Student's t over the normal distribution.
     Source: Efron and Tibshirani, An Introduction to the Bootstrap, sections 6.2 and 17.7.
     """
     group, names = pd.factorize(np.array(scenes))
@@ -203,7 +181,7 @@ def bootstrap(
     stray = Stray(middle + wider * (low - middle), middle, middle + wider * (high - middle))
     law: dict[str, Any] = {"stray": stray, "records": len(group), "intervals": {}}
     for name, value, *ends in zip(prior, x, *np.quantile(replicates, (LOW, HIGH), axis=0), strict=True):
-        plain = readable.get(name, float)
+        plain = READABLE.get(name, float)
         law[name], law["intervals"][name] = plain(value), tuple(map(plain, ends))
     return law
 
@@ -215,7 +193,7 @@ def fit_cost(runs: Sequence[Sample]) -> CostLaw:
     logarithm = np.log([run.load.tolerance or run.tolerance for run in runs])
     measured = np.log([run.seconds for run in runs])
     # What no run has, none says anything of.
-    prior = {name: each for name, each in COST_PRIOR.items() if any(averaged[0]) or name not in AVERAGED}
+    prior = {name: each for name, each in PRIORS["cost"].items() if any(averaged[0]) or name not in AVERAGED}
 
     def predicted(x: Array) -> Array:
         fixed, per_sample, start, per_rotation, per_time, per_damping_time, *others = np.exp(x[:-2])
@@ -224,8 +202,7 @@ def fit_cost(runs: Sequence[Sample]) -> CostLaw:
         return np.log(seconds + sum(map(np.multiply, others, averaged)))
 
     scenes = [run.scene for run in runs]
-    readable: dict[str, Callable[[float], float]] = dict.fromkeys(list(prior)[:-2], exp)
-    found = CostLaw(**bootstrap(scenes, predicted, measured, prior, SOFT_COST, readable))
+    found = CostLaw(**bootstrap(scenes, predicted, measured, prior, SOFT_COST))
     counted = fit_steps(found, runs)
     usual, own = found.stray, counted.step_stray
     # Steps are worth counting where the time follows from them more closely.
@@ -245,16 +222,16 @@ def fit_steps(found: CostLaw, runs: Sequence[Sample]) -> CostLaw:
         return np.log(any_run + np.exp(x[0]) * tolerances ** x[1] * steps)
 
     scenes = [run.scene for run in counted]
-    law = bootstrap(scenes, predicted, np.log(measured), STEP_PRIOR, SOFT_COST, {"per_step": exp})
-    values, intervals = {name: law[name] for name in STEP_PRIOR}, found.intervals | law["intervals"]
+    law = bootstrap(scenes, predicted, np.log(measured), PRIORS["steps"], SOFT_COST)
+    values, intervals = {name: law[name] for name in PRIORS["steps"]}, found.intervals | law["intervals"]
     return replace(found, step_stray=law["stray"], intervals=intervals, **values)
 
 
 def special(form: str, solver: str) -> Prior:
     """What is expected of the errors of some methods before anything is measured."""
     if find_solver(solver).closed_form:
-        return NO_TRUNCATION
-    return WHOLE_RUN_PRIOR if over_whole_run(find_form(form), solver) else {}
+        return PRIORS["closed_form"]
+    return PRIORS["whole_run"] if over_whole_run(find_form(form), solver) else {}
 
 
 def fit_errors(runs: Sequence[Sample], special: Prior) -> dict[str, ErrorLaw]:
@@ -291,6 +268,5 @@ def fit_error(runs: Sequence[Sample], want: str, special: Prior) -> ErrorLaw:
         truncation = x[0] + x[1] * looseness + x[2] * pilots + x[3] * turns + x[4] * stiff
         return np.logaddexp(truncation, x[5] + least + x[6] * turns)
 
-    prior = ERROR_PRIOR | {"floor_growth": FLOOR_GROWTH[want]} | special
-    readable: dict[str, Callable[[float], float]] = {"offset": lambda x: float(x / log(10)), "floor": exp}
-    return ErrorLaw(**bootstrap([run.scene for run in runs], predicted, measured, prior, SOFT_ERROR, readable))
+    prior = PRIORS["error"] | PRIORS[want] | special
+    return ErrorLaw(**bootstrap([run.scene for run in runs], predicted, measured, prior, SOFT_ERROR))
