@@ -82,27 +82,20 @@ def scores(runs: Any) -> pd.DataFrame:
 
     The gap is that from the single best algorithm, 0, to the virtual best one, 1.
     """
-    rows = []
+    parts = []
     for stratum, mine in [("both", runs), *runs.groupby("stratum")]:
         table = penalised(mine)
-        names = [name for name in table.columns if "/" not in name]
-        means = table.mean()
-        single = means[[name for name in means.index if "/" in name]].idxmin()
+        single = table.filter(like="/").mean().idxmin()
+        ways = table[[*(name for name in table if "/" not in name), single]]
+        means = ways.mean()
         gap = means[single] - 1
-        for name, column in [*((name, table[name]) for name in names), (f"{SINGLE}: {single}", table[single])]:
-            rows.append(
-                {
-                    "stratum": stratum,
-                    "scenes": len(table),
-                    "way": name,
-                    "par10": float(column.mean()),
-                    "solved": float((column < PENALTY * CUTOFF).mean()),
-                    "within": float((column <= 1.5).mean()),
-                    "above": float((column > 5).mean()),
-                    "gap_closed": float((means[single] - column.mean()) / gap) if gap > 0 else np.nan,
-                }
-            )
-    return pd.DataFrame(rows)
+        shares = {"solved": ways < PENALTY * CUTOFF, "within": ways <= 1.5, "above": ways > 5}
+        columns = {"par10": means} | {name: true.mean() for name, true in shares.items()}
+        columns["gap_closed"] = (means[single] - means) / gap if gap > 0 else np.nan
+        names = {single: f"{SINGLE}: {single}"}
+        part = pd.DataFrame(columns).rename(index=names).reset_index(names="way")
+        parts.append(part.assign(stratum=stratum, scenes=len(table)))
+    return pd.concat(parts, ignore_index=True)
 
 
 def pays_from(scenes: Any, runs: Any) -> float:
@@ -113,10 +106,8 @@ def pays_from(scenes: Any, runs: Any) -> float:
     """
     table = runs[runs["algorithm"].str.contains("/")]
     single = penalised(runs).filter(like="/").mean().idxmin()
-    usual = table[table["algorithm"] == single].set_index("instance")["seconds"]
-    mine = (
-        scenes.set_index("scene")[["seconds", "pick_seconds"]].join(usual.rename("usual")).dropna().sort_values("usual")
-    )
+    usual = table[table["algorithm"] == single].set_index("instance")["seconds"].rename("usual")
+    mine = scenes.set_index("scene")[["seconds", "pick_seconds"]].join(usual).dropna().sort_values("usual")
     saves = (mine["usual"] - mine["seconds"] - mine["pick_seconds"] > 0).to_numpy()
     tails = [saves[i:].mean() > 0.5 for i in range(len(saves))]
     lasting = [all(tails[i:]) for i in range(len(tails))]
