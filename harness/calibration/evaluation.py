@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from polhode.harness.calibration.samples import pilot_of
 from polhode.harness.calibration.scenes import Question, Stratum
 from polhode.harness.common.store import Record
 from polhode.harness.picking.laws import Laws
 from polhode.harness.picking.load import load_of
-from polhode.harness.picking.pilot import PilotFailedError, form_sensitivity
+from polhode.harness.picking.pilot import PilotFailedError, form_sensitivity, pilot
 from polhode.harness.picking.recommendation import Recommendation
 from polhode.models.catalogue import form as find_form
+from polhode.models.files.scene_file import parse_scene
 from polhode.solvers.contract import Status
 
 # Targets: shares of the scenes, of the scenes, and of the runs; and the factor that counts as close.
@@ -47,29 +47,22 @@ class Answer:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """A row for each held-out scene (`judged`), and one for each run that the laws predicted (`predicted_runs`).
+    """What came of the held-out test; ways and questions only if `pick` is to be compared with other rules."""
 
-    With a row for each way of each scene (`selection.runs_of`) and the questions by name, if `pick` is to be compared
-    with other rules; and why other scenes were left out.
-    """
-
-    scenes: pd.DataFrame
-    runs: pd.DataFrame
-    ways: pd.DataFrame | None = None
+    scenes: pd.DataFrame  # a row for each held-out scene (`judged`)
+    runs: pd.DataFrame  # one for each run that the laws predicted (`predicted_runs`)
+    ways: pd.DataFrame | None = None  # one for each way of each scene (`selection.runs_of`)
     questions: Mapping[str, Question] = field(default_factory=dict)
-    left_out: Mapping[str, str] = field(default_factory=dict)
+    left_out: Mapping[str, str] = field(default_factory=dict)  # other scenes, and why
 
     @property
     def shares(self) -> dict[str, float]:
-        """Shares of the scenes on which the first choice meets the error, and is cheap: within `FACTOR` of the best.
-
-        And of the runs whose time was predicted within `FACTOR`, at the pace that the laws were fitted at or as timed,
-        and whose solver error stays below the end of its interval (bounded).
-        """
+        """Shares of the scenes with good first choices, and of the runs with good predictions."""
         known = self.runs.dropna(subset=["slow_error", "slow_error_high"])
         flags: dict[str, Any] = {
             "met": self.scenes["met"],
             "cheap": self.scenes["factor"] <= FACTOR,
+            # At the pace that the laws were fitted at.
             "predicted": close(self.runs["seconds_at_usual_pace"], self.runs),
             "predicted as timed": close(self.runs["seconds"], self.runs),
             "bounded": known["slow_error"] <= known["slow_error_high"],
@@ -112,11 +105,7 @@ def miss(answer: Answer, first: Record, best: Record, met: bool, factor: float) 
 
 
 def judged(answer: Answer, finals: Sequence[Record]) -> Record:
-    """What the last runs of a scene say of the answer.
-
-    The error is met if the first choice meets it; a refusal does if nothing measured meets it either. The factor is
-    the time of the first choice over that of the cheapest run that meets the error; 1 where none does.
-    """
+    """What the last runs of a scene say of the answer: a refusal is right if nothing measured meets the error."""
     question, found, first = answer.question, answer.recommendation, answer.first_choice(finals) or {}
     row: Any = found.ranking[0] if found else None
     good = [r for r in finals if "seconds" in r and error_of(r, question.want) <= question.error]
@@ -156,10 +145,9 @@ def predicted_runs(records: Sequence[Record], laws: Laws) -> pd.DataFrame:
         law = laws.methods.get((record["form"], record["solver"]))
         if law is None or record["status"] != Status.REACHED_END or "seconds" not in record:
             continue
-        known, form, tolerance = pilot_of(record), find_form(record["form"]), record["tolerance"]
-        if known is None:
-            continue
+        form, tolerance = find_form(record["form"]), record["tolerance"]
         try:
+            known = pilot(parse_scene(record["scene"]))
             load = load_of(form, record["solver"], known, record["samples"], tolerance)
         except PilotFailedError:
             continue

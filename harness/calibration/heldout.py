@@ -46,18 +46,14 @@ def evaluate(store: Store, laws: Laws, count: int, quiet: bool, seed: int, seeds
     runner = Runner(store, quiet)
     records = runner.run_batches("held-out", batches_of(each for answer in answers for each in studies(answer)))
     last = runner.run_batches("finals", [finalists(answer, records) for answer in answers])
-    finals = [[record for record in last if record["scene_name"] == answer.question.name + FINAL] for answer in answers]
-    chosen = []
+    judgements, ways = [], []
     for answer in answers:
         mine = [record for record in records if record["scene_name"] == answer.question.name]
-        chosen += runs_of(answer.question, answer.stratum, mine, answer.first_choice(mine))
-    return Evaluation(
-        pd.DataFrame(map(judged, answers, finals)),
-        predicted_runs(records, laws),
-        pd.DataFrame(chosen),
-        {answer.question.name: answer.question for answer in answers},
-        left_out,
-    )
+        ways += runs_of(answer.question, answer.stratum, mine, answer.first_choice(mine))
+        finals = [record for record in last if record["scene_name"] == answer.question.name + FINAL]
+        judgements.append(judged(answer, finals))
+    asked = {answer.question.name: answer.question for answer in answers}
+    return Evaluation(pd.DataFrame(judgements), predicted_runs(records, laws), pd.DataFrame(ways), asked, left_out)
 
 
 def affordable(seed: int, count: int, stratum: Stratum, left_out: dict[str, str]) -> list[Question]:

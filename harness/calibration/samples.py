@@ -2,17 +2,15 @@
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cache
 from math import inf
 
 from polhode.harness.common.store import Record
 from polhode.harness.common.timing import Pace
 from polhode.harness.picking.laws import EPS, Load, Sensitivity
 from polhode.harness.picking.load import held_back, load_of
-from polhode.harness.picking.pilot import Pilot, PilotFailedError, form_sensitivity, over_whole_run, pilot
+from polhode.harness.picking.pilot import PilotFailedError, form_sensitivity, over_whole_run, pilot
 from polhode.models.catalogue import form as find_form
 from polhode.models.files.scene_file import parse_scene
-from polhode.models.scene import Scene
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Status
 
@@ -35,34 +33,20 @@ class Sample:
     errors: dict[str, tuple[Sensitivity, float]]
 
 
-def pilot_of(record: Record) -> Pilot | None:
-    """Pilot of a record's scene, run once; None where it fails."""
-    return _pilot(parse_scene(record["scene"]))
-
-
-@cache
-def _pilot(scene: Scene) -> Pilot | None:
-    try:
-        return pilot(scene)
-    except PilotFailedError:
-        return None
-
-
 def sample_of(record: Record, pace: Pace) -> Sample | None:
     """A record in the laws' terms, at one pace; None for a run that failed, or whose pilot did."""
     if record["status"] != Status.REACHED_END or "seconds" not in record:
         return None
-    form, solver, pilot = find_form(record["form"]), record["solver"], pilot_of(record)
-    if pilot is None:
-        return None
+    form, solver = find_form(record["form"]), record["solver"]
     known: dict[str, tuple[Sensitivity, float]] = {}
     try:
-        load = load_of(form, solver, pilot, record["samples"], record["tolerance"])
+        found = pilot(parse_scene(record["scene"]))
+        load = load_of(form, solver, found, record["samples"], record["tolerance"])
     except PilotFailedError:
         return None
     with suppress(PilotFailedError):
-        if not held_back(form, solver, pilot):
-            pairs = form_sensitivity(form, pilot, solver).items()
+        if not held_back(form, solver, found):
+            pairs = form_sensitivity(form, found, solver).items()
             known = {want: (at, error) for want, at in pairs if (error := _error(record, want, at)) is not None}
     if not over_whole_run(form, solver):
         load = replace(load, steps=record.get("work", {}).get("steps"))

@@ -169,7 +169,7 @@ def oriented(scene: Scene) -> Scene:
     return replace(scene, start=BodyStart((w, x, y, z), (v1, v2, v3)))
 
 
-@lru_cache(maxsize=100)
+@lru_cache(maxsize=300)
 def pilot(scene: Scene) -> Pilot:
     """Follow a scene loosely; raises PilotFailedError if no run at any tolerance comes far enough."""
     whole = oriented(scene)
@@ -228,7 +228,7 @@ def _first_below(pairs: list[tuple[float, Errors]], name: str, limit: float, luc
     return Gain(pairs[-1][0], inf)
 
 
-@lru_cache(maxsize=200)
+@lru_cache(maxsize=100)
 def form_ladder(form: Form, scene: Scene) -> list[tuple[float, Observables]]:
     """Pilot runs of a form at ever tighter tolerances until two of them agree."""
     found: list[tuple[float, Observables]] = []
