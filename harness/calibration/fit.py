@@ -82,19 +82,15 @@ def fit_laws(records: Iterable[Record], source: dict[str, Any], base: Laws | Non
             compile_seconds=firsts[form, solver],
             tightest=min(run.tolerance for run in runs),
         )
-    scenes = {run.scene for runs in samples.values() for run in runs}
-    count = sum(len(runs) for runs in samples.values())
+    runs = [run for each in samples.values() for run in each]
+    counts = {"scenes": _scenes(runs), "records": len(runs)}
     if base:
-        return Laws(methods, base.source | {"added": {"scenes": len(scenes), "records": count, **source}})
-    return Laws(methods, {**source, "scenes": len(scenes), "records": count, "sentinel_seconds": pace.sentinel})
+        return Laws(methods, base.source | {"added": counts | source})
+    return Laws(methods, source | counts | {"sentinel_seconds": pace.sentinel})
 
 
 def refit(laws: Laws, records: Iterable[Record]) -> Laws:
-    """The same laws for another machine: every cost scaled by what records of that machine, of whatever study, say.
-
-    A method's own factor is the median of measured over predicted; methods without `LEAST_RUNS` records get the median
-    of all.
-    """
+    """The same laws for another machine: every cost scaled by what records of that machine, of whatever study, say."""
     records = list(records)
     pace = Pace.usual(records)
     ratios: dict[tuple[str, str], list[float]] = {}
@@ -105,6 +101,7 @@ def refit(laws: Laws, records: Iterable[Record]) -> Laws:
             ratios.setdefault((law.form, law.solver), []).append(ratio)
     if not ratios:
         return laws
+    # A method's own factor is the median of measured over predicted, or that of all if it has few records.
     usual = float(np.median([ratio for each in ratios.values() for ratio in each]))
     methods = {}
     for name, law in laws.methods.items():
@@ -116,10 +113,7 @@ def refit(laws: Laws, records: Iterable[Record]) -> Laws:
 
 
 def with_first_runs(laws: Laws) -> Laws:
-    """The same laws with this machine's first runs, each form's on the first built-in scene that it takes.
-
-    Where such a run fails, what was known before stays.
-    """
+    """The same laws with this machine's first runs, if they end, of each form on the first scene that it takes."""
     examples: dict[str, Scene] = {}
     for form in dict.fromkeys(form for form, _ in laws.methods):
         for each in SCENES.values():

@@ -78,17 +78,14 @@ def penalised(runs: Any) -> Any:
 
 
 def scores(runs: Any) -> pd.DataFrame:
-    """Of `pick`, the single best algorithm and each rule, per stratum: PAR10, shares of scenes, and the gap closed.
-
-    The gap is that from the single best algorithm, 0, to the virtual best one, 1.
-    """
+    """Of `pick`, the single best algorithm and each rule, per stratum: PAR10, shares of scenes, and the gap closed."""
     parts = []
     for stratum, mine in [("both", runs), *runs.groupby("stratum")]:
         table = penalised(mine)
         single = table.filter(like="/").mean().idxmin()
         ways = table[[*(name for name in table if "/" not in name), single]]
         means = ways.mean()
-        gap = means[single] - 1
+        gap = means[single] - 1  # from the single best algorithm to the virtual best one
         shares = {"solved": ways < PENALTY * CUTOFF, "within": ways <= 1.5, "above": ways > 5}
         columns = {"par10": means} | {name: true.mean() for name, true in shares.items()}
         columns["gap_closed"] = (means[single] - means) / gap if gap > 0 else np.nan
@@ -99,16 +96,13 @@ def scores(runs: Any) -> pd.DataFrame:
 
 
 def pays_from(scenes: Any, runs: Any) -> float:
-    """Seconds of a run by the single best algorithm from which on asking `pick` saves more than it costs.
-
-    The shortest run from which on more than half of the scenes are quicker with `pick`, its own time included; inf
-    if there is none.
-    """
+    """Seconds of a run by the single best algorithm from which on asking `pick` saves more than it costs, or inf."""
     table = runs[runs["algorithm"].str.contains("/")]
     single = penalised(runs).filter(like="/").mean().idxmin()
     usual = table[table["algorithm"] == single].set_index("instance")["seconds"].rename("usual")
     mine = scenes.set_index("scene")[["seconds", "pick_seconds"]].join(usual).dropna().sort_values("usual")
     saves = (mine["usual"] - mine["seconds"] - mine["pick_seconds"] > 0).to_numpy()
+    # From there on more than half of the scenes are quicker with `pick`, its own time included.
     tails = [saves[i:].mean() > 0.5 for i in range(len(saves))]
     lasting = [all(tails[i:]) for i in range(len(tails))]
     return float(mine["usual"].iloc[lasting.index(True)]) if True in lasting else np.inf

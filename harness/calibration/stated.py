@@ -33,10 +33,7 @@ LOST, KNOWN = 0.1, 10.0
 
 
 def stated(store: Store, seed: int, count: int, quiet: bool = False) -> pd.DataFrame:
-    """One random way to run each of `count` scenes, over both strata: the error stated, and the true one.
-
-    Why others were left out stands in the table's `attrs`.
-    """
+    """Errors stated and true ones of `count` scenes, each run in a random way; in `attrs` why others were left out."""
     rows = []
     wanted = [(stratum, each) for stratum in STRATA for each in questions(seed, count // 2, stratum)]
     for index, (stratum, question) in enumerate(tqdm(wanted, disable=quiet or None, desc="errors stated", leave=False)):
@@ -109,13 +106,10 @@ def _timed(question: Question, name: str, solver: str, tolerance: float) -> tupl
 
 
 def judged(runs: Any) -> dict[str, float]:
-    """Shares and factors of the errors stated: bounded, the factor in the median, and what the looks cost.
-
-    Errors that the reference does not know, and runs that are lost, say nothing of a factor; every run counts as
-    bounded or not.
-    """
+    """Shares and factors of the errors stated: bounded, the factor in the median, and what the looks cost."""
     known: Any = runs.dropna(subset=["stated_high"])
     bounded = known["error"] <= known["stated_high"] + known["uncertainty"].fillna(0.0)
+    # Errors that the reference does not know, and runs that are lost, say nothing of a factor.
     clear: Any = known[(known["error"] > KNOWN * known["uncertainty"]) & (known["error"] < LOST)]
     allowed = np.maximum(LEAST, SHARE * runs["seconds"])
     return {

@@ -78,10 +78,7 @@ def forms_for(scene: Scene, rotations: float) -> list[str]:
 
 
 def methods_for(known: Pilot, tolerance: float, angles: bool, steady: bool) -> Iterator[tuple[str, list[str]]]:
-    """Forms worth measuring, those of angles only if asked, each with its solvers at a tolerance.
-
-    Solvers that are `steady` are among those of long runs of the full equations if asked.
-    """
+    """Forms worth measuring, those of angles if asked, with their solvers; over long runs steady ones only if asked."""
     rotations, row = known.rotations, (round(-log10(tolerance)) - 3) // len(LADDER[0])
     solvers = solvers_for(known.scene, row)
     quick = [name for name in solvers if not (find_solver(name).implicit or find_solver(name).low_order)]

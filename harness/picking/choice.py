@@ -2,7 +2,7 @@
 
 from contextlib import suppress
 from math import isfinite, isinf
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from polhode.harness.common.text import duration, short
 from polhode.harness.picking.laws import WANTS
@@ -11,11 +11,9 @@ from polhode.harness.picking.recommendation import Recommendation
 from polhode.harness.picking.trials import LOOSEST, TIGHTEST
 from polhode.models.catalogue import form as find_form, full_form
 from polhode.models.form import FormNotValidError
+from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
-
-if TYPE_CHECKING:
-    from polhode.models.problem import Problem
 
 # Where `pick` knows no law for what the user insists on: errors stay below so many tolerances on ordinary scenes.
 SAFETY = 100.0
@@ -26,16 +24,12 @@ LEAST_TOLERANCE, LARGEST_TOLERANCE = 1e-16, 1.0
 
 
 class Chosen(NamedTuple):
-    """A form, a solver and a tolerance, as `polhode solve` accepts them.
-
-    The note says, if anything, that the error asked for will not be met, or that it is unknown whether it will, or that
-    the run will be long.
-    """
+    """A form, a solver and a tolerance, as `polhode solve` accepts them."""
 
     form: str
     solver: str
     tolerance: float
-    note: str = ""
+    note: str = ""  # that the error asked for will not be met, or may not be, or that the run will be long
 
 
 def choose(
@@ -91,11 +85,7 @@ def choose(
 
 
 def simplest(scene: Scene, want: str) -> tuple[str, str]:
-    """The full form of the fewest equations that answers a question about a scene, and why, in words.
-
-    Averaged forms are approximations: whether one is good enough depends on the error asked for. Raises ValueError if
-    `want` is neither "slow" nor "orientation", or if the start has no orientation.
-    """
+    """The full form of the fewest equations that answers a question about a scene, and why, in words."""
     if want not in WANTS:
         raise ValueError(f"want: got {want!r}, expected 'slow' or 'orientation'")
     name, reason = _simplest(scene)
@@ -127,14 +117,12 @@ def check_tolerance(tolerance: float) -> None:
         raise ValueError(f"tolerance: got {tolerance!r}, expected {expected}")
 
 
-def _first_solver(problem: "Problem") -> str:
+def _first_solver(problem: Problem) -> str:
     """The closed form where there is one, else the first solver that can be run and takes the problem."""
     if problem.closed_form is not None:
         return "exact"
-    for name in SOLVERS:
-        if find_solver(name).available and find_solver(name).takes(problem):
-            return name
-    return next(iter(SOLVERS))
+    able = [name for name in SOLVERS if find_solver(name).available and find_solver(name).takes(problem)]
+    return (able or [*SOLVERS])[0]
 
 
 def _note(found: Recommendation, form: str, solver: str, error: float) -> str:

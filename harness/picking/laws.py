@@ -64,10 +64,7 @@ class Interval:
 
 @dataclass(frozen=True)
 class Load:
-    """What a run's cost depends on: N, F and S, counted by the form's own steps, samples, and P, E and R.
-
-    Its tolerance, where that is not the one asked for, and its steps, where a trial counted them.
-    """
+    """What a run's cost depends on: N, F and S, counted by the form's own steps, samples, and P, E and R."""
 
     rotations: float
     following: float
@@ -76,8 +73,8 @@ class Load:
     pieces: int = 0
     entered: int = 0
     rows: float = 0.0
-    tolerance: float | None = None
-    steps: int | None = None
+    tolerance: float | None = None  # where it is not the one asked for
+    steps: int | None = None  # where a trial counted them
 
 
 @dataclass(frozen=True)
@@ -208,10 +205,8 @@ class MethodLaws:
 
 
 def regime(want: str, stiff: bool, long: bool = False) -> str:
-    """Name of the law of what is wanted: beyond `STIFF` damping times errors die out and the pilot is implicit.
-
-    Over more than `LONG` rotations errors have long added up, and laws of their own are the closer ones.
-    """
+    """Name of the law of what is wanted."""
+    # Beyond `STIFF` damping times errors die out and the pilot is implicit; over long runs they have long added up.
     return f"stiff {want}" if stiff else f"long {want}" if long else want
 
 

@@ -31,10 +31,7 @@ HELD = 0.4
 
 @dataclass(frozen=True)
 class Gauge:
-    """How the steps of a kind of solvers are counted: by which one, at which tolerance.
-
-    The numbers are what they usually come to in the quaternion form, within a third: from random scenes.
-    """
+    """How the steps of a kind of solvers are counted, and what they usually come to in the quaternion form."""
 
     solver: str
     tolerance: float
@@ -66,16 +63,15 @@ def gauge_of(solver: str) -> Gauge:
 
 
 def load_of(form: Form, solver: str, pilot: Pilot, samples: int, tolerance: float) -> Load:
-    """Load of a run of a form by a solver.
+    """Load of a run of a form by a solver; raises PilotFailedError if the form's own pilot fails.
 
     Rotations, the flow's own time and damping times count by the steps that they cost, as against the usual. Averaged
-    forms know nothing of rotations, and count by their steps, as do solvers that plan theirs over many periods, steps
-    within steps in the place of F. Raises PilotFailedError if the form's own pilot fails.
+    forms know nothing of rotations, and count by their steps, as do solvers that plan theirs over many periods.
     """
     scene, damped, gauge = pilot.scene, pilot.damping_times, gauge_of(solver)
     if find_solver(solver).many_periods:
-        count, inner = _planned(form, pilot, solver, tolerance).tolist()
-        return Load(count, inner, 0.0, samples)
+        # Steps within steps stand in the place of F.
+        return Load(*_planned(form, pilot, solver, tolerance).tolist(), 0.0, samples)
     if isinstance(form, InPieces):
         return _in_pieces(form, solver, pilot, samples, tolerance)
     if form.averaged:
@@ -96,10 +92,7 @@ def load_of(form: Form, solver: str, pilot: Pilot, samples: int, tolerance: floa
 
 
 def _in_pieces(form: InPieces, solver: str, pilot: Pilot, samples: int, tolerance: float) -> Load:
-    """Load of a form of several pieces, as it plans them for this very scene: full equations in windows, and the rest.
-
-    The windows' tolerance is the mean of their own ones, in logarithms, by the angles turned in them.
-    """
+    """Load of a form of several pieces, as it plans them for this very scene."""
     scene = pilot.scene
     pieces, averaged, logarithm, turned, followed = 0, 0.0, 0.0, 0.0, 0.0
     for each in planned(form, pilot, tolerance):
@@ -108,6 +101,7 @@ def _in_pieces(form: InPieces, solver: str, pilot: Pilot, samples: int, toleranc
             pieces, averaged = pieces + 1, averaged + length
         else:
             angle = pilot.share_of(each)
+            # The windows' tolerance is the mean of their own ones, in logarithms, by the angles turned in them.
             turned, followed, logarithm = turned + angle, followed + length, logarithm + angle * log(each.tolerance)
     own, triaxial = exp(logarithm / turned) if turned else tolerance, scene.ellipsoid.kind == "triaxial"
     full, gauge = load_of(find_form(full_form(scene)), solver, pilot, samples, own), gauge_of(solver)
@@ -122,22 +116,14 @@ def _by_kind(count: float, triaxial: bool) -> tuple[float, float]:
 
 
 def held_back(form: Form, solver: str, pilot: Pilot) -> bool:
-    """Whether stability sets so many of a solver's steps that its error does not follow its tolerance.
-
-    Raises PilotFailedError if the form's own pilot fails.
-    """
+    """Whether stability sets so many of a solver's steps that its error does not follow its tolerance."""
     method = find_solver(solver)
     if method.implicit or method.closed_form:
         return False
     if pilot.damping_times > STIFF:
         return True
-    if (
-        method.order_by_tolerance
-        or method.many_periods
-        or form.averaged
-        or isinstance(form, InPieces)
-        or form.problem(pilot.followed).parameters is None
-    ):
+    free = method.order_by_tolerance or method.many_periods or form.averaged or isinstance(form, InPieces)
+    if free or form.problem(pilot.followed).parameters is None:
         return False
     accuracy, stability = steps(form, pilot.followed, EXPLICIT)
     return stability > HELD * (accuracy + stability)
@@ -167,11 +153,9 @@ def steps(form: Form, scene: Scene, gauge: Gauge) -> tuple[float, float]:
 
 
 def _planned(form: Form, pilot: Pilot, solver: str, tolerance: float) -> np.ndarray:
-    """Steps by a solver that plans them over many periods, those of its checks included, and those within its steps.
-
-    From its first ones at some shares of the run, where it plans anew: between them they grow like the angle turned.
-    """
+    """Steps by a solver that plans them over many periods, those of its checks included, and those within its steps."""
     scene, count, per_turn = pilot.scene, np.zeros(2), np.zeros(2)
+    # Where it plans anew its first ones are counted: between them they grow like the angle turned.
     for share, until in pairwise(PLANS):
         start = pilot.start_at(share * scene.time) if share else scene.start
         if start:

@@ -58,13 +58,11 @@ class Refusal:
 
 
 def why_nothing(refusals: Sequence[Refusal], largest: float = inf) -> str:
-    """Why no method will do: what those that came furthest were refused for, and what is not installed.
-
-    `largest` is the size of what errors are of: to ask for a larger error would be to ask for nothing.
-    """
+    """Why no method will do: what those that came furthest were refused for, and what is not installed."""
     furthest = max(refusal.stage for refusal in refusals)
     last = [refusal for refusal in refusals if refusal.stage is furthest]
     best = min(last, key=lambda refusal: refusal.least)
+    # To ask for an error larger than what it is of would be to ask for nothing.
     if largest <= best.least < inf:
         why = f"errors grow to the size of what they are of: {best.reason}"
     elif best.least < inf:
@@ -96,14 +94,9 @@ def too_tight(law: ErrorLaw, sensitivity: Sensitivity, tightest: float, error: f
 
 def apart(one: float, other: float) -> tuple[str, str]:
     """Two different numbers in as many digits as distinguish them, two at least."""
-    digits = 2
-    while digits < 17 and _rounded(one, digits) == _rounded(other, digits):
-        digits += 1
-    return in_full(_rounded(one, digits)), in_full(_rounded(other, digits))
-
-
-def _rounded(value: float, digits: int) -> float:
-    return float(f"{value:.{digits}g}")
+    rounded = [(float(f"{one:.{digits}g}"), float(f"{other:.{digits}g}")) for digits in range(2, 18)]
+    first, second = next((pair for pair in rounded if pair[0] != pair[1]), rounded[-1])
+    return in_full(first), in_full(second)
 
 
 def rounded_up(value: float) -> str:
@@ -116,9 +109,8 @@ def one_digit(tolerance: float) -> float:
     """The tolerance at one digit, never looser: those who compile for a tolerance then do so for few."""
     if not 0 < tolerance < inf:
         return tolerance
-    power = 10.0 ** floor(log10(tolerance))
-    digit = floor(tolerance / power * (1 + 1e-9))
-    return float(f"{digit}e{floor(log10(tolerance))}")
+    power = floor(log10(tolerance))
+    return float(f"{floor(tolerance / 10.0**power * (1 + 1e-9))}e{power}")
 
 
 def one_digit_up(tolerance: float) -> float:

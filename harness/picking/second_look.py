@@ -209,10 +209,8 @@ def _in_one(scene: Scene, found: Solution) -> tuple[Form, Solution]:
 
 
 def _takes(form: Form, scene: Scene, problem: Problem, look: Look) -> tuple[Form, Problem]:
-    """The run's own problem, or that of a form that gives the same, where the look's solver does not take it.
-
-    So does a tighter look at angles, whose equations are dearer.
-    """
+    """The run's own problem, or that of a form that gives the same, where the look's solver does not take it."""
+    # Equations of angles are dearer.
     if not (form.angles and look.larger < 1) and look.solver.takes(problem):
         return form, problem
     form = find_form(reference_form(scene))

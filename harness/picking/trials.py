@@ -130,10 +130,7 @@ class Yardstick(NamedTuple):
 
 
 def with_trials(candidates: Sequence[Candidate], want: str) -> list[Way | Refusal]:
-    """What is expected of candidates, of the first ones by trials: of `WAYS` at most, until none may be quicker.
-
-    What an averaged form or one in pieces errs by is its own: if a trial finds no tolerance, it will by no solver.
-    """
+    """What is expected of candidates, of the first ones by trials: of `WAYS` at most, until none may be quicker."""
     found, tried, poor = [_expected(each) for each in candidates], 0, set[str]()
     limit = max(MOST_SECONDS, min(_quickest(found), PATIENT))
     hopes = [(hope, place) for place, each in enumerate(candidates) if (hope := _worth_trying(each, limit))]
@@ -148,6 +145,7 @@ def with_trials(candidates: Sequence[Candidate], want: str) -> list[Way | Refusa
             with suppress(PilotFailedError):
                 shown = _tried(candidate, hope.tolerance, found[place], yardstick, want, others)
             found[place] = shown or found[place]
+            # What these err by is their own: if a trial finds no tolerance, it will by no solver.
             if not isinstance(shown, Way) and (candidate.form.averaged or isinstance(candidate.form, InPieces)):
                 poor.add(hope.form)
     return found
@@ -207,14 +205,12 @@ def _tried(
 
 
 def _yardstick(candidate: Candidate, others: Sequence[Candidate], limit: float) -> Yardstick | None:
-    """A run close enough to the true one, of the same averaged form or a full one; None if there is none.
-
-    By the pilot's solver if that will do, else by the one that is soonest compiled.
-    """
+    """A run close enough to the true one, of the same averaged form or a full one; None if there is none."""
     found = candidate.found
     full = {reference_form(found.scene), full_form(found.scene)}
     forms = {candidate.form.name} if candidate.form.averaged and candidate.model else full
     able = [each for each in others if each.form.name in forms]
+    # By the pilot's solver if that will do, else by the one that is soonest compiled.
     able.sort(key=lambda each: (each.solver != pilot_solver(found.scene), each.laws.compile_seconds))
     unlike = [each for each in able if each.solver == UNLIKE != candidate.solver]
     for met, unsure, those in ((MET, UNSURE, able), (UNLIKE_MET, 1.0, unlike)):
