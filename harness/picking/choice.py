@@ -21,6 +21,15 @@ SAFETY = 100.0
 PATIENCE = 30.0
 # Tolerances worth asking for: a tighter one is lost in the rounding of double precision, a looser one holds nothing.
 LEAST_TOLERANCE, LARGEST_TOLERANCE = 1e-16, 1.0
+# Why a form is the simplest one.
+REASONS = {
+    "jeffery": "St = 0: the angular velocity follows from the orientation",
+    "euler-top": "St = inf: no torque, solved in closed form at any time",
+    "tumbling": "planar start: a principal axis stays along the vorticity, one angle describes the motion",
+    "quaternion": "triaxial: all of the orientation matters, and no angle of the quaternion form is singular",
+    "spheroid-axis": "spheroid: the spin angle does not matter, and L and the symmetry axis have no singularity",
+    "sphere": "sphere: L obeys a linear equation of its own, whatever the axis beside it does",
+}
 
 
 class Chosen(NamedTuple):
@@ -88,26 +97,14 @@ def simplest(scene: Scene, want: str) -> tuple[str, str]:
     """The full form of the fewest equations that answers a question about a scene, and why, in words."""
     if want not in WANTS:
         raise ValueError(f"want: got {want!r}, expected 'slow' or 'orientation'")
-    name, reason = _simplest(scene)
+    name = "euler-top" if isinf(scene.stokes) else full_form(scene)
+    if name in ("quaternion", "spheroid-axis"):
+        with suppress(FormNotValidError):
+            find_form("tumbling").check(scene)
+            name = "tumbling"
     find_form(name).check(scene)
-    return name, reason
-
-
-def _simplest(scene: Scene) -> tuple[str, str]:
-    if scene.stokes == 0:
-        return "jeffery", "St = 0: the angular velocity follows from the orientation"
-    if isinf(scene.stokes):
-        return "euler-top", "St = inf: no torque, solved in closed form at any time"
-    with suppress(FormNotValidError):
-        find_form("tumbling").check(scene)
-        return "tumbling", "planar start: a principal axis stays along the vorticity, one angle describes the motion"
-    return full_form(scene), {
-        "triaxial": "triaxial: all of the orientation matters, and no angle of the quaternion form is singular",
-        "sphere": "sphere: L obeys a linear equation of its own, whatever the axis beside it does",
-    }.get(
-        scene.ellipsoid.kind,
-        "spheroid: the spin angle does not matter, and L and the symmetry axis have no singularity",
-    )
+    sphere = name == "spheroid-axis" and scene.ellipsoid.kind == "sphere"
+    return name, REASONS["sphere" if sphere else name]
 
 
 def check_tolerance(tolerance: float) -> None:
