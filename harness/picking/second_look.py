@@ -29,6 +29,8 @@ from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import UNLIMITED, Solver
 from polhode.solvers.solve import Solution, solve
 
+Estimates = dict[str, Interval | None]
+
 # A look takes no longer than this, in seconds, or than this share of the run.
 LEAST, SHARE = 5e-3, 0.6
 # Tolerances of a look over the run's, and what a tighter run of the same method costs at most, in runs.
@@ -68,10 +70,7 @@ def run_error(scene: Scene, form: Form, method: Solver, found: Solution, observa
     if not found.success:
         return RunError(None, None, "the run did not reach its end")
     began, before = perf_counter(), SPENT["compilation"]
-
-    def seconds() -> float:
-        return perf_counter() - began - (SPENT["compilation"] - before)
-
+    largest = float(np.max(np.abs(observables.angular_momentum[:, 2]))) / max(scene.ellipsoid.inertia)
     try:
         with np.errstate(all="ignore"):
             if method.keeps_windows and any(each.averaged for each in found.stages):
@@ -83,36 +82,26 @@ def run_error(scene: Scene, form: Form, method: Solver, found: Solution, observa
                 if not model:
                     model, how = model_errors(form, pilot(scene)), "by trial runs"
                 note = f"{note}; averaging {how}"
-                own = {want: _sum(own[want], model[want]) for want in own}
-    except (_NoLookError, UnfitError, PilotFailedError, FormNotValidError) as failure:
-        return RunError(None, None, str(failure), seconds=seconds())
-    largest = float(np.max(np.abs(observables.angular_momentum[:, 2]))) / max(scene.ellipsoid.inertia)
-    return RunError(own["slow"], own["orientation"], note, seconds=seconds(), largest_lz=largest)
+                own = {want: each.plus(off) if each and (off := model[want]) else None for want, each in own.items()}
+        stated = RunError(own["slow"], own["orientation"], note, largest_lz=largest)
+    except (UnfitError, PilotFailedError, FormNotValidError) as failure:
+        stated = RunError(None, None, str(failure))
+    return replace(stated, seconds=perf_counter() - began - (SPENT["compilation"] - before))
 
 
-def _stated(scene: Scene, form: Form, found: Solution, observables: Observables) -> "tuple[Estimates, str]":
+def _stated(scene: Scene, form: Form, found: Solution, observables: Observables) -> tuple[Estimates, str]:
     """Errors of a run of several pieces as these state them: bounds, that most of them keep to by far."""
     own = _estimates(scene, form, observables, (0.0, 0.0), Look(found.method, 1.0, 1.0, 1.0))
-    for want, bound in zip(own, _bounds(found), strict=True):
+    for want, bound in _bounds(found).items():
         if rounding := own[want]:
             own[want] = rounding.plus(Interval(bound / STATED_OVER, 0.0, bound))
     return own, "what its pieces state"
 
 
-def _bounds(found: Solution) -> tuple[float, float]:
-    """Slow error and that of angles that a run's pieces state."""
-    return sum(each.error for each in found.stages), min(pi, sum(each.angle for each in found.stages))
-
-
-def _sum(own: Interval | None, model: Interval | None) -> Interval | None:
-    return own.plus(model) if own and model else None
-
-
-class _NoLookError(Exception):
-    """No second look came to its end; the message says why."""
-
-
-Estimates = dict[str, Interval | None]
+def _bounds(found: Solution) -> dict[str, float]:
+    """Errors that a run's pieces state."""
+    angle = sum(each.angle for each in found.stages)
+    return {"slow": sum(each.error for each in found.stages), "orientation": min(pi, angle)}
 
 
 def _solver_error(
@@ -140,24 +129,19 @@ def _solver_error(
         most = max(100, int(STOPPED * limit / step)) if _compiled(look.solver) else UNLIMITED
         run = solve(problem, look.solver, look.tolerance, times, max_seconds=STOPPED * limit, max_steps=most)
         if run.success:
-            there = equations.observe(scene, run.states)
             here = observables.at(rows)
-            apart = _apart(scene, here, there)
-            words = f"a second run by {look.solver.name} at {look.tolerance:.0e}"
-            own = _estimates(scene, form, here, apart, look)
+            own = _estimates(scene, form, here, _apart(scene, here, equations.observe(scene, run.states)), look)
             # Pieces that both runs average differ by nothing.
             if found.stages and (look.larger > 1 or any(each.averaged for each in run.stages)):
-                own = {
-                    want: each and replace(each, high=max(each.high, bound))
-                    for (want, each), bound in zip(own.items(), _bounds(found), strict=True)
-                }
-            return own, words
+                bounds = _bounds(found)
+                own = {want: each and replace(each, high=max(each.high, bounds[want])) for want, each in own.items()}
+            return own, f"a second run by {look.solver.name} at {look.tolerance:.0e}"
         limit -= run.seconds
         if limit <= 0:
             break
     if found.stages:
         return _stated(scene, form, found, observables)
-    raise _NoLookError("no second run came to its end in the time allowed")
+    raise PilotFailedError("no second run came to its end in the time allowed")
 
 
 def _looks(scene: Scene, method: Solver, found: Solution, turns: float, limit: float) -> Iterator[Look]:
