@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from polhode.harness.calibration.evaluation import error_of
 from polhode.harness.calibration.scenes import Question
 from polhode.harness.common.store import Record
 from polhode.harness.picking.choice import simplest
@@ -62,8 +63,7 @@ def rules(question: Question) -> dict[str, str]:
 def _performance(record: Record | None, question: Question) -> tuple[float, bool]:
     if record is None or "seconds" not in record or record["status"] != Status.REACHED_END:
         return np.inf, False
-    error = record.get(f"{question.want}_error")
-    return float(record["seconds"]), error is not None and error <= question.error
+    return float(record["seconds"]), error_of(record, question.want) <= question.error
 
 
 def penalised(runs: Any) -> Any:

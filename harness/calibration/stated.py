@@ -55,11 +55,10 @@ def _row(question: Question, random: np.random.Generator) -> Record:
     if reason := no_reference(question):
         return {"left_out": reason}
     known = pilot(scene)
-    rotations = known.rotations
     tolerance = float(f"{10 ** random.uniform(*TOLERANCES):.0e}")
     ways = _ways(known, tolerance)
     name, solver = ways[random.integers(len(ways))]
-    solution, seconds = _timed(question, name, solver, tolerance)
+    solution = _run(question, name, solver, tolerance)
     if not solution.success:
         return {"left_out": str(solution.status)}
     full = reference(scene, reference_form(scene), question.samples, REFERENCE_SECONDS)
@@ -73,14 +72,14 @@ def _row(question: Question, random: np.random.Generator) -> Record:
         "form": name,
         "solver": solver,
         "tolerance": tolerance,
-        "rotations": rotations,
+        "rotations": known.rotations,
         "want": want,
         "error": getattr(true, want),
         "uncertainty": unknown[want],
         "stated": stated and stated.predicted,
         "stated_high": stated and stated.high,
         "seconds": solution.seconds,
-        "look_seconds": seconds,
+        "look_seconds": solution.error.seconds,
         "note": solution.error.note,
     }
 
@@ -96,13 +95,12 @@ def _ways(known: Pilot, tolerance: float) -> list[tuple[str, str]]:
     ]
 
 
-def _timed(question: Question, name: str, solver: str, tolerance: float) -> tuple[SceneSolution, float]:
-    """The run, and the seconds that its second look added, with everything compiled; the least disturbed of a few."""
+def _run(question: Question, name: str, solver: str, tolerance: float) -> SceneSolution:
+    """The run with everything compiled, of a few that whose second look was the least disturbed."""
     what = plan(question.scene, name, solver, tolerance, 1e-6, "slow", question.samples)
     first = what.run()
     runs = [what.run() for _ in range(TIMED if first.seconds < SHORT else 1)]
-    least = min(runs, key=lambda run: run.error.seconds)
-    return least, least.error.seconds
+    return min(runs, key=lambda run: run.error.seconds)
 
 
 def judged(runs: Any) -> dict[str, float]:

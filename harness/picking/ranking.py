@@ -84,18 +84,13 @@ def _remembered(scene: Scene, error: float, want: str, samples: int) -> Recommen
 def first_way(
     scene: Scene, error: float, want: str, samples: int, form: str | None = None, solver: str | None = None
 ) -> Way | None:
-    """The first row of `pick` that is of this form and this solver, if given; None where it is not known.
-
-    No other form is compiled, and of all forms not that of Euler angles, which the quaternion form always beats: its
-    pilots would take as long as all others together.
-    """
+    """The first row of `pick` that is of this form and this solver, if given; None where it is not known."""
     _check(scene, error, want)
+    # The quaternion form always beats Euler angles, whose pilots would take as long as all others together.
     forms = [name for name in FORMS if name == form or not (form or _beaten(find_form(name)))]
     solvers = [name for name in SOLVERS if solver in (None, name)]
     with suppress(PilotFailedError, OverflowError):
-        found = pilot(scene)
-        _check_representable(error, _least(scene, found, want))
-        ways, _ = _candidates(scene, found, error, want, samples, load_laws(), forms, solvers)
+        ways, _ = _candidates(scene, error, want, samples, load_laws(), forms, solvers)
         return min(ways, key=lambda way: way.seconds.predicted, default=None)
     return None
 
@@ -110,9 +105,8 @@ def _least(scene: Scene, found: Pilot, want: str) -> float:
 
 
 def _recommended(scene: Scene, error: float, want: str, samples: int, laws: Laws) -> Recommendation:
+    ways, refusals = _candidates(scene, error, want, samples, laws, FORMS, SOLVERS)
     found = pilot(scene)
-    _check_representable(error, _least(scene, found, want))
-    ways, refusals = _candidates(scene, found, error, want, samples, laws, FORMS, SOLVERS)
     if not ways:
         largest = _least(scene, found, want) / EPS if want == "slow" else pi
         raise NotAttainableError(error, f"not attainable: {why_nothing(refusals, largest)}")
@@ -146,7 +140,6 @@ def _check_representable(error: float, least: float) -> None:
 
 def _candidates(
     scene: Scene,
-    found: Pilot,
     error: float,
     want: str,
     samples: int,
@@ -154,7 +147,8 @@ def _candidates(
     forms: Iterable[str],
     solvers: Collection[str],
 ) -> tuple[list[Way], list[Refusal]]:
-    candidates: list[Candidate] = []
+    found, candidates = pilot(scene), list[Candidate]()
+    _check_representable(error, _least(scene, found, want))
     refusals: list[Refusal] = []
     for form_name in forms:
         form = find_form(form_name)
