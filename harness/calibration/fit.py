@@ -68,20 +68,13 @@ def fit_laws(records: Iterable[Record], source: dict[str, Any], base: Laws | Non
     known = {name for name in base.methods if not lacking(base, *name)} if base else set()
     firsts = first_seconds(examples, [name for name in samples if name not in known])
     methods = dict(base.methods) if base else {}
-    for (form, solver), runs in samples.items():
-        if (form, solver) in known:
-            law, found = methods[form, solver], fit_errors(runs, special(form, solver))
-            kept = {name: each for name, each in law.errors.items() if name not in found or not name.startswith("long")}
-            methods[form, solver] = replace(law, errors=found | kept)
-            continue
-        methods[form, solver] = MethodLaws(
-            form=form,
-            solver=solver,
-            cost=fit_cost(runs),
-            errors=fit_errors(runs, special(form, solver)),
-            compile_seconds=firsts[form, solver],
-            tightest=min(run.tolerance for run in runs),
-        )
+    for name, runs in samples.items():
+        errors = fit_errors(runs, special(*name))
+        if name in known:
+            kept = {each: law for each, law in methods[name].errors.items() if not each.startswith("long")}
+            methods[name] = replace(methods[name], errors=methods[name].errors | errors | kept)
+        else:
+            methods[name] = MethodLaws(*name, fit_cost(runs), errors, firsts[name], min(run.tolerance for run in runs))
     runs = [run for each in samples.values() for run in each]
     counts = {"scenes": _scenes(runs), "records": len(runs)}
     if base:

@@ -164,8 +164,7 @@ def oriented(scene: Scene) -> Scene:
     from scipy.spatial.transform import Rotation
 
     x, y, z, w = Rotation.align_vectors([momentum], [body])[0].as_quat().tolist()
-    velocity = size * body / np.array(ellipsoid.inertia)
-    v1, v2, v3 = velocity.tolist()
+    v1, v2, v3 = (size * body / np.array(ellipsoid.inertia)).tolist()
     return replace(scene, start=BodyStart((w, x, y, z), (v1, v2, v3)))
 
 
@@ -221,11 +220,9 @@ def gains(ellipsoid: Ellipsoid, found: list[tuple[float, Observables]]) -> dict[
 
 def _first_below(pairs: list[tuple[float, Errors]], name: str, limit: float, lucky: float) -> Gain:
     # The loosest pair of all is left out: its error follows no law.
-    for tolerance, error in pairs[1:]:
-        value = getattr(error, name)
-        if value < limit:
-            return Gain(tolerance, max(value, lucky * tolerance))
-    return Gain(pairs[-1][0], inf)
+    known = ((tolerance, getattr(error, name)) for tolerance, error in pairs[1:])
+    below = (Gain(tolerance, max(value, lucky * tolerance)) for tolerance, value in known if value < limit)
+    return next(below, Gain(pairs[-1][0], inf))
 
 
 @lru_cache(maxsize=100)
@@ -246,7 +243,9 @@ def _within_reach(scene: Scene, count: float) -> Scene:
     """What to follow instead of a scene of `count` rotations."""
     if count <= MOST_ROTATIONS:
         return scene
-    if 0 < scene.stokes < inf and count > FAST * damping_times(scene) and _starts_fast(scene, count):
+    slow_motion = 0 < scene.stokes < inf and count > FAST * damping_times(scene)
+    # From rest, or nearly so, nothing slow is there to be kept.
+    if slow_motion and np.linalg.norm(scene.angular_velocity) > USUAL * (2 * pi * count / scene.time):
         return _shrunk(scene, TWIN_ROTATIONS / count)
     return replace(scene, time=scene.time * MOST_ROTATIONS / count)
 
@@ -254,12 +253,6 @@ def _within_reach(scene: Scene, count: float) -> Scene:
 def _shrunk(scene: Scene, share: float) -> Scene:
     """The same slow motion with a share of the rotations."""
     return replace(scene, stokes=scene.stokes * share, time=scene.time * share)
-
-
-def _starts_fast(scene: Scene, count: float) -> bool:
-    """Whether a scene starts about as fast as it goes on: from rest, or nearly so, nothing slow is there to be kept."""
-    usual = 2 * pi * count / scene.time
-    return float(np.linalg.norm(scene.angular_velocity)) > USUAL * usual
 
 
 def over_whole_run(form: Form, solver: str) -> bool:
