@@ -1,6 +1,7 @@
 """What is measured to fit the laws: random scenes, by every form that accepts them and every solver, as studies."""
 
 from collections.abc import Collection, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from math import log10
 
@@ -55,25 +56,21 @@ def fast_solvers() -> list[str]:
 def solvers_for(scene: Scene, row: int) -> list[str]:
     """Fast solvers worth measuring on a scene at tolerances of a row of the ladder."""
     stiff = damping_times(scene)
-    chosen = []
-    for name in fast_solvers():
-        slow = not find_solver(name).implicit and (stiff > MOST_EXPLICIT or (stiff > MOST_EXPLICIT / 10 and row > 0))
-        if not slow and not (find_solver(name).low_order and row >= LOW_ORDER_ROWS):
-            chosen.append(name)
-    return chosen
+    held = stiff > MOST_EXPLICIT or (stiff > MOST_EXPLICIT / 10 and row > 0)
+    methods = {name: find_solver(name) for name in fast_solvers()}
+    able = {name: each for name, each in methods.items() if each.implicit or not held}
+    return [name for name, each in able.items() if not (each.low_order and row >= LOW_ORDER_ROWS)]
 
 
 def forms_for(scene: Scene, rotations: float) -> list[str]:
     """Forms that accept a scene and are soon prepared; averaged ones only where there is something to average over."""
-    accepted = []
+    accepted, averages = [], rotations > LEAST_ROTATIONS * damping_times(scene)
     for name in FORMS:
         form = find_form(name)
-        try:
+        with suppress(FormNotValidError):
             form.problem(scene)
-        except FormNotValidError:
-            continue
-        if not (form.averaged or isinstance(form, InPieces)) or rotations > LEAST_ROTATIONS * damping_times(scene):
-            accepted.append(name)
+            if averages or not (form.averaged or isinstance(form, InPieces)):
+                accepted.append(name)
     return accepted
 
 
