@@ -44,8 +44,7 @@ class Question:
 def questions(seed: int, count: int, stratum: Stratum = "short") -> list[Question]:
     """Random questions: shapes, starts, Stokes numbers, durations, errors and wants."""
     # Each has its own generator, so that the first ones do not depend on how many are asked for.
-    head = {"short": (seed,), "long": (seed, LONG)}[stratum]
-    name = {"short": "random", "long": "long"}[stratum]
+    head, name = ((seed,), "random") if stratum == "short" else ((seed, LONG), "long")
     return [_question(f"{name}-{seed}-{i}", np.random.default_rng((*head, i)), stratum) for i in range(count)]
 
 

@@ -40,10 +40,6 @@ class Gauge:
     per_damping_time: float
     any_run: float
 
-    def usual(self, rotations: float, following: float) -> float:
-        """Steps that accuracy usually asks for."""
-        return self.per_rotation * rotations + self.per_time * following + self.any_run
-
 
 EXPLICIT = Gauge("cyrk-vern8", 1e-9, 8.0, 1.6, 0.28, 4.0)
 IMPLICIT = Gauge("cyrk-radau", 1e-6, 27.0, 2.6, 0.0, 13.0)
@@ -85,9 +81,10 @@ def load_of(form: Form, solver: str, pilot: Pilot, samples: int, tolerance: floa
         return Load(turns, following, damped, samples)
     counted = pilot.followed if gauge is EXPLICIT else pilot.counted
     accuracy, stability = steps(form, counted, gauge)
-    share = accuracy * scene.time / counted.time / gauge.usual(turns, following)
-    usual = gauge.per_damping_time * damping_times(pilot.followed)
-    held = stability / usual if gauge is EXPLICIT and usual > 0 else share
+    usual = gauge.per_rotation * turns + gauge.per_time * following + gauge.any_run
+    share = accuracy * scene.time / counted.time / usual
+    damping = gauge.per_damping_time * damping_times(pilot.followed)
+    held = stability / damping if gauge is EXPLICIT and damping > 0 else share
     return Load(share * turns, share * following, held * damped, samples)
 
 
