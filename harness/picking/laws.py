@@ -268,18 +268,15 @@ def load_laws() -> Laws:
     """Laws fitted on this machine by this version if there are any, else those that come with the package."""
     shipped = parse_laws((files("polhode.harness.picking") / "laws.json").read_text(encoding="utf-8"))
     own = own_laws_path()
-    if own.is_file():
-        try:
-            found = read_laws(own)
-            # Times of the package's laws scaled to this machine are of no use once there are other laws.
-            same = all(found.source.get(each) == shipped.source.get(each) for each in ("scenes", "records", "added"))
-            if same or "refitted" not in found.source:
-                return found
-        except OtherSchemaError:
-            pass
-        except ValueError as error:
-            raise ValueError(f"{error}; remove it to use those of the package") from None
-    return shipped
+    try:
+        found = read_laws(own) if own.is_file() else shipped
+    except OtherSchemaError:
+        return shipped
+    except ValueError as error:
+        raise ValueError(f"{error}; remove it to use those of the package") from None
+    # Times of the package's laws scaled to this machine are of no use once there are other laws.
+    same = all(found.source.get(each) == shipped.source.get(each) for each in ("scenes", "records", "added"))
+    return found if same or "refitted" not in found.source else shipped
 
 
 def read_laws(path: Path) -> Laws:

@@ -1,5 +1,6 @@
 """Model error of averaged forms, from pilots: at the scene's own St, or at smaller ones and extrapolated."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
 from math import log
@@ -31,7 +32,7 @@ OVERSTATED, UNDERSTATED = 30.0, 1.0
 PINCHED, NEAR = 0.1, 0.03
 
 
-def own_estimate(form: Form, scene: Scene) -> dict[str, Interval | None]:
+def own_estimate(form: Form, scene: Scene) -> dict[str, Interval]:
     """What a form says of its own errors; nothing where it says nothing."""
     if not hasattr(form, "estimate"):
         return {}
@@ -40,7 +41,7 @@ def own_estimate(form: Form, scene: Scene) -> dict[str, Interval | None]:
     return {want: Interval(value, value / OVERSTATED, value * UNDERSTATED) for want, value in values.items()}
 
 
-def model_errors(form: Form, pilot: Pilot) -> dict[str, Interval | None]:
+def model_errors(form: Form, pilot: Pilot) -> Mapping[str, Interval | None]:
     """Slow and orientation error of an averaged form's exact solution against the full one.
 
     The smaller one of what the form says itself and what pilots show; raises UnfitError or PilotFailedError for none.
@@ -52,11 +53,7 @@ def model_errors(form: Form, pilot: Pilot) -> dict[str, Interval | None]:
         if not said:
             raise
         return said
-    return {want: _closer(said.get(want), shown[want]) for want in WANTS}
-
-
-def _closer(said: Interval | None, shown: Interval | None) -> Interval | None:
-    return said if said and (shown is None or said.high < shown.high) else shown
+    return shown | {want: own for want, own in said.items() if not (other := shown[want]) or own.high < other.high}
 
 
 def _shown(form: Form, pilot: Pilot) -> dict[str, Interval | None]:
