@@ -109,15 +109,16 @@ def studies(answer: Answer) -> list[Study]:
         parts.append(study(question, first.form, [first.solver], (first.tolerance,), rotations))
         # What takes much longer than the first choice, counting included, is not the best.
         most = max(SHORTEST_LIMIT, CUTOFF * first.seconds.high)
-    wanted: dict[tuple[int, str], dict[str, None]] = {}
+    wanted: dict[tuple[int, str], list[str]] = {}
     for power in {min(LOOSEST, max(TIGHTEST, decade(question) + shift)) for shift in DECADES}:
         for form, solvers in methods_for(known, float(f"1e{power}"), answer.stratum == "short", True):
-            wanted[power, form] = dict.fromkeys(solvers)
+            wanted[power, form] = solvers
     for form, solver, shift in (way.split("/") for way in rules(question)):
         # Simple rules are measured too where their method is none that may win.
-        wanted.setdefault((decade(question) + int(shift), form), {})[solver] = None
+        place = decade(question) + int(shift), form
+        wanted[place] = list(dict.fromkeys([*wanted.get(place, []), solver]))
     for (power, form), solvers in sorted(wanted.items(), key=lambda each: -each[0][0]):
-        part = study(question, form, [*solvers], (float(f"1e{power}"),), rotations)
+        part = study(question, form, solvers, (float(f"1e{power}"),), rotations)
         parts.append(replace(part, max_seconds=min(most, part.max_seconds)))
     return parts
 

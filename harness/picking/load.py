@@ -67,7 +67,8 @@ def load_of(form: Form, solver: str, pilot: Pilot, samples: int, tolerance: floa
     scene, damped, gauge = pilot.scene, pilot.damping_times, gauge_of(solver)
     if find_solver(solver).many_periods:
         # Steps within steps stand in the place of F.
-        return Load(*_planned(form, pilot, solver, tolerance).tolist(), 0.0, samples)
+        count, inner = _planned(form, pilot, solver, tolerance).tolist()
+        return Load(count, inner, 0.0, samples)
     if isinstance(form, InPieces):
         return _in_pieces(form, solver, pilot, samples, tolerance)
     if form.averaged:
