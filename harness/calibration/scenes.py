@@ -116,9 +116,8 @@ def _stokes(random: np.random.Generator) -> float:
 def _speed(random: np.random.Generator) -> float:
     """Size of the angular velocity: of order one, at rest, slow or fast."""
     kind = random.choice(["usual", "rest", "slow", "fast"], p=[0.7, 0.12, 0.09, 0.09])
-    return {"usual": 1.0, "rest": 0.0, "slow": 10 ** random.uniform(-2, -0.5), "fast": 10 ** random.uniform(0.5, 1.5)}[
-        str(kind)
-    ]
+    sizes = {"usual": 1.0, "rest": 0.0, "slow": 10 ** random.uniform(-2, -0.5), "fast": 10 ** random.uniform(0.5, 1.5)}
+    return sizes[str(kind)]
 
 
 def _duration(random: np.random.Generator, ellipsoid: Ellipsoid, stokes: float, size: float) -> float:
