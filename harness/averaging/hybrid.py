@@ -1,6 +1,6 @@
 """Errors and cost of `hybrid` on random starts, against the full equations."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import nan
 from time import perf_counter, process_time
@@ -171,15 +171,17 @@ def _timed(start: int, scene: Scene) -> Speed:
         solve(problem, SOLVER, tolerance, times)
         return perf_counter() - began
 
-    run = solve(problem, SOLVER, tolerance, times)
-    taken, few = (min(seconds(each) for _ in range(REPEATS)) for each in (times, times[:: SAMPLES // (FEW - 1)]))
-    slow, best = nan, ("", nan, nan)
+    run, slow, full = solve(problem, SOLVER, tolerance, times), nan, dict[tuple[str, float], Callable[[], float]]()
     if scene.time <= LONGEST:
         true, *_ = truth(scene)
         slow = errors(scene.ellipsoid, form.observe(scene, run.states), true).slow if run.success else nan
-        best = _best_full(scene, times, true)
-    share = _share(run.stages, scene.time)
-    return Speed(start, scene.ellipsoid.kind, scene.stokes, slow, share, taken, few, *best, *_prepared(scene.ellipsoid))
+        full = _full(scene, times, true)
+    # In turns, so that a slow moment of the machine hits them alike.
+    ways = lambda: seconds(times), lambda: seconds(times[:: SAMPLES // (FEW - 1)]), *full.values()
+    taken, few, *others = np.min([[way() for way in ways] for _ in range(REPEATS)], axis=0).tolist()
+    (solver, at), best = min(zip(full, others, strict=True), key=lambda each: each[1], default=(("", nan), nan))
+    own = slow, _share(run.stages, scene.time), taken, few, solver, at, best
+    return Speed(start, scene.ellipsoid.kind, scene.stokes, *own, *_prepared(scene.ellipsoid))
 
 
 def _prepared(ellipsoid: Ellipsoid) -> tuple[float, float]:
@@ -205,18 +207,17 @@ def _prepared(ellipsoid: Ellipsoid) -> tuple[float, float]:
     return process_time() - began, read()
 
 
-def _best_full(scene: Scene, times: np.ndarray, true: Observables) -> tuple[str, float, float]:
-    """Solver, tolerance and seconds of the fastest full solution that meets the error."""
-    form, found = find_form(full_form(scene)), []
+def _full(scene: Scene, times: np.ndarray, true: Observables) -> dict[tuple[str, float], Callable[[], float]]:
+    """Runs in full, by each solver at the loosest tolerance that meets the error; a call gives its seconds."""
+    form, found = find_form(full_form(scene)), dict[tuple[str, float], Callable[[], float]]()
     problem = form.problem(scene)
     for solver in FULL_SOLVERS:
         for tolerance in FULL_TOLERANCES:
             run = solve(problem, solver, tolerance, times)
             if run.success and errors(scene.ellipsoid, form.observe(scene, run.states), true).slow <= FAST_ERROR:
-                again = min(solve(problem, solver, tolerance, times).seconds for _ in range(REPEATS - 1))
-                found.append((solver, tolerance, min(run.seconds, again)))
+                found[solver, tolerance] = lambda way=(solver, tolerance): solve(problem, *way, times).seconds
                 break
-    return min(found, key=lambda each: each[2], default=("", nan, nan))
+    return found
 
 
 def _share(pieces: Sequence[Stage], whole: float) -> float:

@@ -4,10 +4,12 @@ from dataclasses import replace
 from itertools import islice
 from math import nan
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from polhode.harness.averaging import hybrid
 from polhode.harness.averaging.data import read_study, write_study
 from polhode.harness.averaging.hybrid import (
     ERRORS,
@@ -17,11 +19,14 @@ from polhode.harness.averaging.hybrid import (
     Speed,
     Study,
     measure_errors,
+    measure_speed,
     random_scenes,
 )
 from polhode.harness.common.machine import here
 from polhode.harness.pages.averaging.hybrid import findings, page
+from polhode.models.problem import Problem
 from polhode.models.scene import Scene
+from polhode.solvers.solve import Solution
 
 ROW = HybridError(0, "triaxial", "1:0.8:0.5", 1e6, 0.5, 1e-6, "reached_end", 5e-7, 1e-3, 2e-6, 1e-12, 0.05, 5, 1.0)
 BAD = replace(ROW, start=1, slow=2e-6, estimated=1e-6, mirror=0.0)
@@ -81,3 +86,22 @@ def test_a_run_is_measured_against_the_truth(short_scene: Scene, tmp_path: Path,
         assert row.slow <= row.error
     # The second time the truth is read.
     assert len(list(tmp_path.glob("references/*"))) == 1
+
+
+def test_runs_compared_in_speed_take_turns(short_scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    called, solve = [], hybrid.solve
+
+    def watched(problem: Problem, solver: str, *rest: Any) -> Solution:
+        called.append((problem.name, solver))
+        return solve(problem, solver, *rest)
+
+    monkeypatch.setenv("POLHODE_CACHE", str(tmp_path))
+    own = {"solve": watched, "random_scenes": lambda *_: [short_scene], "FAST": {100.0: 1}, "FAST_SLOW_TIME": 0.2}
+    for name, value in own.items():
+        monkeypatch.setattr(hybrid, name, value)
+    (row,) = measure_speed(quiet=True)
+    assert row.slow <= hybrid.FAST_ERROR
+    assert (row.solver in hybrid.FULL_SOLVERS, row.tolerance in hybrid.FULL_TOLERANCES) == (True, True)
+    assert min(row.seconds, row.few_seconds, row.full_seconds) > 0
+    turn = [("hybrid", hybrid.SOLVER)] * 2 + [("spheroid-axis", solver) for solver in hybrid.FULL_SOLVERS]
+    assert called[-len(turn) * hybrid.REPEATS :] == turn * hybrid.REPEATS
