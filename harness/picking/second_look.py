@@ -47,8 +47,8 @@ LOW_ORDER = 1e-6
 # Upper ends over the middle: of a tighter look, of a looser one, and of a looser one by an implicit method, whose
 # errors follow its tolerance less closely.
 CERTAIN, SCALED, LOOSELY = 1.5, 6.0, 20.0
-# What the pieces of a run state over its error, in the median of random starts: 11 for an error asked for of 1e-6, 8.2
-# for 1e-8, 6.0 for 1e-4 (`polhode accuracy --order hybrid`).
+# What the pieces of a run state over its error, in the median of random starts: 8.9 for an error asked for of 1e-6, 13
+# for 1e-8, 6.3 for 1e-4 (`polhode accuracy --order hybrid`).
 STATED_OVER = 8.0
 # Output times that a look compares, at most, and of forms whose states cost more to observe than to follow.
 MOST_TIMES, FEW_TIMES = 501, 51
