@@ -96,9 +96,9 @@ class Parallel(Scheme):
         return np.concatenate([[self.stages], fast.T.ravel(), slow.T.ravel(), np.tile(self.weights, 2)])
 
 
-# By least squares: products of up to three slow flows, integrated as oscillations of up to two per turn, err less in
-# steps of 0.4 to 3.8 rad than those of ABA(10,6,4). Symmetric products of two weigh a hundred times as much as
-# commutators, since what they leave is never averaged away.
+# By least squares (`docs/derivations/splitting_mean.py`): products of up to three slow flows, as oscillations of up to
+# two per turn, err less in steps of 0.4 to 3.8 rad than those of ABA(10,6,4). Symmetric products of two weigh a hundred
+# times as much as commutators, since what they leave is no error of a flow.
 PARALLEL = Parallel(
     "parallel",
     (
