@@ -35,7 +35,7 @@ REWARDING, CHECK = 0.85, 250.0
 # Numbers that a check finds.
 FOUND = 7
 # An angle of the fast components, in rad, that may be off per turn, in tolerances.
-PER_TURN = 3.0
+PER_TURN = 0.1
 # Scale of the error of a plan that ends in nothing.
 HOPELESS = 1e3
 

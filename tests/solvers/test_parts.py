@@ -199,6 +199,17 @@ def test_means_of_compositions_are_taken_where_they_hold():
     )
 
 
+@pytest.mark.parametrize(("kappa", "stokes"), [(2.0, 1e5), (5.0, 1e6)])
+def test_the_tolerance_bounds_the_error_of_l_in_long_runs(kappa: float, stokes: float):
+    """L sways with the orientation, whose phase errs ever more."""
+    each = problem(stokes, 5e5, kappa)
+    times = np.linspace(0.0, each.end, 201)
+    exact = solve(each, "splitting", 1e-11, times).states
+    for tolerance in (1e-6, 1e-8):
+        found = solve(each, "splitting", tolerance, times).states
+        assert np.abs(found - exact)[:, :3].max() < 2 * tolerance
+
+
 def test_tolerances_below_rounding_ask_for_no_end_of_steps():
     each = problem(1e5, 2000.0)
     steps = [solve(each, "splitting", tolerance).work.steps or 0 for tolerance in (1e-11, 1e-15)]
