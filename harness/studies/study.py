@@ -1,7 +1,7 @@
 """A study: scenes × forms × solvers × tolerances, as data, and the file in TOML that describes it."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from importlib.resources import files
 from math import inf
 from pathlib import Path
@@ -25,6 +25,7 @@ QUICK_SECONDS = 0.2
 MOST_SAMPLES = 100_000
 # What a study may say of a built-in scene.
 BESIDE_BUILTIN = ("time", "tags", "forms", "solvers", "max_seconds")
+Names = Iterable[str]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
 Stokes = Annotated[float, Field(ge=0)]
 _ONE = {"type": "number", "minimum": 0}
@@ -33,14 +34,14 @@ Page = Literal["costs", "outcomes", "known-stokes"]
 """What a page is about: the cheapest run, who gets through, or what solvers gain that know St."""
 
 
-@dataclass(frozen=True)
-class Choice:
+class Choice(BaseModel):
     """What a study says of one scene: its tags, forms and solvers if it is limited to some, and time limit."""
 
-    tags: tuple[str, ...] = ()
-    forms: tuple[str, ...] | None = None
-    solvers: tuple[str, ...] | None = None
-    max_seconds: float | None = None
+    model_config = ConfigDict(strict=True)
+    tags: list[str] = []
+    forms: Annotated[list[str], Field(min_length=1)] | None = None
+    solvers: Annotated[list[str], Field(min_length=1)] | None = None
+    max_seconds: Positive | None = None
 
 
 ANY = Choice()
@@ -84,7 +85,7 @@ class Study:
                 accepted = [name for name in wanted if find_solver(name).takes(problem)]
                 for tolerance in sorted(self.tolerances, reverse=True):
                     limits = tolerance, self.samples, choice.max_seconds or self.max_seconds
-                    others = choice.tags, self.reference_seconds, self.counted
+                    others = tuple(choice.tags), self.reference_seconds, self.counted
                     yield [
                         Case(scene_name, scene, form_name, solver_name, *limits, backend, jacobian, *others)
                         for solver_name in accepted
@@ -95,14 +96,7 @@ class Study:
         """What the study says of a scene."""
         return self.choices.get((scene_name, scene.stokes), ANY)
 
-    def part(
-        self,
-        *,
-        scenes: Iterable[str] = (),
-        tags: Iterable[str] = (),
-        forms: Iterable[str] = (),
-        solvers: Iterable[str] = (),
-    ) -> "Study":
+    def part(self, *, scenes: Names = (), tags: Names = (), forms: Names = (), solvers: Names = ()) -> "Study":
         """What meets every filter, none of a kind meaning all; ValueError for unknown names, or if nothing is left."""
         wanted = {
             "scene": _known("scene", scenes, {name for name, _ in self.scenes}),
@@ -131,22 +125,20 @@ class Study:
 
     def quick(self) -> "Study":
         """The study with every other tolerance and short time limits, for a look."""
-        choices = {scene: replace(choice, max_seconds=None) for scene, choice in self.choices.items()}
+        choices = {scene: choice.model_copy(update={"max_seconds": None}) for scene, choice in self.choices.items()}
         seconds = min(self.max_seconds, QUICK_SECONDS)
         return replace(self, tolerances=self.tolerances[::2], max_seconds=seconds, choices=choices)
 
     def _ways(self, solver_name: str) -> list[tuple[Backend | None, Jacobian | None]]:
         """Back ends and Jacobians with which to run a solver."""
         solver = find_solver(solver_name)
-        offered = {each for each in solver.backends if not solver.lacks(each)}, set(solver.jacobians)
-        backends: list[Backend | None] = [name for name in self.backends or () if name in offered[0]]
-        jacobians: list[Jacobian | None] = [name for name in self.jacobians or () if name in offered[1]]
-        if self.backends is None:
-            backends = [None]
-        return [(backend, jacobian) for backend in backends for jacobian in jacobians or [None]]
+        offered = {None, *(each for each in solver.backends if not solver.lacks(each))}
+        jacobians = [name for name in self.jacobians or () if name in solver.jacobians] or [None]
+        backends = [name for name in self.backends or [None] if name in offered]
+        return [(backend, jacobian) for backend in backends for jacobian in jacobians]
 
 
-def _known(kind: str, names: Iterable[str], known: Iterable[str]) -> set[str]:
+def _known(kind: str, names: Names, known: Names) -> set[str]:
     """Names of a filter; raises ValueError if the study does not know one."""
     for name in names:
         if name not in known:
@@ -162,7 +154,7 @@ def _as_list(value: Any) -> Any:
 StokesNumbers = Annotated[list[Stokes], Field(min_length=1), BeforeValidator(_as_list), _ONE_OR_MORE]
 
 
-class StudySceneTable(BaseModel):
+class StudySceneTable(Choice):
     """``[[scenes]]``: a scene file's contents with a name, and one or several Stokes numbers.
 
     ``{name = "pinch-point", builtin = true}`` stands for a built-in scene, `time` beside it for another duration. Tags
@@ -174,10 +166,6 @@ class StudySceneTable(BaseModel):
     model_config = ConfigDict(extra="allow", strict=True, json_schema_extra={"required": ["name"]})
     name: Name
     stokes: StokesNumbers
-    tags: list[str] = []
-    forms: Annotated[list[str], Field(min_length=1)] | None = None
-    solvers: Annotated[list[str], Field(min_length=1)] | None = None
-    max_seconds: Positive | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -213,15 +201,11 @@ class StudyTable(BaseModel):
     @model_validator(mode="after")
     def _known_names(self) -> "StudyTable":
         for kind, names, catalogue in (("forms", self.forms, FORMS), ("solvers", self.solvers, SOLVERS)):
-            for name in names:
-                if ":" in name:
-                    try:
-                        catalogue.find(name)
-                    except NotFoundError as error:
-                        raise ValueError(f"got {name!r}{error.near} in {kind}, expected {error.expected}") from None
-                elif name not in catalogue:
-                    known = ", ".join(catalogue)
-                    raise ValueError(f"got {name!r} in {kind}, expected some of {known}, or module:class")
+            for name in (each for each in names if each not in catalogue):
+                try:
+                    catalogue.find(name)
+                except NotFoundError as error:
+                    raise ValueError(f"got {name!r}{error.near} in {kind}, expected {error.expected}") from None
         for scene in self.scenes:
             for kind, own, known in (("forms", scene.forms, self.forms), ("solvers", scene.solvers, self.solvers)):
                 for name in own or ():
@@ -250,23 +234,15 @@ def read_study(path: Path | None, default: str = "bench") -> Study:
 def parse_study(contents: dict[str, Any]) -> Study:
     """The study that a file's contents describe; raises ValueError, in one line, if a key is wrong or nothing fits."""
     table = checked(StudyTable, contents)
-    own = _shared(Study, table)
+    own: dict[str, Any] = {name: tuple(value) if isinstance(value, list) else value for name, value in table}
     own["scenes"] = tuple(scene for position, scenes in enumerate(table.scenes) for scene in _scenes(position, scenes))
-    choices = {(each.name, stokes): _shared(Choice, each) for each in table.scenes for stokes in each.stokes}
-    own["choices"] = {scene: Choice(**choice) for scene, choice in choices.items()}
+    own["choices"] = {(each.name, stokes): each for each in table.scenes for stokes in each.stokes}
     # Which is the cheapest makes sense for one scene; several ask who gets through.
     own["page"] = table.page or ("costs" if len({scene.name for scene in table.scenes}) == 1 else "outcomes")
     study = Study(**own)
     if not any(study.batches()):
         raise ValueError(f"forms: got {list(study.forms)}, expected one that some scene and solver accept")
     return study
-
-
-def _shared(kind: Any, table: BaseModel) -> dict[str, Any]:
-    """What a table says of a dataclass's fields, but for scenes; lists become tuples."""
-    names = [each.name for each in fields(kind) if each.name in type(table).model_fields and each.name != "scenes"]
-    values = {name: getattr(table, name) for name in names}
-    return {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
 
 
 def _scenes(position: int, table: StudySceneTable) -> Iterator[tuple[str, Scene]]:

@@ -36,7 +36,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
     path.write_text(STUDY, encoding="utf-8")
     whole = read_study(path)
     name, scene = whole.scenes[0]
-    choices = {(name, scene.stokes): Choice(tags=("short", "warm"))}
+    choices = {(name, scene.stokes): Choice(tags=["short", "warm"])}
     return replace(whole, scenes=whole.scenes[:1], solvers=SOLVERS, tolerances=TOLERANCES, choices=choices)
 
 
