@@ -14,7 +14,7 @@ from polhode.harness.cli import BadInput, RunFailed, bad_input, command
 from polhode.harness.commands._study_options import FOLDER, as_json, quiet
 from polhode.harness.common.text import duration, fitting, on_terminal
 
-REPORTS = Path("reports")
+REPORTS, HERE = Path("reports"), Path(__file__).parent
 ABOVE_ONE = click.FloatRange(min=1.0, min_open=True)
 # Seconds over which the sentinel is watched.
 WATCH = 1.0
@@ -66,37 +66,27 @@ def doctor(as_json: bool) -> None:
 
 def examine() -> dict[str, Any]:
     """All that `polhode doctor` shows; takes a little longer than `WATCH` seconds."""
-    from importlib.metadata import version
-
-    from polhode.harness.common.machine import machine, versions
+    from polhode.harness.common.machine import machine, package_version, versions
+    from polhode.harness.pages.tables import templates
     from polhode.solvers.catalogue import SOLVERS, solver
     from polhode.solvers.compile import cache_folder
 
     keys = ("name", "package", "available", "why_not")
     adapters = [{key: getattr(method, key) for key in keys} for method in map(solver, SOLVERS)]
     for row in adapters:
-        row["version"] = version(row["package"]) if row["available"] else None
-    caches = [look("references", cache_folder() / "references"), look("compiled integrators", cache_folder("heyoka"))]
-    cold, steadiness = cold_start(), watch_sentinel(WATCH)
-    advice = [f"{row['name']}: {row['why_not']}" for row in adapters if not row["available"]]
-    advice += [
-        f"{cache['folder']}: cannot be written, so that {cache['name']} are made anew every time: "
-        "set POLHODE_CACHE to a folder of yours"
-        for cache in caches
-        if not cache["writable"]
-    ]
-    if not steady(steadiness):
-        advice.append("times measured now are noisy: stop other work, then look again (errors and counts are fine)")
-    return {
+        row["version"] = package_version(row["package"]) if row["available"] else None
+    caches = {"references": cache_folder() / "references", "compiled integrators": cache_folder("heyoka")}
+    found = {
         "machine": machine(),
         "versions": versions(),
         "adapters": adapters,
-        "caches": caches,
+        "caches": [look(name, folder) for name, folder in caches.items()],
         "laws": _laws(),
-        "cold_start": cold,
-        "steadiness": steadiness,
-        "advice": advice,
+        "cold_start": cold_start(),
+        "steadiness": watch_sentinel(WATCH),
     }
+    advice = templates(HERE).get_template("advice.md").render(found, steady=steady(found["steadiness"]))
+    return found | {"advice": advice.splitlines()}
 
 
 def _laws() -> str:
@@ -168,32 +158,25 @@ def steady(steadiness: dict[str, float | None]) -> bool:
 
 
 def _page(found: dict[str, Any]) -> str:
-    states = {True: click.style("ready", fg="green"), False: click.style("missing", fg="red", bold=True)}
-    adapters = [
-        [row["name"], f"{row['package']} {row['version'] or ''}".strip(), states[row["available"]]]
+    from polhode.harness.pages.tables import templates
+
+    def mark(good: bool, yes: str, no: str) -> str:
+        return click.style(yes if good else no, fg="green" if good else "red", bold=not good)
+
+    solvers = [
+        [row["name"], f"{row['package']} {row['version'] or ''}".strip(), mark(row["available"], "ready", "missing")]
         for row in found["adapters"]
     ]
-    caches = [
-        [cache["name"], str(cache["folder"]), f"{cache['files']} files, {cache['size'] / 1e6:.1f} MB"]
+    kept = [
+        [cache["name"], cache["folder"], f"{cache['files']} files, {cache['size'] / 1e6:.1f} MB"]
         for cache in found["caches"]
     ]
-    steadiness, load = found["steadiness"], found["steadiness"]["load"]
-    waiting = "unknown" if load is None else f"{load:.2f} waiting per core"
-    good = steady(steadiness)
-    verdict = click.style("steady" if good else "unsteady", fg="green" if good else "red", bold=not good)
-    seconds = duration(steadiness["seconds"])
-    parts = [
-        on_terminal(["machine", ""], [*found["machine"].items()]),
-        on_terminal(["package", "version"], [*found["versions"].items()]),
-        on_terminal(["solver", "library", ""], adapters),
-        on_terminal(["cache", "folder", ""], [*caches, ["cost laws", found["laws"], ""]]),
-        on_terminal(
-            ["polhode solve paper", ""], [(work, duration(each)) for work, each in found["cold_start"].items()]
-        ),
-        f"times: {verdict}; sentinel {seconds}, median {steadiness['ratio']:.2f} × that; load {waiting}",
-        *([fitting("\n".join(["What to do:", *(f"- {line}" for line in found["advice"])]))] if found["advice"] else []),
-    ]
-    return "\n\n".join(parts)
+    pieces = [(work, duration(each)) for work, each in found["cold_start"].items()]
+    verdict = mark(steady(found["steadiness"]), "steady", "unsteady")
+    page = templates(HERE)
+    page.globals |= {"columns": on_terminal, "fitting": fitting}
+    rows = {"solvers": solvers, "kept": kept, "pieces": pieces, "verdict": verdict}
+    return page.get_template("doctor.md").render(found | rows).rstrip()
 
 
 @command()
@@ -218,6 +201,7 @@ def export(store: Path, out: Path) -> None:
 def compare(before: Path, after: Path, slower: float, less_accurate: float, as_json: bool) -> None:
     """Compare two saved runs; fail if a case of AFTER is slower or less accurate than in BEFORE, or failed."""
     from polhode.harness.analysis.comparison import compare as compare_runs, read_runs
+    from polhode.harness.analysis.frames import rows_of
     from polhode.harness.common.files import dumps
     from polhode.harness.common.text import aligned
 
@@ -226,10 +210,10 @@ def compare(before: Path, after: Path, slower: float, less_accurate: float, as_j
     found = compare_runs(*tables, slower=slower, less_accurate=less_accurate)
     if found.shared == 0:
         raise BadInput(f"{after}: got no case that {before} has, expected some")
-    worse = found.regressions.astype(object).where(found.regressions.notna(), None).to_dict("records")
+    worse = rows_of(found.regressions)
     if as_json:
-        numbers = {"shared": found.shared, "only_before": found.only_before, "only_after": found.only_after}
-        click.echo(dumps({**numbers, "drift": found.drift, "same_machine": found.same_machine, "regressions": worse}))
+        shown = ("shared", "only_before", "only_after", "drift", "same_machine")
+        click.echo(dumps({name: getattr(found, name) for name in shown} | {"regressions": worse}))
     else:
         pace = f"the machine takes {found.drift:.2f} times as long"
         pace = pace if found.same_machine else "another machine or Python: times as they are"
