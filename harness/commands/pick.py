@@ -11,15 +11,18 @@ import click
 from polhode.harness.cli import BadInput, RunFailed, bad_input, command
 from polhode.harness.commands import setup
 from polhode.harness.commands._study_options import as_json, out_folder, quiet, resume, stored
-from polhode.harness.common.text import duration, fitting, in_full, on_terminal, scientific, short
+from polhode.harness.common.text import WORDING, fitting, in_full, on_terminal
 from polhode.models.catalogue import FORMS
 from polhode.solvers.catalogue import SOLVERS
 
 if TYPE_CHECKING:
     from polhode.harness.picking.recommendation import Recommendation
 
-# Ways shown unless all are asked for.
+# Ways shown unless all are asked for, and their columns.
 FEW = 8
+WAYS = {"form": "{form}", "solver": "{solver}", "tolerance": "{tolerance:short}", "error below": "{error.high:error}"}
+WAYS |= {"time": "{seconds.predicted:time}", "95 % interval": "{seconds.low:time} … {seconds.high:time}"}
+WAYS |= {"first run": "{first_run_seconds:time}"}
 
 
 @command()
@@ -56,24 +59,11 @@ def pick(scene: str, error: float, want: str, samples: int, why: bool, everythin
 
 def pick_page(found: "Recommendation", everything: bool, why: bool = False) -> str:
     """What `polhode pick` prints of a recommendation: what to run, the ways, and if asked why."""
-    header = ["form", "solver", "tolerance", "error below", "time", "95 % interval", "first run", ""]
     shown = found.ranking if everything else found.ranking[:FEW]
-    rows = [
-        [
-            row.form,
-            row.solver,
-            short(row.tolerance),
-            scientific(row.error.high),
-            duration(row.seconds.predicted),
-            f"{duration(row.seconds.low)} … {duration(row.seconds.high)}",
-            duration(row.first_run_seconds),
-            "tied" if row.tied else "",
-        ]
-        for row in shown
-    ]
+    rows = [[*(WORDING.vformat(cell, (), row) for cell in WAYS.values()), "tied" * row.tied] for row in shown]
     notes = _notes(found, len(shown), why or everything)
     # The first run, and then the interval, are what a narrow terminal goes without.
-    parts = [fitting(found.summary), on_terminal(header, rows, spare=(5, 6)), *filter(None, [fitting(notes)])]
+    parts = [fitting(found.summary), on_terminal([*WAYS, ""], rows, spare=(5, 6)), *filter(None, [fitting(notes)])]
     header = ["excluded", "solvers", "why"] if everything else ["excluded", "why"]
     if (why or everything) and (excluded := _why(found, everything)):
         parts.append(on_terminal(header, excluded))
