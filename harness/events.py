@@ -23,16 +23,8 @@ ARRIVED = 0.05
 class Event:
     """A function of a solution of n times that returns n values, to be followed through zero.
 
-    Any function will do in its place, with SciPy's attributes `direction` and `terminal` if need be.
-
-    Parameters
-    ----------
-    name : str
-    function : callable
-    direction : float
-        Positive: only where it rises; negative: only where it falls; 0: both.
-    terminal : bool
-        Whether the solution ends there.
+    It happens only where the function rises if `direction` is positive, where it falls if negative; the solution ends
+    there if it is `terminal`. Any function will do in its place, with SciPy's attributes of these names if need be.
     """
 
     name: str

@@ -38,15 +38,13 @@ def solve_ivp(
     ----------
     fun : callable
         As `Problem.from_function` takes it.
-    t_span : tuple of float
-    y0 : sequence of float
+    t_span, y0, args : sequence of float
     method : str or Solver
         A catalogue name (`polhode solvers`), ``"module:class"``, or a solver.
     t_eval : sequence of float, optional
         Times of the output, increasing; by default 201 equispaced ones.
     events : callable or sequence of callables, optional
         ``event(t, y, *args) -> float``, with SciPy's attributes `direction` and `terminal` if need be.
-    args : sequence of float
     rtol : float
         The solver's tolerance, relative and absolute alike.
     dense_output : bool

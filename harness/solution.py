@@ -44,20 +44,9 @@ class SceneSolution(LikeSolveIvp):
     is as accurate as the rows. It has the names of `solve_ivp`'s result too: `t`, `y` (the form's own state, shape
     (d, n)), `sol`, `nfev`, `njev`, `status`, `message`, `success`.
 
-    Parameters
-    ----------
-    scene : Scene
-    equations : Form
-    run : Solution
-        The run of the form's problem: states, status, work.
-    times : ndarray, shape (n,)
-        In units of the inverse shear rate.
-    observables : Observables
-        L, E and the rotation matrix at these times.
-    error : RunError
-        Estimated error of this very run, `slow` and `orientation`.
-    events : mapping of str to SceneSolution
-        By name, the motion at the times at which an event asked for happened.
+    `times`, shape (n,), are in units of the inverse shear rate; `observables` are L, E and the rotation matrix there;
+    `run`, that of the form's problem, has states, status and work. `error`, `slow` and `orientation`, is estimated for
+    this very run. `events` has by name the motion at the times at which an event asked for happened.
     """
 
     scene: Scene
