@@ -55,6 +55,8 @@ class WorkPrecision:
         Equispaced times at which the error is measured.
     max_seconds : float
         Time limit of a run. A solver stopped by it does not run at tighter tolerances; the row stays.
+    classical : Classical, optional
+        A test problem: the error is that of the end, `Classical.error`, against the published one.
     """
 
     problem: Problem
@@ -63,10 +65,14 @@ class WorkPrecision:
     samples: int = 101
     max_seconds: float = 10.0
     quiet: bool = False
+    classical: Classical | None = None
 
     @cached_property
     def reference(self) -> tuple[np.ndarray, float]:
         """States in long double, shape (samples, d), and their uncertainty in the same measure as the errors."""
+        if self.classical:
+            # What the end is worth is part of the test problem.
+            return np.array([self.problem.start, self.classical.reference]), 0.0
         states = extended_run(self.problem, self.times, "long double", 1e-19)
         return states, SAFETY * self.error_of(extended_run(self.problem, self.times, "long double", 1e-17), states)
 
@@ -104,6 +110,8 @@ class WorkPrecision:
 
     def error_of(self, states: np.ndarray, exact: np.ndarray) -> float:
         """The largest deviation of any component, over that component's largest magnitude."""
+        if self.classical:
+            return self.classical.error(states[-1])
         size = np.max(np.abs(exact), axis=0)
         return float(np.max(np.abs(states - exact) / np.where(size > 0, size, 1)))
 
@@ -136,28 +144,10 @@ class WorkPrecision:
         }
 
 
-@dataclass(frozen=True)
-class AtTheEnd(WorkPrecision):
-    """A study whose error is that of the end, `Classical.error`, against the published one."""
-
-    classical: Classical | None = None
-
-    @cached_property
-    def reference(self) -> tuple[np.ndarray, float]:
-        """The states at the start and the end; what the end is worth is part of the test problem."""
-        assert self.classical is not None
-        return np.array([self.problem.start, self.classical.reference]), 0.0
-
-    def error_of(self, states: np.ndarray, exact: np.ndarray) -> float:
-        """That of the end alone."""
-        assert self.classical is not None
-        return self.classical.error(states[-1])
-
-
 def measured(name: str, solver: str, tolerances: Sequence[float], max_seconds: float) -> list[Record]:
     """Rows of one problem by one solver."""
     one = PROBLEMS[name]
-    study = AtTheEnd(one.problem, [solver], tolerances, 2, max_seconds, quiet=True, classical=one)
+    study = WorkPrecision(one.problem, [solver], tolerances, 2, max_seconds, quiet=True, classical=one)
     return rows_of(study.frame)
 
 
@@ -170,12 +160,13 @@ def run_problems(
             raise ValueError(f"scene: got {name!r}{hint(name, PROBLEMS)}, expected one of {', '.join(PROBLEMS)}")
     settings = {"tolerances": QUICK if quick else TOLERANCES, "max_seconds": 0.3 if quick else 3.0}
     pairs = [(name, solver) for name in names or PROBLEMS for solver in solvers or SOLVERS if _takes(name, solver)]
-    cases = [{"problem": name, "solver": solver, **settings, "versions": versions()} for name, solver in pairs]
-    known = store.keys()
+    cases = ({"problem": name, "solver": solver, **settings, "versions": versions()} for name, solver in pairs)
+    wanted = {digest(case): case for case in cases}
+    known, found = store.keys(), []
     limit = COMPILATION + len(settings["tolerances"]) * (settings["max_seconds"] + 2.0)
-    with Worker() as worker, tqdm(cases, disable=quiet or None, unit="case", desc="problems", leave=False) as progress:
-        for case in progress:
-            key = digest(case)
+    progress = tqdm(wanted.items(), disable=quiet or None, unit="case", desc="problems", leave=False)
+    with Worker() as worker, progress:
+        for key, case in progress:
             if key in known:
                 continue
             reply = worker.run(measured, case["problem"], case["solver"], *settings.values(), limit=limit)
@@ -184,7 +175,6 @@ def run_problems(
             failed = [{"solver": case["solver"], "tolerance": None, "status": "crashed", "message": reply.message}]
             rows = reply.value if reply.failure is None else failed
             store.put(key, {"problem": case["problem"]}, {"rows": rows, "machine": machine(), "versions": versions()})
-    wanted, found = {digest(case) for case in cases}, []
     for record in store:
         if record["key"] in wanted:
             kept = {name: record[name] for name in ("problem", "machine", "versions", "date")}
