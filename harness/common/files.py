@@ -147,12 +147,16 @@ def _expect(path: Path, *coming: Path) -> None:
 
 def dumps(value: Any) -> str:
     """One line of JSON, keys in order."""
-    return json.dumps(_with(_word, value), sort_keys=True, allow_nan=False)
+
+    def word(each: Any) -> Any:
+        return json.dumps(each) if isinstance(each, float) and not isfinite(each) else each
+
+    return json.dumps(_with(word, value), sort_keys=True, allow_nan=False)
 
 
 def loads(text: str) -> Any:
     """The value that `dumps` wrote, words turned into numbers again; raises ValueError if the text is no JSON."""
-    return _with(_number, json.loads(text))
+    return _with(lambda each: WORDS.get(each, each) if isinstance(each, str) else each, json.loads(text))
 
 
 def digest(value: Any) -> str:
@@ -165,11 +169,3 @@ def _with(change: Callable[[Any], Any], value: Any) -> Any:
     if isinstance(value, dict):
         return {name: _with(change, each) for name, each in value.items()}
     return [_with(change, each) for each in value] if isinstance(value, list | tuple) else change(value)
-
-
-def _word(value: Any) -> Any:
-    return json.dumps(value) if isinstance(value, float) and not isfinite(value) else value
-
-
-def _number(value: Any) -> Any:
-    return WORDS.get(value, value) if isinstance(value, str) else value

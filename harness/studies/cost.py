@@ -136,10 +136,7 @@ def _fresh(problem: Problem, solver: str, folder: str) -> FirstRun | None:
 def startup_seconds() -> float:
     """Wall time of `polhode --help` in a process of its own: the minimum of some starts."""
     code = "from polhode.harness.cli import main; main(['--help'])"
-
-    def start() -> None:
-        subprocess.run([sys.executable, "-c", code], check=True, stdout=subprocess.DEVNULL)
-
+    start = partial(subprocess.run, [sys.executable, "-c", code], check=True, stdout=subprocess.DEVNULL)
     return min(seconds_of(start) for _ in range(STARTS))
 
 

@@ -65,7 +65,6 @@ class Runner:
     def _measure(self, batch: list[Case], progress: tqdm) -> list[tuple[Case, Record]]:
         gc.collect()
         records: dict[Case, Record] = {}
-        timed: list[Case] = []
         for case in batch:
             progress.set_postfix_str(f"St = {case.scene.stokes:g} {case.solver} {case.tolerance:g}")
             progress.update()
@@ -74,15 +73,13 @@ class Runner:
                 self._lost += 1
                 continue
             records[case] = {"date": now(), "tags": list(case.tags), **found}
-            if found["status"] == Status.REACHED_END:
-                timed.append(case)
-        timings: dict[Case, Timing] = {}
+        timings = {case: Timing(()) for case, record in records.items() if record["status"] == Status.REACHED_END}
+        timed = list(timings)
         steadiness = self._patience.look() if batch else 0.0
         while timed:
             steadiness = min(steadiness, self._patience.steady())
             for case in timed:
                 reply = self._worker.run(time_once, case, limit=case.max_seconds + COMPILATION)
-                timings.setdefault(case, Timing(()))
                 if reply.failure is Failure.LOST:
                     self._lost += 1
                     del records[case]
