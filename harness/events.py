@@ -42,11 +42,6 @@ def separatrix(solution: SceneSolution) -> np.ndarray:
     return np.sum(solution.angular_momentum**2, axis=1) - 2 * middle * solution.energy
 
 
-def vorticity_momentum(solution: SceneSolution) -> np.ndarray:
-    """L_z, along the vorticity."""
-    return solution.angular_momentum[:, 2]
-
-
 def distance_to_settled(solution: SceneSolution) -> np.ndarray:
     """Distance of L and E, over I_max, from the nearest stable state, less that within which it counts as arrived."""
     scene, form = solution.scene, solution.equations
@@ -57,7 +52,8 @@ def distance_to_settled(solution: SceneSolution) -> np.ndarray:
     return np.min([np.linalg.norm(slow - each.state, axis=1) - each.reach for each in states], axis=0)
 
 
-_KNOWN = Event("separatrix", separatrix), Event("lz", vorticity_momentum), Event("settled", distance_to_settled, -1.0)
+_LZ = Event("lz", lambda solution: solution.angular_momentum[:, 2])
+_KNOWN = Event("separatrix", separatrix), _LZ, Event("settled", distance_to_settled, -1.0)
 EVENTS = {event.name: event for event in _KNOWN}
 
 
