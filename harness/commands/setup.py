@@ -3,6 +3,7 @@
 import json
 import os
 import sys
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -13,6 +14,7 @@ from click.shell_completion import CompletionItem, get_completion_class
 from polhode.harness.cli import BadInput, RunFailed, bad_input, command
 from polhode.harness.commands._study_options import FOLDER, as_json, quiet
 from polhode.harness.common.text import duration, fitting, on_terminal
+from polhode.models.registry import imported
 
 REPORTS, HERE = Path("reports"), Path(__file__).parent
 ABOVE_ONE = click.FloatRange(min=1.0, min_open=True)
@@ -31,18 +33,13 @@ def scene_names(context: click.Context, parameter: click.Parameter, typed: str) 
     return found or [CompletionItem(typed, type="file")]
 
 
-def form_names(context: click.Context, parameter: click.Parameter, typed: str) -> list[CompletionItem]:
-    """Forms of the catalogue."""
-    from polhode.models.catalogue import FORMS, form
-
-    return [CompletionItem(name, help=form(name).summary) for name in FORMS if name.startswith(typed)]
+def _names_in(catalogue: str, context: click.Context, parameter: click.Parameter, typed: str) -> list[CompletionItem]:
+    known = imported(catalogue)
+    return [CompletionItem(name, help=known.find(name).summary) for name in known if name.startswith(typed)]
 
 
-def solver_names(context: click.Context, parameter: click.Parameter, typed: str) -> list[CompletionItem]:
-    """Solvers of the catalogue."""
-    from polhode.solvers.catalogue import SOLVERS, solver
-
-    return [CompletionItem(name, help=solver(name).summary) for name in SOLVERS if name.startswith(typed)]
+form_names = partial(_names_in, "polhode.models.catalogue:FORMS")
+solver_names = partial(_names_in, "polhode.solvers.catalogue:SOLVERS")
 
 
 @command()
