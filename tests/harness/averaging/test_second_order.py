@@ -12,7 +12,7 @@ from polhode.harness.averaging.data import Cost, Passage, SecondOrderErrors, Sec
 from polhode.harness.averaging.orders import slopes
 from polhode.harness.averaging.second_order import REPEATS, costs, measure_passage, measure_study
 from polhode.harness.cli import polhode
-from polhode.harness.commands.paper import PARTS
+from polhode.harness.commands.bench import PARTS
 from polhode.harness.common.files import SUMS
 from polhode.harness.common.text import short
 from polhode.harness.pages.averaging.second_order import findings, page, write_page

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from matplotlib.figure import Figure
 from PIL import Image
 
-from polhode.harness.commands.paper import paper
+from polhode.harness.commands.bench import paper
 from polhode.harness.common.fits import mean_interval, power_law
 from polhode.harness.pages.figures.style import few_colours
 from polhode.harness.paper import claims, pages, store
