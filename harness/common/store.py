@@ -11,13 +11,12 @@ import sqlite3
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, closing, contextmanager, suppress
 from dataclasses import astuple, fields
-from hashlib import sha256
 from io import StringIO
 from itertools import islice
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_type_hints
 
-from polhode.harness.common.files import PartialFile, dumps, loads, open_file, read_file
+from polhode.harness.common.files import PartialFile, digest, dumps, loads, open_file, read_file
 from polhode.harness.common.machine import now
 
 Record = dict[str, Any]
@@ -92,7 +91,7 @@ class Store(AbstractContextManager["Store"]):
         """Write a case once; a second writer of the same key changes nothing."""
         row = key, json.dumps(case, sort_keys=True), json.dumps(result, sort_keys=True), now()
         with self._readable(), self._connection:
-            self._connection.execute(_PUT, (*row, _digest(*row)))
+            self._connection.execute(_PUT, (*row, digest(row)))
 
     def drop(self, keys: Iterable[str]) -> None:
         """Forget cases."""
@@ -109,7 +108,7 @@ class Store(AbstractContextManager["Store"]):
 
     def _sound(self, row: tuple[str, ...]) -> tuple[str, ...]:
         """The row, whose digest is that of its content."""
-        if _digest(*row[:4]) != row[4]:
+        if digest(row[:4]) != row[4]:
             raise DamagedStoreError(
                 f"{self.path}: the store is damaged: case {row[0]} fails its checksum, expected what was written; take "
                 "an undamaged copy, or delete that row"
@@ -147,10 +146,6 @@ def set_aside(path: Path, to: Path) -> None:
         to.with_name(to.name + ending).unlink(missing_ok=True)
         if beside.exists():
             beside.rename(to.with_name(to.name + ending))
-
-
-def _digest(*content: object) -> str:
-    return sha256(json.dumps(content).encode(errors="surrogatepass")).hexdigest()
 
 
 def export(records: Iterable[Record], path: Path) -> None:
