@@ -60,7 +60,7 @@ def pick(scene: str, error: float, want: str, samples: int, why: bool, everythin
 def pick_page(found: "Recommendation", everything: bool, why: bool = False) -> str:
     """What `polhode pick` prints of a recommendation: what to run, the ways, and if asked why."""
     shown = found.ranking if everything else found.ranking[:FEW]
-    rows = [[*(WORDING.vformat(cell, (), row) for cell in WAYS.values()), "tied" * row.tied] for row in shown]
+    rows = [[*(WORDING.vformat(cell, (), vars(row)) for cell in WAYS.values()), "tied" * row.tied] for row in shown]
     notes = _notes(found, len(shown), why or everything)
     # The first run, and then the interval, are what a narrow terminal goes without.
     parts = [fitting(found.summary), on_terminal([*WAYS, ""], rows, spare=(5, 6)), *filter(None, [fitting(notes)])]

@@ -73,7 +73,7 @@ def examine() -> dict[str, Any]:
     for row in adapters:
         row["version"] = package_version(row["package"]) if row["available"] else None
     caches = {"references": cache_folder() / "references", "compiled integrators": cache_folder("heyoka")}
-    found = {
+    found: dict[str, Any] = {
         "machine": machine(),
         "versions": versions(),
         "adapters": adapters,
@@ -170,10 +170,9 @@ def _page(found: dict[str, Any]) -> str:
     ]
     pieces = [(work, duration(each)) for work, each in found["cold_start"].items()]
     verdict = mark(steady(found["steadiness"]), "steady", "unsteady")
-    page = templates(HERE)
-    page.globals |= {"columns": on_terminal, "fitting": fitting}
     rows = {"solvers": solvers, "kept": kept, "pieces": pieces, "verdict": verdict}
-    return page.get_template("doctor.md").render(found | rows).rstrip()
+    page = templates(HERE).get_template("doctor.md")
+    return page.render(found | rows, columns=on_terminal, fitting=fitting).rstrip()
 
 
 @command()
