@@ -16,7 +16,7 @@ from polhode.models.files.toml_file import checked, read_toml
 from polhode.models.form import FormNotValidError
 from polhode.models.registry import NotFoundError
 from polhode.models.scene import Scene
-from polhode.models.scenes import SCENES, named_scene
+from polhode.models.scenes import named_scene
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Backend, Jacobian
 
@@ -30,6 +30,8 @@ Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
 Stokes = Annotated[float, Field(ge=0)]
 _ONE = {"type": "number", "minimum": 0}
 _ONE_OR_MORE = WithJsonSchema({"anyOf": [_ONE, {"type": "array", "items": _ONE, "minItems": 1}]})
+_AS_LIST = BeforeValidator(lambda value: value if isinstance(value, list) else [value])
+StokesNumbers = Annotated[list[Stokes], Field(min_length=1), _AS_LIST, _ONE_OR_MORE]
 Page = Literal["costs", "outcomes", "known-stokes"]
 """What a page is about: the cheapest run, who gets through, or what solvers gain that know St."""
 
@@ -147,13 +149,6 @@ def _known(kind: str, names: Names, known: Names) -> set[str]:
     return set(names)
 
 
-def _as_list(value: Any) -> Any:
-    return value if isinstance(value, list) else [value]
-
-
-StokesNumbers = Annotated[list[Stokes], Field(min_length=1), BeforeValidator(_as_list), _ONE_OR_MORE]
-
-
 class StudySceneTable(Choice):
     """``[[scenes]]``: a scene file's contents with a name, and one or several Stokes numbers.
 
@@ -176,10 +171,8 @@ class StudySceneTable(Choice):
         if not {"name", "builtin"} <= set(scene) <= {"name", "builtin", *BESIDE_BUILTIN}:
             expected = f"name, builtin and perhaps {', '.join(BESIDE_BUILTIN)}"
             raise ValueError(f"got {sorted(scene)}, expected {expected}")
-        if scene["name"] not in list(SCENES):
-            raise ValueError(f"got {scene['name']!r}, expected one of {', '.join(SCENES)}")
         own = {key: value for key, value in scene.items() if key in ("name", *BESIDE_BUILTIN)}
-        return scene_table(named_scene(scene["name"])) | own
+        return scene_table(named_scene(str(scene["name"]))) | own
 
 
 class StudyTable(BaseModel):
