@@ -1,7 +1,6 @@
 """Running a study into a store: batch by batch, so that an interrupted run is taken up where it stopped."""
 
 import gc
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import inf
 
@@ -46,13 +45,14 @@ class Runner:
         """The same of cases in batches, each of which is timed in interleaved order."""
         known, wanted = self.store.keys(), [case.key for batch in batches for case in batch]
         surroundings = {"machine": machine(), "versions": versions()}
-        with (
-            self._worker,
-            tqdm(total=len(wanted), disable=self.quiet or None, unit="case", desc=name, leave=False) as progress,
-        ):
+        progress = tqdm(total=len(wanted), disable=self.quiet or None, unit="case", desc=name, leave=False)
+        with self._worker, progress:
             for batch in batches:
                 fresh = [case for case in batch if case.key not in known]
-                self._recall(case for case in batch if case.key in known)
+                for case in set(batch).difference(fresh):
+                    record = self.store.result(case.key)
+                    if record is not None and _too_slow(record):
+                        self._too_slow.setdefault(_group(case), record)
                 for case, record in self._measure(fresh, progress):
                     self.store.put(case.key, case.content, {**record, **surroundings})
                 progress.update(len(batch) - len(fresh))
@@ -114,12 +114,6 @@ class Runner:
         if _too_slow(record):
             self._too_slow[_group(case)] = record
         return record
-
-    def _recall(self, cases: Iterable[Case]) -> None:
-        for case in cases:
-            record = self.store.result(case.key)
-            if record is not None and _too_slow(record):
-                self._too_slow.setdefault(_group(case), record)
 
 
 def _failed(failure: Failure | None, message: str) -> Record:
