@@ -25,7 +25,7 @@ QUICK_SECONDS = 0.2
 MOST_SAMPLES = 100_000
 # What a study may say of a built-in scene.
 BESIDE_BUILTIN = ("time", "tags", "forms", "solvers", "max_seconds")
-Names = Iterable[str]
+Filter = Iterable[str]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
 Stokes = Annotated[float, Field(ge=0)]
 _ONE = {"type": "number", "minimum": 0}
@@ -98,7 +98,7 @@ class Study:
         """What the study says of a scene."""
         return self.choices.get((scene_name, scene.stokes), ANY)
 
-    def part(self, *, scenes: Names = (), tags: Names = (), forms: Names = (), solvers: Names = ()) -> "Study":
+    def part(self, *, scenes: Filter = (), tags: Filter = (), forms: Filter = (), solvers: Filter = ()) -> "Study":
         """What meets every filter, none of a kind meaning all; ValueError for unknown names, or if nothing is left."""
         wanted = {
             "scene": _known("scene", scenes, {name for name, _ in self.scenes}),
@@ -140,7 +140,7 @@ class Study:
         return [(backend, jacobian) for backend in backends for jacobian in jacobians]
 
 
-def _known(kind: str, names: Names, known: Names) -> set[str]:
+def _known(kind: str, names: Filter, known: Iterable[str]) -> set[str]:
     """Names of a filter; raises ValueError if the study does not know one."""
     for name in names:
         if name not in known:
