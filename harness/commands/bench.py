@@ -164,13 +164,7 @@ def paper(
 
 
 @command()
-@click.option(
-    "--order",
-    type=click.Choice(list(FOLDERS)),
-    default="1",
-    help="1: both orders in the paper's cases. 2: second order beyond them, through resonances, and its cost. "
-    "hybrid: second order with windows of the full equations, on random starts.",
-)
+@click.option("--order", type=click.Choice(list(FOLDERS)), default="1", help="What is measured of averaging.")
 @click.option("--out", type=options.FOLDER, help="Folder; by default reports/accuracy, second-order or hybrid.")
 @options.as_json
 @click.option("--quick", is_flag=True, help="St up to 1000 or a few cases alone: a look, not a result.")
@@ -181,8 +175,8 @@ def accuracy(
     order: str, out: Path | None, as_json: bool, quick: bool, part: str | None, page_only: bool, quiet: bool
 ) -> None:
     """Measure the averaged forms' errors in L_x, L_y, L_z and E against full solutions."""
-    from polhode.harness.averaging import hybrid as hybrid_study
     from polhode.harness.averaging.data import PaperStudy, SecondOrderStudy, read_study
+    from polhode.harness.averaging.hybrid import Study as HybridStudy, measure as measure_hybrid
     from polhode.harness.averaging.measure import measure_all
     from polhode.harness.averaging.second_order import measure_study
     from polhode.harness.common.files import dumps
@@ -190,7 +184,8 @@ def accuracy(
     from polhode.harness.references.reference import ReferenceFailedError
 
     pages: dict[str, Any] = {"1": first_order, "2": second_order, "hybrid": hybrid}
-    kinds: dict[str, Any] = {"1": PaperStudy, "2": SecondOrderStudy, "hybrid": hybrid_study.Study}
+    kinds: dict[str, Any] = {"1": PaperStudy, "2": SecondOrderStudy, "hybrid": HybridStudy}
+    measures: dict[str, Any] = {"1": lambda *_, **how: measure_all(**how), "2": measure_study, "hybrid": measure_hybrid}
     page, out = pages[order], out or FOLDERS[order]
     with bad_input():
         if quick + bool(part) + page_only > 1:
@@ -201,11 +196,7 @@ def accuracy(
         found: Any = read_study(kinds[order], out) if part or page_only else None
         out.mkdir(parents=True, exist_ok=True)
     try:
-        if order == "1" and not page_only:
-            found = measure_all(quick=quick, quiet=quiet)
-        elif not page_only:
-            measure: Any = measure_study if order == "2" else hybrid_study.measure
-            found = measure(found, part or "", quick=quick, quiet=quiet)
+        found = found if page_only else measures[order](found, part or "", quick=quick, quiet=quiet)
     except ReferenceFailedError as error:
         raise RunFailed(str(error)) from None
     page.write_page(found, out, "polhode accuracy" + f" --order {order}" * (order != "1") + " --quick" * quick)
