@@ -166,8 +166,6 @@ def validate(out: Path, scenes: int, seed: int, seeds: int, errors: int, resume:
     with stored(out, resume, "heldout") as store:
         evaluation = evaluate(store, known, scenes, quiet, seed, seeds)
     page = write_pages(out, known, evaluation, f"polhode validate --scenes {scenes} --seed {seed} --seeds {seeds}")
-    for sentence in summary(evaluation):
-        click.echo(sentence)
-    click.echo(str(page))
+    click.echo("\n".join([*summary(evaluation), str(page)]))
     if not evaluation.reached:
         raise RunFailed("pick did not reach what it promises")

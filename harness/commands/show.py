@@ -30,12 +30,8 @@ def shape(semi_axes: tuple[float, ...], as_json: bool) -> None:
         ellipsoid = Ellipsoid((a, b, c))
     names = ("semi_axes", "inertia", "resistance", "kind", "stokes_star_per_stokes")
     content = {name: getattr(ellipsoid, name) for name in names}
-    if as_json:
-        click.echo(json.dumps(content))
-        return
-    for name, value in content.items():
-        click.echo(f"{name:24}{_text(value)}")
-    click.echo(fitting(f"\n{_UNITS}"))
+    lines = [f"{name:24}{_text(value)}" for name, value in content.items()]
+    click.echo(json.dumps(content) if as_json else "\n".join([*lines, "", fitting(_UNITS)]))
 
 
 _UNITS = (
@@ -63,10 +59,9 @@ def scenes(scene: str | None, as_json: bool) -> None:
         with bad_input():
             table = scene_table(find_scene(scene))
         click.echo(json.dumps(table) if as_json else scene_text(table), nl=as_json)
-    elif as_json:
-        click.echo(json.dumps([{"name": name, "summary": each.summary} for name, each in SCENES.items()]))
-    else:
-        click.echo(on_terminal(["name", "summary"], [[name, each.summary] for name, each in SCENES.items()]))
+        return
+    rows = [{"name": name, "summary": each.summary} for name, each in SCENES.items()]
+    click.echo(json.dumps(rows) if as_json else on_terminal(["name", "summary"], [[*row.values()] for row in rows]))
 
 
 def scene_text(table: dict[str, Any]) -> str:
@@ -83,16 +78,12 @@ def forms(as_json: bool) -> None:
     from polhode.models.catalogue import FORMS, form
 
     known = {name: form(name) for name in FORMS}
-    if as_json:
-        available = {"available": True, "why_not": None}
-        rows = [
-            {"name": name, "summary": one.summary, **available, "valid_for": one.valid_for}
-            for name, one in known.items()
-        ]
-        click.echo(json.dumps(rows))
-        return
+    rows = [
+        {"name": name, "summary": one.summary, "available": True, "why_not": None, "valid_for": one.valid_for}
+        for name, one in known.items()
+    ]
     lines = [line for name, one in known.items() for line in ([name, one.summary], ["", f"for {one.valid_for}"])]
-    click.echo(on_terminal(["name", "what, and for which scenes"], lines))
+    click.echo(json.dumps(rows) if as_json else on_terminal(["name", "what, and for which scenes"], lines))
 
 
 @command()
@@ -103,11 +94,8 @@ def solvers(as_json: bool) -> None:
 
     names = ("name", "summary", "available", "why_not", "accepts")
     rows = [{name: getattr(solver(each), name) for name in names} for each in SOLVERS]
-    if as_json:
-        click.echo(json.dumps(rows))
-        return
     lines = [[row["name"], row["summary"], row["why_not"] or solver(row["name"]).note or "available"] for row in rows]
-    click.echo(on_terminal(["name", "summary", "state"], lines))
+    click.echo(json.dumps(rows) if as_json else on_terminal(["name", "summary", "state"], lines))
 
 
 @command()
