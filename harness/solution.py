@@ -45,8 +45,8 @@ class SceneSolution(LikeSolveIvp):
     (d, n)), `sol`, `nfev`, `njev`, `status`, `message`, `success`.
 
     `times`, shape (n,), are in units of the inverse shear rate; `observables` are L, E and the rotation matrix there;
-    `run`, that of the form's problem, has states, status and work. `error`, `slow` and `orientation`, is estimated for
-    this very run. `events` has by name the motion at the times at which an event asked for happened.
+    `run`, that of the form's problem, has states, status and work. `error` is estimated for this very run: `slow` and
+    `orientation`. `events` has by name the motion at the times at which an event asked for happened.
     """
 
     scene: Scene
