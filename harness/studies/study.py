@@ -135,9 +135,9 @@ class Study:
         """Back ends and Jacobians with which to run a solver."""
         solver = find_solver(solver_name)
         offered = {None, *(each for each in solver.backends if not solver.lacks(each))}
-        jacobians = [name for name in self.jacobians or () if name in solver.jacobians] or [None]
-        backends = [name for name in self.backends or [None] if name in offered]
-        return [(backend, jacobian) for backend in backends for jacobian in jacobians]
+        jacobians: list[Jacobian | None] = [name for name in self.jacobians or () if name in solver.jacobians]
+        backends: list[Backend | None] = [name for name in self.backends or [None] if name in offered]
+        return [(backend, jacobian) for backend in backends for jacobian in jacobians or [None]]
 
 
 def _known(kind: str, names: Filter, known: Iterable[str]) -> set[str]:
