@@ -1,6 +1,6 @@
 """Speed at equal error: what a method takes for an error, who is the cheapest, and the regime map over St and error."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import isnan
 from typing import Any, Literal, NamedTuple
@@ -76,25 +76,23 @@ def cost(points: np.ndarray, target: float) -> float:
     return float(np.exp(np.interp(-np.log(target), -sizes, seconds)))
 
 
-def times_at_error(runs: pd.DataFrame, target: float) -> dict[tuple[str, str], float]:
-    """Time at a slow error of every form and solver on one scene that reaches it, the fastest first."""
-    needed: Any = runs[["form", "solver", "status", "seconds", "slow_error"]]
-    times = {method: cost(front(own), target) for method, own in methods(needed)}
-    return dict(sorted(((method, t) for method, t in times.items() if not np.isnan(t)), key=lambda item: item[1]))
+def fronts(runs: pd.DataFrame, error: str) -> dict[Method, np.ndarray]:
+    """The front of each form and solver on one scene."""
+    needed: Any = runs[["form", "solver", "status", "seconds", error]]
+    return {method: front(own, error) for method, own in methods(needed)}
 
 
-def crossing(runs: pd.DataFrame, form: str, first: str, second: str) -> float | None:
-    """The largest slow error at which `second` stops being faster than `first` as it falls; None if it never does."""
-    of_form = where(runs, runs["form"] == form)
-    ours, theirs = (front(where(of_form, of_form["solver"] == solver)) for solver in (first, second))
-    ahead = False
-    for target in np.geomspace(1e-1, 1e-13, 121).tolist():
-        if not np.isnan(cost(ours, target)):
-            second_ahead = cost(theirs, target) < cost(ours, target)
-            if ahead and not second_ahead:
-                return target
-            ahead = second_ahead
-    return None
+def costs(
+    groups: Iterable[tuple[Any, pd.DataFrame]], targets: Sequence[float], error: str = "slow_error"
+) -> pd.DataFrame:
+    """Times at errors: a row for each error and group of runs, a column for each form and solver, NaN without."""
+    each = {name: fronts(runs, error) for name, runs in groups}
+    found = {
+        (target, name): {method: cost(points, target) for method, points in own.items()}
+        for target in targets
+        for name, own in each.items()
+    }
+    return pd.DataFrame.from_dict(found, orient="index")
 
 
 @dataclass(frozen=True)
@@ -166,15 +164,15 @@ def cells(records: pd.DataFrame, error: str, targets: Sequence[float] = MAP_TARG
     for stokes, runs in by_stokes(records):
         uncertainty = runs[uncertainty_of(error)].dropna()
         limit = least_known(float(uncertainty.iloc[0]) if len(uncertainty) else None)
-        fronts = {method: front(own, error) for method, own in methods(runs)}
+        own = fronts(runs, error)
         for target in targets:
-            costs = {method: cost(points, target) for method, points in fronts.items()}
-            found.append(_cell(stokes, target, costs) if target > limit else Cell(stokes, target, known=False))
+            times = {method: cost(points, target) for method, points in own.items()}
+            found.append(_cell(stokes, target, times) if target > limit else Cell(stokes, target, known=False))
     return found
 
 
-def _cell(stokes: float, target: float, costs: dict[Method, float]) -> Cell:
-    ranked = sorted((seconds, str(method), method) for method, seconds in costs.items() if not isnan(seconds))
+def _cell(stokes: float, target: float, times: dict[Method, float]) -> Cell:
+    ranked = sorted((seconds, str(method), method) for method, seconds in times.items() if not isnan(seconds))
     if not ranked:
         return Cell(stokes, target, known=True)
     seconds, _, winner = ranked[0]
@@ -199,8 +197,7 @@ def standings(records: pd.DataFrame, error: str, found: Sequence[Cell]) -> list[
     """Every method of one scene at several St, those that win most of the cells first."""
     done = where(records, (records["status"] == Status.REACHED_END) & records["seconds"].notna())
     sure = where(done, known(done, error).fillna(value=False))
-    fronts = [pareto_front(runs, error) for _, runs in sure.groupby("stokes")]
-    on_front = [method for each in fronts for method, _ in methods(each)]
+    on_front = [method for _, runs in sure.groupby("stokes") for method, _ in methods(pareto_front(runs, error))]
     winners = [cell.winner for cell in found]
     ties = [cell.second for cell in found if cell.tied]
     rows = []

@@ -8,10 +8,11 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from polhode.harness.analysis.frames import by_stokes, frame, where
-from polhode.harness.analysis.pareto import crossing, times_at_error
+from polhode.harness.analysis.pareto import costs
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record, export
@@ -22,12 +23,13 @@ from polhode.harness.studies.cost import STARTS, FirstRun, Overhead
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Backend, Status
 
-ERRORS = (1e-4, 1e-6, 1e-8)
+ERRORS, FORMS_ERRORS = (1e-4, 1e-6, 1e-8), (1e-6, 1e-8, 1e-10, 1e-12)
+# The solvers of which the page says below which error the first is the faster.
+TAYLOR, VERNER = "taylor", "cyrk-vern8"
 # Libraries that run without Python in the loop, and what a right-hand side is called in each back end.
 ALONE = ("heyoka", "CyRK", "SUNDIALS")
 # What of `Measured` is no record.
 COSTS = ("overheads", "first_runs", "rhs_costs", "startup")
-Times = dict[tuple[str, str], float]
 WAYS: dict[Backend, str] = {"python": "plain Python", "numba": "compiled, called from Python", "compiled": "alone"}
 
 
@@ -61,8 +63,9 @@ def pages(measured: Measured, command: str) -> dict[str, str]:
     """The text of each file: the page, and that of all times."""
     solvers, spheroid, backends = (frame(getattr(measured, name)) for name in ("solvers", "spheroid", "backends"))
     records = [*measured.solvers, *measured.spheroid, *measured.backends]
-    claims, worth = _worth(solvers)
-    costs = [(one, {"extra": 1e6 * one.seconds, "share": one.seconds / one.bare}) for one in measured.overheads]
+    times = costs(by_stokes(solvers), ERRORS)
+    claims, worth = _worth(times)
+    calls = [(one, {"extra": 1e6 * one.seconds, "share": one.seconds / one.bare}) for one in measured.overheads]
     page = fill(
         "footing",
         header=header("Every solver on equal footing", command, records),
@@ -71,15 +74,15 @@ def pages(measured: Measured, command: str) -> dict[str, str]:
         measured=measured,
         ways=WAYS,
         interpreter=_interpreter(backends),
-        crossings=_crossings(solvers),
-        forms=_forms(spheroid),
-        overheads=[asdict(one) | more | {"allowed": "yes" if one.allowed else "no"} for one, more in costs],
+        crossings=_crossings(solvers, times),
+        forms=_forms(costs(by_stokes(spheroid), FORMS_ERRORS)),
+        overheads=[asdict(one) | more | {"allowed": "yes" if one.allowed else "no"} for one, more in calls],
         first_runs=[{"solver": name, "cold": cold, "warm": warm} for name, (cold, warm) in measured.first_runs.items()],
         starts=STARTS,
     )
     top = header("Every solver at equal error", command, records)
-    times = fill("footing-times", header=top, times=_times(solvers), jacobians=_jacobians(backends))
-    return {"README.md": page, "times.md": times}
+    rest = fill("footing-times", header=top, times=_times(times), jacobians=_jacobians(backends))
+    return {"README.md": page, "times.md": rest}
 
 
 def _table(header: Sequence[str], rows: Sequence[Sequence[Any]], words: int = 1) -> str:
@@ -87,19 +90,15 @@ def _table(header: Sequence[str], rows: Sequence[Sequence[Any]], words: int = 1)
     return markdown(header, rows, right=range(words, len(header)))
 
 
-def _at_errors(table: pd.DataFrame, targets: Sequence[float] = ERRORS) -> dict[tuple[float, float], Times]:
-    """Time of each form and solver, the fastest first, by slow error and St."""
-    groups = by_stokes(table)
-    return {(target, stokes): times_at_error(runs, target) for target in targets for stokes, runs in groups}
-
-
-def _worth(table: pd.DataFrame) -> tuple[list[str], str]:
+def _worth(times: pd.DataFrame) -> tuple[list[str], str]:
     """How the libraries compare, in sentences and by place."""
     rows, behind = [], {name: [] for name in ALONE}
-    for (target, stokes), times in _at_errors(table).items():
+    place: Any
+    for place, own in times["quaternion"].iterrows():
+        target, stokes = place
         # The fastest comes last, and stays.
-        own = [(solver, seconds) for (form, solver), seconds in reversed(times.items()) if form == "quaternion"]
-        by_library = {find_solver(solver).family: (solver, seconds) for solver, seconds in own}
+        ranked = own.dropna().sort_values(ascending=False).items()
+        by_library = {find_solver(str(solver)).family: (solver, seconds) for solver, seconds in ranked}
         best = {name: by_library[name] for name in ALONE if name in by_library}
         least = min((seconds for _, seconds in best.values()), default=nan)
         for name, (_, seconds) in best.items():
@@ -149,41 +148,38 @@ def _jacobians(table: pd.DataFrame) -> str:
     return _table(header, rows, 3)
 
 
-def _crossings(table: pd.DataFrame) -> str:
-    ratios = _ratios(table, ("quaternion", "taylor"), ("quaternion", "cyrk-vern8"), ERRORS)
+def _crossings(table: pd.DataFrame, times: pd.DataFrame) -> str:
+    """The error at which Verner's method stops being the faster as it falls, and ratios, by St."""
+    both = where(table, (table["form"] == "quaternion") & table["solver"].isin([TAYLOR, VERNER]))
+    falling = costs(by_stokes(both), np.geomspace(1e-1, 1e-13, 121).tolist())["quaternion"]
     rows = []
-    for stokes, runs in by_stokes(table):
-        error = crossing(runs, "quaternion", "taylor", "cyrk-vern8")
-        rows.append([short(stokes), scientific(error) if error else "none", *ratios[stokes]])
-    return _table(["St", "they cross at", *(f"taylor / cyrk-vern8 at {short(each)}" for each in ERRORS)], rows)
+    for stokes, ratios in _ratios(times, ("quaternion", TAYLOR), ("quaternion", VERNER), ERRORS).iterrows():
+        own = falling.xs(stokes, level=1).dropna(subset=[TAYLOR])
+        ahead = (own[VERNER] < own[TAYLOR]).to_numpy()
+        stops = np.flatnonzero(ahead[:-1] & ~ahead[1:])
+        rows.append([short(stokes), scientific(own.index[stops[0] + 1]) if len(stops) else "none", *ratios])
+    return _table(["St", "they cross at", *(f"{TAYLOR} / {VERNER} at {short(each)}" for each in ERRORS)], rows)
 
 
 def _ratios(
-    table: pd.DataFrame, first: tuple[str, str], second: tuple[str, str], targets: Sequence[float]
-) -> dict[float, list[str]]:
-    """Time of one form and solver over that of another at each slow error, by St."""
-    found: dict[float, list[str]] = {}
-    for (_, stokes), times in _at_errors(table, targets).items():
-        ratio = times.get(first, nan) / times.get(second, nan)
-        found.setdefault(stokes, []).append("–" if isnan(ratio) else f"{ratio:.2f}")
-    return found
+    times: pd.DataFrame, first: tuple[str, str], second: tuple[str, str], targets: Sequence[float]
+) -> pd.DataFrame:
+    """Time of one form and solver over that of another, in words: a row for each St, a column for each error."""
+    ratios = times[first] / times[second]
+    return ratios.map(lambda ratio: "–" if isnan(ratio) else f"{ratio:.2f}").unstack(0)[[*targets]]
 
 
-def _forms(table: pd.DataFrame) -> str:
-    targets = (1e-6, 1e-8, 1e-10, 1e-12)
-    ratios = _ratios(table, ("quaternion", "taylor"), ("spheroid-axis", "taylor"), targets)
-    return _table(["St", *map(short, targets)], [[short(stokes), *row] for stokes, row in ratios.items()])
+def _forms(times: pd.DataFrame) -> str:
+    ratios = _ratios(times, ("quaternion", TAYLOR), ("spheroid-axis", TAYLOR), FORMS_ERRORS)
+    rows = [[short(stokes), *row] for stokes, row in ratios.iterrows()]
+    return _table(["St", *map(short, FORMS_ERRORS)], rows)
 
 
-def _times(table: pd.DataFrame) -> dict[float, str]:
+def _times(times: pd.DataFrame) -> dict[float, str]:
     """Every solver's times by St, a table for each slow error."""
-    tables, found = {}, _at_errors(table)
+    tables = {}
     for target in ERRORS:
-        columns = {stokes: times for (error, stokes), times in found.items() if error == target}
-        rows = [
-            [solver, *(duration(times.get(("quaternion", solver))) for times in columns.values())]
-            for solver in SOLVERS
-            if any(("quaternion", solver) in times for times in columns.values())
-        ]
-        tables[target] = _table(["solver", *(f"St = {short(stokes)}" for stokes in columns)], rows)
+        own = times.loc[target]["quaternion"].T.dropna(how="all")
+        rows = [[solver, *map(duration, own.loc[solver])] for solver in SOLVERS if solver in own.index]
+        tables[target] = _table(["solver", *(f"St = {short(stokes)}" for stokes in own)], rows)
     return tables

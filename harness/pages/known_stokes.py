@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from polhode.harness.analysis.frames import by_stokes, frame, where
-from polhode.harness.analysis.pareto import times_at_error
+from polhode.harness.analysis.pareto import costs
 from polhode.harness.common.files import digest, read_file, write_file
 from polhode.harness.common.store import Record, export
 from polhode.harness.common.text import duration, markdown, short
@@ -61,15 +61,16 @@ def _splitting(table: pd.DataFrame) -> tuple[list[list[str]], list[bool]]:
     """Rows of the table, and which targets are met."""
     rows, met = [], []
     for scene in dict.fromkeys(table["scene_name"].astype(str)):
-        for stokes, runs in by_stokes(where(table, table["scene_name"] == scene)):
+        groups = by_stokes(where(table, table["scene_name"] == scene))
+        known = costs(groups, ERRORS).droplevel(0, axis=1)
+        for stokes, _ in groups:
             cells = []
             for error in ERRORS:
-                times = {solver: seconds for (_, solver), seconds in times_at_error(runs, error).items()}
-                others = {name: seconds for name, seconds in times.items() if name not in OWN}
-                best = min(others, key=lambda name: others[name], default="")
-                ratio = others[best] / times["splitting"] if best and "splitting" in times else nan
+                times = known.loc[error, stokes]
+                others = times.drop(OWN, errors="ignore").dropna().sort_values()
+                ratio = others.min() / times.get("splitting", nan)
                 target = TARGETS.get((scene, stokes, error))
-                cell = "–" if isnan(ratio) else f"{ratio:.2g} ({best}, {duration(others[best])})"
+                cell = "–" if isnan(ratio) else f"{ratio:.2g} ({others.index[0]}, {duration(others.min())})"
                 if target is not None:
                     met.append(ratio >= target)
                     cell += f" {'✓' if met[-1] else '✕'} ≥ {target:g}"

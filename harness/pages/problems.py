@@ -1,12 +1,12 @@
 """The page of the classical test problems: profiles over all, work and precision of each."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
 
 from polhode.harness.analysis.frames import where
-from polhode.harness.analysis.pareto import times_at_error
+from polhode.harness.analysis.pareto import costs
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record
@@ -26,7 +26,7 @@ def write_page(rows: Sequence[Record], folder: Path, command: str) -> Path:
     runs = _as_slow(kept)
     groups = [(str(name), own) for name, own in runs.groupby("problem", sort=False)]
     save(panels(groups, "slow_error", "error at the end", alike=False), folder, "work-precision")
-    save(profiles(_times(runs, PROFILED)), folder, "profiles")
+    save(profiles(_profiled(_times(runs))), folder, "profiles")
     return write_file(folder / "README.md", page(kept, header("Classical test problems", command, rows)))
 
 
@@ -35,27 +35,27 @@ def _as_slow(runs: pd.DataFrame) -> pd.DataFrame:
     return runs.assign(form="", slow_uncertainty=0.0, slow_error=runs["error"])
 
 
-def _times(runs: pd.DataFrame, target: float) -> pd.DataFrame:
-    """Seconds to an error: a row for each problem that somebody solves, a column for each solver."""
-    found = {
-        str(name): {solver: seconds for (_, solver), seconds in times_at_error(own, target).items()}
-        for name, own in runs.groupby("problem", sort=False)
-    }
-    return pd.DataFrame.from_dict(found, orient="index").dropna(how="all")
+def _times(runs: pd.DataFrame) -> pd.DataFrame:
+    """Seconds to each error: a row for each error and problem, a column for each solver."""
+    return costs(runs.groupby("problem", sort=False), TARGETS).droplevel(0, axis=1)
+
+
+def _profiled(times: pd.DataFrame) -> pd.DataFrame:
+    """Seconds to the error of the profiles, of the problems that somebody solves."""
+    return times.loc[PROFILED].dropna(how="all")
 
 
 def page(kept: pd.DataFrame, top: list[str]) -> str:
     """The page's text, of its first lines and of `runs.csv`."""
     runs = _as_slow(kept)
-    names = [name for name in PROBLEMS if name in set(runs["problem"])]
-    by_target = [_times(runs, target).T.to_dict() for target in TARGETS]
-    fastest = [[name, *(_winner(times.get(name, {})) for times in by_target)] for name in names]
+    times, names = _times(runs), [name for name in PROBLEMS if name in set(runs["problem"])]
+    fastest = [[name, *(_winner(times.loc[target, name]) for target in TARGETS)] for name in names]
     status = runs["status"].astype(str)
     failed = where(runs, (status != "reached_end") & (status != "time_limit")).to_dict("records")
     return fill(
         "problems",
         header=top,
-        sentence=sentence(_times(runs, PROFILED)),
+        sentence=sentence(_profiled(times)),
         profiled=PROFILED,
         fastest=markdown(["problem", *(f"fastest at {short(target)}" for target in TARGETS)], fastest),
         sources={name: PROBLEMS[name].source for name in names},
@@ -63,8 +63,8 @@ def page(kept: pd.DataFrame, top: list[str]) -> str:
     )
 
 
-def _winner(times: Mapping[str, float]) -> str:
-    ranked = sorted((seconds, solver) for solver, seconds in times.items() if seconds == seconds)
+def _winner(times: pd.Series) -> str:
+    ranked = sorted((seconds, solver) for solver, seconds in times.dropna().items())
     if not ranked:
         return "–"
     (best, first), *others = ranked

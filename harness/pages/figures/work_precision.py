@@ -20,7 +20,7 @@ from matplotlib.transforms import offset_copy
 from scipy.optimize import isotonic_regression
 
 from polhode.harness.analysis.frames import by_scene, by_stokes, where
-from polhode.harness.analysis.pareto import MAP_TARGETS as TARGETS, cost, front as front_of, methods, pareto_front
+from polhode.harness.analysis.pareto import MAP_TARGETS as TARGETS, Method, costs, pareto_front
 from polhode.harness.common.files import PartialFile
 from polhode.harness.pages.figures.style import GREY, is_averaged, looks, power
 from polhode.harness.pages.tables import fill
@@ -220,16 +220,9 @@ def save(figure: Figure, folder: Path, name: str) -> None:
 
 def times(table: pd.DataFrame, error: str = "slow_error") -> pd.DataFrame:
     """Seconds to each error, NaN without: a row for each problem that somebody solves, a column for each method."""
-    rows = []
-    for _, own in by_scene(table):
-        for _, runs in by_stokes(own):
-            fronts = [(method.label, front_of(each, error)) for method, each in methods(runs)]
-            for target in TARGETS:
-                row: dict[str, float] = {}
-                for label, points in fronts:
-                    row[label] = float(np.fmin(row.get(label, np.nan), cost(points, target)))
-                rows.append(row)
-    return pd.DataFrame(rows).dropna(how="all")
+    groups = [runs for _, own in by_scene(table) for _, runs in by_stokes(own)]
+    found = costs(enumerate(groups), TARGETS, error).dropna(how="all").T
+    return found.groupby([Method(*each).label for each in found.index], sort=False).min().T if len(found) else found
 
 
 def profile_lines(
@@ -247,7 +240,8 @@ def sentence(found: pd.DataFrame) -> str:
     """Who is seldom far from the fastest, and who gets there most often."""
     ratios = found.div(found.min(axis=1), axis=0)
     near, reached = (ratios <= NEAR).mean(), found.notna().mean()
-    first, surest = str(near.idxmax()), str(reached.idxmax())
+    # Of those that are equally sure it names the one that is fast more often.
+    first, surest = str(near.idxmax()), str(reached[near.sort_values(ascending=False, kind="stable").index].idxmax())
     slow = np.nanquantile(ratios[surest].to_numpy(float), 0.9)
     shares = {"near": near[first], "reached": reached[surest], "factor": NEAR, "slow": slow}
     return fill("profiles-sentence", count=len(found), first=first, surest=surest, **shares)

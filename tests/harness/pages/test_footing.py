@@ -3,7 +3,9 @@
 import pandas as pd
 import pytest
 
-from polhode.harness.pages.footing import _interpreter, _worth
+from polhode.harness.analysis.frames import by_stokes
+from polhode.harness.analysis.pareto import costs
+from polhode.harness.pages.footing import ERRORS, _interpreter, _worth
 
 
 def runs(*rows: tuple[str, str | None, str | None, float, float, str]) -> pd.DataFrame:
@@ -21,7 +23,7 @@ def test_each_library_by_its_fastest_method_alone():
     for solver, seconds in (("taylor", 2e-3), ("cyrk-vern8", 1e-3), ("cyrk-tsit5", 5e-3), ("dop853", 1e-5)):
         table.append((solver, None, None, seconds, 1e-9, done))
     table += [("cvode-bdf", None, None, 4e-3, 1e-7, done), ("cyrk-radau", None, None, 1e-6, 1e-9, "time_limit")]
-    claims, text = _worth(runs(*table))
+    claims, text = _worth(costs(by_stokes(runs(*table)), ERRORS))
     assert cells(text, "| 1e-6") == ["1e-6", "10", "taylor, 2.0 ms", "cyrk-vern8, 1.0 ms", "cvode-bdf, 4.0 ms"]
     assert cells(text, "| 1e-8") == ["1e-8", "10", "taylor, 2.0 ms", "cyrk-vern8, 1.0 ms", "–"]
     assert "CyRK, without the interpreter, is the fastest at 3 of 3 places" in "".join(claims)
