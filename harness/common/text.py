@@ -128,7 +128,7 @@ FORMATS = {
     "error": scientific,
     "time": duration,
     "short": short,
-    "two": lambda value: "–" if isnan(value) else in_two_digits(value),
+    "two": in_two_digits,
 }
 
 
@@ -142,9 +142,11 @@ class Wording(Formatter):
         return getattr(kwargs, key)
 
     def format_field(self, value: Any, format_spec: str) -> str:
-        """One value, or several with commas."""
+        """One value, a dash for NaN, or several with commas."""
         if isinstance(value, Collection) and not isinstance(value, str):
             return ", ".join(self.format_field(own, format_spec) for own in value)
+        if isinstance(value, float) and isnan(value):
+            return "–"
         return FORMATS[format_spec](value) if format_spec in FORMATS else format(value, format_spec)
 
 

@@ -110,42 +110,36 @@ def _worth(times: pd.DataFrame) -> tuple[list[str], str]:
     return claims, _table(["slow error", "St", *ALONE], rows, 2)
 
 
-def _finished(table: pd.DataFrame) -> dict[tuple[float, str, Any, str], tuple[float, float]]:
-    """Seconds and right-hand sides of runs that reached their end, by St, solver, back end and Jacobian."""
-    done = where(table, table["status"] == Status.REACHED_END)
-    keys = zip(done["stokes"], done["solver"], done["backend"], done["jacobian"].fillna(""), strict=True)
-    calls = done["work.rhs_calls"] if "work.rhs_calls" in done else [nan] * len(done)
-    return dict(zip(keys, zip(done["seconds"].astype(float), calls, strict=True), strict=True))
+def _finished(table: pd.DataFrame) -> pd.DataFrame:
+    """Runs that reached their end, with their times and right-hand sides."""
+    done = where(table, table["status"] == Status.REACHED_END).rename(columns={"work.rhs_calls": "calls"})
+    done = done.reindex(columns=["stokes", "solver", "backend", "jacobian", "seconds", "calls"])
+    return done.astype({"seconds": float, "calls": float})
 
 
-def _interpreter(table: pd.DataFrame) -> str:
+def _interpreter(table: pd.DataFrame) -> list[dict[Any, Any]]:
     """Times of an algorithm in the three ways, and how many times as long as alone the others take."""
-    runs, rows = _finished(table), []
-    for stokes, solver in dict.fromkeys((stokes, solver) for stokes, solver, *_ in runs):
-        method = find_solver(solver)
-        if method.family not in ("SciPy", "SUNDIALS"):
-            continue
-        scipy = method.family == "SciPy"
-        jacobian = ("difference" if scipy else "exact") if method.implicit else ""
-        names = [f"cyrk-{solver}" if scipy and way == "compiled" else solver for way in WAYS]
-        times = [runs.get((stokes, name, way, jacobian), (None,))[0] for name, way in zip(names, WAYS, strict=True)]
-        factors = [f"{each / times[-1]:.1f}" if each and times[-1] else "–" for each in times[:-1]]
-        rows.append([short(stokes), solver, *map(duration, times), *factors])
-    return _table(["St", "method", *WAYS.values(), *(f"{WAYS[way]} / alone" for way in ("python", "numba"))], rows, 2)
+    done = _finished(table)
+    done = done[[_comparable(*run) for run in zip(done["solver"], done["backend"], done["jacobian"], strict=True)]]
+    done["method"] = done["solver"].str.removeprefix("cyrk-")
+    times = done.pivot_table("seconds", ["stokes", "method"], "backend", sort=False).reindex(columns=[*WAYS])
+    return times.join(times.div(times["compiled"], axis=0).add_suffix("_ratio")).reset_index().to_dict("records")
 
 
-def _jacobians(table: pd.DataFrame) -> str:
+def _comparable(solver: str, way: str, jacobian: str) -> bool:
+    """Whether a run is one of three by the same algorithm: SciPy's methods run alone as their twins in CyRK."""
+    method = find_solver(solver)
+    same = jacobian == ("exact" if method.family == "SUNDIALS" else "difference") if method.implicit else True
+    return same and (way == "compiled" or method.family != "CyRK")
+
+
+def _jacobians(table: pd.DataFrame) -> list[dict[Any, Any]]:
     """Runs by exact Jacobians beside those by finite differences."""
-    runs, rows = _finished(table), []
-    for (stokes, solver, way, jacobian), (exact, calls) in runs.items():
-        difference = runs.get((stokes, solver, way, "difference"))
-        if jacobian != "exact" or not difference:
-            continue
-        counts = ["–" if isnan(each) else f"{each:.0f}" for each in (calls, difference[1])]
-        times = [duration(exact), duration(difference[0]), f"{difference[0] / exact:.2f}"]
-        rows.append([short(stokes), solver, WAYS[way], *times, *counts])
-    header = ["St", "solver", "right-hand side", "exact", "differences", "ratio", "calls, exact", "calls, differences"]
-    return _table(header, rows, 3)
+    done = _finished(table)
+    done["way"] = done["backend"].map(WAYS)
+    exact, differences = (where(done, done["jacobian"] == kind) for kind in ("exact", "difference"))
+    pairs = exact.merge(differences, on=["stokes", "solver", "way"], suffixes=("", "_by_differences"))
+    return pairs.assign(ratio=pairs["seconds_by_differences"] / pairs["seconds"]).to_dict("records")
 
 
 def _crossings(table: pd.DataFrame, times: pd.DataFrame) -> str:

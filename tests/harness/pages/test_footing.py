@@ -6,6 +6,7 @@ import pytest
 from polhode.harness.analysis.frames import by_stokes
 from polhode.harness.analysis.pareto import costs
 from polhode.harness.pages.footing import ERRORS, _interpreter, _worth
+from polhode.harness.pages.tables import table as shown
 
 
 def runs(*rows: tuple[str, str | None, str | None, float, float, str]) -> pd.DataFrame:
@@ -46,7 +47,7 @@ def test_the_same_algorithm_in_three_ways(solver: str, alone: str, jacobian: str
             (solver, "numba", own, 20e-3 * factor, 1e-9, done),
         ]
         table.append((alone, "compiled", own, 2e-3 * factor, 1e-9, done))
-    text = _interpreter(runs(*table))
+    text = shown(_interpreter(runs(*table)), "footing-interpreter")
     assert cells(text, "| 10") == ["10", solver, "30 ms", "20 ms", "2.0 ms", "15.0", "10.0"]
     unfinished = runs(*(row if row[1] != "compiled" else (*row[:-1], "time_limit") for row in table))
-    assert cells(_interpreter(unfinished), "| 10")[4:] == ["–"] * 3
+    assert cells(shown(_interpreter(unfinished), "footing-interpreter"), "| 10")[4:] == ["–"] * 3
