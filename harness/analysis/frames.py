@@ -1,6 +1,7 @@
 """Records as pandas frames."""
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, cast
 
@@ -37,6 +38,11 @@ def frame(records: Iterable[Record], columns: Collection[str] = ()) -> pd.DataFr
         if f"{want}_error" in table:
             table[f"{want}_known"] = known(table, f"{want}_error")
     return table
+
+
+def frame_of(kind: type, rows: Sequence[Any]) -> Any:
+    """Rows of a dataclass as a frame, which has their columns where there are none."""
+    return pd.DataFrame(rows, columns=pd.Index([field.name for field in fields(kind)]))
 
 
 def _picked(record: Record, columns: Collection[str]) -> Record:

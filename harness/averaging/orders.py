@@ -1,5 +1,6 @@
 """What the measured errors say about orders in 1/St, and the St that an error needs."""
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -53,25 +54,18 @@ class Law:
         return stokes[stokes >= FITTED_FROM], error[stokes >= FITTED_FROM]
 
     @cached_property
-    def fit(self) -> tuple[float, float, float]:
-        """log₁₀ c, the order, and the half width of the order's 95 % interval."""
+    def fit(self) -> tuple[float, float, tuple[float, float]]:
+        """log₁₀ c, the order, and the order's 95 % interval."""
         # NaN where fewer than `LEAST_POINTS` St were measured: with one degree of freedom an interval says nothing.
         stokes, error = self.fitted
         if len(stokes) < LEAST_POINTS:
-            return nan, nan, nan
-        exponent, (low, high), intercept = power_law(stokes, error)
-        return intercept, -exponent, (high - low) / 2
+            return nan, nan, (nan, nan)
+        exponent, (low, high), constant = power_law(stokes, error)
+        width = (high - low) / 2
+        return constant, -exponent, (-exponent - width, -exponent + width)
 
-    @property
-    def order(self) -> float:
-        """Fitted order in 1/St."""
-        return self.fit[1]
-
-    @property
-    def order_interval(self) -> tuple[float, float]:
-        """95 % confidence interval of the order."""
-        _, order, width = self.fit
-        return order - width, order + width
+    order = property(lambda law: law.fit[1], doc="Fitted order in 1/St.")
+    order_interval = property(lambda law: law.fit[2], doc="95 % confidence interval of the order.")
 
     @property
     def shown(self) -> tuple[float, float]:
@@ -112,14 +106,13 @@ class Slope:
 def laws(rows: Sequence[AveragingErrors], variable: str | None = None) -> list[Law]:
     """The model error's law of each case and form: of the slow error, or of one of `VARIABLES`."""
     # St at which the error lies within ten uncertainties of the reference is left out.
-    groups: dict[tuple[str, str, str], list[tuple[float, float, float]]] = {}
+    groups = defaultdict(list)
     for row in sorted(rows, key=lambda row: row.stokes):
         error = row.model_error if variable is None else row.model[VARIABLES.index(variable)]
-        points = groups.setdefault((row.subject, row.family, row.form), [])
         if error > 10 * row.uncertainty:
-            points.append((row.stokes, error, row.until))
+            groups[row.subject, row.family, row.form].append((row.stokes, error, row.until))
     order = dict.fromkeys((row.subject, row.family, row.form) for row in rows)
-    return [Law(*key, *zip(*groups[key], strict=True)) for key in order if groups[key]]
+    return [Law(*key, *zip(*groups[key], strict=True)) for key in order if key in groups]
 
 
 def first_order(form: str) -> bool:

@@ -9,6 +9,7 @@ from typing import Any
 
 import pandas as pd
 
+from polhode.harness.analysis.frames import rows_of
 from polhode.harness.averaging import measure, orders
 from polhode.harness.averaging.data import VARIABLES, AveragingErrors, PaperStudy, write_study
 from polhode.harness.averaging.orders import LEAST_POINTS, TARGETS, Law, first_order, laws
@@ -58,7 +59,7 @@ def as_json(study: PaperStudy) -> dict[str, Any]:
     return {
         "variables": list(VARIABLES),
         "errors": [asdict(row) | {"model_error": row.model_error, "solver_error": row.solver_error} for row in rows],
-        "laws": [{name: _plain(value) for name, value in row.items()} for row in law_rows(rows)],
+        "laws": rows_of(pd.DataFrame(law_rows(rows))),
         "absent": [asdict(row) for row in study.absent],
         "statements": statements(rows),
     }
@@ -123,7 +124,3 @@ def _needed(stokes: float, source: str) -> str:
     if source == "at most":
         return f"< {short(float(f'{stokes:.3g}'))}"
     return ("~ " if source == "extrapolated" else "") + in_two_digits(stokes)
-
-
-def _plain(value: Any) -> Any:
-    return None if value != value else value

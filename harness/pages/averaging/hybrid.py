@@ -1,13 +1,11 @@
 """The page of the study of the form `hybrid`: how often it keeps its word, and how fast it is."""
 
 from collections.abc import Sequence
-from math import isfinite
 from pathlib import Path
 from statistics import median, quantiles
 from typing import Any
 
-import pandas as pd
-
+from polhode.harness.analysis.frames import frame_of
 from polhode.harness.averaging import hybrid
 from polhode.harness.averaging.data import write_study
 from polhode.harness.averaging.hybrid import HybridError, Speed, Study
@@ -34,20 +32,15 @@ def page(study: Study, command: str) -> str:
         findings=findings(study),
         form=hybrid,
         errors=_errors(_judged(study.errors)),
-        speeds=_speeds(study.speed) if study.speed else [],
+        speeds=_speeds(_compared(study.speed)),
     )
 
 
 def findings(study: Study) -> list[str]:
     """What was found, in sentences."""
-    rows, runs = study.errors, _judged(study.errors)
-    gains: dict[float, Any] = {}
-    for stokes in hybrid.FAST:
-        all_gains = [row.full_seconds / row.seconds for row in study.speed if row.stokes == stokes]
-        gains[stokes] = [gain for gain in all_gains if isfinite(gain)]
-    times = [
-        [1e3 * getattr(row, name) for row in study.speed if row.new_shape] for name in ("new_shape", "known_shape")
-    ]
+    rows, runs, speeds = study.errors, _judged(study.errors), _compared(study.speed)
+    gains = {stokes: own.dropna().tolist() for stokes, own in speeds.groupby("stokes")["gain"]}
+    times = 1e3 * speeds.loc[speeds["new_shape"] > 0, ["new_shape", "known_shape"]]
     stated = runs.dropna(subset=["estimated"])
     return lines_of(
         "hybrid-findings",
@@ -59,13 +52,13 @@ def findings(study: Study) -> list[str]:
         ratios=stated["over"][stated["slow"] > 0],
         settled=runs["mirror"].dropna(),
         gains={stokes: (median(own), quantiles(own, n=10)[0]) for stokes, own in gains.items() if len(own) > 1},
-        tables=[(median(each), max(each)) for each in times if each],
+        tables=[(each.median(), each.max()) for _, each in times.items() if len(each)],
     )
 
 
 def _judged(rows: Sequence[HybridError]) -> Any:
     """The runs as a table, with whether each kept its word and how its estimate compares."""
-    runs = pd.DataFrame(rows)
+    runs = frame_of(HybridError, rows)
     runs["within"] = runs["slow"] <= runs[["error", "uncertainty"]].max(axis=1)
     runs["bounded"] = (runs["slow"] <= runs[["estimated", "uncertainty"]].max(axis=1)).where(runs["estimated"].notna())
     runs["over"] = runs["estimated"] / runs[["slow", "uncertainty"]].max(axis=1)
@@ -86,11 +79,15 @@ def _errors(runs: Any) -> list[dict[Any, Any]]:
     )  # fmt: skip
 
 
-def _speeds(rows: Sequence[Speed]) -> list[dict[Any, Any]]:
-    runs = pd.DataFrame(rows)
+def _compared(rows: Sequence[Speed]) -> Any:
+    """The runs as a table, with how many times as fast as the best full solution each is."""
+    runs = frame_of(Speed, rows)
     runs["bodies"] = runs["kind"].where(runs["kind"] == "triaxial", "spheroids")
     runs["gain"] = runs["full_seconds"] / runs["seconds"]
-    runs["runs"] = 1
+    return runs
+
+
+def _speeds(runs: Any) -> list[dict[Any, Any]]:
     found = runs.groupby(["stokes", "bodies"])
     medians = found[["seconds", "few_seconds", "full_share", "gain"]].median()
-    return medians.assign(runs=found["runs"].sum()).reset_index().to_dict("records")
+    return medians.assign(runs=found.size()).reset_index().to_dict("records")

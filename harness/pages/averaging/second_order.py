@@ -1,11 +1,11 @@
 """The page of the study of second-order averaging: what was found, its figure, and the tables it rests on."""
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from math import isnan
 from pathlib import Path
 from typing import Any
 
+from polhode.harness.analysis.frames import frame_of
 from polhode.harness.averaging import cases, orders, second_order
 from polhode.harness.averaging.data import Passage, SecondOrderErrors, SecondOrderStudy, write_study
 from polhode.harness.averaging.orders import Slope, slopes
@@ -50,10 +50,8 @@ def page(study: SecondOrderStudy, fitted: Sequence[Slope], command: str) -> str:
 
 def findings(study: SecondOrderStudy) -> list[str]:
     """Orders, estimates, gains and cost of the second order; nothing of what was not measured."""
-    fitted, passages = (
-        slopes(study.orders),
-        {"Through resonances": study.resonances, "Up to L² = 2EI₂": study.crossings},
-    )
+    fitted = slopes(study.orders)
+    passages = {"Through resonances": study.resonances, "Up to L² = 2EI₂": study.crossings}
     triaxial = [slope for slope in fitted if len(set(slope.shape.split(":"))) == 3]
     full = [each for each in study.cost if each.form == "spheroid-axis" and each.stokes == second_order.COMPARED]
     return lines_of(
@@ -87,25 +85,17 @@ def _gains(rows: Sequence[Passage]) -> list[float]:
 
 def _panels(rows: Sequence[SecondOrderErrors]) -> dict[str, list[Line]]:
     """Slow errors of both orders, and the orientation's, which second order alone knows."""
-    found = [[row for row in rows if _case(row) == case] for case in dict.fromkeys(map(_case, rows))]
-    slow = [
-        Line(order, order, [row.stokes for row in own], [getattr(row, name) for row in own])
-        for own in found
-        for order, name in ((1, "first_order_slow"), (2, "slow"))
-    ]
-    turned = [Line(2, 1, [row.stokes for row in own], [row.orientation for row in own]) for own in found]
-    return {"slow error: L and E": slow, "orientation error": turned}
-
-
-def _case(row: SecondOrderErrors) -> tuple[str, str]:
-    return row.shape, row.start
+    found = [own for _, own in frame_of(SecondOrderErrors, rows).groupby(["shape", "start"], sort=False)]
+    orders = (1, "first_order_slow"), (2, "slow")
+    slow = [Line(order, order, own["stokes"], own[name]) for own in found for order, name in orders]
+    return {
+        "slow error: L and E": slow,
+        "orientation error": [Line(2, 1, own["stokes"], own["orientation"]) for own in found],
+    }
 
 
 def _rows(rows: Sequence[SecondOrderErrors], fitted: Sequence[Slope]) -> list[dict[str, Any]]:
-    last = {_case(row): row for row in sorted(rows, key=lambda row: row.stokes)}
-    return [
-        asdict(slope)
-        | {"stokes": row.stokes, "error": row.slow, "first": row.first_order_slow, "turned": row.orientation}
-        for slope in fitted
-        for row in [last[slope.shape, slope.start]]
-    ]
+    """The slopes of each case, and the errors at its largest St."""
+    last = frame_of(SecondOrderErrors, rows).sort_values("stokes").drop_duplicates(["shape", "start"], keep="last")
+    last = last.rename(columns={"slow": "error", "first_order_slow": "first", "orientation": "turned"})
+    return frame_of(Slope, fitted).merge(last, on=["shape", "start"]).to_dict("records")
