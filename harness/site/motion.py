@@ -1,8 +1,10 @@
 """The motion itself: an axis on the unit sphere beside the L_z–E plane, linked in time."""
 
+import tomllib
 from collections.abc import Callable
 from dataclasses import replace
 from math import inf, pi
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,19 +29,12 @@ MOMENTS, TURNS, POINTS = 48, 4, 40
 TOLERANCE = 1e-10
 # Degrees between an axis and the vorticity, or the plane across it, that still count as along it.
 ALONG = 15.0
-STOKES, TIME = 200.0, 100.0
 
 
 def examples() -> dict[str, Scene]:
-    """Motions to show: both kinds of particle where rotations are fast but still to be seen, and no inertia at all."""
-    return {
-        f"the paper's ellipsoid (1, 0.8, 0.5), St = {STOKES:g}": replace(
-            named_scene("paper"), stokes=STOKES, time=TIME
-        ),
-        f"prolate spheroid, κ = 2, St = {STOKES:g}": replace(named_scene("spheroid"), stokes=STOKES, time=TIME),
-        "from rest, needle κ = 10, St = 1000": replace(named_scene("needle"), time=200.0),
-        "Jeffery orbit, κ = 2, St = 0": replace(named_scene("jeffery"), time=50.0),
-    }
+    """Motions to show: scenes of the catalogue, in parts changed."""
+    listed = tomllib.loads(Path(__file__).with_name("motions.toml").read_text("utf-8"))
+    return {name: replace(named_scene(changes.pop("scene")), **changes) for name, changes in listed.items()}
 
 
 def motion_page(own: dict[str, Scene], say: Callable[[str], None]) -> Page:
