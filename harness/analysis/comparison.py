@@ -116,9 +116,8 @@ def read_runs(path: Path) -> pd.DataFrame:
     records = [record for each in paths for record in _records(each)]
     if not records:
         raise ValueError(f"{path}: got no records, expected at least one")
-    records = (
-        sorted(records, key=lambda record: record.get("seconds") or inf, reverse=True) if path.is_dir() else records
-    )
+    if path.is_dir():
+        records.sort(key=lambda record: record.get("seconds") or inf, reverse=True)
     return frame(records)
 
 

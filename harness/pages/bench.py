@@ -18,7 +18,7 @@ from polhode.harness.analysis.pareto import (
 from polhode.harness.common.store import Record, export
 from polhode.harness.common.text import duration, markdown, short
 from polhode.harness.pages.figures.work_precision import profile_lines, save, work_precision_panels
-from polhode.harness.pages.tables import fill, lines_of, table, write
+from polhode.harness.pages.tables import fill, lines_of, write
 from polhode.harness.references.uncertainty import least_known, uncertainty_of
 from polhode.harness.studies.study import Study
 
@@ -46,9 +46,8 @@ GAP = 10.0 * (1 + 1e-9)
 def write_page(study: Study, records: Sequence[Record], folder: Path, command: str) -> Path:
     """Write the page, its figures and its data into a folder and return the page's path."""
     runs = frame(records)
-    folder.mkdir(parents=True, exist_ok=True)
-    export(list(records), folder / "records.jsonl")
     write_runs(runs, folder)
+    export(records, folder / "records.jsonl")
     known = where(runs, runs["slow_uncertainty"].notna()).groupby(["scene_name", "stokes"], sort=False).first()
     return write(
         folder / "README.md",
@@ -60,7 +59,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         tie=100 * (TIE - 1),
         scenes=[(scene, _figures(own, scene, i, folder)) for i, (scene, own) in enumerate(by_scene(runs))],
         profiles=profile_lines(runs, folder),
-        described=table(_scenes(runs), {name: f"{{{name}}}" for name in SCENES}, left=len(SCENES)),
+        described=markdown([*SCENES], _scenes(runs)),
         samples=study.samples,
         uncertainties=known.reset_index().to_dict("records"),
     )
@@ -78,10 +77,10 @@ def _figures(runs: pd.DataFrame, scene: str, place: int, folder: Path) -> list[d
     return found
 
 
-def _scenes(runs: pd.DataFrame) -> list[dict[str, str]]:
+def _scenes(runs: pd.DataFrame) -> list[list[str]]:
     """Semi-axes, St, duration, samples and forms of each scene."""
-    groups = [own for _, own in runs.groupby("scene_name", sort=False)]
-    return [{name: _listed(own[column]) for name, column in SCENES.items()} for own in groups]
+    groups = runs.groupby("scene_name", sort=False)
+    return [[_listed(own[column]) for column in SCENES.values()] for _, own in groups]
 
 
 def _listed(values: Iterable[Any]) -> str:

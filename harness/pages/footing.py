@@ -48,11 +48,10 @@ class Measured:
 
 def write_page(measured: Measured, folder: Path, command: str) -> Path:
     """Write the page, its figures and its data."""
-    folder.mkdir(parents=True, exist_ok=True)
+    kept = {name: getattr(measured, name) for name in COSTS}
+    write_file(folder / "costs.json", json.dumps(kept, default=asdict, indent=1) + "\n", summed=True)
     for name in ("solvers", "spheroid", "backends"):
-        export(list(getattr(measured, name)), folder / f"{name}.jsonl")
-    costs = {name: getattr(measured, name) for name in COSTS}
-    write_file(folder / "costs.json", json.dumps(costs, default=asdict, indent=1) + "\n", summed=True)
+        export(getattr(measured, name), folder / f"{name}.jsonl")
     save(work_precision_panels(frame(measured.solvers), "slow_error", "slow error over $I_{max}$"), folder, "slow")
     for name, text in pages(measured, command).items():
         write_file(folder / name, text)

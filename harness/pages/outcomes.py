@@ -1,7 +1,7 @@
 """The page of hard cases: who got through, who is wrong, who failed and why."""
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,8 +28,6 @@ LEFT_OUT = ("key", "errors", "seconds_runs", "statistics_uncertainty", "statisti
 # variables at the start if those are larger, has no digits to trust.
 INACCURATE = 1e-3
 KINDS = ("reached", "inaccurate", "unknown", "stopped", "failed")
-Ending = tuple[str, str]
-"""One of `KINDS`, and the reason in words."""
 
 
 def sentences(endings: Sequence[Mapping[str, Any]], stopped: str) -> list[str]:
@@ -66,11 +64,10 @@ def limit(table: pd.DataFrame) -> str:
 def write_page(study: Study, records: Sequence[Record], folder: Path, command: str) -> Path:
     """Write the page of a study of several scenes, and its records, into a folder and return the page's path."""
     table = frame(records)
-    folder.mkdir(parents=True, exist_ok=True)
-    export([_shared(record) for record in records], folder / "records.jsonl")
     found = endings(table, limits(records))
     endings_csv = pd.DataFrame(found).to_csv(index=False, float_format="%.12g")
     write_file(folder / "outcomes.csv", endings_csv, summed=True)
+    export(map(_shared, records), folder / "records.jsonl")
     runs, stopped, solvers = _runs(found), limit(table), columns(table)
     return write(
         folder / "README.md",
@@ -110,18 +107,15 @@ def _share(passed: Any) -> str:
     return "✓" if passed.all() else f"{passed.sum()}/{len(passed)}"
 
 
-def limits(records: Iterable[Record]) -> dict[str, float]:
+def limits(records: Sequence[Record]) -> dict[str, float]:
     """Slow error over I_max beyond which a run counts as inaccurate, by scene."""
-    found: dict[str, float] = {}
-    for record in records:
-        if record["scene_name"] not in found:
-            scene = parse_scene(record["scene"])
-            found[record["scene_name"]] = INACCURATE * max(1.0, magnitude(scene.ellipsoid, scene.initial))
-    return found
+    named = {record["scene_name"]: record["scene"] for record in reversed(records)}
+    scenes = {name: parse_scene(content) for name, content in named.items()}
+    return {name: INACCURATE * max(1.0, magnitude(own.ellipsoid, own.initial)) for name, own in scenes.items()}
 
 
-def outcome(run: dict[Any, Any], allowed: float = INACCURATE) -> Ending:
-    """How a run ended, from its record as a row of `frames.frame`; `allowed` is one of `limits`."""
+def outcome(run: dict[Any, Any], allowed: float = INACCURATE) -> tuple[str, str]:
+    """One of `KINDS`, and the reason in words, of a row of `frames.frame`; `allowed` is one of `limits`."""
     status = str(run["status"])
     if status != Status.REACHED_END:
         meaning = Status(status).meaning if status in set(Status) else ""

@@ -20,7 +20,6 @@ TARGETS, PROFILED = (1e-3, 1e-6, 1e-9), 1e-6
 
 def write_page(rows: Sequence[Record], folder: Path, command: str) -> Path:
     """Write page, figures and `runs.csv` into a folder; return the page's path."""
-    folder.mkdir(parents=True, exist_ok=True)
     kept = pd.DataFrame(rows).drop(columns=["machine", "versions"])
     write_file(folder / "runs.csv", kept.to_csv(index=False))
     runs = _as_slow(kept)

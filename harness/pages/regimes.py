@@ -31,7 +31,6 @@ CELL_COLUMNS = ["scene", "error", "St", "target", "known", "form", "solver", "se
 def write_page(study: Study, records: Sequence[Record], folder: Path, command: str) -> Path:
     """Write the page, its pictures and its data into a folder and return the page's path."""
     runs = frame(records)
-    folder.mkdir(parents=True, exist_ok=True)
     names = list(dict.fromkeys(name for name, _ in study.scenes))
     maps: Maps = {
         (name, error): cells(where(runs, runs["scene_name"] == name), error) for name in names for error in ERRORS

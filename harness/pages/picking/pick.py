@@ -29,7 +29,6 @@ COLOURS = {"short": "#0072B2", "long": "#D55E00"}
 
 def write_pages(folder: Path, laws: Laws, evaluation: Evaluation, command: str) -> Path:
     """Write the page, its figures and its tables into a folder and return the page's path."""
-    folder.mkdir(parents=True, exist_ok=True)
     tables = {"laws": _law_frame(laws), "scenes": evaluation.scenes, "runs": evaluation.runs, "ways": evaluation.ways}
     for name, rows in tables.items():
         if rows is not None:
