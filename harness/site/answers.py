@@ -4,13 +4,13 @@ from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from io import BytesIO
 from itertools import groupby
-from math import inf, isnan, nan
+from math import isnan
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-from polhode.harness.analysis.frames import by_stokes, frame, rows_of, where
+from polhode.harness.analysis.frames import RUN_COLUMNS, by_stokes, frame, rows_of, where
 from polhode.harness.analysis.pareto import Cell, usual_form
 from polhode.harness.common.files import open_file, read_file
 from polhode.harness.common.store import Store, read_export
@@ -47,7 +47,7 @@ def question(folder: Path, sure: str = "") -> tuple[str, dict[str, Any]]:
     if not found:
         return "", {}
     reached = _reached(folder / "runs.csv")
-    shapes = {name: runs[0].get("scene.shape.semi_axes", "") for (name, _), runs in reached.items()}
+    shapes = reached.groupby("scene_name")["scene.shape.semi_axes"].first().dropna()
     particles = {name: f"{name} {shapes.get(name, '')}".strip() for name, _ in found}
     maps = [_map(name, error, cells) for (name, error), cells in found.items()]
     body = html("verdict", particles=particles, maps=maps, sure=sure, colour=colour, factor=factor, long=LONG)
@@ -55,33 +55,29 @@ def question(folder: Path, sure: str = "") -> tuple[str, dict[str, Any]]:
     return body, {"question-data": data}
 
 
-def _answers(
-    found: Mapping[tuple[str, str], Sequence[Cell]], reached: Mapping[tuple[str, float], list[dict[Any, Any]]]
-) -> list[dict[str, Any]]:
+def _answers(found: Mapping[tuple[str, str], Sequence[Cell]], reached: pd.DataFrame) -> list[dict[str, Any]]:
     """What the script knows: of a particle, kind of error and St the span and averaging; of a cell there the answer."""
     columns = []
     for (name, error), cells in found.items():
+        known = where(reached, (reached["scene_name"] == name) & reached[error].notna())
         for stokes in dict.fromkeys(cell.stokes for cell in cells):
-            runs = [run for run in reached.get((name, stokes), []) if not isnan(run[error])]
+            runs = where(known, known["stokes"] == stokes)
             answers = [_answer(cell, runs, error) for cell in cells if cell.stokes == stokes]
             place = {"particle": name, "want": WANTS[error][0], "St": stokes}
             columns.append(place | _there(runs, error) | {"cells": answers})
     return columns
 
 
-def _there(runs: Sequence[dict[Any, Any]], error: str) -> dict[str, Any]:
+def _there(runs: pd.DataFrame, error: str) -> dict[str, Any]:
     """How far the runs at one St go, and the least error of each averaged form among them."""
-    averaging: dict[str, float] = {}
-    for run in runs:
-        if is_averaged(run["form"]):
-            averaging[run["form"]] = min(run[error], averaging.get(run["form"], inf))
-    if not runs or isnan(time := runs[0].get("scene.time", nan)):
-        return {"averaging": averaging}
-    slow = f", t₂ = {short(time / runs[0]['stokes'])}" if runs[0]["stokes"] else ""
-    return {"averaging": averaging, "span": f"t = {short(time)}{slow}"}
+    averaging = where(runs, runs["form"].map(is_averaged)).groupby("form", sort=False)[error].min().to_dict()
+    for stokes, time in runs[["stokes", "scene.time"]].dropna().head(1).to_numpy().tolist():
+        slow = f", t₂ = {short(time / stokes)}" if stokes else ""
+        return {"averaging": averaging, "span": f"t = {short(time)}{slow}"}
+    return {"averaging": averaging}
 
 
-def _answer(cell: Cell, runs: Sequence[dict[Any, Any]], error: str) -> dict[str, Any]:
+def _answer(cell: Cell, runs: pd.DataFrame, error: str) -> dict[str, Any]:
     """The method of a cell, and the loosest tolerance with which it reaches the error."""
     answer = {"error": cell.target, "known": cell.known}
     if cell.winner:
@@ -89,18 +85,16 @@ def _answer(cell: Cell, runs: Sequence[dict[Any, Any]], error: str) -> dict[str,
         answer |= dict(zip(("form", "solver"), method, strict=True))
         answer |= {"time": duration(cell.seconds), "next": str(cell.second or ""), "tied": cell.tied}
         answer["lead"] = "" if isnan(cell.lead) else factor(cell.lead)
-        own = [run for run in runs if (run["form"], run["solver"]) == method and run[error] <= cell.target]
-        answer["tolerance"] = short(max(run["tolerance"] for run in own)) if own else ""
+        good = (runs["form"] == method[0]) & (runs["solver"] == method[1]) & (runs[error] <= cell.target)
+        answer["tolerance"] = short(runs.loc[good, "tolerance"].max()) if good.any() else ""
     return answer
 
 
-def _reached(path: Path) -> Mapping[tuple[str, float], list[dict[Any, Any]]]:
-    """Finished runs by scene and St."""
-    found = defaultdict(list)
-    for run in pd.read_csv(BytesIO(read_file(path))).to_dict("records") if path.is_file() else ():
-        if run["status"] == Status.REACHED_END:
-            found[run["scene_name"], run["stokes"]].append(run)
-    return found
+def _reached(path: Path) -> pd.DataFrame:
+    """Finished runs."""
+    runs = pd.read_csv(BytesIO(read_file(path))) if path.is_file() else pd.DataFrame()
+    runs = runs.reindex(columns=pd.Index(RUN_COLUMNS))
+    return where(runs, runs["status"] == Status.REACHED_END)
 
 
 def _map(particle: str, error: str, found: Sequence[Cell]) -> dict[str, Any]:
