@@ -13,6 +13,7 @@ from matplotlib.patches import Patch, Polygon, Rectangle
 from polhode.harness.analysis.pareto import TIE, Cell, Side, usual_form
 from polhode.harness.common.text import duration, factor, short
 from polhode.harness.pages.figures.style import colour, power, rank
+from polhode.harness.pages.tables import fill
 
 # Colours darker than this carry white numbers.
 DARK = 0.4
@@ -26,12 +27,6 @@ HEADINGS: dict[Side, tuple[str, str]] = {
 CELL, BESIDE, ENTRY, LINE = (0.74, 0.43), (0.85, 2.7), 0.192, 0.36
 # The legend needs as much width as so many columns.
 LEAST_COLUMNS = 12
-NOTE = """\
-St: Stokes number. $t$: duration of the runs, in shear times. $t_2 = t/\\mathrm{{St}}$: the same in slow time{0}.
-Numbers: time of a warm run, × its lead over the next colour; alone: no other colour gets there. \
-Corner: who ties, within {1:.0f} %.
-Full equations in the form {2}, unless a cell names another.
-"""
 # What a map is about: in sentences, and as its title.
 ERRORS = {
     "orientation_error": ("orientation", "Full solution: orientation error, rad"),
@@ -54,7 +49,7 @@ def picture(panels: Sequence[Sequence[Cell]], times: Mapping[float, float]) -> A
         axes.set_ylabel("error asked for", fontsize=11)
     shorter = _durations(grid[-1], sorted({cell.stokes for cell in panels[0]}), times)
     handles = [each for own in entries for each in (*own, *[Patch(facecolor="none")] * (longest - len(own)))]
-    note = NOTE.format(", bold where it is shorter" * shorter, 100 * (TIE - 1), usual_form(cells))
+    note = fill("regimes-note", shorter=shorter, tie=100 * (TIE - 1), usual=usual_form(cells))
     style = {"frameon": False, "fontsize": 9.5, "handlelength": 1.3, "ncols": len(entries), "columnspacing": 5.0}
     drawing.legend(handles=handles, loc="outside lower left", title=note, title_fontsize=9.5, alignment="left", **style)
     return drawing
