@@ -13,7 +13,7 @@ import pandas as pd
 from polhode.harness.analysis.frames import RUN_COLUMNS, by_stokes, frame, rows_of, where
 from polhode.harness.analysis.pareto import Cell, usual_form
 from polhode.harness.common.files import open_file, read_file
-from polhode.harness.common.store import Store, read_export
+from polhode.harness.common.store import read_export
 from polhode.harness.common.text import duration, factor, short
 from polhode.harness.pages.figures.map_picture import ERRORS, HEADINGS
 from polhode.harness.pages.figures.style import colour, is_averaged, looks, rank
@@ -185,7 +185,7 @@ def read_studies(folder: Path, columns: Collection[str]) -> tuple[dict[str, pd.D
     """Runs of each study by the name of its folder, and file if it holds several; and the files that cannot be read."""
     studies, unreadable = {}, []
     for path in _files(folder):
-        name = path.parent.name if path.stem in ("records", "store", "runs") else f"{path.parent.name}/{path.stem}"
+        name = path.parent.name if path.stem in ("records", "runs") else f"{path.parent.name}/{path.stem}"
         try:
             table = _table(path, {*NEEDED, *columns})
             lacking = [column for column in NEEDED if column not in table]
@@ -200,14 +200,12 @@ def read_studies(folder: Path, columns: Collection[str]) -> tuple[dict[str, pd.D
 
 
 def _files(folder: Path) -> list[Path]:
-    """One file per study: exported records; where there are none, the table of runs; where there is none, the store."""
+    """Files of each study: exported records; where there are none, the table of runs."""
     found = []
     for path in sorted(folder.iterdir()) if folder.is_dir() else ():
         if not path.is_dir() or path.name in NO_STUDY:
             continue
-        exported = sorted(path.glob("*.jsonl"))
-        single = [file for file in (path / "runs.csv", path / "store.sqlite") if file.is_file()]
-        found += exported or single[:1]
+        found += sorted(path.glob("*.jsonl")) or path.glob("runs.csv")
     return found
 
 
@@ -215,7 +213,4 @@ def _table(path: Path, columns: Collection[str]) -> pd.DataFrame:
     if path.suffix == ".csv":
         with open_file(path) as file:
             return pd.read_csv(file, dtype_backend="numpy_nullable")
-    if path.suffix == ".jsonl":
-        return frame(read_export(path), columns)
-    with Store(path) as store:
-        return frame(store, columns)
+    return frame(read_export(path), columns)
