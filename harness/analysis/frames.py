@@ -9,7 +9,6 @@ import pandas as pd
 
 from polhode.harness.common.files import write_file
 from polhode.harness.common.store import Record
-from polhode.harness.references.uncertainty import known
 
 # Of a run, what a reader of its page looks for.
 RUN_COLUMNS = ["scene_name", "stokes", "form", "solver", "tolerance", "status", "slow_error", "orientation_error"]
@@ -24,9 +23,6 @@ def frame(records: Iterable[Record], columns: Collection[str] = ()) -> pd.DataFr
     """Records as a frame, one row each: nested results as columns `work.steps`, `stokes` of the scene, and so on.
 
     All of them, or those named, as far as there are any; of the rest of a record nothing is kept then.
-
-    Columns `slow_known` and `orientation_known` say which errors the reference is good enough to know
-    (`polhode.harness.references.uncertainty.known`); NA where there is no error.
     """
     kept = (_picked(record, columns) for record in records) if columns else records
     table = pd.json_normalize(list(kept)).rename(columns={STOKES: "stokes"})
@@ -34,9 +30,6 @@ def frame(records: Iterable[Record], columns: Collection[str] = ()) -> pd.DataFr
     for name in OF_SUCCESSES:
         if name not in table and (name in columns or not columns):
             table[name] = pd.array([pd.NA] * len(table), dtype="Float64")
-    for want in ("slow", "orientation"):
-        if f"{want}_error" in table:
-            table[f"{want}_known"] = known(table, f"{want}_error")
     return table
 
 
@@ -70,10 +63,9 @@ def rows_of(table: pd.DataFrame) -> list[dict[str, Any]]:
 
 def by_scene(table: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
     """Runs of each scene under its name, in the order of the records; those of a single one under none."""
-    names = list(dict.fromkeys(table["scene_name"])) if "scene_name" in table else []
-    return (
-        [(str(name), where(table, table["scene_name"] == name)) for name in names] if len(names) > 1 else [("", table)]
-    )
+    if "scene_name" not in table or table["scene_name"].nunique() < 2:
+        return [("", table)]
+    return [(str(name), own) for name, own in table.groupby("scene_name", sort=False)]
 
 
 def by_stokes(table: pd.DataFrame) -> list[tuple[float, pd.DataFrame]]:

@@ -95,30 +95,23 @@ def costs(
     return pd.DataFrame.from_dict(found, orient="index")
 
 
-@dataclass(frozen=True)
-class Winner:
-    """The cheapest run that meets an error at one St, as a row of the frame, and the other methods within the tie."""
-
-    row: pd.Series
-    tied: tuple[Method, ...]
-
-
-def cheapest(runs: pd.DataFrame, target: float, error: str = "slow_error") -> Winner | None:
-    """The cheapest run of `runs`, all of one scene, whose error meets `target`; None if none does."""
+def cheapest(
+    runs: pd.DataFrame, target: float, error: str = "slow_error"
+) -> tuple[dict[str, Any], tuple[Method, ...]] | None:
+    """The cheapest run of one scene whose error meets `target`, and the other methods within the tie; None if none."""
     good = runs.query(f"status == 'reached_end' and {error} <= @target and seconds.notna()").sort_values(by=["seconds"])
     if good.empty:
         return None
     near = where(good, good["seconds"] <= TIE * good.iloc[0]["seconds"])
-    return Winner(good.iloc[0], tuple(method for method, _ in methods(near))[1:])
+    return good.iloc[0].to_dict(), tuple(method for method, _ in methods(near))[1:]
 
 
 def averaged_wins_from(records: pd.DataFrame, target: float) -> float | None:
     """Smallest St from which on, at every larger St measured, an averaged form is the cheapest; None if it never is."""
-    averaged = averaged_forms(records)
     start = None
     for stokes, runs in by_stokes(records):
         winner = cheapest(runs, target)
-        if winner is None or winner.row["form"] not in averaged:
+        if winner is None or not find_form(winner[0]["form"]).averaged:
             start = None
         elif start is None:
             start = stokes

@@ -102,9 +102,9 @@ def _winner(runs: pd.DataFrame, target: float, error: str) -> str:
     winner = cheapest(runs, target, error)
     if winner is None:
         return "none"
-    best = winner.row.to_dict()
+    best, others = winner
     form = best["form"]
-    names = [each.solver if each.form == form else f"{each.form} by {each.solver}" for each in winner.tied]
+    names = [each.solver if each.form == form else f"{each.form} by {each.solver}" for each in others]
     more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
     tied = f" = {', '.join(names[:SHOWN])}{more}" if names else ""
     return f"{form}, {best['solver']}, {short(best['tolerance'])}: {duration(best['seconds'])}{tied}"

@@ -29,10 +29,10 @@ def test_without_a_stated_uncertainty_nothing_is_known():
     assert isnan(least_known(None))
 
 
-def test_frames_tell_of_every_error_whether_it_is_known():
+def test_of_every_error_of_a_frame_it_is_known_or_not():
     table = frame([{**row, "orientation_error": 1e-3, "orientation_uncertainty": 1e-9} for row in ROWS])
-    assert table["slow_known"][:4].tolist() == [True, False, False, False]
-    assert table["orientation_known"].tolist() == [True] * 5
+    assert known(table, "slow_error")[:4].tolist() == [True, False, False, False]
+    assert known(table, "orientation_error").tolist() == [True] * 5
 
 
 @pytest.mark.parametrize("uncertainty", [1e-10, 0.9e-9])

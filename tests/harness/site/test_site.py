@@ -202,7 +202,7 @@ def test_memory_holds_no_more_of_a_record_than_the_page_shows(tmp_path: Path, si
     assert tracemalloc.get_traced_memory()[1] < 1e6
     tracemalloc.stop()
     assert studies["bench"]["seconds"].tolist() == [record["seconds"]] * 40
-    assert set(studies["bench"]) <= {*COLUMNS, *NEEDED, "slow_known", "orientation_known"}
+    assert set(studies["bench"]) <= {*COLUMNS, *NEEDED}
 
 
 def test_a_full_disk_is_named_and_leaves_no_half_page(here: Run, site_reports: Path, tmp_path: Path):
