@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from math import isnan
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -76,22 +75,16 @@ def cost(points: np.ndarray, target: float) -> float:
     return float(np.exp(np.interp(-np.log(target), -sizes, seconds)))
 
 
-def fronts(runs: pd.DataFrame, error: str) -> dict[Method, np.ndarray]:
-    """The front of each form and solver on one scene."""
-    needed: Any = runs[["form", "solver", "status", "seconds", error]]
-    return {method: front(own, error) for method, own in methods(needed)}
-
-
 def costs(
     groups: Iterable[tuple[Any, pd.DataFrame]], targets: Sequence[float], error: str = "slow_error"
 ) -> pd.DataFrame:
     """Times at errors: a row for each error and group of runs, a column for each form and solver, NaN without."""
-    each = {name: fronts(runs, error) for name, runs in groups}
-    found = {
-        (target, name): {method: cost(points, target) for method, points in own.items()}
-        for target in targets
-        for name, own in each.items()
-    }
+    found = {}
+    for name, runs in groups:
+        needed: Any = runs[["form", "solver", "status", "seconds", error]]
+        fronts = {method: front(own, error) for method, own in methods(needed)}
+        for target in targets:
+            found[target, name] = {method: cost(points, target) for method, points in fronts.items()}
     return pd.DataFrame.from_dict(found, orient="index")
 
 
@@ -153,19 +146,20 @@ class Cell:
 
 def cells(records: pd.DataFrame, error: str, targets: Sequence[float] = MAP_TARGETS) -> list[Cell]:
     """Cells of the map of one scene at several St, by St and then by error, a column such as "slow_error"."""
-    found = []
-    for stokes, runs in by_stokes(records):
+    found, groups = [], by_stokes(records)
+    times = costs(groups, targets, error)
+    for stokes, runs in groups:
         uncertainty = runs[uncertainty_of(error)].dropna()
         limit = least_known(float(uncertainty.iloc[0]) if len(uncertainty) else None)
-        own = fronts(runs, error)
         for target in targets:
-            times = {method: cost(points, target) for method, points in own.items()}
-            found.append(_cell(stokes, target, times) if target > limit else Cell(stokes, target, known=False))
+            own = times.loc[target, stokes].dropna()
+            found.append(_cell(stokes, target, own) if target > limit else Cell(stokes, target, known=False))
     return found
 
 
-def _cell(stokes: float, target: float, times: dict[Method, float]) -> Cell:
-    ranked = sorted((seconds, str(method), method) for method, seconds in times.items() if not isnan(seconds))
+def _cell(stokes: float, target: float, times: pd.Series) -> Cell:
+    known: Any = ((Method(*method), seconds) for method, seconds in times.to_dict().items())
+    ranked = sorted((seconds, str(method), method) for method, seconds in known)
     if not ranked:
         return Cell(stokes, target, known=True)
     seconds, _, winner = ranked[0]

@@ -32,15 +32,8 @@ class AveragingErrors:
     uncertainty: float  # of the full reference
     pieces: int  # of the reference's certificate
 
-    @property
-    def model_error(self) -> float:
-        """The slow error: the largest of the four."""
-        return max(self.model)
-
-    @property
-    def solver_error(self) -> float:
-        """The largest of the four."""
-        return max(self.solver)
+    model_error = property(lambda row: max(row.model), doc="The slow error: the largest of the four.")
+    solver_error = property(lambda row: max(row.solver), doc="The largest of the four.")
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,10 @@
 """Errors and cost of `averaged-second-order` against the full equations in long double, beyond the paper's cases."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import nan
+from operator import attrgetter
 from time import perf_counter
 from typing import Any
 
@@ -44,6 +45,7 @@ FULL_TOLERANCES = (1e-8, 1e-9, 1e-10, 1e-11, 1e-12)
 FULL_SOLVERS = ("taylor", "cyrk-vern8", "cyrk-dop853")
 # Runs at different St take turns, so that slow moments of the machine meet all.
 REPEATS, FULL_REPEATS = 50, 3
+SECONDS = attrgetter("seconds")
 
 
 @dataclass(frozen=True)
@@ -65,11 +67,6 @@ def timed_run(scene: Scene, name: str, tolerance: float, samples: int, solver: s
     began = perf_counter()
     observables = form.observe(scene, solution.states)
     return TimedRun(observables, solution.seconds, solution.seconds + perf_counter() - began)
-
-
-def fastest(runs: Iterable[TimedRun]) -> TimedRun:
-    """The fastest of equal runs."""
-    return min(runs, key=lambda run: run.seconds)
 
 
 def true_observables(scene: Scene, samples: int = SAMPLES) -> tuple[Observables, Errors]:
@@ -111,7 +108,7 @@ def measure_passage(case: Subject, stokes: float, whole: bool = True) -> Passage
             case = replace(case, slow_time=form.reach(scene))
             scene = case.scene(stokes)
         repeats = range(PASSAGE_REPEATS)
-        found = fastest(timed_run(scene, form.name, TOLERANCE, SAMPLES, PASSAGE_SOLVER) for _ in repeats)
+        found = min((timed_run(scene, form.name, TOLERANCE, SAMPLES, PASSAGE_SOLVER) for _ in repeats), key=SECONDS)
     except (FormNotValidError, RuntimeError) as refusal:
         reason = refusal.condition if isinstance(refusal, FormNotValidError) else str(refusal)
         return Passage(case.axes, case.name, case.slow_time, stokes, refused=reason)
@@ -140,15 +137,15 @@ def costs(exponents: Sequence[int] = EXPONENTS, compared: float = COMPARED) -> I
     scenes = [_spheroid(10.0**exponent) for exponent in exponents]
     rounds = [[timed_run(scene, name, tolerance, FEW) for scene in scenes] for _ in range(REPEATS)]
     for scene, *runs in zip(scenes, *rounds, strict=True):
-        yield cost(scene, name, "taylor", tolerance, fastest(runs))
+        yield cost(scene, name, "taylor", tolerance, min(runs, key=SECONDS))
     runs = (timed_run(there, first, tolerance, FEW) for _ in range(REPEATS))
-    yield cost(there, first, "taylor", tolerance, fastest(runs))
+    yield cost(there, first, "taylor", tolerance, min(runs, key=SECONDS))
     for solver in FULL_SOLVERS:
         for tolerance in FULL_TOLERANCES:
             runs = [timed_run(there, full, tolerance, FEW, solver)]
             if cost(there, full, solver, tolerance, runs[0]).slow <= TARGET:
                 runs += [timed_run(there, full, tolerance, FEW, solver) for _ in range(FULL_REPEATS - 1)]
-                yield cost(there, full, solver, tolerance, fastest(runs))
+                yield cost(there, full, solver, tolerance, min(runs, key=SECONDS))
                 break
 
 

@@ -92,9 +92,8 @@ def _table(header: Sequence[str], rows: Sequence[Sequence[Any]], words: int = 1)
 def _worth(times: pd.DataFrame) -> tuple[list[str], str]:
     """How the libraries compare, in sentences and by place."""
     rows, behind = [], {name: [] for name in ALONE}
-    place: Any
-    for place, own in times["quaternion"].iterrows():
-        target, stokes = place
+    places = [(target, each) for target in ERRORS for each in times.loc[target]["quaternion"].iterrows()]
+    for target, (stokes, own) in places:
         # The fastest comes last, and stays.
         ranked = own.dropna().sort_values(ascending=False).items()
         by_library = {find_solver(str(solver)).family: (solver, seconds) for solver, seconds in ranked}
@@ -105,7 +104,7 @@ def _worth(times: pd.DataFrame) -> tuple[list[str], str]:
         cells = [f"{best[name][0]}, {duration(best[name][1])}" if name in best else "–" for name in ALONE]
         rows.append([short(target), short(stokes), *cells])
     shares = [(name, factors, median(factors)) for name, factors in behind.items() if factors]
-    claims = lines_of("footing-claims", shares=shares, places=len(rows))
+    claims = lines_of("footing-claims", shares=shares, places=len(places))
     return claims, _table(["slow error", "St", *ALONE], rows, 2)
 
 

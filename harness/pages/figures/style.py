@@ -3,6 +3,7 @@
 import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import cycle
 from math import floor, inf, log10
 from pathlib import Path
 from typing import Any
@@ -46,14 +47,8 @@ class Look:
 
 def looks(names: Iterable[str]) -> dict[str, Look]:
     """Looks of solvers and averaged forms, in the order of `rank`."""
-    found, others = {}, 0
-    for name in sorted(set(names), key=rank):
-        if name in LOOKS:
-            found[name] = Look(*LOOKS[name])
-        else:
-            found[name] = Look(OTHER, OTHER_MARKERS[others % len(OTHER_MARKERS)])
-            others += 1
-    return found
+    ordered, others = sorted(set(names), key=rank), cycle(OTHER_MARKERS)
+    return {name: Look(*LOOKS[name]) if name in LOOKS else Look(OTHER, next(others)) for name in ordered}
 
 
 def colour(name: str) -> str:
