@@ -2,6 +2,7 @@
 
 import csv
 import json
+import tomllib
 from collections.abc import Sequence
 from contextlib import ExitStack
 from itertools import groupby
@@ -38,14 +39,8 @@ FILES = {
 DASHES, COLOURS = ("-", "--", ":"), "viridis"
 # 95 % of a normal variable lie within so many standard deviations.
 STANDARD = 1.96
-# Sweeps whose cost is laid out: shape, equations, particles, St.
-PLANS = (
-    ("1 : 1 : 2", "full", 1_000_000, 1e3),
-    ("1 : 1 : 2", "full", 1_000_000_000, 1e3),
-    ("1 : 0.8 : 0.5", "full", 1_000_000_000, 1e3),
-    ("1 : 0.8 : 0.5", "full", 10_000_000, 1e5),
-    ("1 : 0.8 : 0.5", "averaged", 1_000_000_000, 1e3),
-)
+# Sweeps whose cost is laid out.
+PLANS = tomllib.loads(Path(__file__).with_name("plans.toml").read_text(encoding="utf-8"))["plans"]
 BLOCK = 100_000
 
 Found = dict[str, Any]
@@ -178,14 +173,13 @@ def page(found: Found) -> str:
 
 def _plan(found: Found) -> list[Found]:
     """Tasks, bytes in the store and core hours of large sweeps, in blocks of `BLOCK`, from measured whole tasks."""
-    rows = []
-    for shape, equations, particles, stokes in PLANS:
-        row = next(row for row in found["tasks"] if (row["shape"], row["equations"]) == (shape, equations))
+    rows, tasks = [], {(row["shape"], row["equations"]): row for row in found["tasks"]}
+    for plan in PLANS:
+        row = tasks[plan["shape"], plan["equations"]]
         # The number of rotations, and with it the cost of full equations, grows in proportion to St.
-        rate = row["per_second"] * (found["settings"]["stokes"] / stokes if equations == "full" else 1.0)
-        count = -(-particles // BLOCK)
-        plan = {"shape": shape, "equations": equations, "particles": particles, "stokes": stokes, "tasks": count}
-        rows.append(plan | {"mib": count * row["record_bytes"] / 2**20, "hours": particles / rate / 3600})
+        slower = plan["stokes"] / found["settings"]["stokes"] if plan["equations"] == "full" else 1.0
+        count, seconds = -(-plan["particles"] // BLOCK), plan["particles"] / row["per_second"] * slower
+        rows.append(plan | {"tasks": count, "mib": count * row["record_bytes"] / 2**20, "hours": seconds / 3600})
     return rows
 
 

@@ -1,6 +1,7 @@
 """The page of solvers that know St: how many times as fast as the fastest other one, and what was asked of them."""
 
 import json
+import tomllib
 from collections.abc import Sequence
 from dataclasses import replace
 from math import isnan, nan
@@ -25,14 +26,8 @@ from polhode.solvers.solve import solve
 
 ERRORS = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 # Least ratios asked for, by scene, St and slow error.
-TARGETS = {
-    **{(name, 1e5, 1e-6): 4.0 for name in ("disc", "oblate", "spheroid", "prolate-5", "needle-10")},
-    ("spheroid", 1e6, 1e-6): 7.0,
-    ("spheroid", 1e5, 1e-8): 2.5,
-    ("spheroid", 1e6, 1e-8): 4.5,
-    **{("spheroid", 1e3, error): 0.9 for error in (1e-6, 1e-8)},
-    **{("spheroid-near-pole", stokes, 1e-7): 10.0 for stokes in (1e5, 1e6)},
-}
+_ASKED = tomllib.loads(Path(__file__).with_name("known_stokes.toml").read_text(encoding="utf-8"))["asked"]
+TARGETS = {(scene, stokes, error): ratio for scene, stokes, error, ratio in _ASKED}
 OWN = [name for name in SOLVERS if find_solver(name).family == "polhode"]
 # Of stroboscopic averaging: slow error, orientation error, ratio; how much longer a run at the larger St may take.
 REACHED, LONGER, STOKES, LARGER, ROUNDS = (5e-9, 3e-4, 30.0), 1.3, 1e6, 1e8, 7
