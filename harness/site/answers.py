@@ -12,7 +12,7 @@ import pandas as pd
 
 from polhode.harness.analysis.frames import RUN_COLUMNS, by_stokes, frame, rows_of, where
 from polhode.harness.analysis.pareto import Cell, usual_form
-from polhode.harness.common.files import open_file, read_file
+from polhode.harness.common.files import read_file
 from polhode.harness.common.store import read_export
 from polhode.harness.common.text import duration, factor, short
 from polhode.harness.pages.figures.map_picture import ERRORS, HEADINGS
@@ -117,8 +117,7 @@ def cost_page(reports: Path) -> Page:
         return Page(COSTS, LEAD, body)
     groups, rows = [], []
     for study, table in studies.items():
-        for scene in dict.fromkeys(table["scene_name"]):
-            own = where(table, table["scene_name"] == scene)
+        for scene, own in table.groupby("scene_name", sort=False):
             for stokes, runs in by_stokes(own):
                 rows += [[len(groups), *_row(run)] for run in rows_of(runs)]
                 groups.append([study, scene, stokes, _scene_tags(runs)])
@@ -164,16 +163,15 @@ def _runs(values: Iterable[Any]) -> list[Any]:
 
 def _scene_tags(runs: pd.DataFrame) -> list[str]:
     """Tags that the study gives the scene."""
-    lists = runs["tags"].to_list() if "tags" in runs else []
-    return sorted({str(tag) for own in lists if isinstance(own, list) for tag in own})
+    return sorted(runs["tags"].explode().dropna().astype(str).unique()) if "tags" in runs else []
 
 
 def _solvers(names: set[str]) -> dict[str, Any]:
     """Look and tags of the solvers, in the order of the catalogue."""
     found = {}
     for solver, look in looks(name.partition(" ")[0] for name in names).items():
+        method = find_solver(solver) if solver in SOLVERS else None
         for name in sorted(name for name in names if name.partition(" ")[0] == solver):
-            method = find_solver(solver) if solver in SOLVERS else None
             compiled = method and "compiled" in method.backends and "(numba" not in name and "(python" not in name
             tags = ["implicit" if method and method.implicit else "explicit"]
             tags.append("compiled" if compiled else "Python in the loop")
@@ -187,7 +185,10 @@ def read_studies(folder: Path, columns: Collection[str]) -> tuple[dict[str, pd.D
     for path in _files(folder):
         name = path.parent.name if path.stem in ("records", "runs") else f"{path.parent.name}/{path.stem}"
         try:
-            table = _table(path, {*NEEDED, *columns})
+            if path.suffix == ".csv":
+                table = pd.read_csv(BytesIO(read_file(path)), dtype_backend="numpy_nullable")
+            else:
+                table = frame(read_export(path), {*NEEDED, *columns})
             lacking = [column for column in NEEDED if column not in table]
             if len(table) and lacking:
                 raise ValueError(f"a record without {lacking[0]!r}, expected those of `polhode bench`")
@@ -201,16 +202,5 @@ def read_studies(folder: Path, columns: Collection[str]) -> tuple[dict[str, pd.D
 
 def _files(folder: Path) -> list[Path]:
     """Files of each study: exported records; where there are none, the table of runs."""
-    found = []
-    for path in sorted(folder.iterdir()) if folder.is_dir() else ():
-        if not path.is_dir() or path.name in NO_STUDY:
-            continue
-        found += sorted(path.glob("*.jsonl")) or path.glob("runs.csv")
-    return found
-
-
-def _table(path: Path, columns: Collection[str]) -> pd.DataFrame:
-    if path.suffix == ".csv":
-        with open_file(path) as file:
-            return pd.read_csv(file, dtype_backend="numpy_nullable")
-    return frame(read_export(path), columns)
+    folders = [path for path in sorted(folder.glob("*")) if path.name not in NO_STUDY]
+    return [file for path in folders for file in sorted(path.glob("*.jsonl")) or path.glob("runs.csv")]
