@@ -8,7 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from polhode.harness.averaging.hybrid import Study
+from polhode.harness.analysis.frames import frame_of
+from polhode.harness.averaging.hybrid import HybridError, Speed, Study
 from polhode.harness.pages.figures.style import colour, power as power_of
 
 COLOURS = {1: colour("averaged"), 2: colour("averaged-second-order")}
@@ -48,20 +49,19 @@ def against_stokes(panels: Mapping[str, Sequence[Line]], label: str) -> Figure:
 def errors_and_speed(study: Study) -> Figure:
     """Of the form `hybrid`: errors against those asked for; how many times as fast as the best full solution."""
     figure, (left, right) = plt.subplots(1, 2, figsize=SIZE, layout="constrained")
-    draw = np.random.default_rng(0)
-    for stokes in sorted({row.stokes for row in study.errors}):
-        own = [row for row in study.errors if row.stokes == stokes]
-        asked = np.array([row.error for row in own]) * 10 ** draw.uniform(-0.6, 0.6, len(own))
-        left.loglog(asked, [row.slow for row in own], ".", markersize=4, alpha=0.6, label=f"St = {power_of(stokes)}")
-    for asked in sorted({row.error for row in study.errors}):
+    draw, runs = np.random.default_rng(0), frame_of(HybridError, study.errors)
+    for stokes, own in runs.groupby("stokes"):
+        asked = own["error"] * 10 ** draw.uniform(-0.6, 0.6, len(own))
+        left.loglog(asked, own["slow"], ".", markersize=4, alpha=0.6, label=f"St = {power_of(stokes)}")
+    for asked in sorted(runs["error"].unique()):
         left.plot([asked / 4, asked * 4], [asked, asked], color="black", linewidth=1.5)
     left.set_xlabel("error asked for (spread sideways)", fontsize=11)
     left.set_ylabel("slow error over $I_{max}$; black: asked for", fontsize=11)
-    for triaxial, marker in ((False, "o"), (True, "^")):
-        own = [row for row in study.speed if (row.kind == "triaxial") == triaxial]
-        gains = [row.full_seconds / row.seconds for row in own]
-        stokes = np.array([row.stokes for row in own]) * 10 ** draw.uniform(-0.25, 0.25, len(own))
-        right.loglog(stokes, gains, marker, markersize=5, alpha=0.7, label="triaxial" if triaxial else "spheroids")
+    speeds = frame_of(Speed, study.speed)
+    for name, marker in (("spheroids", "o"), ("triaxial", "^")):
+        own = speeds[(speeds["kind"] == "triaxial") == (name == "triaxial")]
+        stokes = own["stokes"] * 10 ** draw.uniform(-0.25, 0.25, len(own))
+        right.loglog(stokes, own["full_seconds"] / own["seconds"], marker, markersize=5, alpha=0.7, label=name)
     right.axhline(1.0, color="black", linewidth=1.5)
     right.set_xlabel("Stokes number St (spread sideways)", fontsize=11)
     right.set_ylabel("times as fast as the best full solution", fontsize=11)
