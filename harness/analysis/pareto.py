@@ -158,13 +158,13 @@ def cells(records: pd.DataFrame, error: str, targets: Sequence[float] = MAP_TARG
 
 
 def _cell(stokes: float, target: float, times: pd.Series) -> Cell:
-    known: Any = ((Method(*method), seconds) for method, seconds in times.to_dict().items())
-    ranked = sorted((seconds, str(method), method) for method, seconds in known)
+    found: Any = times.to_dict()
+    ranked = sorted((seconds, Method(*method)) for method, seconds in found.items())
     if not ranked:
         return Cell(stokes, target, known=True)
-    seconds, _, winner = ranked[0]
-    others = [entry for entry in ranked[1:] if entry[2].label != winner.label]
-    later, _, second = others[0] if others else (float("nan"), "", None)
+    seconds, winner = ranked[0]
+    others = [entry for entry in ranked[1:] if entry[1].label != winner.label]
+    later, second = others[0] if others else (float("nan"), None)
     return Cell(stokes, target, True, winner, second, seconds, later / seconds)
 
 

@@ -143,8 +143,9 @@ def _measured(
         up = float(true.rotation[-1, axis, 2])
         if abs(up) > SETTLED and orientation_off < 1 - SETTLED:
             mirror = float(up * run.rotation[-1, axis, 2] > 0)
+    axes = ":".join(f"{axis:.3g}" for axis in scene.ellipsoid.semi_axes)
     return HybridError(
-        *(start, scene.ellipsoid.kind, _axes(scene), scene.stokes, scene.slow_time, error, str(run.status)),
+        *(start, scene.ellipsoid.kind, axes, scene.stokes, scene.slow_time, error, str(run.status)),
         *(slow, orientation, run.error.slow.high if run.error.slow else nan, slow_off),
         *(_share(run.pieces, scene.slow_time), len(run.pieces), mirror),
     )
@@ -222,10 +223,6 @@ def _full(scene: Scene, times: np.ndarray, true: Observables) -> dict[tuple[str,
 
 def _share(pieces: Sequence[Stage], whole: float) -> float:
     return sum(each.end - each.begin for each in pieces if not each.averaged) / whole
-
-
-def _axes(scene: Scene) -> str:
-    return ":".join(f"{axis:.3g}" for axis in scene.ellipsoid.semi_axes)
 
 
 def measure(old: "Study | None", part: str, *, quick: bool, quiet: bool) -> "Study":

@@ -36,10 +36,7 @@ class Law:
     error: tuple[float, ...]
     until: tuple[float, ...]
 
-    @property
-    def horizon(self) -> float:
-        """Slow time up to which order and needed St hold."""
-        return max(self.until)
+    horizon = property(lambda law: max(law.until), doc="Slow time up to which order and needed St hold.")
 
     @property
     def alike(self) -> tuple[np.ndarray, np.ndarray]:

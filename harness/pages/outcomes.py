@@ -11,12 +11,12 @@ from polhode.harness.analysis.frames import frame, rows_of
 from polhode.harness.common.files import write_file
 from polhode.harness.common.store import Record, export
 from polhode.harness.common.text import duration, markdown, scientific
+from polhode.harness.pages.figures.style import rank
 from polhode.harness.pages.tables import lines_of, write
 from polhode.harness.references.errors import magnitude
 from polhode.harness.studies.study import Study
 from polhode.models.files.scene_file import parse_scene
 from polhode.models.scenes import SCENES
-from polhode.solvers.catalogue import SOLVERS
 from polhode.solvers.contract import Status
 
 # Solvers that take at least this share of the cases that anybody takes are compared as to who never fails.
@@ -68,7 +68,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     endings_csv = pd.DataFrame(found).to_csv(index=False, float_format="%.12g")
     write_file(folder / "outcomes.csv", endings_csv, summed=True)
     export(map(_shared, records), folder / "records.jsonl")
-    runs, stopped, solvers = _runs(found), limit(table), columns(table)
+    runs, stopped, solvers = _runs(found), limit(table), sorted(set(table["solver"]), key=rank)
     return write(
         folder / "README.md",
         "outcomes",
@@ -140,9 +140,3 @@ def endings(table: pd.DataFrame, allowed: Mapping[str, float]) -> list[dict[str,
         kind, reason = outcome(run, allowed[row["scene"]])
         found.append({**row, "outcome": kind, "reason": reason})
     return found
-
-
-def columns(table: pd.DataFrame) -> list[str]:
-    """Solvers in the order of the catalogue, others last."""
-    found = set(table["solver"])
-    return [name for name in SOLVERS if name in found] + sorted(found - set(SOLVERS))
