@@ -90,7 +90,7 @@ def costs(
 
 def cheapest(
     runs: pd.DataFrame, target: float, error: str = "slow_error"
-) -> tuple[dict[str, Any], tuple[Method, ...]] | None:
+) -> tuple[dict[Any, Any], tuple[Method, ...]] | None:
     """The cheapest run of one scene whose error meets `target`, and the other methods within the tie; None if none."""
     good = runs.query(f"status == 'reached_end' and {error} <= @target and seconds.notna()").sort_values(by=["seconds"])
     if good.empty:
@@ -147,7 +147,7 @@ class Cell:
 def cells(records: pd.DataFrame, error: str, targets: Sequence[float] = MAP_TARGETS) -> list[Cell]:
     """Cells of the map of one scene at several St, by St and then by error, a column such as "slow_error"."""
     found, groups = [], by_stokes(records)
-    times = costs(groups, targets, error)
+    times: Any = costs(groups, targets, error)
     for stokes, runs in groups:
         uncertainty = runs[uncertainty_of(error)].dropna()
         limit = least_known(float(uncertainty.iloc[0]) if len(uncertainty) else None)

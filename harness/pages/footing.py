@@ -89,7 +89,7 @@ def _table(header: Sequence[str], rows: Sequence[Sequence[Any]], words: int = 1)
     return markdown(header, rows, right=range(words, len(header)))
 
 
-def _worth(times: pd.DataFrame) -> tuple[list[str], str]:
+def _worth(times: Any) -> tuple[list[str], str]:
     """How the libraries compare, in sentences and by place."""
     rows, behind = [], {name: [] for name in ALONE}
     places = [(target, each) for target in ERRORS for each in times.loc[target]["quaternion"].iterrows()]
@@ -108,7 +108,7 @@ def _worth(times: pd.DataFrame) -> tuple[list[str], str]:
     return claims, _table(["slow error", "St", *ALONE], rows, 2)
 
 
-def _finished(table: pd.DataFrame) -> pd.DataFrame:
+def _finished(table: pd.DataFrame) -> Any:
     """Runs that reached their end, with their times and right-hand sides."""
     done = where(table, table["status"] == Status.REACHED_END).rename(columns={"work.rhs_calls": "calls"})
     done = done.reindex(columns=["stokes", "solver", "backend", "jacobian", "seconds", "calls"])
@@ -140,10 +140,10 @@ def _jacobians(table: pd.DataFrame) -> list[dict[Any, Any]]:
     return pairs.assign(ratio=pairs["seconds_by_differences"] / pairs["seconds"]).to_dict("records")
 
 
-def _crossings(table: pd.DataFrame, times: pd.DataFrame) -> str:
+def _crossings(table: pd.DataFrame, times: Any) -> str:
     """The error at which Verner's method stops being the faster as it falls, and ratios, by St."""
     both = where(table, (table["form"] == "quaternion") & table["solver"].isin([TAYLOR, VERNER]))
-    falling = costs(by_stokes(both), np.geomspace(1e-1, 1e-13, 121).tolist())["quaternion"]
+    falling: Any = costs(by_stokes(both), np.geomspace(1e-1, 1e-13, 121).tolist())["quaternion"]
     rows = []
     for stokes, ratios in _ratios(times, ("quaternion", TAYLOR), ("quaternion", VERNER), ERRORS).iterrows():
         own = falling.xs(stokes, level=1).dropna(subset=[TAYLOR])
@@ -153,21 +153,19 @@ def _crossings(table: pd.DataFrame, times: pd.DataFrame) -> str:
     return _table(["St", "they cross at", *(f"{TAYLOR} / {VERNER} at {short(each)}" for each in ERRORS)], rows)
 
 
-def _ratios(
-    times: pd.DataFrame, first: tuple[str, str], second: tuple[str, str], targets: Sequence[float]
-) -> pd.DataFrame:
+def _ratios(times: Any, first: tuple[str, str], second: tuple[str, str], targets: Sequence[float]) -> Any:
     """Time of one form and solver over that of another, in words: a row for each St, a column for each error."""
     ratios = times[first] / times[second]
     return ratios.map(lambda ratio: "–" if isnan(ratio) else f"{ratio:.2f}").unstack(0)[[*targets]]
 
 
-def _forms(times: pd.DataFrame) -> str:
+def _forms(times: Any) -> str:
     ratios = _ratios(times, ("quaternion", TAYLOR), ("spheroid-axis", TAYLOR), FORMS_ERRORS)
     rows = [[short(stokes), *row] for stokes, row in ratios.iterrows()]
     return _table(["St", *map(short, FORMS_ERRORS)], rows)
 
 
-def _times(times: pd.DataFrame) -> dict[float, str]:
+def _times(times: Any) -> dict[float, str]:
     """Every solver's times by St, a table for each slow error."""
     tables = {}
     for target in ERRORS:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from math import isnan, nan
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -57,7 +58,7 @@ def _splitting(table: pd.DataFrame) -> tuple[list[list[str]], list[bool]]:
     rows, met = [], []
     for scene in dict.fromkeys(table["scene_name"].astype(str)):
         groups = by_stokes(where(table, table["scene_name"] == scene))
-        known = costs(groups, ERRORS).droplevel(0, axis=1)
+        known: Any = costs(groups, ERRORS).droplevel(0, axis=1)
         for stokes, _ in groups:
             cells = []
             for error in ERRORS:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -34,12 +35,12 @@ def _as_slow(runs: pd.DataFrame) -> pd.DataFrame:
     return runs.assign(form="", slow_uncertainty=0.0, slow_error=runs["error"])
 
 
-def _times(runs: pd.DataFrame) -> pd.DataFrame:
+def _times(runs: pd.DataFrame) -> Any:
     """Seconds to each error: a row for each error and problem, a column for each solver."""
     return costs(runs.groupby("problem", sort=False), TARGETS).droplevel(0, axis=1)
 
 
-def _profiled(times: pd.DataFrame) -> pd.DataFrame:
+def _profiled(times: Any) -> pd.DataFrame:
     """Seconds to the error of the profiles, of the problems that somebody solves."""
     return times.loc[PROFILED].dropna(how="all")
 
@@ -62,7 +63,7 @@ def page(kept: pd.DataFrame, top: list[str]) -> str:
     )
 
 
-def _winner(times: pd.Series) -> str:
+def _winner(times: Any) -> str:
     ranked = sorted((seconds, solver) for solver, seconds in times.dropna().items())
     if not ranked:
         return "–"

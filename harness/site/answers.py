@@ -68,7 +68,7 @@ def _answers(found: Mapping[tuple[str, str], Sequence[Cell]], reached: pd.DataFr
     return columns
 
 
-def _there(runs: pd.DataFrame, error: str) -> dict[str, Any]:
+def _there(runs: Any, error: str) -> dict[str, Any]:
     """How far the runs at one St go, and the least error of each averaged form among them."""
     averaging = where(runs, runs["form"].map(is_averaged)).groupby("form", sort=False)[error].min().to_dict()
     for stokes, time in runs[["stokes", "scene.time"]].dropna().head(1).to_numpy().tolist():
@@ -77,7 +77,7 @@ def _there(runs: pd.DataFrame, error: str) -> dict[str, Any]:
     return {"averaging": averaging}
 
 
-def _answer(cell: Cell, runs: pd.DataFrame, error: str) -> dict[str, Any]:
+def _answer(cell: Cell, runs: Any, error: str) -> dict[str, Any]:
     """The method of a cell, and the loosest tolerance with which it reaches the error."""
     answer = {"error": cell.target, "known": cell.known}
     if cell.winner:
@@ -161,7 +161,7 @@ def _runs(values: Iterable[Any]) -> list[Any]:
     return [value if times == 1 else [value, times] for value, times in counted]
 
 
-def _scene_tags(runs: pd.DataFrame) -> list[str]:
+def _scene_tags(runs: Any) -> list[str]:
     """Tags that the study gives the scene."""
     return sorted(runs["tags"].explode().dropna().astype(str).unique()) if "tags" in runs else []
 

@@ -221,7 +221,7 @@ def save(figure: Figure, folder: Path, name: str) -> None:
 def times(table: pd.DataFrame, error: str = "slow_error") -> pd.DataFrame:
     """Seconds to each error, NaN without: a row for each problem that somebody solves, a column for each method."""
     groups = [runs for _, own in by_scene(table) for _, runs in by_stokes(own)]
-    found = costs(enumerate(groups), TARGETS, error).dropna(how="all").T
+    found: Any = costs(enumerate(groups), TARGETS, error).dropna(how="all").T
     return found.groupby([Method(*each).label for each in found.index], sort=False).min().T if len(found) else found
 
 
