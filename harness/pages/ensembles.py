@@ -12,6 +12,7 @@ from typing import Any
 import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 
 from polhode.harness.common.files import PartialFile, write_file
@@ -186,14 +187,13 @@ def _plan(found: Found) -> list[Found]:
 def _speeds(rows: list[Found]) -> Any:
     """Particles per second against the largest error, a colour for each shape."""
     figure, axes = plt.subplots(figsize=(6.5, 4), layout="constrained")
-    for shape, shade in zip(dict.fromkeys(row["shape"] for row in rows), ("#0072B2", "#D55E00"), strict=False):
-        some = [row for row in rows if row["shape"] == shape]
+    shapes = pd.DataFrame(rows).groupby("shape", sort=False)
+    for (shape, some), shade in zip(shapes, ("#0072B2", "#D55E00"), strict=False):
         for speed, error, line, name in (
             ("per_second", "error", "o-", "equal steps"),
             ("taylor_per_second", "taylor_error", "s:", "Taylor"),
         ):
-            errors, speeds = ([row[each] for row in some] for each in (error, speed))
-            axes.loglog(errors, speeds, line, color=shade, label=f"{name}, {shape}")
+            axes.loglog(some[error], some[speed], line, color=shade, label=f"{name}, {shape}")
     axes.set(xlabel="largest error of the whole state", ylabel="particles per second and core")
     axes.grid(True, which="both", linewidth=0.4, alpha=0.5)
     axes.legend(frameon=False)

@@ -21,14 +21,12 @@ def cells(rows: Iterable[Any], columns: Mapping[str, str]) -> list[list[str]]:
     return [[WORDING.vformat(text, (), row) for text in columns.values()] for row in rows]
 
 
-def table(rows: Iterable[Any], columns: str | Mapping[str, str], left: int = 1, **fields: Any) -> str:
-    """The rows as Markdown, all but the first `left` columns aligned right; a name is one of `texts/tables.toml`."""
-    right: Sequence[int] = ()
-    if isinstance(columns, str):
-        known = _tables()[columns]
-        left, right = known["left"], known.get("right", ())
-        columns = {WORDING.format(head, **fields): cell for head, cell in known["columns"].items()}
-    return markdown([*columns], cells(rows, columns), right=right or range(left, len(columns)))
+def table(rows: Iterable[Any], name: str, /, **fields: Any) -> str:
+    """The rows as Markdown, by one of `texts/tables.toml`; `fields` are those of its headings."""
+    known = _tables()[name]
+    columns = {WORDING.format(head, **fields): cell for head, cell in known["columns"].items()}
+    right = known.get("right", range(known["left"], len(columns)))
+    return markdown([*columns], cells(rows, columns), right=right)
 
 
 @cache
