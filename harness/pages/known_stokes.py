@@ -81,8 +81,7 @@ def _stroboscopic(study: Study, table: pd.DataFrame, folder: Path) -> list[str]:
     runs = where(table, (table["scene_name"] == "spheroid") & (table["stokes"] == STOKES))
     done = where(runs, runs["seconds"].notna() & (runs["status"] == "reached_end"))
     good = where(done, (done["slow_error"] <= slow) & (done["orientation_error"] <= orientation))
-    ordered = good.sort_values(by=["seconds"]).drop_duplicates("solver")
-    best = dict(zip(ordered["solver"].astype(str), ordered["seconds"].to_numpy(float).tolist(), strict=True))
+    best = good.groupby("solver")["seconds"].min().sort_values().to_dict()
     name = next((each for each in best if each not in OWN), None)
     if "stroboscopic" not in best:
         return []

@@ -46,7 +46,9 @@ def question(folder: Path, sure: str = "") -> tuple[str, dict[str, Any]]:
     found = read_cells(path) if path.is_file() else {}
     if not found:
         return "", {}
-    reached = _reached(folder / "runs.csv")
+    file = folder / "runs.csv"
+    runs = pd.read_csv(BytesIO(read_file(file))) if file.is_file() else pd.DataFrame()
+    reached = where(runs.reindex(columns=pd.Index(RUN_COLUMNS)), lambda own: own["status"] == Status.REACHED_END)
     shapes = reached.groupby("scene_name")["scene.shape.semi_axes"].first().dropna()
     particles = {name: f"{name} {shapes.get(name, '')}".strip() for name, _ in found}
     maps = [_map(name, error, cells) for (name, error), cells in found.items()]
@@ -88,13 +90,6 @@ def _answer(cell: Cell, runs: Any, error: str) -> dict[str, Any]:
         good = (runs["form"] == method[0]) & (runs["solver"] == method[1]) & (runs[error] <= cell.target)
         answer["tolerance"] = short(runs.loc[good, "tolerance"].max()) if good.any() else ""
     return answer
-
-
-def _reached(path: Path) -> pd.DataFrame:
-    """Finished runs."""
-    runs = pd.read_csv(BytesIO(read_file(path))) if path.is_file() else pd.DataFrame()
-    runs = runs.reindex(columns=pd.Index(RUN_COLUMNS))
-    return where(runs, runs["status"] == Status.REACHED_END)
 
 
 def _map(particle: str, error: str, found: Sequence[Cell]) -> dict[str, Any]:
@@ -182,7 +177,9 @@ def _solvers(names: set[str]) -> dict[str, Any]:
 def read_studies(folder: Path, columns: Collection[str]) -> tuple[dict[str, pd.DataFrame], list[str]]:
     """Runs of each study by the name of its folder, and file if it holds several; and the files that cannot be read."""
     studies, unreadable = {}, []
-    for path in _files(folder):
+    folders = [path for path in sorted(folder.glob("*")) if path.name not in NO_STUDY]
+    # Exported records; where there are none, the table of runs.
+    for path in (file for each in folders for file in sorted(each.glob("*.jsonl")) or each.glob("runs.csv")):
         name = path.parent.name if path.stem in ("records", "runs") else f"{path.parent.name}/{path.stem}"
         try:
             if path.suffix == ".csv":
@@ -198,9 +195,3 @@ def read_studies(folder: Path, columns: Collection[str]) -> tuple[dict[str, pd.D
         if len(table):
             studies[name] = table
     return studies, unreadable
-
-
-def _files(folder: Path) -> list[Path]:
-    """Files of each study: exported records; where there are none, the table of runs."""
-    folders = [path for path in sorted(folder.glob("*")) if path.name not in NO_STUDY]
-    return [file for path in folders for file in sorted(path.glob("*.jsonl")) or path.glob("runs.csv")]

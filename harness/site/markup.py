@@ -126,7 +126,8 @@ def render(text: str, path: Path, known: Mapping[Path, str], drawn: Callable[[st
     for i, token in enumerate(tokens):
         if token.type == "heading_open":
             heading = tokens[i + 1].content
-            token.attrSet("id", _slug(heading))
+            # The anchor that GitHub makes of it.
+            token.attrSet("id", re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-"))
         elif token.type in ("th_open", "td_open") and "right" in str(token.attrs.pop("style", "")):
             token.attrSet("class", "r")
             # Numbers in these cells do not break anyway.
@@ -170,11 +171,6 @@ def _figure(picture: Token, path: Path, found: Rendered) -> str:
     name = f"{page_name(path)}-{source.stem}.webp"
     found.pictures[name] = source
     return f'<figure><img src="{FIGURES}/{name}" alt="{escape(picture.content)}"></figure>'
-
-
-def _slug(heading: str) -> str:
-    """Anchor of a heading, as GitHub makes it."""
-    return re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")
 
 
 @cache
