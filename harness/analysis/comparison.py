@@ -52,14 +52,9 @@ def compare(before: pd.DataFrame, after: pd.DataFrame, *, slower: float, less_ac
         if case in shared
         for change in _changes(first[case], second[case], drift, slower, less_accurate)
     ]
-    return Comparison(
-        len(shared),
-        len(first) - len(shared),
-        len(second) - len(shared),
-        drift,
-        same_machine,
-        pd.DataFrame(worse, columns=pd.Index([*IDENTITY, "what", "before", "after"])),
-    )
+    regressions = pd.DataFrame(worse, columns=pd.Index([*IDENTITY, "what", "before", "after"]))
+    alone = len(first) - len(shared), len(second) - len(shared)
+    return Comparison(len(shared), *alone, drift, same_machine, regressions)
 
 
 def _by_identity(table: pd.DataFrame) -> dict[tuple[Any, ...], Record]:

@@ -95,9 +95,8 @@ def random_scenes(count: int = RANDOM, seed: int = SEED) -> Iterator[Scene]:
             axes[(i // 2 % 3 + 1) % 3] = axes[(i // 2 % 3 + 2) % 3]
         stokes = STOKES[i // 2 % len(STOKES)]
         time = SLOW_TIMES[i // (2 * len(STOKES)) % len(SLOW_TIMES)] * stokes
-        yield Scene(
-            Ellipsoid(tuple(axes.tolist())), stokes, BodyStart(tuple(quaternion.tolist()), tuple(spin.tolist())), time
-        )
+        start = BodyStart(tuple(quaternion.tolist()), tuple(spin.tolist()))
+        yield Scene(Ellipsoid(tuple(axes.tolist())), stokes, start, time)
 
 
 def truth(scene: Scene, samples: int = SAMPLES) -> tuple[Observables, float, float]:

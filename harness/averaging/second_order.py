@@ -74,10 +74,8 @@ def true_observables(scene: Scene, samples: int = SAMPLES) -> tuple[Observables,
     form = find_form(full_form(scene))
     problem = form.problem(scene)
     times = np.linspace(0.0, problem.end, samples)
-    tight, loose = (
-        form.observe(scene, extended_run(problem, times, "long double", tolerance))
-        for tolerance in REFERENCE_TOLERANCES
-    )
+    runs = (extended_run(problem, times, "long double", tolerance) for tolerance in REFERENCE_TOLERANCES)
+    tight, loose = (form.observe(scene, states) for states in runs)
     return tight, errors(scene.ellipsoid, loose, tight)
 
 

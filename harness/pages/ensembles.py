@@ -146,11 +146,8 @@ def _moments(axes: Axes, ensemble: Ensemble, statistics: Statistics, unit: float
 def _distribution(axes: Axes, ensemble: Ensemble, statistics: Statistics, shade: Any) -> None:
     """Histograms of L_z at the start, after about a fifth of the run, and at the end."""
     edges, fifth = ensemble.layout.edges("Lz"), -(-(ensemble.snapshots - 1) // 5)
-    for snapshot, when, line in (
-        (0, "start", ":"),
-        (fifth, f"{fifth / (ensemble.snapshots - 1):.0%}", "--"),
-        (-1, "end", "-"),
-    ):
+    part = f"{fifth / (ensemble.snapshots - 1):.0%}"
+    for snapshot, when, line in ((0, "start", ":"), (fifth, part, "--"), (-1, "end", "-")):
         counts = statistics.histograms[snapshot, SLOW_NAMES.index("Lz"), 1:-1]
         share = counts / max(statistics.finished, 1) / np.diff(edges)
         axes.stairs(share, edges, color=shade, ls=line, label=f"{when}, St = {power(ensemble.stokes)}")
@@ -189,11 +186,9 @@ def _speeds(rows: list[Found]) -> Any:
     figure, axes = plt.subplots(figsize=(6.5, 4), layout="constrained")
     shapes = pd.DataFrame(rows).groupby("shape", sort=False)
     for (shape, some), shade in zip(shapes, ("#0072B2", "#D55E00"), strict=False):
-        for speed, error, line, name in (
-            ("per_second", "error", "o-", "equal steps"),
-            ("taylor_per_second", "taylor_error", "s:", "Taylor"),
-        ):
-            axes.loglog(some[error], some[speed], line, color=shade, label=f"{name}, {shape}")
+        for whose, line, name in (("", "o-", "equal steps"), ("taylor_", "s:", "Taylor")):
+            errors, speeds = some[f"{whose}error"], some[f"{whose}per_second"]
+            axes.loglog(errors, speeds, line, color=shade, label=f"{name}, {shape}")
     axes.set(xlabel="largest error of the whole state", ylabel="particles per second and core")
     axes.grid(True, which="both", linewidth=0.4, alpha=0.5)
     axes.legend(frameon=False)

@@ -31,24 +31,21 @@ CELL_COLUMNS = ["scene", "error", "St", "target", "known", "form", "solver", "se
 def write_page(study: Study, records: Sequence[Record], folder: Path, command: str) -> Path:
     """Write the page, its pictures and its data into a folder and return the page's path."""
     runs = frame(records)
-    names = list(dict.fromkeys(name for name, _ in study.scenes))
-    maps: Maps = {
-        (name, error): cells(where(runs, runs["scene_name"] == name), error) for name in names for error in ERRORS
-    }
+    named = {name: where(runs, runs["scene_name"] == name) for name in dict(study.scenes)}
+    maps: Maps = {(name, error): cells(own, error) for name, own in named.items() for error in ERRORS}
     write_runs(runs, folder)
     _write_cells(maps, folder / "cells.csv")
     particles = []
-    for name in names:
-        scenes = [scene for own, scene in study.scenes if own == name]
+    for name, own in named.items():
+        scenes = [scene for each, scene in study.scenes if each == name]
         times = {scene.stokes: scene.time for scene in scenes}
         save(picture([maps[name, error] for error in ERRORS], times), folder, name)
-        methods = _methods(where(runs, runs["scene_name"] == name), name, maps)
+        methods = _methods(own, name, maps)
         axes = scenes[0].ellipsoid.semi_axes
         particles.append({"name": name, "axes": axes, "remarks": horizon(scenes), "methods": methods})
     far = [scene.stokes for _, scene in study.scenes if scene.time >= LONG]
-    long = profile_lines(
-        where(runs, runs["stokes"].isin(far)), folder, "profiles-long", f"The same over t ≥ {short(LONG)} alone"
-    )
+    apart, title = where(runs, runs["stokes"].isin(far)), f"The same over t ≥ {short(LONG)} alone"
+    long = profile_lines(apart, folder, "profiles-long", title)
     return write(
         folder / "README.md",
         "regimes",
@@ -103,10 +100,7 @@ def horizon(scenes: Sequence[Scene]) -> list[str]:
 
 def _methods(runs: pd.DataFrame, name: str, maps: Maps) -> list[dict[str, Any]]:
     """How every method stands on both maps, and whether it wins or ties somewhere, or lies on a front."""
-    full, slow = (
-        {row.method: row for row in standings(runs, error, maps[name, error])}
-        for error in ("orientation_error", "slow_error")
-    )
+    full, slow = ({row.method: row for row in standings(runs, error, maps[name, error])} for error in ERRORS)
     return [
         {"method": method, "full": full[method], "slow": row}
         | {"failed": [f"{status.replace('_', ' ')} {number}" for status, number in row.failures.items()]}

@@ -119,9 +119,8 @@ def cost_page(reports: Path) -> Page:
     # A line stands together and goes from the loosest tolerance to the tightest.
     rows.sort(key=lambda row: (*row[:3], -row[5]))
     # Words stand once: columns hold their places.
-    words = {
-        word: i for i, word in enumerate(dict.fromkeys(word for row in rows for word in row if isinstance(word, str)))
-    }
+    different = dict.fromkeys(word for row in rows for word in row if isinstance(word, str))
+    words = {word: i for i, word in enumerate(different)}
     names = ("group", *WORDS, "tolerance", "inferred", *COLUMNS)
     data = {
         "words": list(words),

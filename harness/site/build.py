@@ -50,10 +50,8 @@ def build(reports: Path, out: Path, scenes: dict[str, Scene], say: Callable[[str
         write_file(out / f"{name}.html", document(name, page, menu, foot))
 
     asked, data = question(reports / "regimes", _first(texts.get("hard-cases", "")))
-    write(
-        "index",
-        Page(TITLE, fill("site-question"), _verdict(asked, files, texts, known), data, ("tables.js", "verdict.js")),
-    )
+    body = _verdict(asked, files, texts, known)
+    write("index", Page(TITLE, fill("site-question"), body, data, ("tables.js", "verdict.js")))
     write("cost", cost_page(reports))
     write("motion", motion_page(scenes, say))
     for name, found in rendered.items():

@@ -88,10 +88,8 @@ def _panels(rows: Sequence[SecondOrderErrors]) -> dict[str, list[Line]]:
     found = [own for _, own in frame_of(SecondOrderErrors, rows).groupby(["shape", "start"], sort=False)]
     orders = (1, "first_order_slow"), (2, "slow")
     slow = [Line(order, order, own["stokes"], own[name]) for own in found for order, name in orders]
-    return {
-        "slow error: L and E": slow,
-        "orientation error": [Line(2, 1, own["stokes"], own["orientation"]) for own in found],
-    }
+    turned = [Line(2, 1, own["stokes"], own["orientation"]) for own in found]
+    return {"slow error: L and E": slow, "orientation error": turned}
 
 
 def _rows(rows: Sequence[SecondOrderErrors], fitted: Sequence[Slope]) -> list[dict[str, Any]]:
