@@ -41,8 +41,8 @@ def _times(runs: pd.DataFrame) -> Any:
 
 
 def _profiled(times: Any) -> pd.DataFrame:
-    """Seconds to the error of the profiles, of the problems that somebody solves."""
-    return times.loc[PROFILED].dropna(how="all")
+    """Seconds to the error of the profiles, of problems that somebody solves and solvers that solve some."""
+    return times.loc[PROFILED].dropna(how="all").dropna(axis="columns", how="all")
 
 
 def page(kept: pd.DataFrame, top: list[str]) -> str:

@@ -1,8 +1,10 @@
 """Numbers and tables as people read them."""
 
+from math import nan
+
 import pytest
 
-from polhode.harness.common.text import aligned, duration, in_full, in_two_digits, markdown, scientific, short
+from polhode.harness.common.text import WORDING, aligned, duration, in_full, in_two_digits, markdown, scientific, short
 
 
 def test_aligned():
@@ -75,3 +77,7 @@ def test_duration(seconds: float | None, text: str):
 )
 def test_one_convention_for_numbers(value: float, six: str, full: str, two: str):
     assert (short(value), in_full(value), in_two_digits(value)) == (six, full, two)
+
+
+def test_a_field_without_a_value_is_a_dash():
+    assert WORDING.format("{a:.2f} {a:two} {b:.1f} {c:short}", a=nan, b=1.25, c=[nan, 1e-6]) == "– – 1.2 –, 1e-6"

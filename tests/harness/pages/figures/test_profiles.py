@@ -52,6 +52,11 @@ def test_the_sentence_and_the_picture_say_the_same():
     plt.close(figure)
 
 
+def test_of_those_that_are_equally_sure_the_faster_one_is_named():
+    found = pd.DataFrame({"radau": [3.0, 3.0, 3.0], "taylor": [1.0, 1.0, 1.0], "rk45": [9.0, np.nan, np.nan]})
+    assert "taylor reaches the error most often, on 100 %" in sentence(found)
+
+
 def test_methods_that_are_neither_fast_nor_sure_are_grey():
     names = [*SOLVERS][: NAMED + 1]
     figure = profiles(pd.DataFrame([{name: 3.0**i for i, name in enumerate(names)}]))
