@@ -63,12 +63,7 @@ class Law:
 
     order = property(lambda law: law.fit[1], doc="Fitted order in 1/St.")
     order_interval = property(lambda law: law.fit[2], doc="95 % confidence interval of the order.")
-
-    @property
-    def shown(self) -> tuple[float, float]:
-        """The order's interval in the two decimals that are shown."""
-        low, high = self.order_interval
-        return round(low, 2), round(high, 2)
+    shown = property(lambda law: [round(end, 2) for end in law.order_interval], doc="It in the two decimals shown.")
 
     def needed(self, target: float) -> tuple[float, str]:
         """Smallest St from which on the error stays below `target`, and where that comes from.
