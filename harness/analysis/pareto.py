@@ -116,7 +116,7 @@ def averaged_forms(records: pd.DataFrame) -> list[str]:
     return [str(name) for name in dict.fromkeys(records["form"]) if find_form(name).averaged]
 
 
-def costs_over_stokes(records: pd.DataFrame, form: str) -> tuple[float, float, list[float]] | None:
+def cost_over_stokes(records: pd.DataFrame, form: str) -> tuple[float, float, list[float]] | None:
     """Smallest and largest St, and the ratio of a form's times there: quantiles 5, 50 and 95 %; None without a pair."""
     done = where(records, (records["form"] == form) & records["seconds"].notna())
     table = done.pivot_table(index=["solver", "tolerance"], columns="stokes", values="seconds").dropna().astype(float)

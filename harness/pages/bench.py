@@ -7,14 +7,7 @@ from typing import Any
 import pandas as pd
 
 from polhode.harness.analysis.frames import by_scene, by_stokes, frame, where, write_runs
-from polhode.harness.analysis.pareto import (
-    TARGETS,
-    TIE,
-    averaged_forms,
-    averaged_wins_from,
-    cheapest,
-    costs_over_stokes,
-)
+from polhode.harness.analysis.pareto import TARGETS, TIE, averaged_forms, averaged_wins_from, cheapest, cost_over_stokes
 from polhode.harness.common.store import Record, export
 from polhode.harness.common.text import duration, markdown, short
 from polhode.harness.pages.figures.work_precision import profile_lines, save, work_precision_panels
@@ -126,5 +119,5 @@ def verdict(records: pd.DataFrame, targets: Sequence[float] = TARGETS) -> list[s
 def averaged_costs(records: pd.DataFrame) -> list[str]:
     """How little an averaged form's cost depends on St, scene by scene."""
     scenes = [(scene, runs, name) for scene, runs in by_scene(records) for name in averaged_forms(runs)]
-    found = [(scene, name, costs_over_stokes(runs, name)) for scene, runs, name in scenes]
+    found = [(scene, name, cost_over_stokes(runs, name)) for scene, runs, name in scenes]
     return lines_of("bench-costs", found=[each for each in found if each[2]])

@@ -189,10 +189,8 @@ def panels(groups: Sequence[tuple[str, pd.DataFrame]], error: str, label: str, *
     figure.subplots_adjust(**margins, top=1 - 0.45 / height, wspace=between / (PANEL[0] - 0.65), hspace=0.28)
     for axes in grid.flat[: len(groups)]:
         name_lines(axes)
-    entries = {
-        name: handle for axes in grid.flat for handle, name in zip(*axes.get_legend_handles_labels(), strict=True)
-    }
-    rest = {name.replace("\n", " "): entries[name] for name in entries if "\n" in name or name == FRONT_NAME}
+    entries = (each for axes in grid.flat for each in zip(*axes.get_legend_handles_labels(), strict=True))
+    rest = {name.replace("\n", " "): line for line, name in entries if "\n" in name or name == FRONT_NAME}
     rest[BEHIND_NAME] = Line2D([], [], color=BEHIND)
     rest["hollow: no result, at that tolerance"] = Line2D([], [], marker="o", fillstyle="none", color="0.4", lw=0)
     style = {"frameon": False, "fontsize": 8.5, "columnspacing": 1.0, "handlelength": 1.5, "ncols": columns + 1}
