@@ -72,11 +72,11 @@ def _answers(found: Mapping[tuple[str, str], Sequence[Cell]], reached: pd.DataFr
 
 def _there(runs: Any, error: str) -> dict[str, Any]:
     """How far the runs at one St go, and the least error of each averaged form among them."""
-    averaging = where(runs, runs["form"].map(is_averaged)).groupby("form", sort=False)[error].min().to_dict()
+    averaged = where(runs, runs["form"].map(is_averaged))
+    found: dict[str, Any] = {"averaging": averaged.groupby("form", sort=False)[error].min().to_dict()}
     for stokes, time in runs[["stokes", "scene.time"]].dropna().head(1).to_numpy().tolist():
-        slow = f", t₂ = {short(time / stokes)}" if stokes else ""
-        return {"averaging": averaging, "span": f"t = {short(time)}{slow}"}
-    return {"averaging": averaging}
+        found["span"] = f"t = {short(time)}" + (f", t₂ = {short(time / stokes)}" if stokes else "")
+    return found
 
 
 def _answer(cell: Cell, runs: Any, error: str) -> dict[str, Any]:
