@@ -137,7 +137,7 @@ def test_no_liar_wins(records: list[Record]):
         winner = cheapest(table, target)
         assert winner is not None
         honest = {f"planted:{name}" for name in ("FirstOrder", "SecondOrder", "Askew", "Opposite", "Midpoint")}
-        assert {str(winner.row["solver"]), *(method.solver for method in winner.tied)} <= honest
+        assert {str(winner[0]["solver"]), *(method.solver for method in winner[1])} <= honest
 
 
 def test_a_slow_back_end_says_nothing_of_the_others(study: Study, tmp_path: Path):
