@@ -87,7 +87,7 @@ def _changes(before: Record, after: Record, drift: float, slower: float, less_ac
     for error in ERRORS:
         first, second = before.get(error), after.get(error)
         floor = max(LEAST_ERROR, least_known(after.get(uncertainty_of(error)) or 0.0))
-        if None not in (first, second) and second > max(floor, less_accurate * first):
+        if first is not None and second is not None and second > max(floor, less_accurate * first):
             changes.append({"what": error.replace("_", " "), "before": first, "after": second})
     return changes
 

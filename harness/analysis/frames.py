@@ -63,7 +63,7 @@ def rows_of(table: pd.DataFrame) -> list[dict[str, Any]]:
 
 def by_scene(table: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
     """Runs of each scene under its name, in the order of the records; those of a single one under none."""
-    if "scene_name" not in table or table["scene_name"].nunique() < 2:
+    if "scene_name" not in table or len(set(table["scene_name"])) < 2:
         return [("", table)]
     return [(str(name), own) for name, own in table.groupby("scene_name", sort=False)]
 

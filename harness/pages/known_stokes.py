@@ -80,7 +80,7 @@ def _stroboscopic(study: Study, table: pd.DataFrame, folder: Path) -> list[str]:
     slow, orientation, _ = REACHED
     runs = where(table, (table["scene_name"] == "spheroid") & (table["stokes"] == STOKES))
     done = where(runs, runs["seconds"].notna() & (runs["status"] == "reached_end"))
-    good = where(done, (done["slow_error"] <= slow) & (done["orientation_error"] <= orientation))
+    good: Any = where(done, (done["slow_error"] <= slow) & (done["orientation_error"] <= orientation))
     best = good.groupby("solver")["seconds"].min().sort_values().to_dict()
     name = next((each for each in best if each not in OWN), None)
     if "stroboscopic" not in best:

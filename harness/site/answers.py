@@ -72,7 +72,7 @@ def _answers(found: Mapping[tuple[str, str], Sequence[Cell]], reached: pd.DataFr
 
 def _there(runs: Any, error: str) -> dict[str, Any]:
     """How far the runs at one St go, and the least error of each averaged form among them."""
-    averaged = where(runs, runs["form"].map(is_averaged))
+    averaged: Any = where(runs, runs["form"].map(is_averaged))
     found: dict[str, Any] = {"averaging": averaged.groupby("form", sort=False)[error].min().to_dict()}
     for stokes, time in runs[["stokes", "scene.time"]].dropna().head(1).to_numpy().tolist():
         found["span"] = f"t = {short(time)}" + (f", t₂ = {short(time / stokes)}" if stokes else "")

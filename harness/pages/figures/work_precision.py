@@ -239,7 +239,8 @@ def sentence(found: pd.DataFrame) -> str:
     ratios = found.div(found.min(axis=1), axis=0)
     near, reached = (ratios <= NEAR).mean(), found.notna().mean()
     # Of those that are equally sure it names the one that is fast more often.
-    first, surest = str(near.idxmax()), str(reached[near.sort_values(ascending=False, kind="stable").index].idxmax())
+    order = near.sort_values(ascending=False, kind="stable").index
+    first, surest = str(order[0]), str(reached.reindex(order).idxmax())
     slow = np.nanquantile(ratios[surest].to_numpy(float), 0.9)
     shares = {"near": near[first], "reached": reached[surest], "factor": NEAR, "slow": slow}
     return fill("profiles-sentence", count=len(found), first=first, surest=surest, **shares)
