@@ -25,7 +25,7 @@ REGISTERS = 2
 
 @cache
 def width() -> int:
-    """Particles that this processor moves at once."""
+    """Particles, or rows, that this processor moves at once."""
     features = host_features()
     return REGISTERS * (8 if features.get("avx512f") else 4 if features.get("avx") else 2)
 

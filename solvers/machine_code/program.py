@@ -23,7 +23,7 @@ class Program(dict[str, str]):
     """A function without result, its arguments arrays and numbers: the lines known in the block at hand, and the text.
 
     Names of arguments stand between blanks. The linkage is "internal" if other programs alone are to call it, the
-    attribute "alwaysinline" or "noinline".
+    attribute "noinline", or what registers it may take.
     """
 
     def __init__(self, name: str, arrays: str, numbers: str = "", linkage: str = "", attribute: str = "") -> None:

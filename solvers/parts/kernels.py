@@ -22,7 +22,7 @@ BACKWARD = 0.05
 LAW, POINTS, ROUNDING = 6, 8, {float: 3e-13, np.longdouble: 5e-17}
 # More slow flows than a step of any scheme has.
 MOST_STAGES = 16
-# How a call of `kernel` ends.
+# How a call of `advance` ends.
 Code = IntEnum("Code", "FINISHED STEPS_DONE PAUSED OUTSIDE NOT_FINITE NO_STEP", start=0)
 # Places in a clock: the time at which the step was last changed, the step, the rates between which it stays, the steps
 # since then, rows filled, steps in all, the code; then the limits of a call: a time, steps, and the number of times.

@@ -32,7 +32,7 @@ CHUNK = 120_000
 SHEAR = 0.5
 # From this rate of relaxation on no means are taken: what relaxes in far less than a step has none.
 STRONG = 10.0
-# Share of the reach of a fast flow that steps make use of.
+# Share of the reach of a fast flow that steps make use of; what leads to a row a step away may take a tenth more.
 WIDEST = 0.99
 # Plans are made anew after these shares of a run, if that is so many turns at least.
 AGAIN, LEAST_BETWEEN = (0.1, 0.4), 120.0
@@ -193,7 +193,8 @@ class Splitting(Solver):
 class SplittingExtended(Splitting):
     """`Splitting` in x86's long double: for orientations of long runs, tighter than rounding to double lets them be.
 
-    A flow takes some four times as long. Rows are rounded to double, which is how exactly the start is known.
+    By one composition, of order (10, 6, 4), each of whose flows takes some four times as long. Rows are rounded to
+    double, which is how exactly the start is known.
     """
 
     name = "splitting-extended"

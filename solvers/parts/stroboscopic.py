@@ -218,7 +218,7 @@ class Stroboscopic(Splitting):
     Class: heterogeneous multiscale. With the angle turned about L as the independent variable torque-free motion is
     periodic; central differences of the map of one turn give the averaged equations, DOP853 integrates them by
     macro-steps of whole turns, and parts of a turn lead to the times asked for. Turns are made of micro-steps of
-    `splitting`. Order of the difference and micro-steps follow from comparison with the next ones.
+    one composition, of order (10, 6, 4). Order of the difference and micro-steps follow from comparison with the next.
     Stability: of explicit macro-steps, short against the time of relaxation.
     Tolerance: error of L/I_e over the whole run; orientation errs by that times the angle turned.
     Caveat: short runs, and stretches where averaging does not hold (L nearly vanishes) or does not pay, are runs of
