@@ -96,7 +96,7 @@ class Pilot:
 
     @cached_property
     def counted(self) -> Scene:
-        """What the steps of slow solvers are counted on: a short twin, whose count per rotation is within a third."""
+        """What steps of slow solvers are counted on: a short twin, whose count per rotation is mostly within half."""
         share = COUNTED_ROTATIONS / max(1.0, self.rotations * self.followed.time / self.scene.time)
         return _shrunk(self.followed, share) if share < 1 and 0 < self.scene.stokes < inf else self.followed
 
