@@ -148,7 +148,8 @@ class Splitting(Solver):
     Stability: unconditional in the relaxation but for short backward ones; the step is bound by the angle, so that at
     small St, where relaxation outpaces the rotation, steps are as short as those of an explicit method.
     Tolerance: error of L/I_e over the whole run, however long; orientation errs by that times the angle turned.
-    Caveat: what lingers at a saddle amplifies errors after the check.
+    Caveat: what lingers at a saddle amplifies errors after the check; L of a body that tumbles for ever sways with its
+    orientation, and errs with that.
     Error per rotation over tolerance: at most 10; 2 measured.
     Source: for one composition, Blanes, Casas, Farrés, Laskar, Makazaga and Murua, Appl. Numer. Math. 68 (2013) 58.
     """
