@@ -69,6 +69,23 @@ def test_averaging_that_may_err_too_much_is_tried_against_the_full_equations(kno
         assert way.error.low <= made(scene, way, "slow") <= way.error.high <= error
 
 
+def test_a_yardstick_of_the_same_averaged_form_is_as_good_where_averaging_takes_most_of_the_error(monkeypatch):
+    """What averaging errs by is the same in both."""
+    scene, error, seen = replace(named_scene("spheroid"), stokes=1e5, time=1e4), 1e-5, []
+    most = Interval(0.4 * error, 0.2 * error, 0.8 * error)
+    monkeypatch.setattr(ranking, "own_estimate", lambda *_: {"slow": most})
+    monkeypatch.setattr(ranking, "model_errors", lambda *_: {"slow": most})
+
+    def noted(*given):
+        seen.append((given[0].form.averaged, found := yardstick(*given)))
+        return found
+
+    yardstick = trials._yardstick
+    monkeypatch.setattr(trials, "_yardstick", noted)
+    pick(scene, error, laws=load_laws())
+    assert [found.met for averaged, found in seen if averaged and found] == [trials.MET]
+
+
 def test_caution_of_a_law_does_not_tighten_what_was_tried():
     scene, laws = named_scene("paper"), load_laws()
     usual, cautious = (pick(scene, 1e-6, laws=each).ranking for each in (laws, wider(laws, 3.0)))
