@@ -15,8 +15,8 @@ from polhode.harness.common.store import Record, Store
 from polhode.harness.picking.laws import Laws
 from polhode.harness.picking.pilot import PilotFailedError, form_ladder, pilot
 from polhode.harness.picking.ranking import NotAttainableError, pick
-from polhode.harness.references.extended import MOST_ROTATIONS, ReferenceFailedError
-from polhode.harness.references.reference import reference
+from polhode.harness.references.extended import ReferenceFailedError
+from polhode.harness.references.reference import MOST_ROTATIONS, reference
 from polhode.harness.studies.case import Case
 from polhode.harness.studies.runner import Runner
 from polhode.harness.studies.study import Study

@@ -1,11 +1,11 @@
 """Certificates of references: short pieces solved again by an unrelated method in another form, and back again."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from polhode.harness.references.errors import errors, magnitude
+from polhode.harness.references.extended import GOING_BACK, ReferenceFailedError, extended_run
 from polhode.models.catalogue import form as find_form
 from polhode.models.form import Form, FormNotValidError
 from polhode.models.observables import Observables
@@ -30,13 +30,6 @@ ULPS, ROUNDING = 10.0, 1e-14
 # Ways to move the numbers of a start by an ulp, up and down.
 SIGNS = np.array([[1.0, 1, 1, 1], [1, -1, 1, -1], [1, 1, -1, -1], [1, -1, -1, 1]])
 
-# Takes a state, its time and a duration, negative to go back, to the state then.
-Flow = Callable[[np.ndarray, float, float], np.ndarray]
-
-
-class UncertifiedError(RuntimeError):
-    """A reference that an unrelated method contradicts, or that could not be tried often enough."""
-
 
 @dataclass(frozen=True)
 class Certificate:
@@ -47,8 +40,6 @@ class Certificate:
     pieces: int  # that agreed forwards, of `PIECES` tried; the others ran into the other form's singularity
     back: int  # that agreed when the reference's own method went back over them
     ratio: float  # largest difference over the method's own error; at most 1
-    slow: float  # largest differences met, over I_max and in rad
-    orientation: float
 
 
 def pieces(scene: Scene, form: Form, end: float) -> list[tuple[float, float, float]]:
@@ -60,34 +51,33 @@ def pieces(scene: Scene, form: Form, end: float) -> list[tuple[float, float, flo
     return [(start, start + length, start + short) for start in starts.tolist()]
 
 
-def certify(scene: Scene, form: Form, states: dict[float, np.ndarray], flow: Flow) -> Certificate:
-    """Try a reference's states, shape (d,), at the times of `pieces` of its run; `flow` is its own method, to go back.
+def certify(scene: Scene, form: Form, problem: Problem, states: dict[float, np.ndarray]) -> Certificate:
+    """Try a reference's states, shape (d,), at the times of `pieces` of its run; `problem` is what it solves.
 
-    Raises UncertifiedError if a piece disagrees by more than the other method's own error, or too few could be tried.
+    Raises ReferenceFailedError if a piece disagrees by more than the other method's own error, or too few can be tried.
     """
-    end = form.problem(scene).end
     other, solver = opposite(scene, form)
     seen = {time: observe(form, scene, state[None]) for time, state in states.items()}
-    agreed, back, worst = 0, 0, np.zeros(3)
-    for start, stop, turn in pieces(scene, form, end):
+    agreed, back, worst = 0, 0, 0.0
+    for start, stop, turn in pieces(scene, form, problem.end):
         if form.averaged:
-            outcome = _same_form(scene, form, solver, states[start], seen[stop], stop - start)
+            ratio = _same_form(scene, form, solver, states[start], seen[stop], stop - start)
         else:
-            outcome = _other_form(scene, (other, solver), seen[start], seen[stop], stop - start)
-        if outcome is not None:
+            ratio = _other_form(scene, (other, solver), seen[start], seen[stop], stop - start)
+        if ratio is not None:
             agreed += 1
-            worst = np.maximum(worst, outcome)
+            worst = max(worst, ratio)
         if scene.stokes > 0:
-            worst[0] = max(worst[0], _backward(scene, form, states, (start, turn), flow))
+            worst = max(worst, _backward(scene, form, problem, states, (start, turn)))
             back += 1
-        if worst[0] > 1:
-            raise UncertifiedError(
+        if worst > 1:
+            raise ReferenceFailedError(
                 f"the reference of form {form.name!r} at St = {scene.stokes:g} differs from form {other!r} by "
-                f"{solver} on the piece from {start:g} to {stop:g}: {worst[0]:.1f} times the method's error"
+                f"{solver} on the piece from {start:g} to {stop:g}: {worst:.1f} times the method's error"
             )
     if agreed < REQUIRED:
-        raise UncertifiedError(f"only {agreed} of {PIECES} pieces could be tried, expected at least {REQUIRED}")
-    return Certificate(other, solver, agreed, back, *worst.tolist())
+        raise ReferenceFailedError(f"only {agreed} of {PIECES} pieces could be tried, expected at least {REQUIRED}")
+    return Certificate(other, solver, agreed, back, worst)
 
 
 def observe(form: Form, scene: Scene, states: np.ndarray) -> Observables:
@@ -116,12 +106,12 @@ def restart(scene: Scene, observables: Observables, ulps: np.ndarray) -> BodySta
 
 def _other_form(
     scene: Scene, by: tuple[str, str], before: Observables, after: Observables, length: float
-) -> np.ndarray | None:
-    """Ratio of difference to own error, and differences, of a piece solved again; None where it cannot be solved."""
+) -> float | None:
+    """Ratio of difference to own error of a piece solved again; None where it cannot be solved."""
     # Euler angles are taken about the three body axes in turn, from the one farthest from their pole on.
     form = find_form(by[0])
     axes = [2] if by[0] != "euler-angles" else np.argsort(np.abs(before.rotation[0, :, 2].astype(float))).tolist()
-    best = None
+    ratios: list[float] = []
     for axis in axes:
         x, y, z = np.roll(scene.ellipsoid.semi_axes, -1 - axis).tolist()
         body = Ellipsoid((x, y, z))
@@ -131,17 +121,16 @@ def _other_form(
             problems = [form.problem(replace(turned, start=start)) for start in starts]
         except FormNotValidError:
             continue
-        outcome = _tried(turned, form, by[1], problems, _turned(after, axis))
-        if outcome is not None and (best is None or outcome[0] < best[0]):
-            best = outcome
-        if best is not None and best[0] <= 1:
-            break
-    return best
+        if (ratio := _tried(turned, form, by[1], problems, _turned(after, axis))) is not None:
+            ratios.append(ratio)
+            if ratio <= 1:
+                break
+    return min(ratios, default=None)
 
 
 def _same_form(
     scene: Scene, form: Form, solver: str, before: np.ndarray, after: Observables, length: float
-) -> np.ndarray | None:
+) -> float | None:
     """As `_other_form`, from the very state."""
     state = before.astype(float)
     ulps = np.finfo(float).eps * np.resize(SIGNS, (len(SIGNS), len(state)))
@@ -150,8 +139,8 @@ def _same_form(
     return _tried(scene, form, solver, [replace(problem, start=start) for start in starts], after)
 
 
-def _tried(scene: Scene, form: Form, solver: str, problems: list[Problem], after: Observables) -> np.ndarray | None:
-    """Outcome of solving a piece from its start, at two tolerances, and from starts moved by an ulp."""
+def _tried(scene: Scene, form: Form, solver: str, problems: list[Problem], after: Observables) -> float | None:
+    """Ratio of solving a piece from its start, at two tolerances, and from starts moved by an ulp."""
     (exact, *moved), (tight, loose) = problems, TOLERANCES[solver]
     solutions = [
         solve(problem, solver, tolerance)
@@ -163,8 +152,8 @@ def _tried(scene: Scene, form: Form, solver: str, problems: list[Problem], after
     return _compare(scene.ellipsoid, [form.observe(scene, each.states[-1:]) for each in solutions], after, accumulated)
 
 
-def _compare(ellipsoid: Ellipsoid, runs: list[Observables], true: Observables, tolerance: float) -> np.ndarray:
-    """Ratio of difference to own error, slow difference, orientation difference."""
+def _compare(ellipsoid: Ellipsoid, runs: list[Observables], true: Observables, tolerance: float) -> float:
+    """Ratio of difference to own error, of L and E or of the orientation, whichever is larger."""
     # Of the runs the first is compared; the second is looser, and the others start elsewhere by an ulp.
     tight, loose, *moved = runs
     found = errors(ellipsoid, tight, true)
@@ -172,19 +161,21 @@ def _compare(ellipsoid: Ellipsoid, runs: list[Observables], true: Observables, t
     rounding = (ROUNDING + tolerance) * max(1.0, magnitude(ellipsoid, true))
     slow = own.slow + ULPS * max(each.slow for each in spread) + rounding
     angle = (own.orientation or 0.0) + ULPS * max(each.orientation or 0.0 for each in spread) + rounding
-    ratio = max(found.slow / slow, (found.orientation or 0.0) / angle)
-    return np.array([ratio, found.slow, found.orientation or 0.0])
+    return max(found.slow / slow, (found.orientation or 0.0) / angle)
 
 
 def _backward(
-    scene: Scene, form: Form, states: dict[float, np.ndarray], piece: tuple[float, float], flow: Flow
+    scene: Scene, form: Form, problem: Problem, states: dict[float, np.ndarray], piece: tuple[float, float]
 ) -> float:
     """Ratio of the difference after going back over a piece to what an ulp at its end makes of it."""
     start, end = piece
     ulp = np.abs(states[end].astype(float)) * np.finfo(float).eps
-    returned, moved = (flow(state, end, start - end) for state in (states[end], states[end] + ulp))
+    returned, moved = (
+        extended_run(replace(problem, start=tuple(state)), np.array([end, start]), *GOING_BACK)[-1]
+        for state in (states[end], states[end] + ulp)
+    )
     true, found, other = (observe(form, scene, state[None]) for state in (states[start], returned, moved))
-    return float(_compare(scene.ellipsoid, [found, found, other], true, 0.0)[0])
+    return _compare(scene.ellipsoid, [found, found, other], true, 0.0)
 
 
 def _turned(observables: Observables, axis: int) -> Observables:

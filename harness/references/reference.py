@@ -1,7 +1,7 @@
 """References: solutions in extended precision, certified, with a stated uncertainty, never a contestant's own."""
 
-from dataclasses import astuple, dataclass, replace
-from functools import lru_cache
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
 from importlib.metadata import version
 from itertools import chain
 from math import inf, isfinite, isnan
@@ -12,22 +12,18 @@ import numpy as np
 from polhode.harness.common import cache
 from polhode.harness.common.files import digest
 from polhode.harness.common.timing import within
-from polhode.harness.references import extended
-from polhode.harness.references.certificate import Certificate, Flow, UncertifiedError, certify, observe, pieces
-from polhode.harness.references.chaos import Growth, growth
+from polhode.harness.references.certificate import Certificate, certify, observe, pieces
+from polhode.harness.references.chaos import growth
 from polhode.harness.references.errors import errors, magnitude, statistics_distance
-from polhode.harness.references.extended import ReferenceFailedError, extended_run
+from polhode.harness.references.extended import GOING_BACK, ReferenceFailedError, Run, extended_run
 from polhode.harness.references.rotations import rotations
-from polhode.models.catalogue import form as find_form, reference_form
+from polhode.models.catalogue import form as find_form, full_form, reference_form
 from polhode.models.form import Form
 from polhode.models.observables import Observables
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
-from polhode.solvers.compile import load_heyoka
 from polhode.solvers.contract import Status
-from polhode.solvers.taylor import Precision, taylor_integrator
-
-Run = tuple[Precision, float]
+from polhode.solvers.solve import solve
 
 # Tight and loose run; their difference, times the safety factor, is the reference's own uncertainty.
 QUADRUPLE: tuple[Run, Run] = (("quadruple", 1e-22), ("long double", 1e-19))
@@ -44,9 +40,16 @@ ORDINARY = 3.0
 FREE_UP_TO, HORIZON = 1e6, 5e6
 # Runs with each number of start and parameters moved by half an ulp, which double precision cannot tell.
 ROUNDING_SEEDS = (1, 2)
-ROUNDING_RUN: Run = ("long double", 1e-17)
+ROUNDING_RUN: Run = GOING_BACK
 # Spread from half an ulp, in rad or over I_max, from which on a reference is examined for chaos.
 SUSPICIOUS = 1e-9
+# Rotations: up to the first number extended precision is used in limited time, beyond the second one not even two
+# methods in double: the reference's own for spheroids or for other shapes, and the one that it is held against.
+EXTENDED_UP_TO, MOST_ROTATIONS = 2e4, 2e5
+SPHEROIDS, OTHERS = ("splitting-extended", 1e-13), ("taylor", 1e-15)
+AGAINST = ("cyrk-vern8", 1e-14)
+# Slow error, over I_max, from which on the two do not confirm each other.
+APART = 1e-4
 SCHEMA = 10
 # Changes with what certifies a reference: those that failed before are tried again.
 CERTIFICATES = 2
@@ -67,7 +70,6 @@ class Reference:
     orientation_uncertainty: float | None  # in rad
     certificate: Certificate
     precision: str  # of the tight run
-    growth: Growth | None  # of small differences, where they grow so much that chaos had to be looked into
     meaningful: int  # samples over which errors of trajectories mean anything: all unless the motion is chaotic
     statistics_uncertainty: float  # `statistics_distance` of runs that double precision cannot tell apart
 
@@ -94,18 +96,17 @@ def reference(scene: Scene, form: str | Form, samples: int, seconds: float = inf
             raise ReferenceFailedError(f"time: got {scene.time:g}, expected at most {HORIZON:g} above St = 1e6")
     problem, long = shape.problem(scene), False
     if not shape.averaged and seconds < inf and 0 < scene.stokes < inf:
-        if (turns := _rotations(scene)) > extended.MOST_ROTATIONS:
-            raise ReferenceFailedError(f"more than {extended.MOST_ROTATIONS:g} rotations")
-        long = turns > extended.EXTENDED_UP_TO
+        if (turns := _rotations(scene)) > MOST_ROTATIONS:
+            raise ReferenceFailedError(f"more than {MOST_ROTATIONS:g} rotations")
+        long = turns > EXTENDED_UP_TO
     key = _key(problem, samples, long)
     arrays = cache.load(key)
     if arrays is None or _tried_less(arrays, seconds):
 
         def computed(limit: float) -> dict[str, np.ndarray]:
             try:
-                if long:
-                    return extended.compared(scene, samples, limit)
-                return _compute(scene, shape, problem, samples, perf_counter() + limit)
+                run = partial(_compared, scene) if long else partial(_compute, scene, shape, problem)
+                return _packed(run(samples, perf_counter() + limit))
             except ReferenceFailedError as error:
                 said = {"failure": str(error), "status": error.status, "seconds": seconds, "certificates": CERTIFICATES}
                 return {name: np.array(each) for name, each in said.items()}
@@ -114,10 +115,7 @@ def reference(scene: Scene, form: str | Form, samples: int, seconds: float = inf
         if not disturbed:
             arrays = cache.keep(key, arrays)
     if "failure" in arrays:
-        words = str(arrays["failure"])
-        # Without a status where it was kept by an earlier version.
-        status = arrays.get("status", Status.TIME_LIMIT if f"ended with {Status.TIME_LIMIT}:" in words else "")
-        raise ReferenceFailedError(words, str(status))
+        raise ReferenceFailedError(str(arrays["failure"]), str(arrays["status"]))
     return _unpacked(shape, arrays)
 
 
@@ -127,11 +125,13 @@ _rotations = lru_cache(maxsize=10)(rotations)
 
 def _tried_less(arrays: dict[str, np.ndarray], seconds: float) -> bool:
     """Whether what is kept is a failure that says nothing of a trial of so many seconds."""
-    judged = "failure" not in arrays or int(arrays.get("certificates", 0)) == CERTIFICATES
-    return not judged or float(arrays.get("seconds", inf)) < seconds
+    if "failure" not in arrays:
+        return False
+    judged = "status" in arrays and int(arrays["certificates"]) == CERTIFICATES
+    return not judged or float(arrays["seconds"]) < seconds
 
 
-def _compute(scene: Scene, form: Form, problem: Problem, samples: int, deadline: float) -> dict[str, np.ndarray]:
+def _compute(scene: Scene, form: Form, problem: Problem, samples: int, deadline: float) -> Reference:
     times = np.linspace(0.0, problem.end, samples)
     extra = [*chain(*pieces(scene, form, problem.end)), problem.end]
     every = np.union1d(times, extra)
@@ -145,53 +145,72 @@ def _compute(scene: Scene, form: Form, problem: Problem, samples: int, deadline:
         for seed in seeds
     ]
     at = dict(zip(extra, states[np.searchsorted(every, extra)], strict=True))
-    try:
-        certificate = certify(scene, form, at, _flow(problem))
-    except UncertifiedError as error:
-        raise ReferenceFailedError(str(error)) from None
+    certificate = certify(scene, form, problem, at)
     spread = [errors(scene.ellipsoid, other, tight) for other in moved]
     size = max(1.0, magnitude(scene.ellipsoid, tight))
     largest = max(max(each.slow / size, each.orientation or 0.0) for each in spread)
-    grown = growth(problem, min(2000, samples - 1)) if largest > SUSPICIOUS else None
-    grown = grown if grown and grown.chaotic else None
-    meaningful = int(np.searchsorted(times, grown.meaningful_until(), side="right")) if grown else samples
-    kept = max(2, meaningful)
+    kept = samples
+    if largest > SUSPICIOUS and (grown := growth(problem, min(2000, samples - 1))).chaotic:
+        kept = max(2, int(np.searchsorted(times, grown.meaningful_until(), side="right")))
     own = errors(scene.ellipsoid, loose.first(kept), tight.first(kept))
     early = [errors(scene.ellipsoid, other.first(kept), tight.first(kept)) for other in moved]
     slow = max(SAFETY * own.slow, *(each.slow for each in early))
-    orientation = np.nan
+    orientation = None
     if own.orientation is not None:
         orientation = max(SAFETY * own.orientation, *(each.orientation or 0.0 for each in early))
-    return {
-        "times": times,
-        "angular_momentum": tight.angular_momentum.astype(float),
-        "energy": tight.energy.astype(float),
-        "rotation": tight.rotation.astype(float),
-        "slow_uncertainty": np.array(slow),
-        "orientation_uncertainty": np.array(orientation),
-        "certificate_by": np.array([certificate.form, certificate.solver]),
-        "certificate": np.array(astuple(certificate)[2:], dtype=float),
-        "precision": np.array(precision),
-        "growth_times": np.array([]) if grown is None else grown.times,
-        "growth": np.array([]) if grown is None else grown.logarithm,
-        "meaningful": np.array(kept),
-        "statistics_uncertainty": np.array(max(statistics_distance(scene.ellipsoid, other, tight) for other in moved)),
+    distance = max(statistics_distance(scene.ellipsoid, other, tight) for other in moved)
+    return Reference(form.name, times, tight, slow, orientation, certificate, precision, kept, distance)
+
+
+def _compared(scene: Scene, samples: int, deadline: float) -> Reference:
+    """Reference of a scene's full equations by two methods in double precision."""
+
+    def run(form: str, solver: str, tolerance: float) -> Observables:
+        equations = find_form(form)
+        problem = equations.problem(scene)
+        left = deadline - perf_counter()
+        found = solve(problem, solver, tolerance, np.linspace(0.0, problem.end, samples), max_seconds=left)
+        if not found.success:
+            raise ReferenceFailedError(f"the reference by {solver} ended with {found.status}", found.status)
+        return equations.observe(scene, found.states)
+
+    exact = run(full_form(scene), *(OTHERS if scene.ellipsoid.kind == "triaxial" else SPHEROIDS))
+    other, times = run("quaternion", *AGAINST), np.linspace(0.0, scene.time, samples)
+    apart = errors(scene.ellipsoid, other, exact)
+    if not apart.slow < APART:
+        raise ReferenceFailedError(f"two methods are {apart.slow:.1g} apart")
+    certificate = Certificate("quaternion", AGAINST[0], 1, 0, 1.0)
+    distance = statistics_distance(scene.ellipsoid, other, exact)
+    known = apart.slow, apart.orientation
+    return Reference(reference_form(scene), times, exact, *known, certificate, "double", samples, distance)
+
+
+def _packed(known: Reference) -> dict[str, np.ndarray]:
+    """A reference as it is kept."""
+    by, orientation = known.certificate, known.orientation_uncertainty
+    content = {
+        **{name: each for name, each in vars(known).items() if name not in ("form", "observables", "certificate")},
+        **{name: each.astype(float) for name, each in vars(known.observables).items()},
+        "orientation_uncertainty": np.nan if orientation is None else orientation,
+        "certificate_by": [by.form, by.solver],
+        "certificate": [by.pieces, by.back, by.ratio],
     }
+    return {name: np.array(each) for name, each in content.items()}
 
 
 def _unpacked(form: Form, arrays: dict[str, np.ndarray]) -> Reference:
     orientation = float(arrays["orientation_uncertainty"])
-    count, back, *differences = arrays["certificate"].tolist()
-    by_form, by_solver = (str(name) for name in arrays["certificate_by"])
+    # Further numbers, and growth, are of earlier versions.
+    count, back, ratio, *_ = arrays["certificate"].tolist()
+    by_form, by_solver = arrays["certificate_by"].tolist()
     return Reference(
         form.name,
         arrays["times"],
         Observables(arrays["angular_momentum"], arrays["energy"], arrays["rotation"]),
         float(arrays["slow_uncertainty"]),
         None if isnan(orientation) else orientation,
-        Certificate(by_form, by_solver, int(count), int(back), *differences),
+        Certificate(by_form, by_solver, int(count), int(back), ratio),
         str(arrays["precision"]),
-        Growth(arrays["growth_times"], arrays["growth"]) if len(arrays["growth"]) else None,
         int(arrays["meaningful"]),
         float(arrays["statistics_uncertainty"]),
     )
@@ -205,24 +224,6 @@ def _runs(scene: Scene, form: Form) -> tuple[Run, Run, tuple[int, ...]]:
     cost = scene.time * max(1.0, stiffness, float(np.max(np.abs(scene.angular_velocity))) / ORDINARY)
     runs = QUADRUPLE if cost <= QUADRUPLE_UP_TO else LONG_DOUBLE
     return *runs, ROUNDING_SEEDS if cost <= TWO_MOVED_UP_TO else ROUNDING_SEEDS[:1]
-
-
-def _flow(problem: Problem) -> Flow:
-    """The reference's own method, in long double, over a piece, backwards too."""
-    precision, tolerance = ROUNDING_RUN
-    count = len(problem.parameters or ())
-    integrator = taylor_integrator(problem.field, problem.dimension, count, tolerance, precision)
-
-    def flow(state: np.ndarray, time: float, duration: float) -> np.ndarray:
-        integrator.time = np.longdouble(time)
-        integrator.state[:] = state
-        integrator.pars[:] = problem.parameters
-        outcome = integrator.propagate_for(np.longdouble(duration))[0]
-        if outcome != load_heyoka().taylor_outcome.time_limit:
-            raise ReferenceFailedError(f"going back over the reference of form {problem.name!r} ended with {outcome}")
-        return integrator.state.copy()
-
-    return flow
 
 
 def _rounded_otherwise(problem: Problem, seed: int) -> Problem:
@@ -250,5 +251,5 @@ def _key(problem: Problem, samples: int, long: bool = False) -> str:
         "heyoka": version("heyoka"),
     }
     if long:
-        content["runs"] = extended.SPHEROIDS, extended.OTHERS, extended.AGAINST
+        content["runs"] = SPHEROIDS, OTHERS, AGAINST
     return digest(content)
