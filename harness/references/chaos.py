@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from polhode.models.problem import Factory, Problem
-from polhode.solvers.compile import load_heyoka, tangent_system
+from polhode.solvers.compile import load_heyoka, parameter_array, tangent_system
 
 TOLERANCE = 1e-12
 # The tangent is brought back to unit length after each of so many intervals, and its growth written down.
@@ -16,17 +16,14 @@ INTERVALS = 400
 # Algebraic growth, like that of a phase error, makes at most a few factors of two of the second half of a run;
 # exponential growth is what exceeds this logarithm.
 EXPONENTIAL = 5.0
-# Trajectories are meaningless once half an ulp has grown to this, in rad.
+# Trajectories are meaningless once half an ulp, below which no run in double precision errs, has grown to this, in rad.
 MEANINGLESS = 1e-2
 HALF_ULP = 1e-16
 
 
 @dataclass(frozen=True)
 class Growth:
-    """Growth of a small difference along a solution: ln |v(t)|/|v(0)| at times from 0 on, in the problem's own time.
-
-    The tangent vector v has turned, as any does, into the fastest growing direction.
-    """
+    """Growth of a small difference along a solution: ln |v(t)|/|v(0)| at times from 0 on, in the problem's own time."""
 
     times: np.ndarray
     logarithm: np.ndarray
@@ -43,30 +40,21 @@ class Growth:
         return self.exponent * (self.times[-1] - self.times[len(self.times) // 2]) > EXPONENTIAL
 
     def meaningful_until(self, error: float = HALF_ULP) -> float:
-        """Time at which an error, made at the worst moment, has grown to `MEANINGLESS`; inf if never.
-
-        By default it is half an ulp of a number of order one: no run in double precision does better.
-        """
+        """Time at which an error, made at the worst moment, has grown to `MEANINGLESS`; inf if never."""
         amplified = self.logarithm - np.minimum.accumulate(self.logarithm)
         beyond = np.flatnonzero(amplified > log(MEANINGLESS / error))
         return float(self.times[beyond[0]]) if len(beyond) else inf
 
 
 def growth(problem: Problem, intervals: int = INTERVALS) -> Growth:
-    """Growth along the solution of a problem, by the variational equations ẏ = f, v̇ = (∂f/∂y) v.
-
-    The Jacobian is exact, by differentiation of the traced vector field; v starts in a generic direction and is
-    renormalised after each interval (Benettin et al., Meccanica 15 (1980) 9). Raises ValueError if the problem has no
-    explicit form, or its integration fails.
-    """
-    if problem.parameters is None:
-        raise ValueError(f"form {problem.name!r}: expected an explicit form, which St = 0 has not; use 'jeffery'")
-    times = np.linspace(0.0, problem.end, intervals + 1)
+    """Growth along a solution, by the variational equations ẏ = f, v̇ = (∂f/∂y) v; raises ValueError if they fail."""
+    # v starts in a generic direction and is renormalised after each interval (Benettin et al., Meccanica 15 (1980) 9).
+    times, parameters = np.linspace(0.0, problem.end, intervals + 1), parameter_array(problem)
     direction = np.cos(np.arange(1.0, problem.dimension + 1))
-    integrator = tangent_integrator(problem.field, problem.dimension, len(problem.parameters))
+    integrator = tangent_integrator(problem.field, problem.dimension, len(parameters))
     integrator.time = 0.0
     integrator.state[:] = [*problem.start, *(direction / np.linalg.norm(direction))]
-    integrator.pars[:] = problem.parameters
+    integrator.pars[:] = parameters
     logarithm = np.zeros(intervals + 1)
     for i, time in enumerate(times[1:], 1):
         outcome = integrator.propagate_until(time)[0]

@@ -81,13 +81,9 @@ def orientation_difference(ellipsoid: Ellipsoid, found: np.ndarray, true: np.nda
 
 
 def phase_and_shape(ellipsoid: Ellipsoid, found: Observables, true: Observables) -> tuple[np.ndarray, np.ndarray]:
-    """Signed part along the true motion and part across it, both of shape (n,), of the difference of orientation.
-
-    The difference is a small rotation vector δ in space axes, t_found = t_true(1 + [δ]×); along the motion lies
-    δ·ω/|ω| for a triaxial ellipsoid, with ω the true angular velocity. For a spheroid it is the difference of the
-    symmetry axes, along the axis's own velocity. In rad, to first order in the difference; a body at rest has no
-    motion to be ahead of, and all of it is shape.
-    """
+    """Signed part along the true motion and part across it, of shape (n,) in rad, of a difference of orientation."""
+    # To first order it is a rotation vector δ in space axes, t_found = t_true(1 + [δ]×), of which δ·ω/|ω| lies along
+    # the motion; of a spheroid the symmetry axes' difference, along the axis' own velocity. At rest all of it is shape.
     if ellipsoid.kind == "triaxial":
         product = np.einsum("nij,nik->njk", true.rotation, found.rotation - true.rotation).astype(float)
         skew = 0.5 * (np.swapaxes(product, 1, 2) - product)
@@ -115,11 +111,10 @@ def attainable(ellipsoid: Ellipsoid, observables: Observables) -> float:
 
 
 def statistics_distance(ellipsoid: Ellipsoid, found: Observables, true: Observables) -> float:
-    """Largest distance (Wasserstein's W₁) between the distributions of an observable over the two runs.
+    """Largest distance (Wasserstein's W₁) between the distributions over the two runs of an observable.
 
-    What can be compared where trajectories cannot: over the squares of the entries of t_ij that are known, L_z and E,
-    the last two in units of their largest value. The mean distance by which one distribution must be moved to become
-    the other: 0 if they are the same.
+    What can be compared where trajectories cannot: the squares of the entries of t_ij that are known, L_z and E, the
+    last two in units of their largest value.
     """
     axes = range(3) if ellipsoid.kind == "triaxial" else [ellipsoid.symmetry_axis or 0]
 
@@ -139,12 +134,11 @@ def statistics_distance(ellipsoid: Ellipsoid, found: Observables, true: Observab
 def balance_residual(scene: Scene, found: Observables, true: Observables) -> float | None:
     """Largest residual over I_max of E(t) - E(0) - (1/St)∫P dt along a run, with P the power of the viscous torque.
 
-    The true solution has the residual 0, and its quadrature over the same samples hardly another error than the
-    quadrature of the solution found: the difference of the two residuals is what is measured.
-
-    Both are at the same equispaced times over the scene's duration. None where it cannot be known: without orientation,
-    at St = 0, where E has no balance of its own, or where the samples do not resolve the power.
+    None where it cannot be known: without orientation, at St = 0, where E has no balance of its own, or where the
+    samples, equispaced over the scene's duration, do not resolve the power.
     """
+    # The true solution has the residual 0, and its quadrature over the same samples hardly another error than the
+    # quadrature of the solution found: the difference of the two residuals is what is measured.
     intervals = len(found.energy) - 1
     if scene.stokes == 0 or intervals < LEAST_INTERVALS:
         return None

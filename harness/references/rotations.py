@@ -7,8 +7,7 @@ from math import isinf, pi, sqrt
 
 import numpy as np
 
-from polhode.models.catalogue import averaged_form, form as find_form
-from polhode.models.flow import shares
+from polhode.models.catalogue import averaged_form, form as find_form, reference_form
 from polhode.models.forms import jeffery, quaternion
 from polhode.models.free_top.polhode import mean_speed
 from polhode.models.problem import Problem
@@ -35,15 +34,12 @@ def rotations(scene: Scene) -> float:
     """Number of rotations N = ∫|ω| dt/2π of a scene, within two per cent, in milliseconds.
 
     From the averaged slow variables where they are valid and N is large, else from a loose run that integrates |ω|
-    along; beyond 1e5 rotations such a run stops, and goes on at the mean rate of its second half. Of a chaotic scene
-    N is known no better than the scene itself. Raises ValueError if the start has no orientation and the averaged
-    equations do not apply.
+    along. Of a chaotic scene N is known no better than the scene itself. Raises ValueError if the start has no
+    orientation and the averaged equations do not apply.
     """
     slow_start = isinstance(scene.start, SlowStart)
-    if slow_start or _averages_well(scene):
-        turned = _averaged_angle(scene)
-        if turned is not None:
-            return turned / (2 * pi)
+    if (slow_start or _averages_well(scene)) and (turned := _averaged_angle(scene)) is not None:
+        return turned / (2 * pi)
     if slow_start:
         raise ValueError(
             "start: L and E alone, and the averaged equations break down on the way, expected a quaternion"
@@ -92,13 +88,9 @@ def _averaged_angle(scene: Scene) -> float | None:
 
 def _angle(scene: Scene) -> float:
     """∫|ω| dt by a loose run of the full equations."""
-    assert not isinstance(scene.start, SlowStart)
-    if scene.stokes == 0:
-        start, parameters = scene.start.quaternion, shares(scene.ellipsoid)
-        problem = Problem("jeffery", jeffery.TURNING, (*start, 0.0), scene.time, parameters)
-    else:
-        full = quaternion.Quaternion().problem(scene)
-        problem = Problem("quaternion", quaternion.TURNING, (*full.start, 0.0), full.end, full.parameters)
+    full = find_form(reference_form(scene)).problem(scene)
+    turning = jeffery.TURNING if scene.stokes == 0 else quaternion.TURNING
+    problem = Problem(full.name, turning, (*full.start, 0.0), full.end, full.parameters)
     damping = max(scene.ellipsoid.damping) * scene.torque_factor
     stiff = scene.stokes > 0 and damping > STIFF_FROM
     speed = max(0.5, float(np.linalg.norm(scene.angular_velocity)))
