@@ -6,6 +6,7 @@ from importlib.metadata import version
 from itertools import chain
 from math import inf, isfinite, isnan
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
@@ -103,13 +104,13 @@ def reference(scene: Scene, form: str | Form, samples: int, seconds: float = inf
     arrays = cache.load(key)
     if arrays is None or _tried_less(arrays, seconds):
 
-        def computed(limit: float) -> dict[str, np.ndarray]:
+        def computed(limit: float) -> dict[str, Any]:
             try:
                 run = partial(_compared, scene) if long else partial(_compute, scene, shape, problem)
                 return _packed(run(samples, perf_counter() + limit))
             except ReferenceFailedError as error:
-                said = {"failure": str(error), "status": error.status, "seconds": seconds, "certificates": CERTIFICATES}
-                return {name: np.array(each) for name, each in said.items()}
+                failed = {"failure": str(error), "status": error.status}
+                return failed | {"seconds": seconds, "certificates": CERTIFICATES}
 
         arrays, disturbed = within(seconds, computed, lambda found: str(found.get("status")) == Status.TIME_LIMIT)
         if not disturbed:
@@ -185,17 +186,16 @@ def _compared(scene: Scene, samples: int, deadline: float) -> Reference:
     return Reference(reference_form(scene), times, exact, *known, certificate, "double", samples, distance)
 
 
-def _packed(known: Reference) -> dict[str, np.ndarray]:
-    """A reference as it is kept."""
+def _packed(known: Reference) -> dict[str, Any]:
+    """A reference as it is kept, of which `cache.keep` makes arrays."""
     by, orientation = known.certificate, known.orientation_uncertainty
-    content = {
+    return {
         **{name: each for name, each in vars(known).items() if name not in ("form", "observables", "certificate")},
         **{name: each.astype(float) for name, each in vars(known.observables).items()},
         "orientation_uncertainty": np.nan if orientation is None else orientation,
         "certificate_by": [by.form, by.solver],
         "certificate": [by.pieces, by.back, by.ratio],
     }
-    return {name: np.array(each) for name, each in content.items()}
 
 
 def _unpacked(form: Form, arrays: dict[str, np.ndarray]) -> Reference:
@@ -240,6 +240,7 @@ def _rounded_otherwise(problem: Problem, seed: int) -> Problem:
 
 
 def _key(problem: Problem, samples: int, long: bool = False) -> str:
+    extended = QUADRUPLE, LONG_DOUBLE, ROUNDING_RUN, ROUNDING_SEEDS, QUADRUPLE_UP_TO, TWO_MOVED_UP_TO
     content = {
         "schema": SCHEMA,
         "form": problem.name,
@@ -247,9 +248,7 @@ def _key(problem: Problem, samples: int, long: bool = False) -> str:
         "parameters": [value.hex() for value in problem.parameters or ()],
         "end": problem.end.hex(),
         "samples": samples,
-        "runs": (QUADRUPLE, LONG_DOUBLE, ROUNDING_RUN, ROUNDING_SEEDS, QUADRUPLE_UP_TO, TWO_MOVED_UP_TO),
+        "runs": (SPHEROIDS, OTHERS, AGAINST) if long else extended,
         "heyoka": version("heyoka"),
     }
-    if long:
-        content["runs"] = SPHEROIDS, OTHERS, AGAINST
     return digest(content)
