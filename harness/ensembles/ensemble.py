@@ -143,7 +143,7 @@ class Ensemble:
         return {
             "schema": SCHEMA,
             "semi_axes": [float(length) for length in self.ellipsoid.semi_axes],
-            "starts": self.starts.content,
+            "starts": vars(self.starts),
             "equations": self.equations,
             "form": self.form,
             **{name: int(getattr(self, name)) for name in BOUNDS},

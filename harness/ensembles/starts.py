@@ -2,57 +2,46 @@
 
 from dataclasses import dataclass
 from math import hypot, isfinite
-from typing import Any, Literal, get_args
+from typing import Annotated, Literal, Self
 
 import numpy as np
+from pydantic import AfterValidator, BaseModel, ConfigDict, model_validator
 
+from polhode.models.files.scene_file import FourVector, Vector
 from polhode.models.flow import jeffery_spin
 from polhode.models.forms.spheroid import Spheroid
-from polhode.models.rotation import Triple, matrix_from_quaternion
+from polhode.models.rotation import matrix_from_quaternion
 from polhode.models.shape import Ellipsoid
 
 Motion = Literal["rest", "fluid", "jeffery", "momentum", "momentum-isotropic"]
-# "fluid" turns with the fluid, ω = -½ ẑ; "jeffery" as without inertia, ω = Ω_J; "momentum" has the given angular
-# momentum, in space axes, "momentum-isotropic" one of its length in any direction.
-MOTIONS = get_args(Motion)
+"""How particles start: "fluid" turns with the fluid, ω = -½ ẑ; "jeffery" as without inertia, ω = Ω_J; "momentum" has
+the given angular momentum, in space axes, "momentum-isotropic" one of its length in any direction."""
 
 
-@dataclass(frozen=True)
-class Starts:
-    """A distribution of starts; raises ValueError if a value is out of range, missing, or not used."""
+class Starts(BaseModel):
+    """``[start]`` of a sweep file: a distribution of starts."""
 
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+    # Tuples, so that ensembles can be hashed.
+    orientation: Literal["isotropic"] | Annotated[FourVector, AfterValidator(tuple)] = "isotropic"
     motion: Motion = "rest"
-    angular_momentum: Triple | None = None  # L over the largest moment of inertia, for the motions of given momentum
-    quaternion: tuple[float, float, float, float] | None = None  # of all particles; isotropic orientations if absent
+    angular_momentum: Annotated[Vector, AfterValidator(tuple)] | None = None  # over the largest moment of inertia
 
-    def __post_init__(self) -> None:
-        if self.motion not in MOTIONS:
-            raise ValueError(f"start.motion: got {self.motion!r}, expected one of {', '.join(MOTIONS)}")
-        given = self.angular_momentum
-        if self.motion.startswith("momentum"):
-            if given is None or len(given) != 3 or not all(map(isfinite, given)) or not any(given):
-                raise ValueError(f"start.angular_momentum: got {given!r}, expected three finite numbers, not all zero")
-        elif given is not None:
-            raise ValueError(f"start.angular_momentum: got {given!r}, expected none with motion {self.motion!r}")
-        q = self.quaternion
-        if q is not None and not (len(q) == 4 and isfinite(hypot(*q)) and any(q)):
-            raise ValueError(f"start.quaternion: got {q!r}, expected four finite numbers, not all zero")
-
-    @property
-    def content(self) -> dict[str, Any]:
-        """The distribution as plain data."""
-        momentum, q = self.angular_momentum, self.quaternion
-        return {
-            "orientation": "isotropic" if q is None else [float(component) for component in q],
-            "motion": self.motion,
-            "angular_momentum": None if momentum is None else [float(component) for component in momentum],
-        }
+    @model_validator(mode="after")
+    def _momentum_that_is_used(self) -> Self:
+        q, given, wanted = self.orientation, self.angular_momentum, self.motion.startswith("momentum")
+        if not any(given or ()) if wanted else given is not None:
+            words = "three numbers, not all zero," if wanted else "none"
+            raise ValueError(f"got angular_momentum = {given}, expected {words} with motion {self.motion!r}")
+        if q != "isotropic" and not (isfinite(hypot(*q)) and any(q)):
+            raise ValueError(f"got orientation = {q}, expected four numbers, not all zero")
+        return self
 
     def draw(self, ellipsoid: Ellipsoid, seed: np.random.SeedSequence, particles: int) -> "Drawn":
         """Draw starts; the same seed gives the same orientations and directions whatever the ellipsoid."""
         random = np.random.default_rng(seed)
         four = random.standard_normal((particles, 4))
-        q = four if self.quaternion is None else np.tile(np.array(self.quaternion, dtype=float), (particles, 1))
+        q = four if self.orientation == "isotropic" else np.tile(self.orientation, (particles, 1))
         q = q / np.linalg.norm(q, axis=1, keepdims=True)
         return Drawn(q, self._velocity(ellipsoid, matrix_from_quaternion(q), random))
 

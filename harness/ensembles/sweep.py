@@ -6,8 +6,8 @@ from contextlib import closing
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
-from random import Random
-from typing import Annotated, Any, Literal, NamedTuple
+from random import random
+from typing import Annotated, Any, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 from tqdm import tqdm
@@ -20,7 +20,7 @@ from polhode.harness.ensembles.hybrid import ERROR_OVER_TOLERANCE
 from polhode.harness.ensembles.starts import Starts
 from polhode.harness.ensembles.statistics import Statistics
 from polhode.harness.studies.study import Name, StokesNumbers
-from polhode.models.files.scene_file import FourVector, Positive, Vector
+from polhode.models.files.scene_file import Positive
 from polhode.models.files.toml_file import checked, read_toml
 from polhode.models.shape import Ellipsoid
 
@@ -29,21 +29,6 @@ NO_TIMES = "no times: tasks may run side by side"
 # Seconds after which the store is asked again what another run has added.
 REFRESH = 5.0
 DEFAULT_TOLERANCE = 1e-6
-
-
-class StartTable(BaseModel):
-    """``[start]``: how the particles start."""
-
-    model_config = ConfigDict(extra="forbid", strict=True)
-    orientation: Literal["isotropic"] | FourVector = "isotropic"
-    motion: str = "rest"
-    angular_momentum: Vector | None = None
-
-    def starts(self) -> Starts:
-        """Distribution of starts."""
-        q = None if self.orientation == "isotropic" else tuple(self.orientation)
-        momentum = None if self.angular_momentum is None else tuple(self.angular_momentum)
-        return Starts(self.motion, momentum, q)  # pyright: ignore[reportArgumentType]
 
 
 class SweepTable(BaseModel):
@@ -56,7 +41,7 @@ class SweepTable(BaseModel):
     stokes: StokesNumbers
     slow_time: Positive | None = None
     time: Positive | None = None
-    start: StartTable = StartTable()
+    start: Starts = Starts()
     equations: Equations | None = None
     tolerance: Positive | None = None
     # Their ranges and defaults are those of `Ensemble`.
@@ -126,11 +111,7 @@ def run_sweep(sweep: Sweep, store: Store, engine: Engine, *, quiet: bool = False
 
 def _missing(sweep: Sweep, store: Store, spread: bool) -> Iterator[Task]:
     """Tasks that the store does not hold, looked up again from time to time."""
-    tasks = sweep.tasks()
-    if spread:
-        waiting = list(tasks)
-        Random().shuffle(waiting)
-        tasks = (waiting.pop() for _ in range(len(waiting)))
+    tasks = sorted(sweep.tasks(), key=lambda _: random()) if spread else sweep.tasks()
     known, asked = store.keys(), time.monotonic()
     for task in tasks:
         if time.monotonic() - asked > REFRESH:
@@ -152,8 +133,7 @@ def gather(ensemble: Ensemble, store: Store) -> Statistics:
 
 def read_sweep(path: Path | None) -> Sweep:
     """Read a sweep file, or the one that comes with the package; raises as `read_toml` does."""
-    source = path or Path(__file__).with_name("default_sweep.toml")
-    return read_toml(source, parse_sweep)
+    return read_toml(path or Path(__file__).with_name("default_sweep.toml"), parse_sweep)
 
 
 def parse_sweep(contents: dict[str, Any]) -> Sweep:
@@ -177,7 +157,7 @@ def _ensemble(table: SweepTable, shape: list[float], stokes: float) -> Ensemble:
         Ellipsoid((a, b, c)),
         stokes,
         table.time if table.time is not None else (table.slow_time or 0.0) * stokes,
-        table.start.starts(),
+        table.start,
         equations=equations,
         tolerance=tolerance,
         **table.model_dump(include={*BOUNDS, "radius"}, exclude_unset=True),

@@ -33,7 +33,7 @@ from polhode.solvers.solve import solve
 
 SETTINGS = SimpleNamespace(**tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")))
 SHAPES = {"1 : 0.8 : 0.5": Ellipsoid((1.0, 0.8, 0.5)), "1 : 1 : 2": Ellipsoid((1.0, 1.0, 2.0))}
-STARTS = Starts("momentum-isotropic", (0.0, 0.0, 0.7))
+STARTS = Starts(motion="momentum-isotropic", angular_momentum=[0.0, 0.0, 0.7])
 LIMIT = 3600.0
 
 

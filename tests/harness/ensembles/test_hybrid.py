@@ -18,7 +18,7 @@ from polhode.models.shape import Ellipsoid
 from polhode.solvers.ensembles.taylor_batch import run_batches
 
 TRIAXIAL, PROLATE = Ellipsoid((0.8, 1.0, 0.5)), Ellipsoid((2.0, 1.0, 1.0))
-STARTS = Starts("momentum-isotropic", (0.0, 0.6, -0.8))
+STARTS = Starts(motion="momentum-isotropic", angular_momentum=[0.0, 0.6, -0.8])
 
 
 def drawn_of(ellipsoid: Ellipsoid, particles: int) -> tuple[Scene, Drawn]:

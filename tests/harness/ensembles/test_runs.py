@@ -1,5 +1,6 @@
 """Particles in batches against the same particles alone, their starts against what each form makes of them."""
 
+import re
 import threading
 from dataclasses import replace
 
@@ -10,6 +11,7 @@ from scipy.integrate import DOP853, RK45
 from polhode.harness.ensembles.ensemble import Ensemble, Task, run_task
 from polhode.harness.ensembles.starts import Drawn, Starts
 from polhode.models.catalogue import form as find_form
+from polhode.models.files.toml_file import checked
 from polhode.models.observables import observe_body
 from polhode.models.rotation import matrix_from_quaternion
 from polhode.models.scene import BodyStart, Scene
@@ -39,7 +41,7 @@ def scene_of(form: str, drawn: Drawn, index: int, slow_time: float) -> Scene:
 
 
 def draw(form: str, particles: int) -> Drawn:
-    starts = Starts("momentum-isotropic", (0.0, 0.6, -0.8))
+    starts = Starts(motion="momentum-isotropic", angular_momentum=[0.0, 0.6, -0.8])
     return starts.draw(shape_of(form), np.random.SeedSequence(7), particles)
 
 
@@ -129,12 +131,12 @@ def test_a_particle_that_blows_up_in_its_lane_leaves_the_others_alone():
         ("rest", None),
         ("fluid", None),
         ("jeffery", None),
-        ("momentum", (0.1, 0.2, -0.5)),
-        ("momentum-isotropic", (1, 0, 0)),
+        ("momentum", [0.1, 0.2, -0.5]),
+        ("momentum-isotropic", [1.0, 0.0, 0.0]),
     ],
 )
 def test_motions_of_the_start(motion, momentum):
-    drawn = Starts(motion, momentum).draw(TRIAXIAL, np.random.SeedSequence(3), 4000)
+    drawn = Starts(motion=motion, angular_momentum=momentum).draw(TRIAXIAL, np.random.SeedSequence(3), 4000)
     rotation = matrix_from_quaternion(drawn.quaternion)
     seen = observe_body(TRIAXIAL, rotation, drawn.angular_velocity)
     in_space = np.einsum("nij,ni->nj", rotation, drawn.angular_velocity)
@@ -157,7 +159,9 @@ def test_motions_of_the_start(motion, momentum):
 
 
 def test_starts_depend_on_seed_and_block_alone():
-    small = Ensemble(PROLATE, 100.0, 1.0, Starts("fluid"), particles=20, block=10, seed=5, samples=3, snapshots=3)
+    small = Ensemble(
+        PROLATE, 100.0, 1.0, Starts(motion="fluid"), particles=20, block=10, seed=5, samples=3, snapshots=3
+    )
     other = replace(small, ellipsoid=TRIAXIAL, stokes=50.0)
     first, same = small.draw(1, 10).quaternion, other.draw(1, 10).quaternion
     assert np.array_equal(first, same)
@@ -166,7 +170,7 @@ def test_starts_depend_on_seed_and_block_alone():
 
 
 def test_a_task_is_a_pure_function_in_any_thread():
-    ensemble = Ensemble(PROLATE, 100.0, 5.0, Starts("fluid"), particles=40, block=20, samples=5, snapshots=3)
+    ensemble = Ensemble(PROLATE, 100.0, 5.0, Starts(motion="fluid"), particles=40, block=20, samples=5, snapshots=3)
     tasks = list(ensemble.tasks())
     assert len({task.key for task in tasks}) == 2
     alone = [run_task(task) for task in tasks]
@@ -195,7 +199,7 @@ def test_a_task_of_other_versions_is_refused(monkeypatch: pytest.MonkeyPatch):
         ({"samples": 10, "snapshots": 3}, "snapshots: got 3"),
         ({"tolerance": 0.0}, "tolerance: got 0.0"),
         ({"equations": "averaged"}, "start.motion: got 'rest'"),
-        ({"equations": "averaged", "starts": Starts("fluid"), "stokes": 0.0}, "St = 0"),
+        ({"equations": "averaged", "starts": Starts(motion="fluid"), "stokes": 0.0}, "St = 0"),
         ({"stokes": -1.0}, "stokes: got -1.0"),
     ],
 )
@@ -209,12 +213,26 @@ def test_bad_ensembles_get_one_line(changes, line):
 
 
 @pytest.mark.parametrize(
-    ("motion", "momentum", "quaternion"),
-    [("spin", None, None), ("momentum", None, None), ("rest", (1, 0, 0), None), ("rest", None, (0, 0, 0, 0))],
+    ("contents", "line"),
+    [
+        ({"motion": "spin"}, "motion: got 'spin', expected 'rest', 'fluid', 'jeffery'"),
+        (
+            {"motion": "momentum"},
+            "got angular_momentum = None, expected three numbers, not all zero, with motion 'momentum'",
+        ),
+        (
+            {"motion": "momentum", "angular_momentum": [0.0, 0.0, 0.0]},
+            "(0.0, 0.0, 0.0), expected three numbers, not all zero",
+        ),
+        ({"angular_momentum": [1.0, 0.0, 0.0]}, "(1.0, 0.0, 0.0), expected none with motion 'rest'"),
+        ({"angular_momentum": [1.0, 0.0]}, "angular_momentum: got [1.0, 0.0], expected at least 3 items"),
+        ({"orientation": [0.0, 0.0, 0.0, 0.0]}, "got orientation = (0.0, 0.0, 0.0, 0.0), expected four numbers"),
+    ],
 )
-def test_bad_starts_get_one_line(motion, momentum, quaternion):
-    with pytest.raises(ValueError, match=r"^start\.[a-z_]+: got .*, expected"):
-        Starts(motion, momentum, quaternion)
+def test_bad_starts_get_one_line(contents, line):
+    with pytest.raises(ValueError, match=re.escape(line)) as refusal:
+        checked(Starts, contents)
+    assert "\n" not in str(refusal.value)
 
 
 @pytest.mark.parametrize("ellipsoid", [PROLATE, Ellipsoid((1.0, 0.8, 0.5))])

@@ -245,7 +245,7 @@ def test_jeffery_ensembles_have_the_exact_mean_over_a_period(ellipsoid: Ellipsoi
 
 
 def test_full_hybrid_and_averaged_equations_have_the_same_statistics():
-    starts = Starts("momentum-isotropic", (0.0, 0.0, -0.7))
+    starts = Starts(motion="momentum-isotropic", angular_momentum=[0.0, 0.0, -0.7])
     full = Ensemble(PROLATE, 2e4, 2000.0, starts, particles=10, tolerance=1e-5, samples=5, snapshots=5)
     by_full, by_hybrid, by_averaged = (
         replace(full, equations=equations).run(0) for equations in ("full", "hybrid", "averaged")
@@ -262,7 +262,7 @@ def test_full_hybrid_and_averaged_equations_have_the_same_statistics():
 @pytest.mark.parametrize("ellipsoid", [PROLATE, OBLATE])
 @pytest.mark.parametrize(("equations", "stokes", "particles"), [("averaged", 1e4, 4000), ("full", 1e3, 100)])
 def test_every_spheroid_ends_about_its_shortest_axis_at_large_stokes(ellipsoid, equations, stokes, particles):
-    starts = Starts("momentum-isotropic", (0.0, 0.0, -0.7))
+    starts = Starts(motion="momentum-isotropic", angular_momentum=[0.0, 0.0, -0.7])
     ensemble = Ensemble(
         ellipsoid,
         stokes,

@@ -308,7 +308,7 @@ def test_a_sweep_of_which_nothing_finished_has_a_page(tmp_path: Path, monkeypatc
         ({"samples": 10**9}, "samples: got 1000000000, expected a whole number from 2 to 1000000"),
         ({"slow_time": 1.0}, "got both of slow_time and time, expected exactly one"),
         ({"grid": 1}, "grid: unknown key, expected one of name, title"),
-        ({"start": {"motion": "spin"}}, "start.motion: got 'spin', expected one of rest, fluid"),
+        ({"start": {"motion": "spin"}}, "start.motion: got 'spin', expected 'rest', 'fluid'"),
         ({"start": {"orientation": "random"}}, "start.orientation"),
         ({"shapes": [[1.0, 1.0]]}, "shapes[0]: got [1.0, 1.0], expected at least 3 items"),
         ({"stokes": [100.0, 100.0]}, "expected each once"),
