@@ -87,11 +87,12 @@ class Ensemble:
                 raise ValueError(f"{name}: got {value!r}, expected a finite positive number")
         if self.equations == "averaged" and self.starts.motion == "rest":
             raise ValueError("start.motion: got 'rest' with averaged equations, expected L not 0; use 'full'")
-        self.problem(self.any_scene)
+        _ = self.problem
 
-    def problem(self, scene: Scene) -> Problem:
+    @property
+    def problem(self) -> Problem:
         """Problem of all particles but for their starts."""
-        return find_form("hybrid" if self.equations == "hybrid" else self.form).problem(scene)
+        return find_form("hybrid" if self.equations == "hybrid" else self.form).problem(self.any_scene)
 
     @property
     def form(self) -> str:
@@ -159,52 +160,45 @@ class Ensemble:
         """Starts of the first particles of a block."""
         return self.starts.draw(self.ellipsoid, np.random.SeedSequence(self.seed, spawn_key=(index,)), particles)
 
-    def first_scene(self, drawn: Drawn) -> Scene:
-        """Scene of the first particle drawn, whose start the others replace."""
-        q0, q1, q2, q3 = drawn.quaternion[0].tolist()
-        w1, w2, w3 = drawn.angular_velocity[0].tolist()
-        return Scene(self.ellipsoid, self.stokes, BodyStart((q0, q1, q2, q3), (w1, w2, w3)), self.time)
-
     @property
     def any_scene(self) -> Scene:
-        """Scene of the very first particle."""
-        return self.first_scene(self.draw(0, 1))
+        """Scene of the very first particle, whose start the others replace."""
+        drawn = self.draw(0, 1)
+        (q0, q1, q2, q3), (w1, w2, w3) = drawn.quaternion[0].tolist(), drawn.angular_velocity[0].tolist()
+        return Scene(self.ellipsoid, self.stokes, BodyStart((q0, q1, q2, q3), (w1, w2, w3)), self.time)
 
     def run(self, index: int) -> Statistics:
         """Statistics of a block of particles, in bounded memory."""
         particles = min(self.block, self.particles - index * self.block)
-        drawn = self.draw(index, particles)
-        scene, layout = self.first_scene(drawn), self.layout
-        problem, starts = self.problem(scene), drawn.states(self.form, self.ellipsoid)
-        times = np.linspace(0.0, problem.end, self.samples)
-        statistics = Statistics.empty(layout)
+        problem, starts = self.problem, self.draw(index, particles).states(self.form, self.ellipsoid)
+        times, statistics = np.linspace(0.0, problem.end, self.samples), Statistics.empty(self.layout)
         at_once = min(MOST_AT_ONCE, max(1, HELD // (self.samples * problem.dimension)))
         for first in range(0, particles, at_once):
             random = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(index, first)))
-            states, statuses = self.states(problem, starts[first : first + at_once], times, random)
+            states, statuses = self.states(starts[first : first + at_once], times, random)
             success = statistics.add_statuses(statuses, str(Status.REACHED_END))
             finished = states.swapaxes(0, 1)
-            self._observe(scene, finished if success.all() else finished[success], statistics)
+            self._observe(finished if success.all() else finished[success], statistics)
         return statistics
 
     def states(
-        self, problem: Problem, starts: np.ndarray, times: np.ndarray, random: np.random.Generator
+        self, starts: np.ndarray, times: np.ndarray, random: np.random.Generator
     ) -> tuple[np.ndarray, np.ndarray]:
         """States, shape (m, n, d), of particles at times, with NaN from where one failed, and their statuses."""
         # Phases that hybrid equations leave open are drawn from `random`.
         if self.equations == "averaged":
-            return run_adaptive(problem, starts, times, self.tolerance)
+            return run_adaptive(self.problem, starts, times, self.tolerance)
         if self.equations == "hybrid":
             return run_hybrid(self.any_scene, starts, times, self.tolerance, least_of(self), random)
         if (chosen := plan_of(self)) is not None:
-            return run(problem, starts, times, self.tolerance, chosen)
-        return run_batches(problem, starts, times, self.tolerance * TAYLOR)
+            return run(self.problem, starts, times, self.tolerance, chosen)
+        return run_batches(self.problem, starts, times, self.tolerance * TAYLOR)
 
-    def _observe(self, scene: Scene, states: np.ndarray, statistics: Statistics) -> None:
+    def _observe(self, states: np.ndarray, statistics: Statistics) -> None:
         """Add states, shape (n, samples, d), to the statistics."""
         n, samples, d = states.shape
-        form, unit, axes = find_form(self.form), max(self.ellipsoid.inertia), list(self.layout.axes)
-        every = (samples - 1) // (self.snapshots - 1)
+        form, scene, axes = find_form(self.form), self.any_scene, list(self.layout.axes)
+        unit, every = max(self.ellipsoid.inertia), (samples - 1) // (self.snapshots - 1)
         slow_then = np.empty((self.snapshots, n, 4))
         directions_then = np.empty((self.snapshots, n, len(axes), 3))
         rates_then = np.empty((self.snapshots, n, len(axes), len(RATES)))
@@ -236,10 +230,8 @@ class Ensemble:
 @cache
 def plan_of(ensemble: Ensemble) -> Plan | None:
     """How the particles of full equations are run; None by Taylor's method, where equal steps do not keep the error."""
-    drawn = ensemble.draw(0, SAMPLE)
-    problem = find_form(ensemble.form).problem(ensemble.first_scene(drawn))
-    times = np.linspace(0.0, problem.end, ensemble.samples)
-    return plan(problem, drawn.states(ensemble.form, ensemble.ellipsoid), times, ensemble.tolerance)
+    problem, sample = ensemble.problem, ensemble.draw(0, SAMPLE).states(ensemble.form, ensemble.ellipsoid)
+    return plan(problem, sample, np.linspace(0.0, problem.end, ensemble.samples), ensemble.tolerance)
 
 
 @cache
@@ -247,8 +239,8 @@ def least_of(ensemble: Ensemble) -> float:
     """|L| down to which hybrid particles are averaged; inf if form `hybrid` runs all, as where they are few."""
     if ensemble.particles <= BOTH_WAYS:
         return inf
-    scene, drawn = ensemble.any_scene, ensemble.draw(0, min(POOL, ensemble.particles))
-    return least_momentum(scene, drawn.states(ensemble.form, ensemble.ellipsoid), ensemble.tolerance)
+    pool = ensemble.draw(0, min(POOL, ensemble.particles)).states(ensemble.form, ensemble.ellipsoid)
+    return least_momentum(ensemble.any_scene, pool, ensemble.tolerance)
 
 
 @dataclass(frozen=True)

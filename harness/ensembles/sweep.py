@@ -146,7 +146,8 @@ def parse_sweep(contents: dict[str, Any]) -> Sweep:
 
 
 def _ensemble(table: SweepTable, shape: list[float], stokes: float) -> Ensemble:
-    if table.time is None and stokes in (0, float("inf")):
+    time = table.time or (table.slow_time or 0.0) * stokes
+    if time in (0, inf):
         raise ValueError(f"slow_time: got {table.slow_time!r} at stokes = {stokes:g}, expected time")
     a, b, c = shape
     equations, tolerance = table.equations or "full", table.tolerance or DEFAULT_TOLERANCE
@@ -156,7 +157,7 @@ def _ensemble(table: SweepTable, shape: list[float], stokes: float) -> Ensemble:
     return Ensemble(
         Ellipsoid((a, b, c)),
         stokes,
-        table.time if table.time is not None else (table.slow_time or 0.0) * stokes,
+        time,
         table.start,
         equations=equations,
         tolerance=tolerance,

@@ -57,13 +57,14 @@ def full_throughput(name: str, shape: Ellipsoid, target: float, particles: int =
     """Particles per second by Taylor's lanes and by equal steps, whose largest errors at the end are both below one."""
     problem, starts = _problem(shape, "full", particles)
     times = np.array([0.0, problem.end])
-    exact = run_batches(problem, starts, times, 1e-15)[0][-1]
 
     def taylor(tolerance: float) -> np.ndarray:
         return run_batches(problem, starts, times, tolerance)[0][-1]
 
     def equal_steps(tolerance: float, chosen: Plan) -> np.ndarray:
         return run(problem, starts, times, tolerance, chosen)[0][-1]
+
+    exact = taylor(1e-15)
 
     def errors(ends: np.ndarray) -> np.ndarray:
         return np.max(np.abs(ends - exact), axis=1)
@@ -108,19 +109,19 @@ def long_runs(particles: int = 20_000, known: int = SETTINGS.long_known) -> list
         replace(_ensemble(shape, equations, particles), tolerance=tolerance, **options)
         for equations, tolerance in (("averaged", SETTINGS.long_error / 1e4), ("hybrid", SETTINGS.long_error))
     ]
-    scene, full = ensembles[0].first_scene(drawn), find_form(full_form(ensembles[0].any_scene))
+    scene, full = ensembles[0].any_scene, find_form(full_form(ensembles[0].any_scene))
     times = np.linspace(0.0, scene.time, samples)
     states, _ = run_full(scene, drawn.states(full.name, shape), times, SETTINGS.long_error / 1000)
     exact = full.observe(scene, states.reshape(samples * known, -1)).slow.reshape(samples, known, 4)
     for ensemble in ensembles:
-        form, problem, starts = find_form(ensemble.form), ensemble.problem(scene), drawn.states(ensemble.form, shape)
-        times = np.linspace(0.0, problem.end, samples)
+        form, starts = find_form(ensemble.form), drawn.states(ensemble.form, shape)
+        times = np.linspace(0.0, ensemble.problem.end, samples)
         began = process_time()
-        states, _ = ensemble.states(problem, starts, times, random)
+        states, _ = ensemble.states(starts, times, random)
         spent = process_time() - began
-        slow = form.observe(scene, states.reshape(-1, problem.dimension)).slow.reshape(samples, known, 4)
+        slow = form.observe(scene, states.reshape(samples * known, -1)).slow.reshape(samples, known, 4)
         many = STARTS.draw(shape, np.random.SeedSequence(2), particles).states(ensemble.form, shape)
-        ((seconds, _),) = _alternate(partial(ensemble.states, problem, many, times[[0, -1]], random), rounds=5)
+        ((seconds, _),) = _alternate(partial(ensemble.states, many, times[[0, -1]], random), rounds=5)
         errors = np.abs(slow - exact).max(axis=(0, 2)) / max(shape.inertia)
         rows.append(
             {
@@ -142,8 +143,8 @@ def ensemble_throughput(name: str, equations: Any, particles: int = 20_000) -> d
     two, samples, random = np.array([0.0, problem.end]), np.linspace(0.0, problem.end, 101), np.random.default_rng(1)
     ensemble = _ensemble(SHAPES[name], equations, particles)
     (end, (states, _)), (sampled, _), (task, record) = _alternate(
-        lambda: ensemble.states(problem, starts, two, random),
-        lambda: [ensemble.states(problem, part, samples, random) for part in np.array_split(starts, 5)],
+        lambda: ensemble.states(starts, two, random),
+        lambda: [ensemble.states(part, samples, random) for part in np.array_split(starts, 5)],
         lambda: run_task(Task(ensemble, 0)),
         rounds=5,
     )
@@ -181,13 +182,11 @@ def _run_all(ensemble: Ensemble) -> int:
 
 def overhead() -> list[dict[str, Any]]:
     """What engines add to tasks of a second that use the processor, the start of processes left out."""
-    rows = []
+    rows, task = [], SETTINGS.task_seconds
     for name, engine in (("serial", serial), ("one process", partial(processes, 1))):
         arrivals = [perf_counter() for _ in engine(_busy, range(SETTINGS.tasks + 1))]
         seconds = (arrivals[-1] - arrivals[0]) / SETTINGS.tasks
-        rows.append(
-            {"engine": name, "task_seconds": SETTINGS.task_seconds, "share": seconds / SETTINGS.task_seconds - 1}
-        )
+        rows.append({"engine": name, "task_seconds": task, "share": seconds / task - 1})
     return rows
 
 
@@ -224,7 +223,7 @@ def _ensemble(shape: Ellipsoid, equations: Any, particles: int) -> Ensemble:
 
 def _problem(shape: Ellipsoid, equations: Any, particles: int) -> tuple[Problem, np.ndarray]:
     ensemble, drawn = _ensemble(shape, equations, 1), STARTS.draw(shape, np.random.SeedSequence(1), particles)
-    return ensemble.problem(ensemble.first_scene(drawn)), drawn.states(ensemble.form, shape)
+    return ensemble.problem, drawn.states(ensemble.form, shape)
 
 
 def _alternate(*functions: Callable[[], Any], rounds: int | None = None) -> list[tuple[float, Any]]:
