@@ -1,12 +1,12 @@
 """Sweeps: a grid of shapes × Stokes numbers × starts, as data, run into a store by any engine."""
 
-import time
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
 from random import random
+from time import monotonic
 from typing import Annotated, Any, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -112,10 +112,10 @@ def run_sweep(sweep: Sweep, store: Store, engine: Engine, *, quiet: bool = False
 def _missing(sweep: Sweep, store: Store, spread: bool) -> Iterator[Task]:
     """Tasks that the store does not hold, looked up again from time to time."""
     tasks = sorted(sweep.tasks(), key=lambda _: random()) if spread else sweep.tasks()
-    known, asked = store.keys(), time.monotonic()
+    known, asked = store.keys(), monotonic()
     for task in tasks:
-        if time.monotonic() - asked > REFRESH:
-            known, asked = store.keys(), time.monotonic()
+        if monotonic() - asked > REFRESH:
+            known, asked = store.keys(), monotonic()
         if task.key not in known:
             yield task
 
