@@ -15,7 +15,7 @@ from polhode.harness.common.text import scientific
 from polhode.harness.ensembles.hybrid import POOL, SAMPLE as BOTH_WAYS, SOLVER, least_momentum, run_hybrid
 from polhode.harness.ensembles.starts import Drawn, Starts
 from polhode.harness.ensembles.statistics import RATES, Layout, Statistics, squared_rates
-from polhode.models.catalogue import form as find_form
+from polhode.models.catalogue import averaged_form, form as find_form, full_form
 from polhode.models.problem import Problem
 from polhode.models.scene import BodyStart, Scene
 from polhode.models.shape import Ellipsoid
@@ -97,12 +97,7 @@ class Ensemble:
     @property
     def form(self) -> str:
         """Catalogue name of the form whose states are those of the particles; `hybrid` has those of full equations."""
-        triaxial = self.ellipsoid.kind == "triaxial"
-        if self.equations == "averaged":
-            return "averaged" if triaxial else "averaged-spheroid"
-        if self.stokes == 0:
-            return "jeffery"
-        return "quaternion" if triaxial else "spheroid-axis"
+        return averaged_form(self.any_scene) if self.equations == "averaged" else full_form(self.any_scene)
 
     @property
     def method(self) -> str:
@@ -160,7 +155,7 @@ class Ensemble:
         """Starts of the first particles of a block."""
         return self.starts.draw(self.ellipsoid, np.random.SeedSequence(self.seed, spawn_key=(index,)), particles)
 
-    @property
+    @cached_property
     def any_scene(self) -> Scene:
         """Scene of the very first particle, whose start the others replace."""
         drawn = self.draw(0, 1)

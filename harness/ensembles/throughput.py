@@ -24,7 +24,7 @@ from polhode.harness.ensembles.engines import processes, serial
 from polhode.harness.ensembles.ensemble import SAMPLE, Ensemble, Task, run_task
 from polhode.harness.ensembles.hybrid import run_full
 from polhode.harness.ensembles.starts import Starts
-from polhode.models.catalogue import form as find_form, full_form
+from polhode.models.catalogue import form as find_form
 from polhode.models.problem import Problem
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.ensembles.equal_steps import PIECES, Plan, plan, run
@@ -109,7 +109,7 @@ def long_runs(particles: int = 20_000, known: int = SETTINGS.long_known) -> list
         replace(_ensemble(shape, equations, particles), tolerance=tolerance, **options)
         for equations, tolerance in (("averaged", SETTINGS.long_error / 1e4), ("hybrid", SETTINGS.long_error))
     ]
-    scene, full = ensembles[0].any_scene, find_form(full_form(ensembles[0].any_scene))
+    scene, full = ensembles[0].any_scene, find_form(ensembles[1].form)
     times = np.linspace(0.0, scene.time, samples)
     states, _ = run_full(scene, drawn.states(full.name, shape), times, SETTINGS.long_error / 1000)
     exact = full.observe(scene, states.reshape(samples * known, -1)).slow.reshape(samples, known, 4)
