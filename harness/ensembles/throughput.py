@@ -103,17 +103,14 @@ def _below(largest: float) -> list[float]:
 def long_runs(particles: int = 20_000, known: int = SETTINGS.long_known) -> list[dict[str, Any]]:
     """Averaged and hybrid equations at St = 10⁶ to t₂ = 0.5: particles per second, and errors in L and E of some."""
     shape, samples, random = SHAPES["1 : 0.8 : 0.5"], 51, np.random.default_rng(1)
-    options: Any = {"stokes": SETTINGS.long_stokes, "time": 0.5 * SETTINGS.long_stokes, "samples": samples}
     drawn, rows = STARTS.draw(shape, np.random.SeedSequence(1), known), []
-    ensembles = [
-        replace(_ensemble(shape, equations, particles), tolerance=tolerance, **options)
-        for equations, tolerance in (("averaged", SETTINGS.long_error / 1e4), ("hybrid", SETTINGS.long_error))
-    ]
-    scene, full = ensembles[0].any_scene, find_form(ensembles[1].form)
+    hybrid = replace(_ensemble(shape, "hybrid", particles), tolerance=SETTINGS.long_error, samples=samples)
+    hybrid = replace(hybrid, stokes=SETTINGS.long_stokes, time=0.5 * SETTINGS.long_stokes)
+    scene, full = hybrid.any_scene, find_form(hybrid.form)
     times = np.linspace(0.0, scene.time, samples)
     states, _ = run_full(scene, drawn.states(full.name, shape), times, SETTINGS.long_error / 1000)
     exact = full.observe(scene, states.reshape(samples * known, -1)).slow.reshape(samples, known, 4)
-    for ensemble in ensembles:
+    for ensemble in (replace(hybrid, equations="averaged", tolerance=SETTINGS.long_error / 1e4), hybrid):
         form, starts = find_form(ensemble.form), drawn.states(ensemble.form, shape)
         times = np.linspace(0.0, ensemble.problem.end, samples)
         began = process_time()
