@@ -81,6 +81,10 @@ class Store(AbstractContextManager["Store"]):
         with self._readable():
             return {key for (key,) in self._connection.execute("SELECT key FROM cases")}
 
+    def __contains__(self, key: object) -> bool:
+        with self._readable():
+            return self._connection.execute("SELECT 1 FROM cases WHERE key = ?", (key,)).fetchone() is not None
+
     def result(self, key: str) -> Record | None:
         """Result of one case; None if the store does not hold it."""
         with self._readable():

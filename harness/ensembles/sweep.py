@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from math import inf
 from pathlib import Path
 from random import random
-from time import monotonic
 from typing import Annotated, Any, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -26,8 +25,6 @@ from polhode.models.shape import Ellipsoid
 
 # Written into every record: side by side, tasks slow each other down.
 NO_TIMES = "no times: tasks may run side by side"
-# Seconds after which the store is asked again what another run has added.
-REFRESH = 5.0
 DEFAULT_TOLERANCE = 1e-6
 
 
@@ -98,7 +95,10 @@ def run_sweep(sweep: Sweep, store: Store, engine: Engine, *, quiet: bool = False
     # With `spread` the tasks are taken in random order, so that such runs seldom work on the same one.
     finished, failed, message = 0, 0, ""
     progress = tqdm(total=sweep.size, disable=quiet or None, unit="task", desc=sweep.name, leave=False)
-    with progress, closing(engine(perform, _missing(sweep, store, spread))) as outcomes:
+    tasks = sorted(sweep.tasks(), key=lambda _: random()) if spread else sweep.tasks()
+    # Each is looked up when its turn comes: another run may have added it.
+    missing = (task for task in tasks if task.key not in store)
+    with progress, closing(engine(perform, missing)) as outcomes:
         for outcome in outcomes:
             if outcome.value is None:
                 failed, message = failed + 1, outcome.message
@@ -107,17 +107,6 @@ def run_sweep(sweep: Sweep, store: Store, engine: Engine, *, quiet: bool = False
                 finished += 1
             progress.update()
     return Tally(finished, sweep.size - finished - failed, failed, message)
-
-
-def _missing(sweep: Sweep, store: Store, spread: bool) -> Iterator[Task]:
-    """Tasks that the store does not hold, looked up again from time to time."""
-    tasks = sorted(sweep.tasks(), key=lambda _: random()) if spread else sweep.tasks()
-    known, asked = store.keys(), monotonic()
-    for task in tasks:
-        if monotonic() - asked > REFRESH:
-            known, asked = store.keys(), monotonic()
-        if task.key not in known:
-            yield task
 
 
 def gather(ensemble: Ensemble, store: Store) -> Statistics:

@@ -44,6 +44,7 @@ def test_records_come_back_in_the_order_of_writing(path: Path):
         store.put("a", {"tolerance": 1e-6}, {"seconds": inf, "flag": True})
     with Store(path) as store:
         assert store.keys() == {"a", "b"}
+        assert ("a" in store, "c" in store) == (True, False)
         records = list(store)
         for record in records:
             assert abs(datetime.now(UTC) - datetime.fromisoformat(record.pop("date"))).total_seconds() < 60
