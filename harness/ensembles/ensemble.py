@@ -139,7 +139,7 @@ class Ensemble:
         return {
             "schema": SCHEMA,
             "semi_axes": [float(length) for length in self.ellipsoid.semi_axes],
-            "starts": vars(self.starts),
+            "starts": dict(self.starts),
             "equations": self.equations,
             "form": self.form,
             **{name: int(getattr(self, name)) for name in BOUNDS},

@@ -28,9 +28,10 @@ class Starts(BaseModel):
     angular_momentum: Annotated[Vector, AfterValidator(tuple)] | None = None  # over the largest moment of inertia
 
     @model_validator(mode="after")
-    def _momentum_that_is_used(self) -> Self:
+    def _possible(self) -> Self:
         q, given, wanted = self.orientation, self.angular_momentum, self.motion.startswith("momentum")
-        if not any(given or ()) if wanted else given is not None:
+        fits = any(given or ()) if wanted else given is None
+        if not fits:
             words = "three numbers, not all zero," if wanted else "none"
             raise ValueError(f"got angular_momentum = {given}, expected {words} with motion {self.motion!r}")
         if q != "isotropic" and not (isfinite(hypot(*q)) and any(q)):

@@ -182,8 +182,8 @@ def _compared(scene: Scene, samples: int, deadline: float) -> Reference:
         raise ReferenceFailedError(f"two methods are {apart.slow:.1g} apart")
     certificate = Certificate("quaternion", AGAINST[0], 1, 0, 1.0)
     distance = statistics_distance(scene.ellipsoid, other, exact)
-    known = apart.slow, apart.orientation
-    return Reference(reference_form(scene), times, exact, *known, certificate, "double", samples, distance)
+    slow, orientation = apart.slow, apart.orientation
+    return Reference(reference_form(scene), times, exact, slow, orientation, certificate, "double", samples, distance)
 
 
 def _packed(known: Reference) -> dict[str, Any]:
