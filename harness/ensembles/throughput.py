@@ -25,7 +25,6 @@ from polhode.harness.ensembles.ensemble import SAMPLE, Ensemble, Task, run_task
 from polhode.harness.ensembles.hybrid import run_full
 from polhode.harness.ensembles.starts import Starts
 from polhode.models.catalogue import form as find_form
-from polhode.models.problem import Problem
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.ensembles.equal_steps import PIECES, Plan, plan, run
 from polhode.solvers.ensembles.taylor_batch import run_batches
@@ -55,7 +54,8 @@ def measure() -> dict[str, Any]:
 
 def full_throughput(name: str, shape: Ellipsoid, target: float, particles: int = 2048) -> dict[str, Any]:
     """Particles per second by Taylor's lanes and by equal steps, whose largest errors at the end are both below one."""
-    problem, starts = _problem(shape, "full", particles)
+    ensemble = _ensemble(shape, "full", particles)
+    problem, starts = ensemble.problem, _starts(ensemble, particles)
     times = np.array([0.0, problem.end])
 
     def taylor(tolerance: float) -> np.ndarray:
@@ -103,21 +103,19 @@ def _below(largest: float) -> list[float]:
 def long_runs(particles: int = 20_000, known: int = SETTINGS.long_known) -> list[dict[str, Any]]:
     """Averaged and hybrid equations at St = 10⁶ to t₂ = 0.5: particles per second, and errors in L and E of some."""
     shape, samples, random = SHAPES["1 : 0.8 : 0.5"], 51, np.random.default_rng(1)
-    drawn, rows = STARTS.draw(shape, np.random.SeedSequence(1), known), []
     hybrid = replace(_ensemble(shape, "hybrid", particles), tolerance=SETTINGS.long_error, samples=samples)
     hybrid = replace(hybrid, stokes=SETTINGS.long_stokes, time=0.5 * SETTINGS.long_stokes)
-    scene, full = hybrid.any_scene, find_form(hybrid.form)
+    scene, full, rows = hybrid.any_scene, find_form(hybrid.form), []
     times = np.linspace(0.0, scene.time, samples)
-    states, _ = run_full(scene, drawn.states(full.name, shape), times, SETTINGS.long_error / 1000)
+    states, _ = run_full(scene, _starts(hybrid, known), times, SETTINGS.long_error / 1000)
     exact = full.observe(scene, states.reshape(samples * known, -1)).slow.reshape(samples, known, 4)
     for ensemble in (replace(hybrid, equations="averaged", tolerance=SETTINGS.long_error / 1e4), hybrid):
-        form, starts = find_form(ensemble.form), drawn.states(ensemble.form, shape)
+        form, starts, many = find_form(ensemble.form), _starts(ensemble, known), _starts(ensemble, particles, seed=2)
         times = np.linspace(0.0, ensemble.problem.end, samples)
         began = process_time()
         states, _ = ensemble.states(starts, times, random)
         spent = process_time() - began
         slow = form.observe(scene, states.reshape(samples * known, -1)).slow.reshape(samples, known, 4)
-        many = STARTS.draw(shape, np.random.SeedSequence(2), particles).states(ensemble.form, shape)
         ((seconds, _),) = _alternate(partial(ensemble.states, many, times[[0, -1]], random), rounds=5)
         errors = np.abs(slow - exact).max(axis=(0, 2)) / max(shape.inertia)
         rows.append(
@@ -136,9 +134,9 @@ def long_runs(particles: int = 20_000, known: int = SETTINGS.long_known) -> list
 def ensemble_throughput(name: str, equations: Any, particles: int = 20_000) -> dict[str, Any]:
     """Particles per second by how much is kept of them, the error of their ends, and the bytes of a task's record."""
     # With the end alone, with 101 samples, and in whole tasks, statistics at 101 samples and 11 snapshots included.
-    problem, starts = _problem(SHAPES[name], equations, particles)
-    two, samples, random = np.array([0.0, problem.end]), np.linspace(0.0, problem.end, 101), np.random.default_rng(1)
     ensemble = _ensemble(SHAPES[name], equations, particles)
+    problem, starts = ensemble.problem, _starts(ensemble, particles)
+    two, samples, random = np.array([0.0, problem.end]), np.linspace(0.0, problem.end, 101), np.random.default_rng(1)
     (end, (states, _)), (sampled, _), (task, record) = _alternate(
         lambda: ensemble.states(starts, two, random),
         lambda: [ensemble.states(part, samples, random) for part in np.array_split(starts, 5)],
@@ -218,9 +216,9 @@ def _ensemble(shape: Ellipsoid, equations: Any, particles: int) -> Ensemble:
     return Ensemble(shape, SETTINGS.stokes, SETTINGS.slow_time * SETTINGS.stokes, STARTS, **options)
 
 
-def _problem(shape: Ellipsoid, equations: Any, particles: int) -> tuple[Problem, np.ndarray]:
-    ensemble, drawn = _ensemble(shape, equations, 1), STARTS.draw(shape, np.random.SeedSequence(1), particles)
-    return ensemble.problem, drawn.states(ensemble.form, shape)
+def _starts(ensemble: Ensemble, particles: int, seed: int = 1) -> np.ndarray:
+    drawn = STARTS.draw(ensemble.ellipsoid, np.random.SeedSequence(seed), particles)
+    return drawn.states(ensemble.form, ensemble.ellipsoid)
 
 
 def _alternate(*functions: Callable[[], Any], rounds: int | None = None) -> list[tuple[float, Any]]:
