@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from polhode.harness.references.errors import errors, magnitude
-from polhode.harness.references.extended import GOING_BACK, ReferenceFailedError, extended_run
+from polhode.harness.references.extended import ROUNDING_RUN, ReferenceFailedError, extended_run
 from polhode.models.catalogue import form as find_form
 from polhode.models.form import Form, FormNotValidError
 from polhode.models.observables import Observables
@@ -171,7 +171,7 @@ def _backward(
     start, end = piece
     ulp = np.abs(states[end].astype(float)) * np.finfo(float).eps
     returned, moved = (
-        extended_run(replace(problem, start=tuple(state)), np.array([end, start]), *GOING_BACK)[-1]
+        extended_run(replace(problem, start=tuple(state)), np.array([end, start]), *ROUNDING_RUN)[-1]
         for state in (states[end], states[end] + ulp)
     )
     true, found, other = (observe(form, scene, state[None]) for state in (states[start], returned, moved))

@@ -10,8 +10,8 @@ from polhode.solvers.taylor import Precision, propagate, taylor_integrator
 
 Run = tuple[Precision, float]
 
-# How references are gone back over.
-GOING_BACK: Run = ("long double", 1e-17)
+# Runs that show what rounding of a start makes of a reference, and runs back over it.
+ROUNDING_RUN: Run = ("long double", 1e-17)
 # Steps after which a run is given up, of equations in slow time and of all others: minutes of work.
 MOST_SLOW_STEPS, MOST_STEPS = 200_000, 50_000_000
 

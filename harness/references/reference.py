@@ -16,7 +16,7 @@ from polhode.harness.common.timing import within
 from polhode.harness.references.certificate import Certificate, certify, observe, pieces
 from polhode.harness.references.chaos import growth
 from polhode.harness.references.errors import errors, magnitude, statistics_distance
-from polhode.harness.references.extended import GOING_BACK, ReferenceFailedError, Run, extended_run
+from polhode.harness.references.extended import ROUNDING_RUN, ReferenceFailedError, Run, extended_run
 from polhode.harness.references.rotations import rotations
 from polhode.models.catalogue import form as find_form, full_form, reference_form
 from polhode.models.form import Form
@@ -41,7 +41,6 @@ ORDINARY = 3.0
 FREE_UP_TO, HORIZON = 1e6, 5e6
 # Runs with each number of start and parameters moved by half an ulp, which double precision cannot tell.
 ROUNDING_SEEDS = (1, 2)
-ROUNDING_RUN: Run = GOING_BACK
 # Spread from half an ulp, in rad or over I_max, from which on a reference is examined for chaos.
 SUSPICIOUS = 1e-9
 # Rotations: up to the first number extended precision is used in limited time, beyond the second one not even two
