@@ -141,21 +141,18 @@ def _same_form(
 
 def _tried(scene: Scene, form: Form, solver: str, problems: list[Problem], after: Observables) -> float | None:
     """Ratio of solving a piece from its start, at two tolerances, and from starts moved by an ulp."""
-    (exact, *moved), (tight, loose) = problems, TOLERANCES[solver]
-    solutions = [
-        solve(problem, solver, tolerance)
-        for problem, tolerance in ((exact, tight), (exact, loose), *((each, tight) for each in moved))
-    ]
+    tight, loose = TOLERANCES[solver]
+    solutions = [solve(problems[0], solver, loose), *(solve(problem, solver, tight) for problem in problems)]
     if not all(solution.success for solution in solutions):
         return None
-    accumulated = tight + np.finfo(float).eps * (solutions[0].work.steps or 0)
+    accumulated = tight + np.finfo(float).eps * (solutions[1].work.steps or 0)
     return _compare(scene.ellipsoid, [form.observe(scene, each.states[-1:]) for each in solutions], after, accumulated)
 
 
 def _compare(ellipsoid: Ellipsoid, runs: list[Observables], true: Observables, tolerance: float) -> float:
     """Ratio of difference to own error, of L and E or of the orientation, whichever is larger."""
-    # Of the runs the first is compared; the second is looser, and the others start elsewhere by an ulp.
-    tight, loose, *moved = runs
+    # Of the runs the second is compared; the first is looser, and the others start elsewhere by an ulp.
+    loose, tight, *moved = runs
     found = errors(ellipsoid, tight, true)
     own, spread = errors(ellipsoid, loose, tight), [errors(ellipsoid, other, tight) for other in moved]
     rounding = (ROUNDING + tolerance) * max(1.0, magnitude(ellipsoid, true))
