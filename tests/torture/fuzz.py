@@ -15,10 +15,12 @@ from collections.abc import Iterator
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
 from random import Random
 
 from commandline import SCENE, STUDY
 
+from polhode.harness import commands
 from polhode.harness.cli import main
 
 SWEEP = """\
@@ -175,8 +177,8 @@ def _run(words: list[str], place: Path) -> None:
 
 def warm() -> None:
     """Import and compile, in this process, what the forked ones need."""
-    for module in ("bench", "paper", "pick", "setup", "show", "solve"):
-        import_module(f"polhode.harness.commands.{module}")
+    for each in iter_modules(commands.__path__):
+        import_module(f"{commands.__name__}.{each.name}")
     for module in ("api", "ensembles.sweep", "studies.study", "studies.runner", "picking.ranking"):
         import_module(f"polhode.harness.{module}")
     import_module("polhode").solve("paper", samples=3)
