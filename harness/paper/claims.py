@@ -211,7 +211,7 @@ def _draw(axes: Axes, curve: Mapping[str, Any], names: dict[str, Any]) -> None:
     style["color"] = getattr(drawing, style.get("color", ""), style.get("color"))
     table = evaluated(curve.get("table", "table"), names)
     if not len(table):
-        raise ValueError(f"curve: got no rows of {curve['table']}, expected some")
+        raise ValueError(f"curve: got no rows of {curve.get('table', 'table')}, expected some")
     key, text = curve.get("by"), curve.get("label")
     parts = tables.groups(table, key) if key else [(None, table)]
     colors = cycle(evaluated(curve.get("colors", drawing.CYCLE), names))
