@@ -88,6 +88,12 @@ def costs(
     return pd.DataFrame.from_dict(found, orient="index")
 
 
+def limit_of(runs: pd.DataFrame, error: str) -> float:
+    """The least error that the reference of one scene's runs knows; NaN where its uncertainty is unknown."""
+    uncertainty = runs[uncertainty_of(error)].dropna()
+    return least_known(float(uncertainty.iloc[0]) if len(uncertainty) else None)
+
+
 def cheapest(
     runs: pd.DataFrame, target: float, error: str = "slow_error"
 ) -> tuple[dict[Any, Any], tuple[Method, ...]] | None:
@@ -149,8 +155,7 @@ def cells(records: pd.DataFrame, error: str, targets: Sequence[float] = MAP_TARG
     found, groups = [], by_stokes(records)
     times: Any = costs(groups, targets, error)
     for stokes, runs in groups:
-        uncertainty = runs[uncertainty_of(error)].dropna()
-        limit = least_known(float(uncertainty.iloc[0]) if len(uncertainty) else None)
+        limit = limit_of(runs, error)
         for target in targets:
             own = times.loc[target, stokes].dropna()
             found.append(_cell(stokes, target, own) if target > limit else Cell(stokes, target, known=False))

@@ -7,12 +7,19 @@ from typing import Any
 import pandas as pd
 
 from polhode.harness.analysis.frames import by_scene, by_stokes, frame, where, write_runs
-from polhode.harness.analysis.pareto import TARGETS, TIE, averaged_forms, averaged_wins_from, cheapest, cost_over_stokes
+from polhode.harness.analysis.pareto import (
+    TARGETS,
+    TIE,
+    averaged_forms,
+    averaged_wins_from,
+    cheapest,
+    cost_over_stokes,
+    limit_of,
+)
 from polhode.harness.common.store import Record, export
 from polhode.harness.common.text import duration, markdown, short
 from polhode.harness.pages.figures.work_precision import profile_lines, save, work_precision_panels
 from polhode.harness.pages.tables import fill, lines_of, write
-from polhode.harness.references.uncertainty import least_known, uncertainty_of
 from polhode.harness.studies.study import Study
 
 # By the name of their file: error, and label of its axis.
@@ -89,8 +96,7 @@ def _winners(table: pd.DataFrame, error: str) -> str:
 
 
 def _winner(runs: pd.DataFrame, target: float, error: str) -> str:
-    uncertainty = runs[uncertainty_of(error)].dropna()
-    if len(uncertainty) and target <= least_known(float(uncertainty.iloc[0])):
+    if target <= limit_of(runs, error):
         return "unknown"
     winner = cheapest(runs, target, error)
     if winner is None:
