@@ -15,8 +15,8 @@ from polhode.harness.analysis.pareto import Cell, usual_form
 from polhode.harness.common.files import read_file
 from polhode.harness.common.store import read_export
 from polhode.harness.common.text import duration, factor, short
-from polhode.harness.pages.figures.map_picture import ERRORS, HEADINGS
-from polhode.harness.pages.figures.style import colour, is_averaged, looks, rank
+from polhode.harness.pages.figures.map_picture import ERRORS, by_side
+from polhode.harness.pages.figures.style import colour, is_averaged, looks
 from polhode.harness.pages.figures.work_precision import LARGEST_ERROR
 from polhode.harness.pages.regimes import read_cells
 from polhode.harness.site.markup import Page, html
@@ -97,9 +97,7 @@ def _map(particle: str, error: str, found: Sequence[Cell]) -> dict[str, Any]:
     rows = defaultdict(list)
     for cell in sorted(found, key=lambda cell: (-cell.target, cell.stokes)):
         rows[cell.target].append(cell)
-    winners = {cell.winner.label: cell.winner.side for cell in found if cell.winner}
-    kinds = [(words, [name for name in winners if winners[name] == side]) for side, words in HEADINGS.items()]
-    key = [(words, sorted(labels, key=rank)) for words, labels in kinds if labels]
+    key = by_side(cell.winner for cell in found if cell.winner)
     about = {"name": particle, "want": WANTS[error][0], "title": ERRORS[error][1]}
     return about | {"key": key, "rows": [*rows.values()], "usual": usual_form(found)}
 

@@ -1,6 +1,6 @@
 """The regime map as a picture."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from math import inf, isnan
 from typing import Any
 
@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.patches import Patch, Polygon, Rectangle
 
-from polhode.harness.analysis.pareto import TIE, Cell, Side, usual_form
+from polhode.harness.analysis.pareto import TIE, Cell, Method, Side, usual_form
 from polhode.harness.common.text import duration, factor, short
 from polhode.harness.pages.figures.style import colour, power, rank
 from polhode.harness.pages.tables import fill
@@ -53,6 +53,14 @@ def picture(panels: Sequence[Sequence[Cell]], times: Mapping[float, float]) -> A
     style = {"frameon": False, "fontsize": 9.5, "handlelength": 1.3, "ncols": len(entries), "columnspacing": 5.0}
     drawing.legend(handles=handles, loc="outside lower left", title=note, title_fontsize=9.5, alignment="left", **style)
     return drawing
+
+
+def by_side(methods: Iterable[Method]) -> list[tuple[tuple[str, str], list[str]]]:
+    """Labels of methods below the headings of their sides, in the order of `rank`; no side without any."""
+    sides = {method.label: method.side for method in methods}
+    ranked = sorted(sides, key=rank)
+    own = [(heading, [label for label in ranked if sides[label] == side]) for side, heading in HEADINGS.items()]
+    return [(heading, labels) for heading, labels in own if labels]
 
 
 def draw(axes: Axes, found: Sequence[Cell]) -> Axes:
@@ -131,13 +139,10 @@ def _borders(axes: Axes, sides: np.ndarray) -> None:
 def _entries(found: Sequence[Cell]) -> list[list[Any]]:
     """Entries of the legend by column: a heading and the methods of each side, and what empty cells mean."""
     methods = [method for cell in found for method in (cell.winner, cell.second if cell.tied else None) if method]
-    shown = {method.label: method.side for method in methods}
     columns: list[list[Any]] = []
-    for side, (heading, what) in HEADINGS.items():
-        own = sorted((label for label in shown if shown[label] == side), key=rank)
-        if own:
-            title = rf"$\bf{{{heading.replace(' ', '~')}}}$"
-            patches = [Patch(facecolor=colour(label), label=label) for label in own]
-            columns.append([Patch(facecolor="none", label=f"{title}\n{what}"), *patches])
+    for (heading, what), own in by_side(methods):
+        title = rf"$\bf{{{heading.replace(' ', '~')}}}$"
+        patches = [Patch(facecolor=colour(label), label=label) for label in own]
+        columns.append([Patch(facecolor="none", label=f"{title}\n{what}"), *patches])
     nobody = Patch(facecolor=NOBODY, edgecolor="0.7", label="no run measured gets there")
     return [*columns, [nobody, Patch(facecolor=UNKNOWN, label="below what the\nreference resolves")]]
