@@ -83,11 +83,11 @@ def _answer(cell: Cell, runs: Any, error: str) -> dict[str, Any]:
     """The method of a cell, and the loosest tolerance with which it reaches the error."""
     answer = {"error": cell.target, "known": cell.known}
     if cell.winner:
-        method = cell.winner.form, cell.winner.solver
-        answer |= dict(zip(("form", "solver"), method, strict=True))
+        form, solver = cell.winner
+        answer |= {"form": form, "solver": solver}
         answer |= {"time": duration(cell.seconds), "next": str(cell.second or ""), "tied": cell.tied}
         answer["lead"] = "" if isnan(cell.lead) else factor(cell.lead)
-        good = (runs["form"] == method[0]) & (runs["solver"] == method[1]) & (runs[error] <= cell.target)
+        good = (runs["form"] == form) & (runs["solver"] == solver) & (runs[error] <= cell.target)
         answer["tolerance"] = short(runs.loc[good, "tolerance"].max()) if good.any() else ""
     return answer
 
