@@ -25,7 +25,7 @@ def table(rows: Iterable[Any], name: str, /, **fields: Any) -> str:
     """The rows as Markdown, by one of `texts/tables.toml`; `fields` are those of its headings."""
     known = _tables()[name]
     columns = {WORDING.format(head, **fields): cell for head, cell in known["columns"].items()}
-    right = known.get("right", range(known["left"], len(columns)))
+    right = known["right"] if "right" in known else range(known["left"], len(columns))
     return markdown([*columns], cells(rows, columns), right=right)
 
 
