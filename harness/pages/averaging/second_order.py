@@ -7,7 +7,7 @@ from typing import Any
 
 from polhode.harness.analysis.frames import frame_of
 from polhode.harness.averaging import cases, orders, second_order
-from polhode.harness.averaging.data import Passage, SecondOrderErrors, SecondOrderStudy, write_study
+from polhode.harness.averaging.data import Cost, Passage, SecondOrderErrors, SecondOrderStudy, write_study
 from polhode.harness.averaging.orders import Slope, slopes
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
@@ -32,7 +32,7 @@ def write_page(study: SecondOrderStudy, folder: Path, command: str) -> None:
 
 def page(study: SecondOrderStudy, fitted: Sequence[Slope], command: str) -> str:
     """The report as Markdown."""
-    second = sorted((each for each in study.cost if each.form == SecondOrder.name), key=lambda each: each.stokes)
+    second = _of_second_order(study.cost)
     compared = [each for each in study.cost if each.stokes == second_order.COMPARED]
     return fill(
         "second-order",
@@ -65,10 +65,15 @@ def findings(study: SecondOrderStudy) -> list[str]:
         gains={where: _gains(rows) for where, rows in passages.items()},
         stokes=GAIN_AT,
         passages=passages,
-        second=sorted((each for each in study.cost if each.form == SecondOrder.name), key=lambda each: each.stokes),
+        second=_of_second_order(study.cost),
         full=sorted((each for each in full if each.slow <= second_order.TARGET), key=lambda each: each.seconds),
         measured=second_order,
     )
+
+
+def _of_second_order(costs: Sequence[Cost]) -> list[Cost]:
+    """Costs of the form itself, by St."""
+    return sorted((each for each in costs if each.form == SecondOrder.name), key=lambda each: each.stokes)
 
 
 def _estimates(rows: Sequence[SecondOrderErrors | Passage]) -> list[list[float]]:
