@@ -164,18 +164,18 @@ def _compute(scene: Scene, form: Form, problem: Problem, samples: int, deadline:
 
 def _compared(scene: Scene, samples: int, deadline: float) -> Reference:
     """Reference of a scene's full equations by two methods in double precision."""
+    times = np.linspace(0.0, scene.time, samples)
 
     def run(form: str, solver: str, tolerance: float) -> Observables:
         equations = find_form(form)
         problem = equations.problem(scene)
-        left = deadline - perf_counter()
-        found = solve(problem, solver, tolerance, np.linspace(0.0, problem.end, samples), max_seconds=left)
+        found = solve(problem, solver, tolerance, times, max_seconds=deadline - perf_counter())
         if not found.success:
             raise ReferenceFailedError(f"the reference by {solver} ended with {found.status}", found.status)
         return equations.observe(scene, found.states)
 
     exact = run(full_form(scene), *(OTHERS if scene.ellipsoid.kind == "triaxial" else SPHEROIDS))
-    other, times = run("quaternion", *AGAINST), np.linspace(0.0, scene.time, samples)
+    other = run("quaternion", *AGAINST)
     apart = errors(scene.ellipsoid, other, exact)
     if not apart.slow < APART:
         raise ReferenceFailedError(f"two methods are {apart.slow:.1g} apart")
