@@ -49,8 +49,8 @@ class Runner:
         with self._worker, progress:
             for batch in batches:
                 fresh = [case for case in batch if case.key not in known]
-                for case in set(batch).difference(fresh):
-                    record = self.store.result(case.key)
+                for case in batch:
+                    record = self.store.result(case.key) if case.key in known else None
                     if record is not None and _too_slow(record):
                         self._too_slow.setdefault(_group(case), record)
                 for case, record in self._measure(fresh, progress):
