@@ -11,7 +11,7 @@ import click
 from polhode.harness.cli import BadInput, RunFailed, bad_input, command
 from polhode.harness.commands import setup
 from polhode.harness.commands._study_options import as_json, out_folder, quiet, resume, stored
-from polhode.harness.common.text import WORDING, fitting, in_full, on_terminal
+from polhode.harness.common.text import cells, fitting, in_full, on_terminal
 from polhode.models.catalogue import FORMS
 from polhode.solvers.catalogue import SOLVERS
 
@@ -60,7 +60,7 @@ def pick(scene: str, error: float, want: str, samples: int, why: bool, everythin
 def pick_page(found: "Recommendation", everything: bool, why: bool = False) -> str:
     """What `polhode pick` prints of a recommendation: what to run, the ways, and if asked why."""
     shown = found.ranking if everything else found.ranking[:FEW]
-    rows = [[*(WORDING.vformat(cell, (), vars(row)) for cell in WAYS.values()), "tied" * row.tied] for row in shown]
+    rows = [[*texts, "tied" * row.tied] for texts, row in zip(cells(shown, WAYS), shown, strict=True)]
     notes = _notes(found, len(shown), why or everything)
     # The first run, and then the interval, are what a narrow terminal goes without.
     parts = [fitting(found.summary), on_terminal([*WAYS, ""], rows, spare=(5, 6)), *filter(None, [fitting(notes)])]

@@ -6,7 +6,7 @@ Fields of texts have the functions as formats, as in "{seconds:time}": `WORDING`
 
 import sys
 import textwrap
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from decimal import Decimal
 from functools import partial
 from itertools import zip_longest
@@ -151,3 +151,8 @@ class Wording(Formatter):
 
 
 WORDING = Wording()
+
+
+def cells(rows: Iterable[Any], columns: Mapping[str, str]) -> list[list[str]]:
+    """The text of every cell; rows are mappings, or have attributes."""
+    return [[WORDING.vformat(text, (), row) for text in columns.values()] for row in rows]

@@ -1,7 +1,7 @@
 """Tables and texts of pages, from the formats of their columns and the templates in `texts`."""
 
 import tomllib
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -11,14 +11,9 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record
-from polhode.harness.common.text import FORMATS, WORDING, markdown
+from polhode.harness.common.text import FORMATS, WORDING, cells, markdown
 
 TEXTS = Path(__file__).parent / "texts"
-
-
-def cells(rows: Iterable[Any], columns: Mapping[str, str]) -> list[list[str]]:
-    """The text of every cell; rows are mappings, or have attributes."""
-    return [[WORDING.vformat(text, (), row) for text in columns.values()] for row in rows]
 
 
 def table(rows: Iterable[Any], name: str, /, **fields: Any) -> str:

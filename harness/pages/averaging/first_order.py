@@ -15,10 +15,10 @@ from polhode.harness.averaging.data import VARIABLES, AveragingErrors, PaperStud
 from polhode.harness.averaging.orders import LEAST_POINTS, TARGETS, Law, first_order, laws
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
-from polhode.harness.common.text import aligned, in_two_digits, short
+from polhode.harness.common.text import aligned, cells, in_two_digits, short
 from polhode.harness.pages.figures.averaging import Line, against_stokes
 from polhode.harness.pages.figures.work_precision import save
-from polhode.harness.pages.tables import cells, columns_of, fill, lines_of
+from polhode.harness.pages.tables import columns_of, fill, lines_of
 
 # Where the paper says that the averaged equations are good.
 GOOD_FROM = {"spheroid": 1e2, "ellipsoid": 1e3}
