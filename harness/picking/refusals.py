@@ -94,8 +94,11 @@ def too_tight(law: ErrorLaw, sensitivity: Sensitivity, tightest: float, error: f
 
 def apart(one: float, other: float) -> tuple[str, str]:
     """Two different numbers in as many digits as distinguish them, two at least."""
-    rounded = [(float(f"{one:.{digits}g}"), float(f"{other:.{digits}g}")) for digits in range(2, 18)]
-    first, second = next((pair for pair in rounded if pair[0] != pair[1]), rounded[-1])
+    first, second = one, other
+    for digits in range(2, 18):
+        first, second = float(f"{one:.{digits}g}"), float(f"{other:.{digits}g}")
+        if first != second:
+            break
     return in_full(first), in_full(second)
 
 
