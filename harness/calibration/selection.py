@@ -77,12 +77,16 @@ def penalised(runs: Any) -> Any:
     return ratio.where(solved, PENALTY * CUTOFF)
 
 
+def _single_best(table: Any) -> str:
+    return table.filter(like="/").mean().idxmin()
+
+
 def scores(runs: Any) -> pd.DataFrame:
     """Of `pick`, the single best algorithm and each rule, per stratum: PAR10, shares of scenes, and the gap closed."""
     parts = []
     for stratum, mine in [("both", runs), *runs.groupby("stratum")]:
         table = penalised(mine)
-        single = table.filter(like="/").mean().idxmin()
+        single = _single_best(table)
         ways = table[[*(name for name in table if "/" not in name), single]]
         means = ways.mean()
         gap = means[single] - 1  # from the single best algorithm to the virtual best one
@@ -97,9 +101,8 @@ def scores(runs: Any) -> pd.DataFrame:
 
 def pays_from(scenes: Any, runs: Any) -> float:
     """Seconds of a run by the single best algorithm from which on asking `pick` saves more than it costs, or inf."""
-    table = runs[runs["algorithm"].str.contains("/")]
-    single = penalised(runs).filter(like="/").mean().idxmin()
-    usual = table[table["algorithm"] == single].set_index("instance")["seconds"].rename("usual")
+    single = _single_best(penalised(runs))
+    usual = runs[runs["algorithm"] == single].set_index("instance")["seconds"].rename("usual")
     mine = scenes.set_index("scene")[["seconds", "pick_seconds"]].join(usual).dropna().sort_values("usual")
     saves = (mine["usual"] - mine["seconds"] - mine["pick_seconds"] > 0).to_numpy()
     # From there on more than half of the scenes are quicker with `pick`, its own time included.
