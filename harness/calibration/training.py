@@ -12,7 +12,7 @@ from polhode.harness.common.store import Record, Store
 from polhode.harness.picking.laws import STIFF, Laws
 from polhode.harness.picking.load import planned
 from polhode.harness.picking.model_error import LEAST_ROTATIONS
-from polhode.harness.picking.pilot import InPieces, Pilot, damping_times, pilot
+from polhode.harness.picking.pilot import InPieces, Pilot, averages, damping_times, pilot
 from polhode.harness.studies.case import Case
 from polhode.harness.studies.runner import Runner
 from polhode.harness.studies.study import Study
@@ -64,12 +64,12 @@ def solvers_for(scene: Scene, row: int) -> list[str]:
 
 def forms_for(scene: Scene, rotations: float) -> list[str]:
     """Forms that accept a scene and are soon prepared; averaged ones only where there is something to average over."""
-    accepted, averages = [], rotations > LEAST_ROTATIONS * damping_times(scene)
+    accepted, fast = [], rotations > LEAST_ROTATIONS * damping_times(scene)
     for name in FORMS:
         form = find_form(name)
         with suppress(FormNotValidError):
             form.problem(scene)
-            if averages or not (form.averaged or isinstance(form, InPieces)):
+            if fast or not averages(form):
                 accepted.append(name)
     return accepted
 

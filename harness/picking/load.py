@@ -12,7 +12,7 @@ from math import exp, log, sqrt
 import numpy as np
 
 from polhode.harness.picking.laws import STIFF, Load
-from polhode.harness.picking.pilot import InPieces, Pilot, PilotFailedError, damping_times, follow
+from polhode.harness.picking.pilot import InPieces, Pilot, PilotFailedError, averages, damping_times, follow
 from polhode.models.catalogue import form as find_form, full_form
 from polhode.models.form import Form
 from polhode.models.problem import PlannedPiece
@@ -120,7 +120,7 @@ def held_back(form: Form, solver: str, pilot: Pilot) -> bool:
         return False
     if pilot.damping_times > STIFF:
         return True
-    free = method.order_by_tolerance or method.many_periods or form.averaged or isinstance(form, InPieces)
+    free = method.order_by_tolerance or method.many_periods or averages(form)
     if free or form.problem(pilot.followed).parameters is None:
         return False
     accuracy, stability = steps(form, pilot.followed, EXPLICIT)

@@ -255,6 +255,11 @@ def _shrunk(scene: Scene, share: float) -> Scene:
     return replace(scene, stokes=scene.stokes * share, time=scene.time * share)
 
 
+def averages(form: Form) -> bool:
+    """Whether a form averages over rotations, be it in parts of a run alone."""
+    return form.averaged or isinstance(form, InPieces)
+
+
 def over_whole_run(form: Form, solver: str) -> bool:
     """Whether a method's tolerance is the error of the whole run."""
     return isinstance(form, InPieces) or (bool(solver) and find_solver(solver).many_periods)

@@ -10,7 +10,7 @@ from polhode.harness.common.text import short
 from polhode.harness.picking.laws import EPS, WANTS, ErrorLaw, Interval, Laws, MethodLaws, Sensitivity, load_laws
 from polhode.harness.picking.load import held_back
 from polhode.harness.picking.model_error import causes, check_averaging, model_errors, own_estimate
-from polhode.harness.picking.pilot import InPieces, Pilot, PilotFailedError, form_sensitivity, pilot
+from polhode.harness.picking.pilot import Pilot, PilotFailedError, averages, form_sensitivity, pilot
 from polhode.harness.picking.recommendation import Excluded, Recommendation, Way
 from polhode.harness.picking.refusals import Refusal, Stage, UnfitError, rounded_up, too_far_off, why_nothing
 from polhode.harness.picking.trials import SHARE, Candidate, with_trials
@@ -174,7 +174,7 @@ def _problem(form: Form, scene: Scene, found: Pilot, want: str) -> Problem:
     """The scene's problem in a form that takes it; the first of several reasons against it is the plainest one."""
     if want == "orientation" and form.orientation_of(scene) == "none":
         raise UnfitError("gives no orientation", Stage.FORM)
-    if form.averaged or isinstance(form, InPieces):
+    if averages(form):
         check_averaging(found)
     return form.problem(scene)
 

@@ -17,7 +17,7 @@ from polhode.harness.common.text import scientific
 from polhode.harness.picking.laws import STIFF, ErrorLaw, Interval, Load, MethodLaws, Sensitivity
 from polhode.harness.picking.load import load_of
 from polhode.harness.picking.model_error import causes
-from polhode.harness.picking.pilot import InPieces, Pilot, PilotFailedError, follow, pilot_solver
+from polhode.harness.picking.pilot import InPieces, Pilot, PilotFailedError, averages, follow, pilot_solver
 from polhode.harness.picking.recommendation import Way
 from polhode.harness.picking.refusals import Refusal, Stage, UnfitError, one_digit, one_digit_up, too_far_off, too_tight
 from polhode.harness.references.errors import errors
@@ -146,7 +146,7 @@ def with_trials(candidates: Sequence[Candidate], want: str) -> list[Way | Refusa
                 shown = _tried(candidate, hope.tolerance, found[place], yardstick, want, others)
             found[place] = shown or found[place]
             # What these err by is their own: if a trial finds no tolerance, it will by no solver.
-            if not isinstance(shown, Way) and (candidate.form.averaged or isinstance(candidate.form, InPieces)):
+            if not isinstance(shown, Way) and averages(candidate.form):
                 poor.add(hope.form)
     return found
 
