@@ -213,16 +213,18 @@ def gains(ellipsoid: Ellipsoid, found: list[tuple[float, Observables]]) -> dict[
     pairs = [(tolerance, errors(ellipsoid, loose, tight)) for (tolerance, loose), (_, tight) in pairwise(found)]
     limits = {"slow": SATURATED * max(largest, 1e-300), "orientation": SATURATED * pi}
     known = [want for want in limits if getattr(pairs[-1][1], want) is not None]
+    # The loosest pair of all is left out: its error follows no law. Of one run, made twice in the same few steps,
+    # nothing follows.
+    telling = [each for each in pairs[1:] if each[1].slow or each[1].orientation] or pairs[1:][-1:]
     # Tolerances are relative: errors of a large L are so much larger.
     sizes = {"slow": max(1.0, largest), "orientation": 1.0}
-    return {want: _first_below(pairs, want, limits[want], LUCKY * sizes[want]) for want in known}
+    return {want: _first_below(telling, want, limits[want], LUCKY * sizes[want]) for want in known}
 
 
 def _first_below(pairs: list[tuple[float, Errors]], name: str, limit: float, lucky: float) -> Gain:
-    # The loosest pair of all is left out: its error follows no law.
-    known = ((tolerance, getattr(error, name)) for tolerance, error in pairs[1:])
+    known = ((tolerance, getattr(error, name)) for tolerance, error in pairs)
     below = (Gain(tolerance, max(value, lucky * tolerance)) for tolerance, value in known if value < limit)
-    return next(below, Gain(pairs[-1][0], inf))
+    return next(below, Gain(TOLERANCES[-1], inf))
 
 
 @lru_cache(maxsize=100)
@@ -232,7 +234,8 @@ def form_ladder(form: Form, scene: Scene) -> list[tuple[float, Observables]]:
     for tolerance in TOLERANCES:
         with suppress(PilotFailedError):
             found.append((tolerance, form.observe(scene, follow(form, scene, tolerance).states)))
-        if len(found) >= 3 and all(isfinite(gain.error) for gain in gains(scene.ellipsoid, found).values()):
+        known = len(found) >= 3 and np.any(found[-1][1].slow != found[-2][1].slow)
+        if known and all(isfinite(gain.error) for gain in gains(scene.ellipsoid, found).values()):
             break
     if len(found) < 2:
         raise PilotFailedError(f"pilot: {form.name!r} by {pilot_solver(scene)!r} ended at no tolerance")

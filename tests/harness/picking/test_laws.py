@@ -237,6 +237,21 @@ def test_pilot_knows_its_own_error(name):
         assert found.gains["orientation"].error == pytest.approx(own.orientation, rel=0.1)
 
 
+def test_pilots_of_the_same_single_step_do_not_pass_for_exact():
+    """Explicit methods take this run of averages in one step down to 1e-8, and turn it by 1e-4 too little."""
+    start = BodyStart((0.09, 0.18, 0.42, -0.89), (-0.23, 1.07, 0.22))
+    scene = Scene(Ellipsoid((1.0, 0.79, 0.84)), 2.4e6, start, 7.5e4)
+    which = form("averaged-second-order")
+    found, exact = (
+        which.observe(scene, laws_pilot.follow(which, scene, *way).states)
+        for way in ((1e-6, "cyrk-vern8"), (1e-14, "taylor"))
+    )
+    own = errors(scene.ellipsoid, found, exact)
+    assert own.orientation is not None
+    assert own.orientation > 1e-5
+    assert form_sensitivity(which, pilot(scene))["orientation"].error == pytest.approx(own.orientation, rel=0.5)
+
+
 def test_a_form_in_pieces_costs_what_its_windows_do():
     class Pieces(Quaternion):
         def plan(self, scene, tolerance, start_at):
