@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from polhode.models.second_order.form import SecondOrder, slow_start
 from polhode.models.second_order.outline import Stretch, outline
 from polhode.models.second_order.path import LEAST_SPEED
 from polhode.models.second_order.run import NotAveragedError, entered
+from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
 
@@ -128,19 +130,15 @@ def second_order(scene: Scene, start: Observables) -> tuple[Problem, Callable[[A
     if ellipsoid.kind == "triaxial":
         entry = entered(ellipsoid, factor, start.rotation[0], start.angular_momentum[0])
         problem = form.slow_problem(scene, triaxial.field, entry.state, entry.parameters)
-        return problem, lambda states: states_of(scene, entry.observe(states))
-    slow = slow_start(ellipsoid, factor, start)
+        return problem, lambda states: states_of(ellipsoid, entry.observe(states))
+    slow, spheroid = slow_start(ellipsoid, factor, start), Spheroid.of(ellipsoid)
     if slow is None:
         raise NotAveragedError("St is too small for |L|")
-    parameters = spheroidal.parameters(Spheroid.of(ellipsoid), factor)
-    problem = form.slow_problem(scene, spheroidal.field, (*slow, 0.0), parameters)
-    return problem, lambda states: states_of(scene, form.observe(scene, states))
+    problem = form.slow_problem(scene, spheroidal.field, (*slow, 0.0), spheroidal.parameters(spheroid, factor))
+    return problem, partial(spheroidal.exact, spheroid, factor)
 
 
-def states_of(scene: Scene, seen: Observables) -> Array:
-    """States of the form of the full equations, shape (n, d), that have these observables."""
-    if scene.ellipsoid.kind == "triaxial":
-        spin = np.einsum("nij,nj->ni", seen.rotation, seen.angular_momentum) / np.array(scene.ellipsoid.inertia)
-        return np.column_stack([quaternion_from_matrix(seen.rotation), spin])
-    spheroid = Spheroid.of(scene.ellipsoid)
-    return np.column_stack([seen.angular_momentum / spheroid.equatorial_inertia, seen.rotation[:, spheroid.axis]])
+def states_of(ellipsoid: Ellipsoid, seen: Observables) -> Array:
+    """States of the form `quaternion`, shape (n, 7), that have these observables."""
+    spin = np.einsum("nij,nj->ni", seen.rotation, seen.angular_momentum) / np.array(ellipsoid.inertia)
+    return np.column_stack([quaternion_from_matrix(seen.rotation), spin])

@@ -3,6 +3,7 @@
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
+from math import hypot
 
 import numpy as np
 
@@ -85,8 +86,7 @@ class SecondOrder(Form):
         if scene.ellipsoid.kind == "triaxial":
             return self._entry(scene).observe(states)
         spheroid = Spheroid.of(scene.ellipsoid)
-        axis = spheroidal.turned(states[:, :3], spheroidal.unit(states[:, 3:6]), scene.stokes * states[:, 6])
-        momentum, axis = spheroidal.swung(spheroid, scene.torque_factor, states[:, :3], axis)
+        momentum, axis = np.hsplit(spheroidal.exact(spheroid, scene.torque_factor, states), 2)
         along = np.sum(momentum * axis, axis=1)
         across = np.sum((momentum - along[:, None] * axis) ** 2, axis=1)
         energy = 0.5 * spheroid.equatorial_inertia * (along**2 / spheroid.inertia_ratio + across)
@@ -130,17 +130,18 @@ def slow_start(ellipsoid: Ellipsoid, torque_factor: float, start: Observables) -
     """Slow L over I_e and p, whose image under the transformation is a spheroid's start; None if none is found."""
     spheroid = Spheroid.of(ellipsoid)
     momentum = start.angular_momentum[0] / spheroid.equatorial_inertia
-    exact = np.concatenate([momentum, start.rotation[0, spheroid.axis]])
-    slow, left, size = exact, 1.0, max(1.0, float(np.linalg.norm(momentum)))
+    exact = *momentum.tolist(), *start.rotation[0, spheroid.axis].tolist()
+    slow, left, size = exact, 1.0, max(1.0, hypot(*exact[:3]))
     for _ in range(START_PASSES):
-        image = np.concatenate(spheroidal.swung(spheroid, torque_factor, slow[None, :3], slow[None, 3:]), axis=1)
-        excess = image[0] - exact
-        slow = slow - excess
-        slow[3:] = spheroidal.unit(slow[3:])
-        before, left = left, float(np.abs(excess).max()) / size
+        image = spheroidal.swung(spheroid, torque_factor, slow[:3], slow[3:])
+        excess = [found - wanted for found, wanted in zip(image, exact, strict=True)]
+        slow = [found - more for found, more in zip(slow, excess, strict=True)]
+        length = hypot(*slow[3:])
+        slow[3:] = [each / length for each in slow[3:]]
+        before, left = left, max(map(abs, excess)) / size
         # Each pass gains the same factor.
         if left * min(1, left / before) <= START_CLOSE:
-            return tuple(slow.tolist())
-        if not np.abs(slow).max() < 1e3 * np.abs(exact).max():
+            return tuple(slow)
+        if not max(map(abs, slow)) < 1e3 * max(map(abs, exact)):
             return None
     return None

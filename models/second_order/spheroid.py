@@ -14,24 +14,24 @@ w₀ = n_z/2:
 - n carries q along, and q turns about n besides at the rate e s₀/l (its next term would not show in the orders above).
 """
 
+from collections.abc import Sequence
 from math import pi
+from typing import Any
 
 import numpy as np
 
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.operations import Field, Operations, numpy_operations
-from polhode.models.rotation import cross
 from polhode.models.second_order.field import averaged_rates
 
 Polynomial = tuple[float, ...]
 
-# The torque has harmonics of s up to 2, which five nodes resolve exactly.
-NODES = 2 * pi / 5 * np.arange(5)
-# Antiderivative over s of zero mean, taken at s = 0.
-INTEGRAL = -0.4 * (np.sin(NODES) + np.sin(2 * NODES) / 2)
-# Antiderivative of the turn of n, less that of the turn of q seen from n, taken at s = 0: part of n × (turn), of turn.
-TURN_ACROSS = 0.2 * (-1 - np.cos(NODES) / 2 + np.cos(2 * NODES) * 2 / 3)
-TURN_ALONG = -0.2 * (np.sin(NODES) * 3 / 2 - np.sin(2 * NODES) / 3)
+# The components of a vector, numbers or arrays.
+Triple = Sequence[Any]
+# How many of the parameters are of first order; they stand first.
+FIRST = 12
+# Turns about L at which the size of the transformation is looked at, shape (6, 1).
+TURNS = pi / 3 * np.arange(6)[:, None]
 
 
 def torque_coefficients(spheroid: Spheroid) -> dict[str, float]:
@@ -119,75 +119,92 @@ def field(ops: Operations) -> Field:
     return rhs
 
 
-def generator(spheroid: Spheroid, momentum: np.ndarray, axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def generator(spheroid: Spheroid, over: Any, h: Any, n: Triple, e: Triple, f: Triple) -> tuple[Triple, Triple]:
     """Generator u of the near-identity transformation: (L, p) is the slow (L, p) plus u of the slow one over St.
 
-    L is in units of I_e, p the unit symmetry axis, shape (n, 3) each; so are the parts of u, that of p normal to p.
+    `over` is 1/|L|, L in units of I_e; p = hn + e, f = n×p; the part of u for p is normal to p. Φ^s(p) being
+    hn + e cos s + f sin s, the torque has harmonics of s up to 2. u holds their antiderivatives of zero mean at s = 0,
+    for p those of the turn of n less that of the turn of q seen from n.
     """
-    size = np.linalg.norm(momentum, axis=1)
-    n = momentum / size[:, None]
-    h = np.sum(n * axis, axis=1)
-    level = h[:, None] * n
-    across, beside = axis - level, cross(n, axis)
-    poses = level + np.cos(NODES)[:, None, None] * across + np.sin(NODES)[:, None, None] * beside
-    rates = torque(torque_coefficients(spheroid), momentum, poses) / size[:, None]
-    change = np.einsum("j,jni->ni", INTEGRAL, rates)
-    tilt = (rates - np.sum(rates * n, axis=2)[..., None] * n) / size[:, None]
-    turn = cross(n, np.einsum("j,jni->ni", TURN_ACROSS, tilt)) + np.einsum("j,jni->ni", TURN_ALONG, tilt)
-    return change, h[:, None] * turn - np.sum(turn * axis, axis=1)[:, None] * n
+    D, d, c, k = torque_coefficients(spheroid).values()
+    low, high, flat, strain = (c + k) / 4, (c - k) / 4, c / 2, k / 2
 
+    def pull(a: Triple, b: Triple) -> Triple:
+        """What -c p(p·Ω) - k p×(E p) is with (ab + ba)/2 in place of pp."""
+        (ax, ay, az), (bx, by, bz) = a, b
+        x, y = low * (ax * bz + az * bx), high * (ay * bz + az * by)
+        return x, y, flat * az * bz - strain * (ax * bx - ay * by)
 
-def torque(coefficients: dict[str, float], momentum: np.ndarray, axis: np.ndarray) -> np.ndarray:
-    """Rate in slow time of L over I_e for the symmetry axis p, shape (..., 3) each (`ultima`, `jw1`–`jw3`)."""
-    px, py, pz = np.moveaxis(axis, -1, 0)
-    strain = 0.5 * np.stack([-px * pz, py * pz, px * px - py * py], axis=-1)
-    along = -coefficients["d"] * np.sum(axis * momentum, axis=-1) - 0.5 * coefficients["c"] * pz
-    steady = -coefficients["D"] * (momentum + np.array([0.0, 0.0, 0.5]))
-    return steady + along[..., None] * axis + coefficients["k"] * strain
-
-
-def turned(momentum: np.ndarray, axis: np.ndarray, turns: np.ndarray) -> np.ndarray:
-    """Symmetry axes Φ^s(p), shape (n, 3), turned about L by one angle s, or by angles of shape (n,), in rad."""
-    n = momentum / np.linalg.norm(momentum, axis=1)[:, None]
-    level = np.sum(n * axis, axis=1)[:, None] * n
-    cos, sin = np.cos(turns)[..., None], np.sin(turns)[..., None]
-    return level + cos * (axis - level) + sin * cross(n, axis)
+    p, damped, h2 = plus(e, h, n), scaled(d * h, f), h * h
+    once, twice = pull(p, f), pull(e, f)
+    # Of the steady part and cosines, ee + ff being (1 - h²)(1 - nn).
+    x, y, z = plus(pull(n, plus(scaled((4 * h2 - 1) / 3, n), h / 2, e)), 1 / 3, pull(f, f))
+    tilt = cross(n, (x, y, z + (D / 2 + flat / 3 * (1 - h2))))
+    change = plus(damped, 2 * over, plus(once, -0.75, twice))
+    turn = scaled(over, plus(damped, over, plus(plus(tilt, 1.5, once), -5 / 3, twice)))
+    return change, plus(scaled(h, turn), -dot(turn, p), n)
 
 
 def swung(
-    spheroid: Spheroid, torque_factor: float, momentum: np.ndarray, axis: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Exact L over I_e and p, shape (n, 3) each, of slow ones: the near-identity transformation, p of unit length."""
-    change, turn = generator(spheroid, momentum, axis)
-    return momentum + torque_factor * change, unit(axis + torque_factor * turn)
+    spheroid: Spheroid, torque_factor: float, momentum: Triple, axis: Triple, cos: Any = 1.0, sin: Any = 0.0
+) -> tuple[Any, ...]:
+    """Exact L over I_e and p, six components, of slow ones, p turned about L before: p stays of unit length."""
+    over = 1 / dot(momentum, momentum) ** 0.5
+    n = scaled(over, momentum)
+    h, f = dot(n, axis), cross(n, axis)
+    e = plus(axis, -h, n)
+    e, f = plus(scaled(cos, e), sin, f), plus(scaled(cos, f), -sin, e)
+    change, turn = generator(spheroid, over, h, n, e, f)
+    axis = plus(plus(e, h, n), torque_factor, turn)
+    return *plus(momentum, torque_factor, change), *scaled(dot(axis, axis) ** -0.5, axis)
 
 
-def unit(vectors: np.ndarray) -> np.ndarray:
-    """Vectors, shape (..., 3), at unit length."""
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+def exact(spheroid: Spheroid, torque_factor: float, states: np.ndarray) -> np.ndarray:
+    """Exact L over I_e and p, shape (n, 6), of states of `field`, shape (n, 7)."""
+    lx, ly, lz, qx, qy, qz, turns = states.T.copy()
+    axis, turns = scaled((qx * qx + qy * qy + qz * qz) ** -0.5, (qx, qy, qz)), turns / torque_factor
+    return np.array(swung(spheroid, torque_factor, (lx, ly, lz), axis, np.cos(turns), np.sin(turns))).T
+
+
+def plus(u: Triple, a: Any, v: Triple) -> Triple:
+    """Return u + av."""
+    return u[0] + a * v[0], u[1] + a * v[1], u[2] + a * v[2]
+
+
+def scaled(a: Any, v: Triple) -> Triple:
+    """Return av."""
+    return a * v[0], a * v[1], a * v[2]
+
+
+def dot(u: Triple, v: Triple) -> Any:
+    """u·v."""
+    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+
+
+def cross(u: Triple, v: Triple) -> Triple:
+    """u × v."""
+    return u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
 
 
 def orders(spheroid: Spheroid, torque_factor: float, slow: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Largest change of L over |L| and of p by the transformation, and |L'| or |E'| of second order over I_max."""
-    momentum = slow[:, :3] / spheroid.equatorial_inertia
-    size = np.linalg.norm(momentum, axis=1)
-    n = momentum / size[:, None]
+    lx, ly, lz, energy = (slow / spheroid.equatorial_inertia).T.copy()
+    momentum = lx, ly, lz
+    square, flattening = dot(momentum, momentum), 1 / spheroid.inertia_ratio - 1
+    over = square**-0.5
+    n = scaled(over, momentum)
     # 2E/(I_e l²) = 1 + (I_e/I_a - 1)(n·p)²
-    excess = 2 * slow[:, 3] / (spheroid.equatorial_inertia * size**2) - 1
-    h2 = np.clip(excess / (1 / spheroid.inertia_ratio - 1), 0, 1)[:, None]
-    beside = cross(n, np.eye(3)[np.argmin(np.abs(n), axis=1)])
-    axis = np.sqrt(h2) * n + np.sqrt(1 - h2) * unit(beside)
-    every = np.tile(momentum, (6, 1))
-    axes = turned(every, np.tile(axis, (6, 1)), np.repeat(np.pi / 3 * np.arange(6), len(size)))
-    change, tilt = generator(spheroid, every, axes)
-    relative = np.linalg.norm(change, axis=1) / np.tile(size, 6) + np.linalg.norm(tilt, axis=1)
-    state = (*momentum.T, *axis.T, 0 * size)
-    both, first = (
-        np.array(field(numpy_operations())(state, parameters(spheroid, factor))[:6]) for factor in (torque_factor, 0.0)
-    )
-    moved, tilted = (both - first).reshape(2, 3, -1).swapaxes(1, 2)
-    along = np.sum(moved * axis + momentum * tilted, axis=1) * np.sum(momentum * axis, axis=1)
-    energy = np.sum(momentum * moved, axis=1) + (1 / spheroid.inertia_ratio - 1) * along
-    largest = max(1.0, spheroid.inertia_ratio)
-    second = np.maximum(np.linalg.norm(moved, axis=1), np.abs(energy)) / largest
-    return torque_factor * relative.reshape(6, -1).max(axis=0), second
+    h2 = np.minimum(np.maximum((2 * energy / square - 1) / flattening, 0), 1)
+    h, beside = np.sqrt(h2), cross(n, [*np.eye(3)[:, np.argmin(np.abs(n), axis=0)]])
+    e = scaled(((1 - h2) / dot(beside, beside)) ** 0.5, beside)
+    f, cos, sin = cross(n, e), np.cos(TURNS), np.sin(TURNS)
+    turned = plus(scaled(cos, e), sin, f), plus(scaled(cos, f), -sin, e)
+    change, tilt = generator(spheroid, over, h, n, *turned)
+    relative = over * np.sqrt(dot(change, change)) + np.sqrt(dot(tilt, tilt))
+    axis = plus(e, h, n)
+    second = (0.0,) * FIRST + parameters(spheroid, torque_factor)[FIRST:]
+    rates = field(numpy_operations())((*momentum, *axis, 0.0), second)
+    moved, tilted = rates[:3], rates[3:6]
+    along = (dot(moved, axis) + dot(momentum, tilted)) * h / over
+    change = np.maximum(np.sqrt(dot(moved, moved)), np.abs(dot(momentum, moved) + flattening * along))
+    return torque_factor * relative.max(axis=0), change / max(1.0, spheroid.inertia_ratio)

@@ -118,8 +118,11 @@ def test_averages_agree_with_brute_force(axes):
 @SHAPES
 def test_generator_agrees_with_brute_force(axes):
     spheroid, _, _, generator = brute_force(axes)
-    ours = second_order_spheroid.generator(spheroid, STATE[None, :3], STATE[None, 3:])
-    assert np.concatenate(ours, axis=1)[0] == pytest.approx(generator(STATE, 0.0), rel=1e-12, abs=1e-12)
+    size = np.linalg.norm(STATE[:3])
+    n, axis = STATE[:3] / size, STATE[3:]
+    across, beside = axis - (n @ axis) * n, np.cross(n, axis)
+    ours = second_order_spheroid.generator(spheroid, 1 / size, n @ axis, n, across, beside)
+    assert np.concatenate(ours) == pytest.approx(generator(STATE, 0.0), rel=1e-12, abs=1e-12)
 
 
 @SHAPES
