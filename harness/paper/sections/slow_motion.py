@@ -15,8 +15,9 @@ from polhode.models.shape import Ellipsoid
 NAMES = {"Lx": "$L_x/I_{max}$", "Ly": "$L_y/I_{max}$", "Lz": "$L_z/I_{max}$", "E": "$E/I_{max}$"}
 # Stokes numbers at which the error is measured beside those of the figure.
 MEASURED = (1e3, 2e3, 1e4, 2e4, 5e4)
-# Largest slow error at St = 100, over I_max, that counts as accurate.
-ACCURATE = 0.25
+# Largest slow error at St = 100 that counts as accurate, over the largest change of a slow variable in the averaged
+# run: beyond half of it a full run is nearer to a state of another time.
+ACCURATE = 0.5
 
 
 @dataclass(frozen=True)
