@@ -22,14 +22,14 @@ from polhode.models.shape import Ellipsoid
 Array = np.ndarray
 
 # The error of L and E that a tolerance stands for, and the share of it that windows may take, chosen by trial.
-ERROR_PER_TOLERANCE, WINDOWS = 100.0, 0.2
+ERROR_PER_TOLERANCE, WINDOWS = 100.0, 0.5
 # Error of L and E over the tolerance of the full equations, per radian that a body turns with |L||ω| below I_max, by
 # trial, for every solver.
 PER_RADIAN = 1.5e-2
 # Tolerance below which rounding makes the error, not the tolerance.
 ROUNDING = 1e-13
 # Tolerance of averaged pieces, which cost nothing, and those of windows: some solvers compile for each one anew.
-AVERAGED_TOLERANCE, FULL = 1e-12, (1e-8, 1e-10, 1e-12, 1e-14)
+AVERAGED_TOLERANCE, FULL = 1e-12, (1e-8, 1e-9, 1e-10, 1e-11, 1e-12, ROUNDING)
 # A run of so few turns costs less than to look ahead.
 SHORT = 1000
 # Turns by which a window is lengthened where no slow state belongs to its end, chosen by trial.
@@ -41,7 +41,7 @@ class HybridCourse:
     """The course of a scene's run; its states are those of the form of the full equations.
 
     `full` are the full equations. `stretches` are those foreseen at the time `since` from the run's state then. `spent`
-    is what the pieces before have taken of the error asked for.
+    is what the pieces before have taken of the error asked for, `worn` what the windows among them have.
     """
 
     scene: Scene
@@ -49,6 +49,7 @@ class HybridCourse:
     since: float = 0.0
     stretches: tuple[Stretch, ...] = ()
     spent: float = 0.0
+    worn: float = 0.0
 
     def __call__(self, time: float, state: Array, tolerance: float) -> Piece:
         """Return the next piece."""
@@ -65,7 +66,8 @@ class HybridCourse:
             except NotAveragedError as refusal:
                 more = 2 * np.pi * MORE / speed(self.here(time, state))
                 end, reason, later = time + more, str(refusal), replace(self, stretches=())
-                stretch = replace(stretch, second_order=False, turned=more * wear(self.here(time, state)) / stokes)
+                turned = more * wear(self.here(time, state)) / stokes
+                stretch = replace(stretch, end=stretch.start + more / stokes, second_order=False, turned=turned)
             else:
                 angle = self.angle(end - time, stretch.error) + stretch.swing
                 later = replace(later, spent=self.spent + stretch.error)
@@ -73,9 +75,8 @@ class HybridCourse:
                 return Piece(problem, end, states, "second order", *own, later, averaged=True)
         elif stretch.decisive:
             later = replace(self, stretches=())
-        own = full_tolerance((stretch, *rest), stokes, tolerance)
-        cost = PER_RADIAN * max(own, ROUNDING) * stretch.turned * stokes
-        angle, later = self.angle(end - time, cost), replace(later, spent=self.spent + cost)
+        own, cost = full_tolerance((stretch, *rest), stokes, tolerance, self.worn)
+        angle, later = self.angle(end - time, cost), replace(later, spent=self.spent + cost, worn=self.worn + cost)
         return Piece(replace(self.full, start=tuple(state.tolist())), end, None, reason, cost, angle, own, later)
 
     def angle(self, duration: float, error: float) -> float:
@@ -106,12 +107,18 @@ def wear(scene: Scene) -> float:
     return speed(scene) * max(1.0, size * speed(scene))
 
 
-def full_tolerance(ahead: Sequence[Stretch], stokes: float, tolerance: float) -> float:
-    """Tolerance of the full equations in the first one of the stretches ahead: errors of windows add up."""
-    windows = sum(each.turned for each in ahead if not each.second_order)
+def full_tolerance(ahead: Sequence[Stretch], stokes: float, tolerance: float, worn: float) -> tuple[float, float]:
+    """Tolerance of the full equations in the first one of the stretches ahead, and what it takes of the error.
+
+    Windows share their error by how long they last, which costs least; those behind have taken `worn` of it.
+    """
+    first, error = ahead[0], WINDOWS * ERROR_PER_TOLERANCE * tolerance
+    lasting = sum(each.end - each.start for each in ahead if not each.second_order)
+    share = max(error - worn, error / 10) * (first.end - first.start) / lasting
     tolerances = tolerance, *(each for each in FULL if each < tolerance)
-    most = WINDOWS * ERROR_PER_TOLERANCE * tolerance / (PER_RADIAN * windows * stokes)
-    return next((each for each in tolerances if each <= most), tolerances[-1])
+    grows = PER_RADIAN * first.turned * stokes
+    own = next((each for each in tolerances if each * grows <= share), tolerances[-1])
+    return own, max(own, ROUNDING) * grows
 
 
 def foreseen(scene: Scene, error: float) -> tuple[Stretch, ...]:

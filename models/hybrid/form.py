@@ -55,13 +55,16 @@ class Hybrid(Form):
     ) -> tuple[PlannedPiece, ...]:
         """Pieces that a run is expected to take, from where it stands at a time, as far as that is known."""
         self.check(scene)
-        error, begin, pieces = ERROR_PER_TOLERANCE * tolerance, 0.0, list[PlannedPiece]()
+        error, begin, worn, pieces = ERROR_PER_TOLERANCE * tolerance, 0.0, 0.0, list[PlannedPiece]()
         start: Start | None = scene.start
         while start and begin < scene.time and len(pieces) < MOST_PIECES:
             stretches = foreseen(replace(scene, start=start, time=scene.time - begin), error)
             since = begin
             for i, each in enumerate(stretches):
-                own = None if each.second_order else full_tolerance(stretches[i:], scene.stokes, tolerance)
+                own = None
+                if not each.second_order:
+                    own, cost = full_tolerance(stretches[i:], scene.stokes, tolerance, worn)
+                    worn += cost
                 end = since + each.end * scene.stokes
                 pieces.append(PlannedPiece(begin, end, own))
                 begin = end

@@ -14,11 +14,11 @@ from polhode.harness.references.errors import errors
 from polhode.models.catalogue import form, full_form
 from polhode.models.form import FormNotValidError
 from polhode.models.hybrid import course
-from polhode.models.hybrid.course import ERROR_PER_TOLERANCE, second_order
+from polhode.models.hybrid.course import ERROR_PER_TOLERANCE, PER_RADIAN, WINDOWS, full_tolerance, second_order
 from polhode.models.hybrid.form import Hybrid
 from polhode.models.observables import Observables
 from polhode.models.scene import BodyStart, EulerStart, Scene
-from polhode.models.second_order.outline import Ahead
+from polhode.models.second_order.outline import Ahead, Stretch
 from polhode.models.second_order.path import path_of
 from polhode.models.second_order.run import NotAveragedError
 from polhode.models.shape import Ellipsoid
@@ -250,3 +250,18 @@ def test_any_scene_runs_or_is_refused_at_once(axes, stokes, slow, angles, rates,
     solution = run(scene, error, max_seconds=0.2)
     assert solution.status in (Status.REACHED_END, Status.TIME_LIMIT), solution.message
     assert process_time() - began < 5.0
+
+
+@given(st.lists(st.tuples(st.floats(1e-4, 1e-1), st.floats(1.0, 1e3)), min_size=1, max_size=8))
+def test_windows_take_their_share_of_the_error_together(windows: list[tuple[float, float]]):
+    ahead = [Stretch(0.0, lasts, False, turned=lasts * weight) for lasts, weight in windows]
+    worn = 0.0
+    for i, each in enumerate(ahead):
+        own, cost = full_tolerance(ahead[i:], 1e5, 1e-8, worn)
+        assert cost == pytest.approx(PER_RADIAN * own * each.turned * 1e5)
+        # The next looser tolerance would have taken more than is due to it.
+        assert own == 1e-8 or 10 * cost * sum(w.end for w in ahead[i:]) > (WINDOWS * 1e-6 - worn) * each.end * (
+            1 - 1e-9
+        )
+        worn += cost
+    assert worn <= WINDOWS * 1e-6
