@@ -205,7 +205,7 @@ def _tried(
 
 
 def _yardstick(candidate: Candidate, others: Sequence[Candidate], limit: float) -> Yardstick | None:
-    """A run close enough to the true one, of the same averaged form or a full one; None if there is none."""
+    """A run close enough to the true one, of the same averaged form, a full one or one in pieces; None if none is."""
     found = candidate.found
     full = {reference_form(found.scene), full_form(found.scene)}
     forms = {candidate.form.name} if candidate.form.averaged and candidate.model else full
@@ -213,7 +213,9 @@ def _yardstick(candidate: Candidate, others: Sequence[Candidate], limit: float) 
     # By the pilot's solver if that will do, else by the one that is soonest compiled.
     able.sort(key=lambda each: (each.solver != pilot_solver(found.scene), each.laws.compile_seconds))
     unlike = [each for each in able if each.solver == UNLIKE != candidate.solver]
-    for met, unsure, those in ((MET, UNSURE, able), (UNLIKE_MET, 1.0, unlike)):
+    doubted = candidate.form.averaged and not candidate.model
+    pieces = [each for each in others if doubted and isinstance(each.form, InPieces)]
+    for met, unsure, those in ((MET, UNSURE, [*able, *pieces]), (UNLIKE_MET, 1.0, unlike)):
         for each in those:
             with suppress(PilotFailedError, UnfitError):
                 way = replace(each, budget=unsure * candidate.budget, model=None).expected()
