@@ -5,7 +5,7 @@ from math import pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
+from scipy import optimize, stats
 
 from polhode.harness.paper.item import Computed, Grid, Table
 from polhode.harness.paper.planes import distance_from_node, energy_at
@@ -55,7 +55,7 @@ def compute_order(grid: Grid) -> Computed:
     """Largest slow error of the averaged form by side, start and St."""
     generator = np.random.default_rng(11)
     slow_times = np.linspace(0.0, ORDER_TIME, 3001)
-    numbers = np.geomspace(1e4, grid.of(3e6, 3e5), grid.of(6, 4)).tolist()
+    numbers = [*np.geomspace(1e4, grid.of(3e6, 3e5), grid.of(6, 4)).tolist(), *grid.of((1e7,), ())]
     for side, (name, count) in enumerate(zip(SIDES, grid.of((16, 64), (4, 8)), strict=True)):
         for index in range(count):
             start = random_start(generator, name)
@@ -79,6 +79,18 @@ def above_middle(slow: np.ndarray) -> np.ndarray:
 def start_exponents(part: Table) -> np.ndarray:
     """Exponents of all starts, from the asymptotic St on."""
     return np.array([exponent(run.stokes, run.error) for _, run in groups(part[part.stokes >= ASYMPTOTIC], "start")])
+
+
+def typical_errors(part: Table) -> np.ndarray:
+    """Geometric mean of the error over starts, at each St."""
+    return np.array([np.exp(np.mean(np.log(own.error))) for _, own in groups(part, "stokes")])
+
+
+def two_laws(stokes: np.ndarray, errors: np.ndarray) -> tuple[float, float]:
+    """a and b of errors ((a/St)² + b²/St)^½: a jump and a scattering that add up as independent ones do."""
+    laws = np.stack([stokes**-2, 1 / stokes], axis=1) / errors[:, None] ** 2
+    jump, scattering = np.sqrt(optimize.nnls(laws, np.ones(len(stokes)))[0]).tolist()
+    return jump, scattering
 
 
 def local_exponents(part: Table) -> list[Estimate]:

@@ -11,7 +11,7 @@ from polhode.harness.common.text import WORDING
 from polhode.harness.paper import claims
 from polhode.harness.paper.claims import drawn, facts_of, judged
 from polhode.harness.paper.item import Word
-from polhode.harness.paper.sections.beyond import SPREAD, fitted_level, law
+from polhode.harness.paper.sections.beyond import SPREAD, fitted_level, law, two_laws, typical_errors
 from polhode.harness.paper.sections.periods import turns
 from polhode.harness.paper.tables import Estimate
 
@@ -149,3 +149,12 @@ def test_axes_for_each_of_a_list():
         drawn(entry, {"table": table})
     curve["when"] = "each < 2"
     assert [len(axes.lines) for axes in drawn(entry, {"table": table}).axes] == [1, 0]
+
+
+def test_a_jump_and_a_scattering_differ_in_how_they_fall():
+    stokes = np.geomspace(1e4, 1e7, 7)
+    errors = np.sqrt((18 / stokes) ** 2 + 0.03**2 / stokes)
+    rows = [(n, factor * error) for n, error in zip(stokes, errors, strict=True) for factor in (0.1, 10)]
+    table = np.rec.fromrecords(rows, names="stokes,error")
+    assert two_laws(stokes, typical_errors(table)) == pytest.approx((18, 0.03), rel=1e-9)
+    assert two_laws(stokes, 18 / stokes) == pytest.approx((18, 0))
