@@ -101,17 +101,27 @@ class Path:
         return replace(self, times=every, slow=slow)
 
     @cached_property
+    def momentum(self) -> Array:
+        """|L|."""
+        lx, ly, lz, _ = self.slow.T
+        return np.sqrt(lx * lx + ly * ly + lz * lz)
+
+    @cached_property
     def size(self) -> Array:
         """|L| over I_max."""
-        return np.sqrt(np.sum(self.slow[:, :3] ** 2, axis=1)) / max(self.ellipsoid.inertia)
+        return self.momentum / max(self.ellipsoid.inertia)
+
+    @cached_property
+    def spin(self) -> Array:
+        """max(1, |ω|), at most."""
+        # |ω|² is at most (1/I₁ + 1/I₃) 2E - L²/(I₁I₃), as the rotation about the middle axis only lessens it.
+        low, _, high = sorted(self.ellipsoid.inertia)
+        return np.sqrt(np.maximum(2 * self.slow[:, 3] * (1 / low + 1 / high) - self.momentum**2 / (low * high), 1))
 
     @cached_property
     def scale(self) -> Array:
-        """What changes of L over |L| and of the pose in rad make a slow error, over I_max, at most: |L| max(1, |ω|)."""
-        # |ω|² is at most (1/I₁ + 1/I₃) 2E - L²/(I₁I₃), as the rotation about the middle axis only lessens it.
-        low, _, high = sorted(self.ellipsoid.inertia)
-        square = 2 * self.slow[:, 3] * (1 / low + 1 / high) - (high * self.size) ** 2 / (low * high)
-        return self.size * np.sqrt(np.maximum(square, 1))
+        """What changes of L over |L| and of the pose in rad make a slow error, over I_max, at most."""
+        return self.size * self.spin
 
     @cached_property
     def longest(self) -> Array:
@@ -163,8 +173,11 @@ class Path:
     @cached_property
     def change(self) -> Array:
         """|L'| of first order over I_max."""
-        momentum = np.gradient(self.slow[:, :3], self.times, axis=0)
-        return np.linalg.norm(momentum, axis=1) / max(self.ellipsoid.inertia)
+        steps = np.diff(self.times)
+        slopes = np.diff(self.slow[:, :3].T) / steps
+        within = (steps[1:] * slopes[:, :-1] + steps[:-1] * slopes[:, 1:]) / (steps[1:] + steps[:-1])
+        x, y, z = np.concatenate([slopes[:, :1], within, slopes[:, -1:]], axis=1)
+        return np.sqrt(x * x + y * y + z * z) / max(self.ellipsoid.inertia)
 
     @cached_property
     def smaller(self) -> Array:
@@ -258,8 +271,7 @@ class Path:
     @cached_property
     def speed(self) -> Array:
         """How fast the body turns, about: 2E/|L|, or as fast as the shear turns any."""
-        size = np.linalg.norm(self.slow[:, :3], axis=1)
-        return np.maximum(LEAST_SPEED, 2 * self.slow[:, 3] / np.maximum(size, 1e-300))
+        return np.maximum(LEAST_SPEED, 2 * self.slow[:, 3] / np.maximum(self.momentum, 1e-300))
 
     @property
     def wear(self) -> Array:
@@ -268,8 +280,10 @@ class Path:
 
     def summed(self, rates: Array) -> Array:
         """Integrals from the start to each time, the first index."""
+        found = np.zeros_like(rates)
         gained = 0.5 * (rates[1:] + rates[:-1]).T * np.diff(self.times)
-        return np.concatenate([np.zeros_like(rates[:1]), np.cumsum(gained.T, axis=0)])
+        gained.T.cumsum(axis=0, out=found[1:])
+        return found
 
     def lag(self, swing: Array) -> Array:
         """Errors of the angles, in rad: their rates miss the mean square of the swing, half its largest one's."""
@@ -278,8 +292,7 @@ class Path:
     def phase(self, error: Array) -> Array:
         """Errors of the angles, in rad, from slow errors that last: what these make of their rates."""
         speed = max(self.ellipsoid.inertia) / sorted(self.ellipsoid.inertia)[1] / self.torque_factor
-        share = np.divide(self.size, self.scale, out=np.ones(len(error)), where=self.scale > 0)
-        return np.minimum(speed * self.summed(error * share), pi)
+        return np.minimum(speed * self.summed(error / self.spin), pi)
 
 
 @lru_cache(maxsize=16)

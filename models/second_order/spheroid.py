@@ -14,7 +14,7 @@ w₀ = n_z/2:
 - n carries q along, and q turns about n besides at the rate e s₀/l (its next term would not show in the orders above).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import pi
 from typing import Any
 
@@ -83,9 +83,25 @@ def parameters(spheroid: Spheroid, torque_factor: float) -> tuple[float, ...]:
     return tuple(factors[name] * value for name, row in polynomials.items() for value in row)
 
 
+def slow_rates(ops: Operations) -> Callable[..., Any]:
+    """Rates l'/l, h'/(h(1-h²)) and L'⊥ from l = |L|, n and h²; p as for `field`."""
+    averaged = ops.use(averaged_rates)
+
+    def rates(size, n, x, p):
+        f = p[0] + p[1] * x, p[2] + p[3] * x, p[12] + x * (p[13] + x * p[14]), p[15] + x * (p[16] + x * p[17])
+        g = p[4], p[5], p[18] + x * p[19], p[20] + x * p[21]
+        r = p[8] + p[9] * x, p[10] + p[11] * x
+        p1, p2 = p[22] + x * (p[23] + x * p[24]), p[25] + x * (p[26] + x * p[27])
+        p3, p4 = p[28] + x * (p[29] + x * p[30]), p[31] + x * (p[32] + x * p[33])
+        p5, p6 = p[34] + x * (p[35] + x * p[36]), p[37] + x * (p[38] + x * p[39])
+        return averaged(size, n, f, g, r, (p1, p2, p3, p4, p5, p6))
+
+    return rates
+
+
 def field(ops: Operations) -> Field:
     """Rates of (L, q, σ) in slow time t₂ = t/St; p as from `parameters`."""
-    sqrt, averaged = ops.sqrt, ops.use(averaged_rates)
+    sqrt, rates = ops.sqrt, ops.use(slow_rates)
 
     def rhs(y, p):
         lx, ly, lz, qx, qy, qz = y[0], y[1], y[2], y[3], y[4], y[5]
@@ -94,14 +110,7 @@ def field(ops: Operations) -> Field:
         nx, ny, nz = lx * over, ly * over, lz * over
         h = nx * qx + ny * qy + nz * qz
         x = h * h
-
-        f = p[0] + p[1] * x, p[2] + p[3] * x, p[12] + x * (p[13] + x * p[14]), p[15] + x * (p[16] + x * p[17])
-        g = p[4], p[5], p[18] + x * p[19], p[20] + x * p[21]
-        r = p[8] + p[9] * x, p[10] + p[11] * x
-        p1, p2 = p[22] + x * (p[23] + x * p[24]), p[25] + x * (p[26] + x * p[27])
-        p3, p4 = p[28] + x * (p[29] + x * p[30]), p[31] + x * (p[32] + x * p[33])
-        p5, p6 = p[34] + x * (p[35] + x * p[36]), p[37] + x * (p[38] + x * p[39])
-        growth, rise, tx, ty, tz = averaged(size, (nx, ny, nz), f, g, r, (p1, p2, p3, p4, p5, p6))
+        growth, rise, tx, ty, tz = rates(size, (nx, ny, nz), x, p)
 
         # n' carries q along: (n × n') × q = n'(n·q) - n(n'·q).
         kept, lost = h * over, (tx * qx + ty * qy + tz * qz) * over
@@ -201,10 +210,8 @@ def orders(spheroid: Spheroid, torque_factor: float, slow: np.ndarray) -> tuple[
     turned = plus(scaled(cos, e), sin, f), plus(scaled(cos, f), -sin, e)
     change, tilt = generator(spheroid, over, h, n, *turned)
     relative = over * np.sqrt(dot(change, change)) + np.sqrt(dot(tilt, tilt))
-    axis = plus(e, h, n)
     second = (0.0,) * FIRST + parameters(spheroid, torque_factor)[FIRST:]
-    rates = field(numpy_operations())((*momentum, *axis, 0.0), second)
-    moved, tilted = rates[:3], rates[3:6]
-    along = (dot(moved, axis) + dot(momentum, tilted)) * h / over
-    change = np.maximum(np.sqrt(dot(moved, moved)), np.abs(dot(momentum, moved) + flattening * along))
-    return torque_factor * relative.max(axis=0), change / max(1.0, spheroid.inertia_ratio)
+    growth, rise, *across = slow_rates(numpy_operations())(1 / over, n, h2, second)
+    moved = np.sqrt(square * growth * growth + dot(across, across))
+    powered = square * np.abs(growth * (1 + flattening * h2) + flattening * h2 * (1 - h2) * rise)
+    return torque_factor * relative.max(axis=0), np.maximum(moved, powered) / max(1.0, spheroid.inertia_ratio)
