@@ -14,7 +14,8 @@ from math import hypot, inf, pi, sqrt
 import numpy as np
 
 from polhode.models.scene import Scene
-from polhode.models.second_order.path import TINY, Kick, Path, path_of
+from polhode.models.second_order.path import TINY, Path, path_of
+from polhode.models.second_order.tables import Kick
 
 Array = np.ndarray
 

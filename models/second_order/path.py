@@ -15,6 +15,7 @@ from polhode.models.scene import Scene
 from polhode.models.second_order import spheroid as spheroidal, tables
 from polhode.models.second_order.extent import extent
 from polhode.models.second_order.swing import modes_at, series_for
+from polhode.models.second_order.tables import Kick
 from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
@@ -27,8 +28,6 @@ KICKED, SMOOTH = 240, 100
 TINY = 1e-12
 # Depth a² at which tables end, less what a first-order path may be wrong by.
 DEEPEST = tables.MOST - 0.2
-# Of resonances, the least and the largest half width of a window, in √(|dD/dt|/St) of the divisor.
-WIDTHS = (4.0, 40.0)
 # Third-order terms over what rho makes of those of second order, so that estimates bound most runs; chosen by trial.
 MARGIN = 3.6
 # Of those of first order, over the square of the damping over a radian; by trial, too.
@@ -41,31 +40,6 @@ LEAST_SPEED = 0.5
 SADDLE = 15.0
 # Square of the slow time, in 1/(St times the slowest damping rate), in which |L| rises from 0 far enough; by trial.
 RISEN = 45.0
-
-
-@dataclass(frozen=True, eq=False)
-class Kick:
-    """What a resonance gives L, over I_max."""
-
-    time: float
-    size: float
-    mode: tuple[int, int]
-    width: float  # time that the phase takes to turn by a radian there
-    along: Array  # what it gives (|L|, E), over I_max, complex: the part of the phase that happens to be is real
-    bend: float  # by how much the mode changes dD/dt, over that
-    drift: float  # change of a² in its width
-
-    def window(self, budget: float) -> float:
-        """Half width of the window at whose ends about the budget is missed."""
-        least, largest = WIDTHS
-        share = self.size / budget
-        wanted = (share * self.bend) ** (1 / 3), sqrt(2 * share * (1.5 * self.bend**2 + self.drift))
-        return self.width * min(largest, max(least, *wanted))
-
-    def missed(self, times: Array) -> Array:
-        """What the transformation misses of it at times outside a window, at most."""
-        near = np.minimum(1, self.width / np.maximum(np.abs(times - self.time), 1e-300))
-        return self.size * near**2 * (self.bend * near + 1.5 * self.bend**2 + self.drift)
 
 
 @dataclass(frozen=True)

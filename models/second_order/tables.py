@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from math import pi
+from math import pi, sqrt
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebder
@@ -34,6 +34,8 @@ NEAR, SPARE = 0.02, 6
 FLOOR = 1e-24
 # Distance in a² at which the poles of the averages are found.
 BESIDE = 5e-4
+# Of resonances, the least and the largest half width of a window, in √(|dD/dt|/St) of the divisor.
+WIDTHS = (4.0, 40.0)
 
 
 @dataclass(frozen=True)
@@ -49,6 +51,31 @@ class Table:
     def rises(self) -> Array:
         """Chebyshev coefficients of dν₁/da² and dν₂/da²."""
         return 2 / MOST * chebder(self.series[-2:], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Kick:
+    """What a resonance gives L, over I_max."""
+
+    time: float
+    size: float
+    mode: tuple[int, int]
+    width: float  # time that the phase takes to turn by a radian there
+    along: Array  # what it gives (|L|, E), over I_max, complex: the part of the phase that happens to be is real
+    bend: float  # by how much the mode changes dD/dt, over that
+    drift: float  # change of a² in its width
+
+    def window(self, budget: float) -> float:
+        """Half width of the window at whose ends about the budget is missed."""
+        least, largest = WIDTHS
+        share = self.size / budget
+        wanted = (share * self.bend) ** (1 / 3), sqrt(2 * share * (1.5 * self.bend**2 + self.drift))
+        return self.width * min(largest, max(least, *wanted))
+
+    def missed(self, times: Array) -> Array:
+        """What the transformation misses of it at times outside a window, at most."""
+        near = np.minimum(1, self.width / np.maximum(np.abs(times - self.time), 1e-300))
+        return self.size * near**2 * (self.bend * near + 1.5 * self.bend**2 + self.drift)
 
 
 def depth(x: Array) -> Array:
