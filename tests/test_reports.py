@@ -165,10 +165,10 @@ def test_readme_says_what_there_is():
 def test_readme_says_how_long_the_runs_of_the_map_last():
     readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
     said = re.search(
-        r"last (\S+) shear times up to St = (\S+), then .* = (\S+); only at (\S+) it is (\S+), for", readme
+        r"last (\S+) shear times up to St = (\S+), then .*? = (\d\.\d+)(?:; only at (\S+) it is (\S+), for)?", readme
     )
     assert said, "the caption of the map has changed"
-    shear, until, slow, far, short = map(float, said.groups())
+    shear, until, slow, far, short = (float(number or "nan") for number in said.groups())
     runs = pd.read_csv(REPORTS / "regimes" / "runs.csv")
     for stokes, time in runs.groupby("stokes")["scene.time"].unique().items():
         expected = shear if stokes <= until else stokes * (short if stokes == far else slow)
@@ -180,3 +180,63 @@ def test_readme_says_up_to_which_stokes_number_implicit_methods_win():
     until = float(re.search(r"implicit methods win up to St ≈ (\S+)\)", readme)[1])
     cells = [cell for found in read_cells(REPORTS / "regimes" / "cells.csv").values() for cell in found]
     assert max(cell.stokes for cell in cells if cell.winner and cell.winner.side == "implicit") == until
+
+
+def on(page: str, pattern: str) -> float:
+    """The sum of the numbers that a pattern finds on a page."""
+    found = re.search(pattern, text(page))
+    assert found, pattern
+    return sum(map(float, found.groups()))
+
+
+def spheroid_axis_share() -> float:
+    """Share in % of the cells of the spheroid's map that its own form wins."""
+    maps = read_cells(REPORTS / "regimes" / "cells.csv")
+    won = [
+        cell.winner.form for (name, _), found in maps.items() for cell in found if name == "spheroid" and cell.winner
+    ]
+    return 100 * won.count("spheroid-axis") / len(won)
+
+
+def largest_model_error() -> float:
+    """Largest error of first-order averaging over the starts of `polhode accuracy`, times St."""
+    rows = pd.read_csv(REPORTS / "accuracy" / "errors.csv")
+    rows = rows[rows["form"].isin(["averaged", "averaged-spheroid"])]
+    return float((rows.filter(like="model_").max(axis="columns") * rows["St"]).max())
+
+
+def cost(pattern: str) -> Callable[[], float]:
+    return lambda: on("solvers/README.md", pattern)
+
+
+def pinch(pattern: str) -> Callable[[], float]:
+    return lambda: on("paper/clocks.md", pattern)
+
+
+def runs_of_the_map() -> float:
+    return len(pd.read_csv(REPORTS / "regimes" / "runs.csv"))
+
+
+FIRST_RUN = r"(?s)What a first run costs.*?\| {} +\| +(\S+) ms \| +(\S+) ms"
+METHOD, MISPRINTS = "docs/method.md", "docs/misprints.md"
+# Sentences that rest on a page, what that says now, and how far apart they may be, in parts of the latter.
+SAID = [
+    (METHOD, r"some (\S+) ms with a field", cost(FIRST_RUN.format("cyrk-vern8")), 0.3),
+    (METHOD, r"(\S+) with its exact Jacobian", cost(FIRST_RUN.format("cvode-bdf")), 0.3),
+    (METHOD, r"(\S+) with heyoka's integrator", cost(FIRST_RUN.format("taylor")), 0.3),
+    (METHOD, r"about (\S+) µs in plain Python", cost(r"(\S+) µs \(plain Python\)"), 0.3),
+    (METHOD, r"(\S+) ns compiled but called", cost(r"(\S+) ns \(compiled, called"), 0.3),
+    (METHOD, r"(\S+) ns in machine code alone", cost(r"(\S+) ns \(alone\)"), 0.3),
+    (METHOD, r"wins about (\S+) % of the cells", spheroid_axis_share, 0.15),
+    (MISPRINTS, r"κ = 1.2: abs L ∝ St\^(\S+) ", pinch(r"κ = 1.2 +\| (\S+)"), 0.01),
+    (MISPRINTS, r"for κ < (\S+) alone", pinch(r"κ > (\d\.\d+)"), 0.001),
+    ("docs/scaling.md", r"if (\S+)/St is below the tolerance", largest_model_error, 0.01),
+    ("harness/commands/words.md", r"is some (\S+) runs and", runs_of_the_map, 0.05),
+]
+
+
+@pytest.mark.parametrize(("file", "sentence", "found", "within"), SAID)
+def test_docs_say_what_the_pages_say(file: str, sentence: str, found: Callable[[], float], within: float):
+    said = re.search(sentence, " ".join((ROOT / file).read_text(encoding="utf-8").split()))
+    assert said, sentence
+    assert float(said[1].replace("−", "-")) == pytest.approx(found(), rel=within)
