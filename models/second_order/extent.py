@@ -11,7 +11,7 @@ import numpy as np
 
 from polhode.models.files import kept
 from polhode.models.second_order import swing
-from polhode.models.second_order.swing import DEPTHS as EVERY, Place, coefficients, frame_of, series_for
+from polhode.models.second_order.swing import DEPTHS as EVERY, TURNS, Place, coefficients, frame_of, series_for
 from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
@@ -22,8 +22,10 @@ VERSION = 1
 DEPTHS = EVERY[::2]
 # All c that are 1, then those of k > 0 that are i.
 UNITS = np.concatenate([np.eye(6), 1j * np.eye(6)[:3]])
-# Turns about L and polhode phases that means are taken over: the former are exact.
-TURNS, PHASES = pi / 4 * np.arange(8), pi / 4 * (np.arange(4) + 0.25)
+# Polhode phases that means are taken over, and what turns about L make of the units: their mean is exact.
+PHASES = pi / 4 * (np.arange(4) + 0.25)
+_TURNED = UNITS * np.exp(0.25j * pi * np.arange(8)[:, None] * TURNS)[:, None]
+TURNED = np.concatenate([_TURNED.real, _TURNED.imag[..., :3]], axis=2)
 # 1/St at which they are taken.
 SLIGHT = 1e-12
 
@@ -33,23 +35,22 @@ def extent(ellipsoid: Ellipsoid, longest: bool, momentum: Array, a2: Array) -> A
     size, a = np.linalg.norm(momentum, axis=1), np.sqrt(a2)
     at = np.clip(np.searchsorted(DEPTHS, a), 1, len(DEPTHS) - 1)
     share = np.clip((a - DEPTHS[at - 1]) / (DEPTHS[at] - DEPTHS[at - 1]), 0, 1)[:, None, None]
-    squares, total = squares_for(ellipsoid, longest), np.zeros(len(a))
+    squares = squares_for(ellipsoid, longest)
     squares = (1 - share) * squares[at - 1] + share * squares[at]
-    for turn in TURNS:
-        c = coefficients(frame_of(momentum, turn), size)
-        c = np.concatenate([np.real(c), np.imag(c[:, :3])], axis=1)
-        total += np.einsum("mi,mij,mj->m", c, squares, c)
-    return np.sqrt(2 * total / len(TURNS)) / size**2
+    c = coefficients(frame_of(momentum), size)
+    c = np.concatenate([np.real(c), np.imag(c[:, :3])], axis=1)
+    return np.sqrt(2 * np.sum((squares @ c[:, :, None])[..., 0] * c, axis=1)) / size**2
 
 
 @lru_cache(maxsize=64)
 def squares_for(ellipsoid: Ellipsoid, longest: bool) -> Array:
-    """The matrices at the nodes of the series, at |L| = 1; kept on disk."""
+    """The matrices at the nodes of the series, at |L| = 1, in the mean over turns about L; kept on disk."""
     key = f"extent of the swing {VERSION} {swing.VERSION} {ellipsoid.scaled_axes} {longest}"
     found = kept.load(key)
     if found is None:
         kept.save(key, found := squares_of(series_for(ellipsoid, longest)))
-    return found.reshape(len(DEPTHS), len(UNITS), len(UNITS))
+    squares = found.reshape(len(DEPTHS), len(UNITS), len(UNITS))
+    return np.mean(TURNED @ squares[:, None] @ TURNED.swapaxes(1, 2), axis=1)
 
 
 def squares_of(series: swing.Series) -> Array:
