@@ -181,8 +181,9 @@ class Solver(ABC):
     many_periods: ClassVar[bool] = False
     # Chooses its order by the tolerance: errors of looser runs say little of its own, and steps differ in cost.
     order_by_tolerance: ClassVar[bool] = False
-    # Errors in windows of the full equations are what `hybrid` counts with, so that its pieces' bounds hold.
-    keeps_windows: ClassVar[bool] = False
+    # Its error of L and E in windows of the full equations, over what pieces of a run count with at the same tolerance:
+    # what 97.5 % of random triaxial bodies stay below over 2,000 turns; 0 where it is not known.
+    wears: ClassVar[float] = 0.0
     backends: ClassVar[tuple[Backend, ...]] = ("numba", "python")
     jacobians: ClassVar[tuple[Jacobian, ...]] = ()
     error_constant: ClassVar[float]

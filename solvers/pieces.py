@@ -16,6 +16,8 @@ from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solv
 
 # Growth of an angle, in rad, after which it is wrapped: small against what a tolerance relative to it would lose.
 WRAP_AFTER = 100 * pi
+# Tolerance below which rounding makes the error.
+ROUNDING = 1e-13
 # Times closer than this share of the run count as the same one.
 CLOSE = 1e-12
 
@@ -88,15 +90,26 @@ class Run:
 
     def _integrator(self, piece: Piece) -> Integrator:
         """The solver, ready for a piece; compilation is not the run's time."""
-        tolerance, before = piece.tolerance or self.settings.tolerance, perf_counter()
+        tolerance, before = self._tolerance(piece)[0], perf_counter()
         if self.prepared and self.prepared[0] is piece.problem and self.prepared[1] == tolerance:
             return self.prepared[2]
-        settings = replace(self.settings, tolerance=tolerance) if piece.tolerance else self.settings
+        settings = replace(self.settings, tolerance=tolerance)
         with spent_on("compilation"):
             integrate = self.method.prepare(piece.problem, settings)
         self.prepared = piece.problem, tolerance, integrate
         self.began += perf_counter() - before
         return integrate
+
+    def _tolerance(self, piece: Piece) -> tuple[float, float]:
+        """The solver's tolerance in a piece, and its error there over what the piece states.
+
+        It is tighter where the solver errs by more than pieces count with.
+        """
+        asked = piece.tolerance or self.settings.tolerance
+        if piece.averaged or not (piece.error and self.method.wears):
+            return asked, 1.0
+        tolerance = min(asked, max(asked / max(1.0, self.method.wears), ROUNDING))
+        return tolerance, max(self.method.wears * tolerance, ROUNDING) / max(asked, ROUNDING)
 
     def _record(self, piece: Piece, end: float, deadline: float, steps: int) -> Record:
         """Where the solver writes: among the run's rows where the piece's are those, else in rows of its own."""
@@ -124,8 +137,9 @@ class Run:
         else:
             self.work = record.work
         begin, self.now = self.now, min(record.reached, end) if record.filled < len(record.times) else end
-        tolerance = piece.tolerance or self.settings.tolerance
-        own = piece.reason, piece.error, record.work.steps, piece.angle, piece.averaged, tolerance
+        tolerance, over = self._tolerance(piece)
+        error, angle = over * piece.error, min(pi, max(1.0, over) * piece.angle)
+        own = piece.reason, error, record.work.steps, angle, piece.averaged, tolerance
         self.stages.append(Stage(begin, self.now, *own))
 
 

@@ -74,7 +74,8 @@ class Taylor(Solver):
     package = "heyoka"
     family = "heyoka"
     backends = ("compiled",)
-    order_by_tolerance = keeps_windows = True
+    order_by_tolerance = True
+    wears = 0.05
     error_constant = 20.0  # 6 measured
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:

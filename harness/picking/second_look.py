@@ -73,7 +73,7 @@ def run_error(scene: Scene, form: Form, method: Solver, found: Solution, observa
     largest = float(np.max(np.abs(observables.angular_momentum[:, 2]))) / max(scene.ellipsoid.inertia)
     try:
         with np.errstate(all="ignore"):
-            if method.keeps_windows and any(each.averaged for each in found.stages):
+            if method.wears and any(each.averaged for each in found.stages):
                 own, note = _stated(scene, form, found, observables)
             else:
                 own, note = _solver_error(scene, form, method, found, observables)

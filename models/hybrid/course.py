@@ -114,7 +114,7 @@ def full_tolerance(ahead: Sequence[Stretch], stokes: float, tolerance: float, wo
     """
     first, error = ahead[0], WINDOWS * ERROR_PER_TOLERANCE * tolerance
     lasting = sum(each.end - each.start for each in ahead if not each.second_order)
-    share = max(error - worn, error / 10) * (first.end - first.start) / lasting
+    share = (error - worn if worn < error else error / 10) * (first.end - first.start) / lasting
     tolerances = tolerance, *(each for each in FULL if each < tolerance)
     grows = PER_RADIAN * first.turned * stokes
     own = next((each for each in tolerances if each * grows <= share), tolerances[-1])

@@ -45,7 +45,7 @@ def test_the_error_stated_bounds_the_true_one_closely(name, form, method, tolera
 
 
 def test_a_run_in_full_pieces_is_looked_at_tighter_than_these_are():
-    scene = replace(named_scene("paper"), time=5e3)
+    scene = replace(named_scene("paper"), time=8e3)
     found = solve(scene, form="hybrid", solver="cyrk-vern8", tolerance=1e-6, samples=51)
     assert [piece.tolerance for piece in found.pieces] == [1e-8]
     true = errors(scene.ellipsoid, found.observables, solve(scene, **TIGHT, samples=51).observables)
