@@ -62,7 +62,7 @@ class HybridCourse:
         end, reason, later = self.since + stretch.end * stokes, stretch.reason, replace(self, stretches=tuple(rest))
         if stretch.second_order:
             try:
-                problem, states = second_order(self.scene, self.seen(state))
+                problem, states = second_order(self.scene, state)
             except NotAveragedError as refusal:
                 more = 2 * np.pi * MORE / speed(self.here(time, state))
                 end, reason, later = time + more, str(refusal), replace(self, stretches=())
@@ -88,12 +88,13 @@ class HybridCourse:
         """What is left of the scene from a state of the full equations on."""
         if time == 0 and tuple(state.tolist()) == self.full.start:
             return self.scene
-        start = start_from(self.scene.ellipsoid, self.seen(state))
+        start = start_from(self.scene.ellipsoid, seen(self.scene, state))
         return replace(self.scene, start=start, time=self.scene.time - time)
 
-    def seen(self, state: Array) -> Observables:
-        """Observables of a state of the full equations."""
-        return find_form(full_form(self.scene)).observe(self.scene, state[None])
+
+def seen(scene: Scene, state: Array) -> Observables:
+    """Observables of a state of the full equations."""
+    return find_form(full_form(scene)).observe(scene, state[None])
 
 
 def speed(scene: Scene) -> float:
@@ -128,17 +129,19 @@ def foreseen(scene: Scene, error: float) -> tuple[Stretch, ...]:
     return outline(scene, error).stretches
 
 
-def second_order(scene: Scene, start: Observables) -> tuple[Problem, Callable[[Array], Array]]:
-    """The averaged problem of a scene from where it stands, and states of the full equations of its states.
+def second_order(scene: Scene, state: Array) -> tuple[Problem, Callable[[Array], Array]]:
+    """The averaged problem of a scene from a state of the full equations on, and such states of its own ones.
 
     Raises NotAveragedError where no slow state belongs to the start.
     """
     ellipsoid, factor, form = scene.ellipsoid, scene.torque_factor, SecondOrder()
     if ellipsoid.kind == "triaxial":
+        start = seen(scene, state)
         entry = entered(ellipsoid, factor, start.rotation[0], start.angular_momentum[0])
         problem = form.slow_problem(scene, triaxial.field, entry.state, entry.parameters)
         return problem, lambda states: states_of(ellipsoid, entry.observe(states))
-    slow, spheroid = slow_start(ellipsoid, factor, start), Spheroid.of(ellipsoid)
+    spheroid, (*momentum, px, py, pz) = Spheroid.of(ellipsoid), state.tolist()
+    slow = slow_start(spheroid, factor, (*momentum, *spheroidal.unit((px, py, pz))))
     if slow is None:
         raise NotAveragedError("St is too small for |L|")
     problem = form.slow_problem(scene, spheroidal.field, (*slow, 0.0), spheroidal.parameters(spheroid, factor))

@@ -1,5 +1,6 @@
 """Form `averaged-second-order`: slow variables to O(1/St²) and orientation to O(1/St), at a cost free of St."""
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
@@ -15,7 +16,6 @@ from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 from polhode.models.second_order import field as triaxial, run as triaxial_run, spheroid as spheroidal
 from polhode.models.second_order.outline import outline
-from polhode.models.shape import Ellipsoid
 
 # The slow start x solves x = z - u(x)/St; each pass gains a factor of the correction's size.
 START_PASSES = 60
@@ -123,21 +123,19 @@ class SecondOrder(Form):
 
 @lru_cache(maxsize=64)
 def _started(scene: Scene) -> tuple[float, ...] | None:
-    return slow_start(scene.ellipsoid, scene.torque_factor, scene.initial)
-
-
-def slow_start(ellipsoid: Ellipsoid, torque_factor: float, start: Observables) -> tuple[float, ...] | None:
-    """Slow L over I_e and p, whose image under the transformation is a spheroid's start; None if none is found."""
-    spheroid = Spheroid.of(ellipsoid)
+    spheroid, start = Spheroid.of(scene.ellipsoid), scene.initial
     momentum = start.angular_momentum[0] / spheroid.equatorial_inertia
-    exact = *momentum.tolist(), *start.rotation[0, spheroid.axis].tolist()
+    return slow_start(spheroid, scene.torque_factor, (*momentum.tolist(), *start.rotation[0, spheroid.axis].tolist()))
+
+
+def slow_start(spheroid: Spheroid, torque_factor: float, exact: Sequence[float]) -> tuple[float, ...] | None:
+    """Slow L over I_e and p whose image under the transformation are the exact ones; None if none are found."""
     slow, left, size = exact, 1.0, max(1.0, hypot(*exact[:3]))
     for _ in range(START_PASSES):
         image = spheroidal.swung(spheroid, torque_factor, slow[:3], slow[3:])
         excess = [found - wanted for found, wanted in zip(image, exact, strict=True)]
         slow = [found - more for found, more in zip(slow, excess, strict=True)]
-        length = hypot(*slow[3:])
-        slow[3:] = [each / length for each in slow[3:]]
+        slow[3:] = spheroidal.unit(slow[3:])
         before, left = left, max(map(abs, excess)) / size
         # Each pass gains the same factor.
         if left * min(1, left / before) <= START_CLOSE:

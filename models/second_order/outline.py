@@ -96,7 +96,8 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
             at = np.searchsorted(times, each.time)
             sudden[at] = hypot(sudden[at], ahead.left[each])
     sound = why == 0
-    sudden = RANDOM * np.sqrt(np.cumsum(np.where(sound, sudden, 0) ** 2))
+    if kicks:
+        sudden = RANDOM * np.sqrt(np.cumsum(np.where(sound, sudden, 0) ** 2))
     held = third * np.gradient(times) * weight
     late = np.exp(min(FADING * min(scene.ellipsoid.damping), LONG_AGO / times[-1]) * times)
     # Where the phase is wrong, the swing is put back wrongly.

@@ -28,6 +28,8 @@ Polynomial = tuple[float, ...]
 
 # The components of a vector, numbers or arrays.
 Triple = Sequence[Any]
+# Rows of which Python's floats are faster than arrays.
+FEW = 6
 # How many of the parameters are of first order; they stand first.
 FIRST = 12
 # Turns about L at which the size of the transformation is looked at, shape (6, 1).
@@ -164,15 +166,23 @@ def swung(
     e = plus(axis, -h, n)
     e, f = plus(scaled(cos, e), sin, f), plus(scaled(cos, f), -sin, e)
     change, turn = generator(spheroid, over, h, n, e, f)
-    axis = plus(plus(e, h, n), torque_factor, turn)
-    return *plus(momentum, torque_factor, change), *scaled(dot(axis, axis) ** -0.5, axis)
+    return *plus(momentum, torque_factor, change), *unit(plus(plus(e, h, n), torque_factor, turn))
 
 
 def exact(spheroid: Spheroid, torque_factor: float, states: np.ndarray) -> np.ndarray:
     """Exact L over I_e and p, shape (n, 6), of states of `field`, shape (n, 7)."""
-    lx, ly, lz, qx, qy, qz, turns = states.T.copy()
-    axis, turns = scaled((qx * qx + qy * qy + qz * qz) ** -0.5, (qx, qy, qz)), turns / torque_factor
-    return np.array(swung(spheroid, torque_factor, (lx, ly, lz), axis, np.cos(turns), np.sin(turns))).T
+    turns = states[:, 6] / torque_factor
+    cos, sin = np.cos(turns), np.sin(turns)
+    if len(states) <= FEW:
+        rows = zip(states.tolist(), cos.tolist(), sin.tolist(), strict=True)
+        return np.array([swung(spheroid, torque_factor, row[:3], unit(row[3:6]), *turn) for row, *turn in rows])
+    columns = list(states.T.copy())
+    return np.array(swung(spheroid, torque_factor, columns[:3], unit(columns[3:6]), cos, sin)).T
+
+
+def unit(v: Triple) -> Triple:
+    """A vector at unit length."""
+    return scaled(dot(v, v) ** -0.5, v)
 
 
 def plus(u: Triple, a: Any, v: Triple) -> Triple:
