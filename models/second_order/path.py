@@ -24,8 +24,9 @@ Array = np.ndarray
 # they are said to be. Points of a path, and of a spheroid's, which has no kicks.
 FOLLOWED, TOLERANCE = "polhode.solvers.cyrk:followed", 1e-8
 KICKED, SMOOTH = 240, 100
-# |L| over I_max below which a body does not rotate.
-TINY = 1e-12
+# |L| over I_max below which a body does not rotate, and what times lie apart at least, over the whole: rates are taken
+# between them.
+TINY, CLOSE = 1e-12, 1e-12
 # Depth a² at which tables end, less what a first-order path may be wrong by.
 DEEPEST = tables.MOST - 0.2
 # Third-order terms over what rho makes of those of second order, so that estimates bound most runs; chosen by trial.
@@ -71,6 +72,7 @@ class Path:
     def at(self, times: Array) -> "Path":
         """The same at further times."""
         every = np.union1d(self.times, times[(times > 0) & (times < self.times[-1])])
+        every = every[np.append(np.diff(every) > CLOSE * every[-1], True)]
         slow = _interpolated(every, self.times, self.slow)
         return replace(self, times=every, slow=slow)
 

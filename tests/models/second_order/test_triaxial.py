@@ -236,6 +236,15 @@ def test_a_kick_is_what_the_run_misses_at_a_resonance():
     assert 0.2 < after / kick.size < 2
 
 
+def test_times_that_differ_by_rounding_alone_are_one():
+    """Rates between them would be noise."""
+    path = path_of(replace(named_scene("paper"), stokes=1e6, time=3e5))
+    every = path.at(path.times * (1 - 1e-15))
+    assert len(every.times) == len(path.times)
+    assert (every.times[0], every.times[-1]) == (0.0, path.times[-1])
+    np.testing.assert_allclose(every.change, path.change, rtol=1e-6)
+
+
 def test_the_jump_at_the_separatrix_is_that_of_half_polhodes_counted_one_by_one():
     """E lags by the time that all passages of the saddle take, which depends on the phase of the first."""
     path = path_of(replace(named_scene("paper"), stokes=1e6, time=3e5))
