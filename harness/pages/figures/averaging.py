@@ -38,7 +38,7 @@ def against_stokes(panels: Mapping[str, Sequence[Line]], label: str) -> Figure:
             _promise(axes, [line for line in lines if line.order == order], power)
         axes.margins(y=0.12)
         if lines:
-            axes.legend(loc="lower left", fontsize=10, labelcolor="linecolor", handlelength=1.2)
+            axes.legend(loc="upper right", fontsize=10, labelcolor="linecolor", handlelength=1.2)
         axes.set_title(title, loc="left", fontsize=11)
         axes.set_xlabel("Stokes number St", fontsize=11)
         axes.grid(True, linewidth=0.4, alpha=0.5)

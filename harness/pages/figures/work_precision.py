@@ -91,6 +91,10 @@ def work_precision(axes: Axes, runs: pd.DataFrame, error: str = "slow_error") ->
     axes.set(xscale="log", yscale="log")
     axes.grid(True, which="major", linewidth=0.4, alpha=0.5)
     _without_result(axes, runs)
+    # Over more than a decade, so that a power of ten names one.
+    low, high = axes.get_ylim()
+    if high < 10 * low:
+        axes.set_ylim(low / 3, high * 3)
     return axes
 
 
@@ -122,11 +126,13 @@ def _without_result(axes: Axes, runs: pd.DataFrame) -> None:
     """A hollow marker above the upper edge for each run without a result, at its tolerance, side by side."""
     figure: Any = axes.figure
     failed = where(runs, runs["status"] != REACHED)
-    for tolerance in sorted(set(failed["tolerance"].astype(float))):
-        own = where(failed, failed["tolerance"] == tolerance)
+    # Those beyond the errors that are drawn stand at the edge.
+    places = failed["tolerance"].astype(float).clip(*(sorted(axes.get_xlim()) if axes.lines else ()))
+    for tolerance in sorted(set(places)):
+        own = where(failed, places == tolerance)
         for i, (solver, look) in enumerate(looks(own["solver"]).items()):
             style = {"marker": look.marker, "color": look.colour, "markersize": 4, "fillstyle": "none", "linewidth": 0}
-            place = offset_copy(axes.get_xaxis_transform(), figure, 6 * i, 7, units="points")
+            place = offset_copy(axes.get_xaxis_transform(), figure, 6 * i, 6, units="points")
             axes.plot([tolerance], [1.0], transform=place, clip_on=False, label=f"_{solver}: no result", **style)
 
 
@@ -173,9 +179,9 @@ def panels(groups: Sequence[tuple[str, pd.DataFrame]], error: str, label: str, *
     size = max((PANEL[0] + between) * columns, LEAST_WIDTH), PANEL[1] * lines + LEGEND
     figure, grid = plt.subplots(lines, columns, figsize=size, sharex=alike, sharey=alike, squeeze=False)
     for axes, (title, runs) in zip(grid.flat, groups, strict=False):
-        work_precision(axes, runs, error)
-        axes.set_title(title, fontsize=11, loc="left", pad=14)
         _limits(axes, pd.concat([own for _, own in groups]) if alike else runs, error)
+        work_precision(axes, runs, error)
+        axes.set_title(title, fontsize=11, loc="left", pad=15)
     for axes in grid.flat[len(groups) :]:
         axes.set_visible(False)
     for column in grid.T:
@@ -199,10 +205,7 @@ def panels(groups: Sequence[tuple[str, pd.DataFrame]], error: str, label: str, *
 
 
 def _limits(axes: Axes, records: pd.DataFrame, error: str) -> None:
-    """More accurate to the right; times over more than a decade, so that a power of ten names one."""
-    low, high = axes.get_ylim()
-    if high < 10 * low:
-        axes.set_ylim(low / 3, high * 3)
+    """Errors that a panel shows, more accurate to the right."""
     values = records[error].dropna().to_numpy(float)
     values = values[(values > 0) & (values < LARGEST_ERROR)]
     if values.size:
