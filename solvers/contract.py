@@ -182,7 +182,8 @@ class Solver(ABC):
     # Chooses its order by the tolerance: errors of looser runs say little of its own, and steps differ in cost.
     order_by_tolerance: ClassVar[bool] = False
     # Its error of L and E in windows of the full equations, over what pieces of a run count with at the same tolerance:
-    # what 97.5 % of random triaxial bodies stay below over 2,000 turns; 0 where it is not known.
+    # what 97.5 % of random triaxial bodies stay below over 2,000 turns, and 1 at least, as what comes after may amplify
+    # it; 0 where it is not known.
     wears: ClassVar[float] = 0.0
     backends: ClassVar[tuple[Backend, ...]] = ("numba", "python")
     jacobians: ClassVar[tuple[Jacobian, ...]] = ()

@@ -108,7 +108,7 @@ class Run:
         asked = piece.tolerance or self.settings.tolerance
         if piece.averaged or not (piece.error and self.method.wears):
             return asked, 1.0
-        tolerance = min(asked, max(asked / max(1.0, self.method.wears), ROUNDING))
+        tolerance = min(asked, max(asked / self.method.wears, ROUNDING))
         return tolerance, max(self.method.wears * tolerance, ROUNDING) / max(asked, ROUNDING)
 
     def _record(self, piece: Piece, end: float, deadline: float, steps: int) -> Record:
@@ -138,7 +138,7 @@ class Run:
             self.work = record.work
         begin, self.now = self.now, min(record.reached, end) if record.filled < len(record.times) else end
         tolerance, over = self._tolerance(piece)
-        error, angle = over * piece.error, min(pi, max(1.0, over) * piece.angle)
+        error, angle = over * piece.error, min(pi, over * piece.angle)
         own = piece.reason, error, record.work.steps, angle, piece.averaged, tolerance
         self.stages.append(Stage(begin, self.now, *own))
 

@@ -75,7 +75,7 @@ class Taylor(Solver):
     family = "heyoka"
     backends = ("compiled",)
     order_by_tolerance = True
-    wears = 0.05
+    wears = 1.0
     error_constant = 20.0  # 6 measured
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:

@@ -74,7 +74,7 @@ def test_what_pieces_state_holds_for_every_solver(solver: str):
     solution = solve(Hybrid().problem(scene), solver, 1e-8, np.linspace(0.0, scene.time, 101))
     found = errors(scene.ellipsoid, Hybrid().observe(scene, solution.states), true).slow
     assert found < sum(stage.error for stage in solution.stages) < 1e-6
-    assert [stage.tolerance for stage in solution.stages] == [1e-8 / max(1, find_solver(solver).wears)]
+    assert [stage.tolerance for stage in solution.stages] == [1e-8 / find_solver(solver).wears]
 
 
 @SCENES
