@@ -263,6 +263,7 @@ def test_damaged_files_are_named(tmp_path: Path):
         ("1.234e+02", "<span class=n>1.234e2</span>"),
         ("O(St^-1/2), St^(-0.549)", "O(St<sup>-1/2</sup>), St<sup>-0.549</sup>"),
         ("L_z0/I_max, L_xy of St* and I_e", "L<sub>z0</sub>/I<sub>max</sub>, L<sub>xy</sub> of St* and I<sub>e</sub>"),
+        ("8πX_c, 2I_e", "8πX<sub>c</sub>, 2I<sub>e</sub>"),
         ("rest-5e4, cyrk-vern8", "rest-5e4, cyrk-vern8"),
         ("Lx of 1/St^p is new", "L<sub>x</sub> of 1/St<sup>p</sup> is new"),
         ("`a*b*c^2 1e-06` on 2031-02-03", "<code>a*b*c^2 1e-06</code> on <span class=n>2031-02-03</span>"),
