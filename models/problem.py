@@ -48,10 +48,11 @@ class Parts:
     reach: float  # angle, in rad, up to which `fast` is exact to rounding
     moving: tuple[int, int]  # the first of the components that the fast flow changes, and the one behind the last
     slow_quantities: Callable[[Any], tuple[Any, ...]]  # of y, over generic numbers: what the fast flow leaves alone
-    # (ops)(y, constants, constants): the fast flow and the slow one behind it, where they take less time together.
-    both: Callable[[Operations], Callable[[Any, Any, Any], Sequence[Any]]] | None = None
+    # (ops)(y, constants, constants, gains): the fast flow and the slow one behind it, where they take less time
+    # together; what the first components have gained, those before the moving ones, advances in their place if given.
+    both: Callable[[Operations], Callable[..., Sequence[Any]]] | None = None
     # (y): a mean of states close to each other, brought back, to second order, to where solutions lie; where it is not
-    # given, no means are taken.
+    # given, no means are taken. It asks for `both`.
     restored: Callable[[Any], Sequence[Any]] | None = None
 
 

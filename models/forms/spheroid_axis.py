@@ -95,7 +95,8 @@ def relaxation_constants(p: Any, h: Any, ops: Operations = FLOAT) -> tuple[Any, 
     to_axial_spin = 1 + p[4]
     across = -ops.expm1(-p[1] * p[2] * h)
     along = -ops.expm1(-p[1] * (p[2] + p[3]) * to_axial_spin * h)
-    return across, 0.5 * across, 0.5 * p[5] * across, across - along, 0.5 * (across - along / to_axial_spin)
+    strain, flow = 0.5 * p[5] * across, 0.5 * (across - along / to_axial_spin)
+    return across, 0.5 * across, strain, across - along, flow, flow - strain, flow + strain
 
 
 def relaxation(ops: Operations) -> Callable[..., tuple[Any, ...]]:
@@ -105,16 +106,17 @@ def relaxation(ops: Operations) -> Callable[..., tuple[Any, ...]]:
     8πX_c/(St I_a) towards (I_a/I_e) Ω_J·p̂, where Ω_J·p̂ = -p_z/2: there the spheroid rotates as the flow would have it.
     """
 
-    def advance(y, c, before=None):
+    def advance(y, c, before=None, gains=None):
         lx, ly, lz, px, py, pz = y[0], y[1], y[2], y[3], y[4], y[5]
+        gx, gy, gz = (lx, ly, lz) if gains is None else gains
         across, half, strain = c[0], c[1], c[2]
         at = y if before is None else before
-        axial = c[3] * (lx * at[3] + ly * at[4] + lz * at[5]) + c[4] * pz
-        tilt = strain * pz
+        # What comes last, p_z, is multiplied and added at once.
+        axial = c[3] * (lx * at[3] + ly * at[4] + lz * at[5])
         return (
-            (lx - across * lx) + (axial - tilt) * px,
-            (ly - across * ly) + (axial + tilt) * py,
-            (lz - across * lz - half) + strain * (px * px - py * py) + axial * pz,
+            (gx - across * lx) + (c[5] * pz + axial) * px,
+            (gy - across * ly) + (c[6] * pz + axial) * py,
+            (gz - across * lz - half) + strain * (px * px - py * py) + (c[4] * pz + axial) * pz,
             *(px, py, pz),
         )
 
@@ -124,7 +126,7 @@ def relaxation(ops: Operations) -> Callable[..., tuple[Any, ...]]:
 def both(ops: Operations) -> Callable[[Any, Any, Any], Sequence[Any]]:
     """`rotation`, then `relaxation`, which need not wait for all of it: L·p̂ stays the same."""
     turn, relax = rotation(ops), relaxation(ops)
-    return lambda y, fast, slow: relax(turn(y, fast), slow, y)
+    return lambda y, fast, slow, gains=None: relax(turn(y, fast), slow, y, gains)
 
 
 def rotation_rate(ops: Operations) -> Callable[[Any, Any], Any]:
@@ -156,7 +158,7 @@ def slow_quantities(y: Any) -> tuple[Any, ...]:
 def restored(y: Any) -> tuple[Any, ...]:
     """The state with p̂ of length one, if it nearly is."""
     lx, ly, lz, px, py, pz = y
-    scale = 1.5 - 0.5 * (px * px + py * py + pz * pz)
+    scale = (1.5 - 0.5 * pz * pz) - 0.5 * (px * px + py * py)
     return lx, ly, lz, scale * px, scale * py, scale * pz
 
 

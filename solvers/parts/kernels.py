@@ -9,9 +9,9 @@ from math import inf, pi
 import numpy as np
 
 from polhode.models.problem import Parts
-from polhode.solvers.machine_code.lanes import width
-from polhode.solvers.machine_code.program import WIDE, WIDEST_REGISTERS, Array, Program, Same, compare, compiled, splat
+from polhode.solvers.machine_code.program import WIDEST_REGISTERS, Array, Program, compare, compiled, splat
 from polhode.solvers.machine_code.tracing import OPERATIONS, Number
+from polhode.solvers.parts.flows import Pieces
 
 # A step follows the rate of the fast angle when that has changed by this factor; in between it stays, since what errs
 # to and fro within a turn adds up to nothing only while steps are equal.
@@ -19,9 +19,7 @@ BAND = 1.05
 # Rows are reached backwards in time where the slow part relaxes by less than twice this in a step.
 BACKWARD = 0.05
 # Numbers in a law; times at which a check compares runs, in either part; what rounding makes of their difference.
-LAW, POINTS, ROUNDING = 6, 8, {float: 3e-13, np.longdouble: 5e-17}
-# More slow flows than a step of any scheme has.
-MOST_STAGES = 16
+LAW, POINTS, ROUNDING = 6, 8, {float: 1e-13, np.longdouble: 5e-17}
 # How a call of `advance` ends.
 Code = IntEnum("Code", "FINISHED STEPS_DONE PAUSED OUTSIDE NOT_FINITE NO_STEP", start=0)
 # Places in a clock: the time at which the step was last changed, the step, the rates between which it stays, the steps
@@ -44,8 +42,8 @@ class Kernels:
     # met, from which state and clock go on. `rests` is room for a number of each row.
     advance: Callable[..., None]
     # (scheme, p, state, numbers): two runs by one law each, to POINTS times at the beginning and at the end. The
-    # numbers: the laws, the time, the length of either part and of the whole, the rate, and what is found. Of what the
-    # two runs differ by: the most of the slow quantities, the most of the fast components per turn, and the change of
+    # numbers: the laws, the length of either part and of the whole, the rate, and what is found. Of what the two runs
+    # differ by: the most of the slow quantities, the most of the fast components per turn, and the change of
     # the slow quantities' mean; the amplitudes of the fast components in either part; the steps; the codes' sum.
     check: Callable[..., None]
 
@@ -74,103 +72,14 @@ def length(vector: Sequence[Number]) -> Number:
     return sqrt(sum(each * each for each in vector))
 
 
-class Pieces:
-    """What the kernels are made of: `prepare` computes the constants of a step's flows, `spread` moves rows by a step.
-
-    Chains are compositions of flows beside each other, each in a SIMD lane. Constants of stage i, a fast flow and a
-    slow one, are row i of an array; then come those of the last fast flow, and of the last and the next one together.
-    """
-
-    def __init__(self, parts: Parts, dimension: int, number: type = float, chains: int = 1) -> None:
-        self.parts, self.dimension, self.chains = parts, dimension, chains
-        self.lanes = width() if number is float else 1
-        self.fast, self.slow = parts.fast.flow(OPERATIONS), parts.slow.flow(OPERATIONS)
-        numbers = (0.5,) * 64, 0.5
-        self.sizes = len(parts.fast.constants(*numbers)), len(parts.slow.constants(*numbers))
-        self.both = parts.both(OPERATIONS) if parts.both else lambda y, *made: self.slow(self.fast(y, made[0]), made[1])
-        self.prepare = self._prepare()
-        self.spread = self._spread()
-
-    def constants(self, program: Program, lanes: int = 0) -> Array:
-        """Room for the constants of a step, of each chain if lanes are not given."""
-        return program.room((MOST_STAGES + 2) * sum(self.sizes), lanes or self.chains)
-
-    def row(self, constants: Array, i: float | Number) -> Array:
-        """Constants from row i on."""
-        return constants + i * float(sum(self.sizes))
-
-    def rate(self, y: Array, p: Array) -> Number:
-        """Rate of the fast angle."""
-        return self.parts.rate(OPERATIONS)(y, p)
-
-    def fast_flow(self, y: Array, constants: Array) -> None:
-        """Advance a state."""
-        y.store(self.fast(y.load(self.dimension), constants.load(self.sizes[0])))
-
-    def slow_flow(self, y: Array, constants: Array) -> None:
-        """Advance a state."""
-        y.store(self.slow(y.load(self.dimension), (constants + self.sizes[0]).load(self.sizes[1])))
-
-    def flows(self, y: Array, fast: Array, slow: Array) -> None:
-        """Advance a state by a fast flow and a slow one, with the constants of two rows."""
-        made = fast.load(self.sizes[0]), (slow + self.sizes[0]).load(self.sizes[1])
-        y.store(self.both(y.load(self.dimension), *made))
-
-    def _prepare(self) -> Program:
-        program = Program("prepare", "scheme p constants", "h", "internal", "noinline")
-        scheme, p, constants, h = program.arguments
-        shares = (scheme + 1).of(self.chains)
-        self.fill(constants.of(self.chains), scheme[0], shares, p, splat(h, self.chains))
-        return program
-
-    def fill(self, constants: Array, stages: Number, shares: Array | Same, p: Array, h: Number) -> None:
-        """Compute the constants of a step h, in as many lanes as they have."""
-        fast, slow, lanes = self.parts.fast, self.parts.slow, constants.lanes
-        mirrored = self.chains == 1 or isinstance(shares, Same)
-        ops, parameters, program = WIDE if lanes > 1 else OPERATIONS, Same(p, lanes), constants.program
-        with program.times(stages + 1.0) as i:
-            self.row(constants, i).store(fast.constants(parameters, shares[i] * h, ops))
-        self.row(constants, stages + 1.0).store(fast.constants(parameters, 2.0 * shares[0] * h, ops))
-        with program.times(0.5 * stages if mirrored else stages) as i:
-            made = slow.constants(parameters, shares[stages + 1.0 + i] * h, ops)
-            for row in (i, stages - 1.0 - i) if mirrored else (i,):
-                (self.row(constants, row) + self.sizes[0]).store(made)
-
-    def _spread(self) -> Program:
-        """Move rows by a time of each one's own, one in each lane; `number` holds the rows, and the steps of each."""
-        program = Program("spread", "scheme p number times rows", linkage="internal", attribute=WIDEST_REGISTERS)
-        scheme, p, number, times, rows = program.arguments
-        stages, last, steps, dimension, lanes = scheme[0], number[0] - 1.0, number[1], self.dimension, float(self.lanes)
-        y, h = program.room(dimension, self.lanes), program.room(1, self.lanes)
-        constants, entries, lengths = self.constants(program, self.lanes), y.of(1), h.of(1)
-        with program.times(number[0] / lanes) as i:
-
-            def row(k: Number) -> tuple[Number, Array]:
-                j = lanes * i + k
-                j = where_positive(j - last, last, j)
-                return j, rows + j * float(dimension)
-
-            with program.times(lanes) as k:
-                j, at = row(k)
-                lengths[k] = times[j] / steps
-                for c in range(dimension):
-                    entries[k + c * lanes] = at[c]
-            self.fill(constants, stages, Same(scheme + 1, self.lanes), p, h[0])
-            with program.times(steps):
-                with program.times(stages) as k:
-                    self.flows(y, self.row(constants, k), self.row(constants, k))
-                self.fast_flow(y, self.row(constants, stages))
-            with program.times(lanes) as k:
-                row(k)[1].store([entries[k + c * lanes] for c in range(dimension)])
-        return program
-
-
 def _advance(pieces: Pieces) -> Program:
     program = Program("advance", "scheme law p state clock times rests rows", attribute=WIDEST_REGISTERS)
     scheme, law, p, state, clock, times, rests, rows = program.arguments
-    stages, dimension = scheme[0], pieces.dimension
+    stages, dimension, kept = scheme[0], pieces.dimension, pieces.parts.moving[0]
     constants, number = pieces.constants(program), program.room(2)
     y, at, each = program.room(dimension), program.room(dimension), program.room(dimension, pieces.chains)
+    rest = program.room(kept)
+    rest.store([0.0] * kept)
     y.store(state.load(dimension))
     # 1 while the state lacks the last fast flow of its step.
     open_, code = program.cell(0.0), program.cell(float(Code.FINISHED))
@@ -226,14 +135,20 @@ def _advance(pieces: Pieces) -> Program:
             leave(condition)
         code[0] = float(Code.FINISHED)
         if pieces.chains > 1:
-            # All chains begin where the step does, and their mean, by weight, is where it ends.
-            each.store([splat(number, pieces.chains) for number in y.load(dimension)])
+            # All chains begin where the step does, and their mean, by weight, is where it ends. What components gain
+            # that the fast flow leaves alone is summed apart: rounding of the same sign in each step would pile up.
+            start = y.load(dimension)
+            each.store([splat(number, pieces.chains) for number in (*rest.load(kept), *start[kept:])])
+            base = [splat(number, pieces.chains) for number in start[:kept]]
             with program.times(stages) as i:
-                pieces.flows(each, pieces.row(constants, i), pieces.row(constants, i))
-            pieces.fast_flow(each, pieces.row(constants, stages))
+                pieces.flows(each, pieces.row(constants, i), pieces.row(constants, i), base)
+            pieces.fast_flow(each, pieces.row(constants, stages), base)
             weights = (scheme + 1).of(pieces.chains)[2.0 * stages + 1.0]
+            means = [(weights * number).total() for number in each.load(dimension)]
+            ends = [before + gain for before, gain in zip(start, means[:kept], strict=False)]
+            rest.store([gain - (end - before) for before, gain, end in zip(start, means, ends, strict=False)])
             assert pieces.parts.restored is not None
-            y.store(pieces.parts.restored([(weights * number).total() for number in each.load(dimension)]))
+            y.store(pieces.parts.restored([*ends, *means[kept:]]))
         else:
             first = open_[0] * (stages + 1.0)
             with program.times(stages) as i:
@@ -253,19 +168,20 @@ def _advance(pieces: Pieces) -> Program:
 def _check(pieces: Pieces, advance: Program, rounding: float) -> Program:
     program = Program("check", "scheme p state numbers")
     scheme, p, state, laws = program.arguments
-    setting, out = laws + 2 * LAW, laws + (2 * LAW + 4)
+    setting, out = laws + 2 * LAW, laws + (2 * LAW + 3)
     dimension, moving, points = pieces.dimension, range(*pieces.parts.moving), float(POINTS)
     rows, y = program.room((4 * POINTS + 2) * dimension), program.room(dimension)
     times, rests = (program.room(2 * POINTS + 1) for _ in range(2))
-    now, span, whole, rate = setting.load(4)
-    times[0] = now
+    # From 0 on, since times far from there are rounded to more than is looked for.
+    span, whole, rate = setting.load(3)
+    times[0] = 0.0
     with program.times(points) as k:
         after = (k + 1.0) * (span / points)
-        times[k + 1.0], times[k + (points + 1.0)] = now + after, now + (whole - span + after)
+        times[k + 1.0], times[k + (points + 1.0)] = after, whole - span + after
     out.store([0.0] * 7)
     with program.times(2.0) as run:
         clock = program.room(len(At))
-        clock.store([now, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0, 0.0, inf, inf, 2 * points + 1])
+        clock.store([0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0, 0.0, inf, inf, 2 * points + 1])
         y.store(state.load(dimension))
         own = rows + run * (2 * points + 1) * dimension
         program.call(advance, scheme, laws + run * float(LAW), p, y, clock, times, rests, own)
@@ -285,7 +201,7 @@ def _check(pieces: Pieces, advance: Program, rounding: float) -> Program:
             slow = [b - a for a, b in zip(*map(pieces.parts.slow_quantities, (first, second)), strict=True)]
             change.store([each + more for each, more in zip(change.load(size), slow, strict=True)])
             out[0] = larger(out[0], length(slow))
-            turns = (times[part * points + k + 1.0] - now) * rate / (2 * pi)
+            turns = times[part * points + k + 1.0] * rate / (2 * pi)
             out[1] = larger(out[1], (length([second[i] - first[i] for i in moving]) - rounding) / (1.0 + turns))
             middle.store([middle[j] + first[i] / points for j, i in enumerate(moving)])
         most[0] = 0.0

@@ -29,6 +29,9 @@ SEEN = 0.4
 FITTING, MIDDLE, LEAST, ROUNDS = (0.3, 2.0), 0.8, 1e-6, 4
 # Of the errors of steps that are not checked again, where they fall more slowly: where the slow part is not so small.
 LEAST_ORDER = 4
+# A check sees errors from so many times what rounding makes of them; for smaller ones steps are narrowed unseen. No
+# error is aimed at below so many times the rounding of one number.
+CLEAR, LEAST_ERROR = 4.0, 100.0
 # Another round pays if wider steps cost no more than this share of those at hand, and if the plans differ by a check,
 # which costs as much as so many steps beside its own.
 REWARDING, CHECK = 0.85, 250.0
@@ -48,30 +51,42 @@ class Plan:
     floor: float
     widest: float
 
-    def law(self, smaller: float = 1.0, between: tuple[float, float] = (0.0, inf)) -> tuple[float, ...]:
-        """What machine code receives as law; all steps smaller by a factor, if asked; it holds between two rates."""
-        return self.factor * smaller, EXPONENT, self.widest * smaller, self.floor, *between
+    def law(self, between: tuple[float, float] = (0.0, inf)) -> tuple[float, ...]:
+        """What machine code receives as law; it holds between two rates."""
+        return self.factor, EXPONENT, self.widest, self.floor, *between
 
     def step(self, rate: float) -> float:
         """A step at a rate of the fast angle."""
         return min(self.factor * rate**-EXPONENT, self.widest / rate)
+
+    def narrowed(self, factor: float) -> "Plan":
+        """One whose steps are all smaller by a factor."""
+        return Plan(self.factor * factor, self.floor, self.widest * factor)
 
 
 class Planner:
     """Chooses plans for one problem (`splitting.Split`) and one tolerance, from its short runs."""
 
     def __init__(self, problem: Any, tolerance: float) -> None:
-        self.problem, self.error = problem, AIM * tolerance
-        # What errors are to the law, as far as is known.
-        self.scale = 1.0
+        self.problem, self.error = problem, max(AIM * tolerance, LEAST_ERROR * problem.epsilon)
+        # The error that checked steps are to have, no less than a check sees; what errors are to the law, as far as is
+        # known; the plan of checked steps.
+        self.seen, self.scale = self.error, 1.0
+        self.checked: Plan | None = None
 
     def by_law(self, rate: float, longest: float) -> Plan:
         """The plan of widest steps at a rate, where errors are so many times those of the law."""
-        factor = (self.error / (self.problem.strength * self.scale * COEFFICIENT)) ** (1 / ORDER)
+        factor = (self.seen / (self.problem.strength * self.scale * COEFFICIENT)) ** (1 / ORDER)
         return Plan(min(factor, longest * rate**EXPONENT), self.problem.floor, self.problem.widest)
 
     def plan(self, old: Plan | None, state: np.ndarray, now: float, record: Record) -> Plan:
-        """The widest plan found that a check lets stand, beginning with that in use."""
+        """The widest plan found for the error aimed at, beginning with that in use."""
+        self.checked = self.found(self.checked if old else None, state, now, record)
+        plan = self.checked.narrowed((self.error / self.seen) ** (1 / LEAST_ORDER))
+        return old if old == plan else plan
+
+    def found(self, old: Plan | None, state: np.ndarray, now: float, record: Record) -> Plan:
+        """The widest plan found that a check lets stand, beginning with an old one."""
         rate, length = self.problem.rate(state), float(record.times[-1]) - now
         # Rows within the first step are the same whatever its length: a check sees nothing there.
         longest = SEEN * length
@@ -101,38 +116,41 @@ class Planner:
         """A plan of the error aimed at, after one whose error, so many times that, falls by an order."""
         step = plan.step(rate) * (MIDDLE / max(ratio, LEAST)) ** (1 / order)
         law = COEFFICIENT * rate ** (ORDER - POWER) * step**ORDER
-        self.scale = self.error / (self.problem.strength * law)
+        self.scale = self.seen / (self.problem.strength * law)
         return self.by_law(rate, longest)
 
     def off(self, plan: Plan, state: np.ndarray, now: float, record: Record) -> float:
-        """Estimated error of a plan over the one aimed at."""
-        error = self.estimated(plan, state, now, record)
-        rounding = self.problem.rounding
-        return max(error, rounding) / max(self.error, rounding) if isfinite(error) else HOPELESS
+        """Estimated error of a plan over the one that checked steps are to have."""
+        error, rounding = self.estimated(plan, state, now, record)
+        self.seen = max(self.error, CLEAR * rounding)
+        return error / self.seen if isfinite(error) else HOPELESS
 
-    def estimated(self, plan: Plan, state: np.ndarray, now: float, record: Record) -> float:
+    def estimated(self, plan: Plan, state: np.ndarray, now: float, record: Record) -> tuple[float, float]:
         """Error of the slow quantities in the rest of the run, from short runs by the plan and by smaller steps.
 
         What the two differ by in a turn's mean grows with time, as long as the slow quantities remember; the rest goes
         to and fro within a turn. What the fast components err by, in rad per turn, counts as well: over their amplitude
-        where that is small and grows, as at a saddle.
+        where that is small and grows, as at a saddle. The second number is what rounding makes of it, whose sign is any
+        in each step.
         """
         problem, length = self.problem, float(record.times[-1]) - now
-        turn = 2 * pi / problem.rate(state)
+        rate = problem.rate(state)
+        turn = 2 * pi / rate
         window = min(length, MOST_TURNS * turn, max(LEAST_TURNS * turn, CHECKED * length))
         if length < turn * min(MOST_ALL, ALL * max(1.0, DAMPED * problem.strength * turn)):
             window = length
         span = MEAN_OVER * turn if window > 4 * MEAN_OVER * turn else window / 2
-        given = *plan.law(), *plan.law(FINER), now, span, window, 2 * pi / turn
+        given = *plan.law(), *plan.narrowed(FINER).law(), span, window, rate
         numbers = np.array((*given, *(0.0,) * FOUND), problem.number)
         problem.kernels.check(problem.scheme.addresses[problem.number], problem.address, state, numbers)
         slow, fast, change, begin, end, steps, failed = numbers[-FOUND:].tolist()
         record.work.rejected = (record.work.rejected or 0) + int(steps)
         if failed:
-            return inf
+            return inf, 0.0
         if end > begin:
             fast /= min(1.0, end)
         # Slow components remember for a time between those of the fastest and of the slowest one.
         remaining = max(0.0, min(length, 1 / sqrt(problem.strength * problem.forgetting)) - window)
-        error = max(slow + change / (window - span) * remaining, fast / PER_TURN)
-        return error / (1 - FINER**ORDER)
+        grown = remaining / (window - span)
+        rounding = problem.epsilon * rate * sqrt(steps) * (1 + grown)
+        return max(slow + change * grown, fast / PER_TURN) / (1 - FINER**ORDER), rounding

@@ -15,10 +15,10 @@ class Scheme:
     """A palindromic composition of fast and slow flows, fast ones first and last."""
 
     name: str
-    # First half of the shares of a step, the middle one included; slow flows in a step.
-    fast: tuple[float, ...]
-    slow: tuple[float, ...]
+    # Slow flows in a step; first half of the shares of a step, the middle one included.
     stages: int
+    slow: tuple[float, ...]
+    fast: tuple[float, ...] = ()
 
     @property
     def chains(self) -> int:
@@ -59,19 +59,19 @@ def _mirrored(half: tuple[float, ...], length: int, number: type) -> np.ndarray:
 # Blanes, Casas, Farrés, Laskar, Makazaga and Murua, Appl. Numer. Math. 68 (2013) 58; SABA2 is Laskar and Robutel's of
 # 2001, S2 Strang's. On random spheroids SABA3 and ABA(8,4) gained over none of these at any error.
 SCHEMES = (
-    Scheme("S2", (0.5,), (1.0,), 1),
-    Scheme("SABA2", (0.2113248654051871, 0.5773502691896258), (0.5,), 2),
+    Scheme("S2", 1, (1.0,), (0.5,)),
+    Scheme("SABA2", 2, (0.5,), (0.2113248654051871, 0.5773502691896258)),
     Scheme(
         "ABA(8,6,4)",
-        (0.07113342649822312, 0.24115342795664010, 0.52141176177281479, -0.33369861622767801),
-        (0.18308368747219722, 0.31078285989857487, -0.026564618511958801, 0.065396142282373418),
         7,
+        (0.18308368747219722, 0.31078285989857487, -0.026564618511958801, 0.065396142282373418),
+        (0.07113342649822312, 0.24115342795664010, 0.52141176177281479, -0.33369861622767801),
     ),
     Scheme(
         "ABA(10,6,4)",
-        (0.038094497422412195, 0.14529871611691371, 0.20762769572554125, 0.43590970365152616, -0.65386122583278671),
-        (0.095858880837075211, 0.20444615314299878, 0.21707034797899110, -0.017375381959065093),
         8,
+        (0.095858880837075211, 0.20444615314299878, 0.21707034797899110, -0.017375381959065093),
+        (0.038094497422412195, 0.14529871611691371, 0.20762769572554125, 0.43590970365152616, -0.65386122583278671),
     ),
 )
 # By itself it gained over the others at any error; it leads to rows.
@@ -80,8 +80,9 @@ ABA = SCHEMES[-1]
 
 @dataclass(frozen=True)
 class Parallel(Scheme):
-    """A mean, by weight, of compositions and their mirror images; given are the nodes and shares of slow flows."""
+    """A mean, by weight, of compositions and their mirror images; given are the shares of slow flows, and where."""
 
+    nodes: tuple[float, ...] = ()
     weights: tuple[float, ...] = ()
 
     @property
@@ -89,7 +90,7 @@ class Parallel(Scheme):
         return 2 * len(self.weights)
 
     def listed(self, number: type) -> np.ndarray:
-        nodes, slow = (np.array(each, number).reshape(-1, self.stages) for each in (self.fast, self.slow))
+        nodes, slow = (np.array(each, number).reshape(-1, self.stages) for each in (self.nodes, self.slow))
         slow /= slow.sum(axis=1, keepdims=True)
         nodes, slow = np.concatenate([nodes, 1 - nodes[:, ::-1]]), np.concatenate([slow, slow[:, ::-1]])
         fast = np.diff(nodes, axis=1, prepend=0, append=1)
@@ -101,20 +102,20 @@ class Parallel(Scheme):
 # times as much as commutators, since what they leave is no error of a flow.
 PARALLEL = Parallel(
     "parallel",
-    (
-        *(0.02092428763540588, 0.3050255373894938, 0.6514345701754637, 0.9693069512800301),
-        *(0.4383706738834181, 0.31604271635283904, 0.9122169897121791, 0.8418229841543465),
-        *(0.1481374704485512, 0.37463419940583303, 0.7822616123869918, 0.96001614226974),
-        *(0.3729506442043734, 0.6291939520127563, 0.7588487599981084, 0.9609626478702322),
-    ),
+    4,
     (
         *(0.19140705651444528, 0.3250512727840904, 0.3792614666679051, 0.10428020403355924),
         *(0.21797487539631824, 0.3156206356809844, 0.29470371357521685, 0.1717007753474806),
         *(0.03991202328832809, 0.45389825294654107, 0.26375159301871554, 0.24243813074641526),
         *(0.49543100705018606, -0.06976364794746007, 0.3001419533363814, 0.2741906875608926),
     ),
-    4,
-    (0.12226402714852647, -0.021027071406257924, 1.6569712744517027, -1.2582082301939712),
+    nodes=(
+        *(0.02092428763540588, 0.3050255373894938, 0.6514345701754637, 0.9693069512800301),
+        *(0.4383706738834181, 0.31604271635283904, 0.9122169897121791, 0.8418229841543465),
+        *(0.1481374704485512, 0.37463419940583303, 0.7822616123869918, 0.96001614226974),
+        *(0.3729506442043734, 0.6291939520127563, 0.7588487599981084, 0.9609626478702322),
+    ),
+    weights=(0.12226402714852647, -0.021027071406257924, 1.6569712744517027, -1.2582082301939712),
 )
 
 

@@ -21,7 +21,7 @@ from polhode.solvers.contract import (
     Status,
 )
 from polhode.solvers.machine_code.underflow import FlushedToZero
-from polhode.solvers.parts.kernels import ROUNDING, At, Code, Kernels, clock, kernels
+from polhode.solvers.parts.kernels import At, Code, Kernels, clock, kernels
 from polhode.solvers.parts.planning import Planner
 from polhode.solvers.parts.schemes import ABA, PARALLEL, Scheme
 
@@ -49,7 +49,7 @@ class Split:
         assert problem.parts is not None
         self.parts: Parts = problem.parts
         p = parameter_array(problem)
-        self.number, self.rounding, self.p = number, ROUNDING[number], p.astype(number)
+        self.number, self.epsilon, self.p = number, float(np.finfo(number).eps), p.astype(number)
         self.address, self.dimension = self.p.ctypes.data, problem.dimension
         self.strength, self.forgetting = self.parts.strength(p.tolist()), self.parts.forgetting(p.tolist())
         self.floor = SHEAR * self.strength
@@ -77,7 +77,9 @@ class Split:
     def marks(self, record: Record) -> list[float]:
         """Times at which the plan is made anew in any case."""
         begin, length = float(record.times[0]), float(record.times[-1] - record.times[0])
-        least = LEAST_BETWEEN * 2 * pi / self.rate(record.start)
+        # What starts from rest will turn as the shear makes it.
+        rate = max(self.rate(record.start), SHEAR * min(1.0, self.strength * length))
+        least = LEAST_BETWEEN * 2 * pi / rate
         return [begin + share * length for share in AGAIN if share * length > least]
 
     def run(self, record: Record) -> Outcome:
@@ -97,7 +99,7 @@ class Split:
                     own[: At.FILLED] = clock(now, self.number)[: At.FILLED]
                 own[At.UNTIL] = next((mark for mark in marks if mark > now), inf)
                 # Ever wider, so that a rate that goes to and fro asks for few plans.
-                law, width = plan.law(between=(rate / width, rate * width)), width * WIDER
+                law, width = plan.law((rate / width, rate * width)), width * WIDER
             limit = min(CHUNK, record.max_steps - int(own[At.STEPS]))
             code = self.advance(self.scheme, law, state, own, times, rows, limit=limit)
             record.put(rows[record.filled : int(own[At.FILLED])])

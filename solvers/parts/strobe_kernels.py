@@ -8,7 +8,7 @@ from math import nan, pi
 from polhode.models.problem import Parts
 from polhode.solvers.machine_code.program import Array, Program, compare, compiled
 from polhode.solvers.machine_code.tracing import OPERATIONS, Number
-from polhode.solvers.parts.kernels import Pieces
+from polhode.solvers.parts.flows import Pieces
 
 # Turns between a row and the point of whole turns from which it is reached, at most; trials to find that point, after
 # which the row is NaN.
