@@ -199,6 +199,7 @@ def _expm1(x: Any) -> Any:
 
 
 WIDE = replace(OPERATIONS, expm1=_expm1)
+_NOTHING = ctypes.c_char * 0
 # Left to itself, LLVM halves the widest registers.
 WIDEST_REGISTERS = '"prefer-vector-width"="512"'
 
@@ -207,6 +208,14 @@ def compare(how: str, left: Any, right: Any) -> str:
     """The condition that numbers compare as "olt", "ole", "ogt" or "oge"; NaN fulfils "uge" and its like alone."""
     number: Any = left if isinstance(left, Number) else right
     return number.lines.setdefault(f"fcmp {how} double {operand(left)}, {operand(right)}", "")
+
+
+def _address(array: np.ndarray) -> int:
+    """Where an array's numbers are, in a quarter of the time NumPy takes for it, unless it is read-only."""
+    try:
+        return ctypes.addressof(_NOTHING.from_buffer(array))
+    except TypeError:
+        return array.__array_interface__["data"][0]
 
 
 def compiled(*programs: Program, number: type = float) -> list[Callable[..., None]]:
@@ -223,7 +232,7 @@ def compiled(*programs: Program, number: type = float) -> list[Callable[..., Non
         code = types(engine.get_function_address(program.name))
 
         def call(*arrays: np.ndarray | int) -> None:
-            code(*[each if isinstance(each, int) else each.__array_interface__["data"][0] for each in arrays])
+            code(*[each if isinstance(each, int) else _address(each) for each in arrays])
 
         call.engine = engine  # pyright: ignore[reportFunctionMemberAccess]
         return call

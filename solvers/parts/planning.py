@@ -1,8 +1,7 @@
 """How large steps may be: a law, checked by short runs with two steps."""
 
-from dataclasses import dataclass
 from math import inf, isfinite, log, pi, sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -43,8 +42,7 @@ PER_TURN = 0.1
 HOPELESS = 1e3
 
 
-@dataclass(frozen=True)
-class Plan:
+class Plan(NamedTuple):
     """The number H of a step, the square of the least rate that counts, and the widest angle of a step."""
 
     factor: float
@@ -82,7 +80,8 @@ class Planner:
     def plan(self, old: Plan | None, state: np.ndarray, now: float, record: Record) -> Plan:
         """The widest plan found for the error aimed at, beginning with that in use."""
         self.checked = self.found(self.checked if old else None, state, now, record)
-        plan = self.checked.narrowed((self.error / self.seen) ** (1 / LEAST_ORDER))
+        unseen = self.error / self.seen
+        plan = self.checked.narrowed(unseen ** (1 / LEAST_ORDER)) if unseen < 1 else self.checked
         return old if old == plan else plan
 
     def found(self, old: Plan | None, state: np.ndarray, now: float, record: Record) -> Plan:

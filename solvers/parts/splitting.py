@@ -52,7 +52,7 @@ class Split:
         self.number, self.epsilon, self.p = number, float(np.finfo(number).eps), p.astype(number)
         self.address, self.dimension = self.p.ctypes.data, problem.dimension
         self.strength, self.forgetting = self.parts.strength(p.tolist()), self.parts.forgetting(p.tolist())
-        self.floor = SHEAR * self.strength
+        self.floor, self.speed = SHEAR * self.strength, self.parts.rate(FLOAT)
         means = number is float and self.parts.restored and self.strength < STRONG
         self.scheme = PARALLEL if means else ABA
         self.widest = WIDEST * self.parts.reach / self.scheme.widest
@@ -65,11 +65,13 @@ class Split:
 
     def rate(self, state: np.ndarray) -> float:
         """Rate of the fast angle, no less than the least one that counts."""
-        speed = self.parts.rate(FLOAT)(state.tolist(), self.p)
+        speed = self.speed(state.tolist(), self.p)
         return sqrt(speed * speed + self.floor)
 
     def numbers(self, values: Any) -> np.ndarray:
         """Numbers as machine code takes them; the same array if it is one already."""
+        if values.dtype.type is np.dtype(self.number).type and values.flags.c_contiguous:
+            return values
         # Rows that are not filled yet may hold what looks like signalling NaNs.
         with np.errstate(invalid="ignore"):
             return np.ascontiguousarray(values, self.number)
@@ -117,13 +119,15 @@ class Split:
         state, own, times, rows = arrays
         own[At.LIMIT], own[At.ROWS] = limit, len(times)
         own_law, rests = np.array(law, self.number), np.empty_like(times)
-        own_kernels = kernels(self.parts, self.dimension, self.number, scheme.chains)
-        own_kernels.advance(scheme.addresses[self.number], own_law, self.address, state, own, times, rests, rows)
+        used = (
+            self.kernels if scheme is self.scheme else kernels(self.parts, self.dimension, self.number, scheme.chains)
+        )
+        used.advance(scheme.addresses[self.number], own_law, self.address, state, own, times, rests, rows)
         return int(own[At.CODE])
 
     def free(self, record: Record) -> Outcome:
         """Fill the record's rows by the fast flow alone, modulo whole turns."""
-        rate = self.parts.rate(FLOAT)(record.start.tolist(), self.p)
+        rate = self.speed(record.start.tolist(), self.p)
         left = record.times[1:] - record.times[0]
         left -= np.floor(left * rate / (2 * pi)) * (2 * pi / rate) if rate > 0 else 0.0
         state, pieces = tuple(record.start), int(2 * pi / self.parts.reach) + 1
