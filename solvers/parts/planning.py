@@ -82,7 +82,7 @@ class Planner:
         self.checked = self.found(self.checked if old else None, state, now, record)
         unseen = self.error / self.seen
         plan = self.checked.narrowed(unseen ** (1 / LEAST_ORDER)) if unseen < 1 else self.checked
-        return old if old == plan else plan
+        return old if old and old == plan else plan
 
     def found(self, old: Plan | None, state: np.ndarray, now: float, record: Record) -> Plan:
         """The widest plan found that a check lets stand, beginning with an old one."""
