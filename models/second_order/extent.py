@@ -26,6 +26,9 @@ UNITS = np.concatenate([np.eye(6), 1j * np.eye(6)[:3]])
 PHASES = pi / 4 * (np.arange(4) + 0.25)
 _TURNED = UNITS * np.exp(0.25j * pi * np.arange(8)[:, None] * TURNS)[:, None]
 TURNED = np.concatenate([_TURNED.real, _TURNED.imag[..., :3]], axis=2)
+# Pairs of c whose product the mean keeps: those of the same k.
+_K = np.concatenate([TURNS, TURNS[:3]])
+PAIRS = np.nonzero(np.triu(_K[:, None] == _K))
 # 1/St at which they are taken.
 SLIGHT = 1e-12
 
@@ -34,23 +37,24 @@ def extent(ellipsoid: Ellipsoid, longest: bool, momentum: Array, a2: Array) -> A
     """Size of the transformation times St at each L, shape (m, 3), and a²: √2 times the root mean square."""
     size, a = np.linalg.norm(momentum, axis=1), np.sqrt(a2)
     at = np.clip(np.searchsorted(DEPTHS, a), 1, len(DEPTHS) - 1)
-    share = np.clip((a - DEPTHS[at - 1]) / (DEPTHS[at] - DEPTHS[at - 1]), 0, 1)[:, None, None]
+    share = np.clip((a - DEPTHS[at - 1]) / (DEPTHS[at] - DEPTHS[at - 1]), 0, 1)
     squares = squares_for(ellipsoid, longest)
-    squares = (1 - share) * squares[at - 1] + share * squares[at]
-    c = coefficients(frame_of(momentum), size)
-    c = np.concatenate([np.real(c), np.imag(c[:, :3])], axis=1)
-    return np.sqrt(2 * np.sum((squares @ c[:, :, None])[..., 0] * c, axis=1)) / size**2
+    squares = (1 - share) * squares[:, at - 1] + share * squares[:, at]
+    c = coefficients(frame_of(momentum), size).T
+    c = np.concatenate([np.real(c), np.imag(c[:3])])
+    return np.sqrt(2 * np.sum(squares * c[PAIRS[0]] * c[PAIRS[1]], axis=0)) / size**2
 
 
 @lru_cache(maxsize=64)
 def squares_for(ellipsoid: Ellipsoid, longest: bool) -> Array:
-    """The matrices at the nodes of the series, at |L| = 1, in the mean over turns about L; kept on disk."""
+    """Factors of products of `PAIRS` at the nodes of the series, at |L| = 1: the mean over turns; kept on disk."""
     key = f"extent of the swing {VERSION} {swing.VERSION} {ellipsoid.scaled_axes} {longest}"
     found = kept.load(key)
     if found is None:
         kept.save(key, found := squares_of(series_for(ellipsoid, longest)))
     squares = found.reshape(len(DEPTHS), len(UNITS), len(UNITS))
-    return np.mean(TURNED @ squares[:, None] @ TURNED.swapaxes(1, 2), axis=1)
+    squares = np.mean(TURNED @ squares[:, None] @ TURNED.swapaxes(1, 2), axis=1)
+    return squares[:, *PAIRS].T * np.where(PAIRS[0] == PAIRS[1], 1, 2)[:, None]
 
 
 def squares_of(series: swing.Series) -> Array:

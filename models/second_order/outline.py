@@ -79,10 +79,9 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
     """Outline of a run with orientation and 0 < St < inf; windows as the error asked for demands."""
     path, share = path_of(scene), SHARE * budget
     ahead, kicks = Ahead.of(path, budget), path.kicks
-    if kicks:
+    if ahead.strong:
         # A window may be narrower than the path's steps.
-        halves = [ahead.strong.get(each, each.width) for each in kicks]
-        path = path.at(np.outer(INSIDE, halves) + [each.time for each in kicks])
+        path = path.at(np.outer(INSIDE, list(ahead.strong.values())) + [each.time for each in ahead.strong])
     times, weight, why, reasons = path.times, ahead.weight(path.times), _reasons(path, budget), [*REASONS]
     sound, sudden = why == 0, np.zeros(len(times))
     swing, smaller, third = (np.where(sound, each, 0) for each in (path.swing, path.smaller, path.third))
@@ -161,11 +160,15 @@ class Ahead:
 
     def weight(self, times: Array) -> Array:
         """By how much later kicks amplify an error made at these times."""
-        weight, turned = np.ones(len(times)), self.path.turned_at(times) if self.behind else np.empty(0)
-        ends = np.searchsorted(times, [until for until, *_ in self.behind]).tolist()
-        for (_, g, last), begin, end in zip(self.behind, [*ends[1:], 0], ends, strict=False):
-            onwards = np.concatenate([np.tile(np.eye(2), (end - begin, 1, 1)), last - turned[begin:end]], axis=1)
-            weight[begin:end] = np.sqrt(np.maximum(0.5 * np.sum(onwards * (g @ onwards), axis=(1, 2)), 1))
+        weight = np.ones(len(times))
+        if self.behind:
+            until, g, last = (np.array(each) for each in zip(*self.behind, strict=True))
+            at = len(until) - 1 - np.searchsorted(until[::-1], times, side="right")
+            before = at >= 0
+            at, onwards = at[before], np.zeros((int(before.sum()), 4, 2))
+            onwards[:, [0, 1], [0, 1]] = 1
+            onwards[:, 2:] = last[at] - self.path.turned_at(times[before])
+            weight[before] = np.sqrt(np.maximum(0.5 * np.sum(onwards * (g[at] @ onwards), axis=(1, 2)), 1))
         return weight
 
 

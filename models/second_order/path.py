@@ -242,7 +242,7 @@ class Path:
         rates = np.zeros((len(self.times), 2, 2))
         for side, here, table in self._sides:
             t, (_, width) = 2 * self.a2[here] / tables.MOST - 1, _range(self.ellipsoid, side)
-            nu, rise = (tables.evaluated(row, t).T for row in (table.series[-2:], table.rises))
+            nu, rise = np.split(tables.evaluated(table.turning, t).T, 2, axis=1)
             # ∂a²/∂E, and ∂a²/∂|L| over it.
             steep = 2 * np.exp(self.a2[here]) / (unit * size[here] ** 2 * width)
             rise, fall = unit * (size[here] * steep)[:, None] * rise, -2 * energy[here] / size[here]

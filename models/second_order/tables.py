@@ -48,9 +48,10 @@ class Table:
     residual: float  # relative misfit of the closed structure, largest over the nodes
 
     @cached_property
-    def rises(self) -> Array:
-        """Chebyshev coefficients of dν₁/da² and dν₂/da²."""
-        return 2 / MOST * chebder(self.series[-2:], axis=1)
+    def turning(self) -> Array:
+        """Chebyshev coefficients of ν₁, ν₂, dν₁/da² and dν₂/da²."""
+        rises = 2 / MOST * chebder(self.series[-2:], axis=1)
+        return np.concatenate([self.series[-2:], np.pad(rises, ((0, 0), (0, 1)))])
 
 
 @dataclass(frozen=True, eq=False)
