@@ -17,8 +17,7 @@ from polhode.harness.calibration.evaluation import error_of
 from polhode.harness.calibration.scenes import Question
 from polhode.harness.common.store import Record
 from polhode.harness.picking.choice import simplest
-from polhode.harness.picking.laws import STIFF
-from polhode.harness.picking.pilot import damping_times
+from polhode.harness.references.rotations import STIFF, damping_times
 from polhode.solvers.contract import Status
 
 CUTOFF, PENALTY = 30.0, 10.0

@@ -9,10 +9,11 @@ import numpy as np
 
 from polhode.harness.calibration.scenes import STRATA, TRAINING_SCENES, TRAINING_SEED, Question, Stratum, questions
 from polhode.harness.common.store import Record, Store
-from polhode.harness.picking.laws import STIFF, Laws
+from polhode.harness.picking.laws import Laws
 from polhode.harness.picking.load import planned
 from polhode.harness.picking.model_error import LEAST_ROTATIONS
-from polhode.harness.picking.pilot import InPieces, Pilot, averages, damping_times, pilot
+from polhode.harness.picking.pilot import InPieces, Pilot, averages, pilot
+from polhode.harness.references.rotations import damping_times
 from polhode.harness.studies.case import Case
 from polhode.harness.studies.runner import Runner
 from polhode.harness.studies.study import Study
@@ -106,7 +107,7 @@ def studies(question: Question, index: int, stratum: Stratum = "short") -> Itera
         tolerance = float(random.choice(choices))
         angles = stratum == "short" and index % ANGLES_EVERY == 0 and row in ANGLES_ROWS
         for name, solvers in methods_for(known, tolerance, angles, row in STEADY_ROWS and rotations < MOST_FULL):
-            stiff = known.damping_times > STIFF and not find_form(name).averaged
+            stiff = known.stiff and not find_form(name).averaged
             kept = stiff or (index + row) % IMPLICIT_EVERY == 0
             chosen = [each for each in solvers if kept or not find_solver(each).implicit]
             yield study(question, name, chosen, (tolerance,), rotations)

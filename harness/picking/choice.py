@@ -5,10 +5,10 @@ from math import isfinite, isinf
 from typing import NamedTuple
 
 from polhode.harness.common.text import duration, short
+from polhode.harness.picking.candidate import LOOSEST, TIGHTEST
 from polhode.harness.picking.laws import WANTS
 from polhode.harness.picking.ranking import NotAttainableError, first_way, pick
 from polhode.harness.picking.recommendation import Recommendation
-from polhode.harness.picking.trials import LOOSEST, TIGHTEST
 from polhode.models.catalogue import form as find_form, full_form
 from polhode.models.form import FormNotValidError
 from polhode.models.problem import Problem

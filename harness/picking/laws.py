@@ -39,8 +39,6 @@ from polhode.solvers.compile import cache_folder
 SCHEMA = 4
 EPS = float(np.finfo(float).eps)
 WANTS = ("slow", "orientation")
-# Damping times, T max(8πX/I)/St, from which on an explicit method is held back by stability.
-STIFF = 2e4
 # Rotations from which on a run is long.
 LONG = 500.0
 
@@ -138,7 +136,7 @@ class Sensitivity:
     rotations: float
     stiffness: float  # S/T
     largest: float  # size of what is measured: the largest |L|, E over I_max, or 1 rad
-    stiff: bool = False  # whether there are more than `STIFF` damping times
+    stiff: bool = False  # whether stability would hold an explicit method back
 
     @property
     def long(self) -> bool:
@@ -206,7 +204,7 @@ class MethodLaws:
 
 def regime(want: str, stiff: bool, long: bool = False) -> str:
     """Name of the law of what is wanted."""
-    # Beyond `STIFF` damping times errors die out and the pilot is implicit; over long runs they have long added up.
+    # Where stability would hold explicit methods back errors die out; over long runs they have long added up.
     return f"stiff {want}" if stiff else f"long {want}" if long else want
 
 

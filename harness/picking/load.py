@@ -4,15 +4,16 @@ Near a pole angles take many steps, a body that has settled takes few, and a sol
 takes fewer than one that cannot. Pilot runs of the form itself count them, by a solver of each kind.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
 from math import exp, log, sqrt
 
 import numpy as np
 
-from polhode.harness.picking.laws import STIFF, Load
-from polhode.harness.picking.pilot import InPieces, Pilot, PilotFailedError, averages, damping_times, follow
+from polhode.harness.picking.laws import Load
+from polhode.harness.picking.pilot import InPieces, Pilot, PilotFailedError, averages, follow
+from polhode.harness.references.rotations import EXPLICIT, HELD, Gauge, damping_times, following_time
 from polhode.models.catalogue import form as find_form, full_form
 from polhode.models.form import Form
 from polhode.models.problem import PlannedPiece
@@ -24,24 +25,6 @@ from polhode.solvers.solve import solve
 SECOND_ORDER = "averaged-second-order"
 # Most steps that stability costs, over the usual ones.
 MOST_STABILITY = 2.0
-# Where stability asks for more of an explicit method's steps than this, errors do not follow the tolerance; those of
-# Taylor's method, whose order is higher, still do.
-HELD = 0.4
-
-
-@dataclass(frozen=True)
-class Gauge:
-    """How the steps of a kind of solvers are counted, and what they usually come to in the quaternion form."""
-
-    solver: str
-    tolerance: float
-    per_rotation: float
-    per_time: float
-    per_damping_time: float
-    any_run: float
-
-
-EXPLICIT = Gauge("cyrk-vern8", 1e-9, 8.0, 1.6, 0.28, 4.0)
 IMPLICIT = Gauge("cyrk-radau", 1e-6, 27.0, 2.6, 0.0, 13.0)
 BOTH = Gauge("cyrk-lsoda", 1e-9, 36.0, 21.0, 7e-4, 8.5)
 # Accuracy asks explicit methods for ever more steps as the tolerance falls, stability does not: runs so much looser and
@@ -76,14 +59,13 @@ def load_of(form: Form, solver: str, pilot: Pilot, samples: int, tolerance: floa
         count = sum(steps(form, scene, gauge)) / gauge.per_rotation
         return Load(*_by_kind(count, form.name == SECOND_ORDER and scene.ellipsoid.kind == "triaxial"), held, samples)
     turns = pilot.rotations
-    following = scene.time if scene.stokes == 0 else scene.time * damped / (scene.time + damped)
+    following = following_time(scene)
     closed = form.problem(pilot.followed).parameters is None
-    if closed or (gauge is EXPLICIT and damped > STIFF):
+    if closed or (gauge is EXPLICIT and pilot.stiff):
         return Load(turns, following, damped, samples)
     counted = pilot.followed if gauge is EXPLICIT else pilot.counted
     accuracy, stability = steps(form, counted, gauge)
-    usual = gauge.per_rotation * turns + gauge.per_time * following + gauge.any_run
-    share = accuracy * scene.time / counted.time / usual
+    share = accuracy * scene.time / counted.time / gauge.usual(turns, following)
     damping = gauge.per_damping_time * damping_times(pilot.followed)
     held = stability / damping if gauge is EXPLICIT and damping > 0 else share
     return Load(share * turns, share * following, held * damped, samples)
@@ -118,7 +100,7 @@ def held_back(form: Form, solver: str, pilot: Pilot) -> bool:
     method = find_solver(solver)
     if method.implicit or method.closed_form:
         return False
-    if pilot.damping_times > STIFF:
+    if pilot.stiff:
         return True
     free = method.order_by_tolerance or method.many_periods or averages(form)
     if free or form.problem(pilot.followed).parameters is None:

@@ -10,14 +10,14 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
-from math import ceil, inf, isfinite, isinf, pi
+from math import ceil, inf, isfinite, pi
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
-from polhode.harness.picking.laws import STIFF, Sensitivity
+from polhode.harness.picking.laws import Sensitivity
 from polhode.harness.references.errors import Errors, errors, magnitude
-from polhode.harness.references.rotations import rotations
+from polhode.harness.references.rotations import damping_times, is_stiff, rotations
 from polhode.models.catalogue import form as find_form, reference_form
 from polhode.models.form import Form
 from polhode.models.observables import Observables, angular_velocity
@@ -130,6 +130,11 @@ class Pilot:
         """S = T max(8πX/I)/St."""
         return damping_times(self.scene)
 
+    @property
+    def stiff(self) -> bool:
+        """Whether stability would hold an explicit method back."""
+        return is_stiff(self.scene)
+
 
 @lru_cache(maxsize=1000)
 def _end_of(scene: Scene) -> Start | None:
@@ -138,13 +143,6 @@ def _end_of(scene: Scene) -> Start | None:
     with suppress(PilotFailedError):
         return start_from(scene.ellipsoid, form.observe(scene, follow(form, scene, BEGUN).states[-1:]))
     return None
-
-
-def damping_times(scene: Scene) -> float:
-    """S = T max(8πX/I)/St: the duration in units of the shortest damping time; 0 without inertia or torque."""
-    if scene.stokes == 0 or isinf(scene.stokes):
-        return 0.0
-    return scene.time * max(scene.ellipsoid.damping) / scene.stokes
 
 
 def oriented(scene: Scene) -> Scene:
@@ -189,7 +187,7 @@ def _grown(own: dict[str, Gain], gap: float) -> dict[str, Gain]:
 
 def pilot_solver(scene: Scene) -> str:
     """The solver that follows a scene: implicit where stability would hold back an explicit one."""
-    return "cyrk-radau" if damping_times(scene) > STIFF else "cyrk-vern8"
+    return "cyrk-radau" if is_stiff(scene) else "cyrk-vern8"
 
 
 def samples_of(form: Form) -> int:
@@ -281,6 +279,6 @@ def form_sensitivity(form: Form, pilot: Pilot, solver: str = "") -> dict[str, Se
         own, observables = _grown(gains(scene.ellipsoid, found), pilot.scene.time / scene.time), found[-1][1]
     turns = 0.0 if form.averaged else pilot.rotations
     stiffness = 0.0 if form.averaged else pilot.damping_times / pilot.scene.time
-    stiff = not form.averaged and pilot.damping_times > STIFF
+    stiff = not form.averaged and pilot.stiff
     largest = {"slow": magnitude(scene.ellipsoid, observables), "orientation": 1.0}
     return {want: Sensitivity(*gain, turns, stiffness, largest[want], stiff) for want, gain in own.items()}

@@ -7,13 +7,14 @@ from functools import lru_cache
 from math import inf, isfinite, pi
 
 from polhode.harness.common.text import short
+from polhode.harness.picking.candidate import SHARE, Candidate
 from polhode.harness.picking.laws import EPS, WANTS, ErrorLaw, Interval, Laws, MethodLaws, Sensitivity, load_laws
 from polhode.harness.picking.load import held_back
 from polhode.harness.picking.model_error import causes, check_averaging, model_errors, own_estimate
 from polhode.harness.picking.pilot import Pilot, PilotFailedError, averages, form_sensitivity, pilot
 from polhode.harness.picking.recommendation import Excluded, Recommendation, Way
 from polhode.harness.picking.refusals import Refusal, Stage, UnfitError, rounded_up, too_far_off, why_nothing
-from polhode.harness.picking.trials import SHARE, Candidate, with_trials
+from polhode.harness.picking.trials import with_trials
 from polhode.harness.references.errors import attainable
 from polhode.models.catalogue import FORMS, form as find_form
 from polhode.models.form import Form, FormNotValidError

@@ -13,12 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from polhode.harness.picking.laws import EPS, STIFF, Interval
+from polhode.harness.picking.laws import EPS, Interval
 from polhode.harness.picking.model_error import model_errors, own_estimate
-from polhode.harness.picking.pilot import SATURATED, PilotFailedError, damping_times, pilot
+from polhode.harness.picking.pilot import SATURATED, PilotFailedError, pilot
 from polhode.harness.picking.refusals import UnfitError
 from polhode.harness.picking.stated_error import TIGHTEST, RunError
 from polhode.harness.references.errors import magnitude, orientation_difference
+from polhode.harness.references.rotations import is_stiff
 from polhode.models.catalogue import form as find_form, reference_form
 from polhode.models.form import Form, FormNotValidError
 from polhode.models.observables import Observables
@@ -148,7 +149,7 @@ def _looks(scene: Scene, method: Solver, found: Solution, turns: float, limit: f
     """Second runs worth trying, the most telling one first."""
     tolerance, taylor = found.settings.tolerance, method.order_by_tolerance
     implicit = "cyrk-radau" if tolerance >= LOW_ORDER else "cyrk-lsoda"
-    held = damping_times(scene) > STIFF
+    held = is_stiff(scene)
     other = find_solver(implicit if held else "cyrk-vern8")
     explicit = _compiled(method) and not method.implicit
     # Of solvers over many periods their own tighter runs are far cheaper than those of any other.

@@ -6,120 +6,50 @@ share of what is asked for. Where rounding may be too large for that, two runs o
 well. Where a run would take long, laws alone decide.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, field, replace
 from functools import lru_cache
-from math import exp, inf, sqrt
+from math import inf, sqrt
 from typing import NamedTuple
 
+import numpy as np
+
 from polhode.harness.common.text import scientific
-from polhode.harness.picking.laws import STIFF, ErrorLaw, Interval, Load, MethodLaws, Sensitivity
-from polhode.harness.picking.load import load_of
-from polhode.harness.picking.model_error import causes
-from polhode.harness.picking.pilot import InPieces, Pilot, PilotFailedError, averages, follow, pilot_solver
+from polhode.harness.picking.candidate import LOOSEST, Candidate
+from polhode.harness.picking.laws import Interval
+from polhode.harness.picking.pilot import InPieces, PilotFailedError, averages, pilot_solver
 from polhode.harness.picking.recommendation import Way
-from polhode.harness.picking.refusals import Refusal, Stage, UnfitError, one_digit, one_digit_up, too_far_off, too_tight
+from polhode.harness.picking.refusals import Refusal, Stage, UnfitError, one_digit
 from polhode.harness.references.errors import errors
+from polhode.harness.references.rotations import STIFF
 from polhode.models.catalogue import full_form, reference_form
 from polhode.models.form import Form
 from polhode.models.observables import Observables
 from polhode.models.scene import Scene
 from polhode.solvers.catalogue import solver as find_solver
-from polhode.solvers.contract import Work
+from polhode.solvers.contract import Status, Work
+from polhode.solvers.solve import solve
 
-# Laws were fitted between these tolerances.
-LOOSEST, TIGHTEST = 1e-3, 1e-15
-# So much tighter than its tightest measured run a method may be asked to be.
-BEYOND = 1e3
 # Seconds that a run may be expected to take to be tried, if the quickest one expected takes longer as long as that, up
-# to a limit; ways that are, tolerances of each, and how many times as long a yardstick may take.
-MOST_SECONDS, PATIENT, WAYS, TOLERANCES, YARDSTICK = 0.02, 0.2, 4, 4, 2.0
+# to a limit, which is another one where laws alone would refuse the scene; ways that are, and tolerances of each.
+MOST_SECONDS, PATIENT, REFUSED, WAYS, TOLERANCES = 0.02, 0.2, 0.3, 4, 4
+# How many times as long a yardstick and all together may take, and any run before it is given up.
+YARDSTICK, ALL, OVERRUN = 2.0, 3.0, 8.0
+# A run that takes so many times as long as expected is tried again so much looser: where rounding rules, the errors of
+# loose runs are no larger.
+LONGER, LOOSER = 3.0, 30.0
+# Tolerances of Taylor's method so far apart are of two orders.
+APART = 8.0
 # Shares of what the solver may err by: what the yardstick may be off by, what a trial may make, and what its next
 # tolerance aims at, which is worth another run if it is looser by the factor, and is at most so far from the last one.
-# Where no law promises that, another yardstick will do, by a method that steps and rounds like no other, if a trial is
-# closer to it.
+# Where no law promises that, another yardstick will do, by a method of another family or another order of Taylor's that
+# steps and rounds in another way, if a trial is closer to it.
 UNSURE, MET, AIM, WORTH, FAR = 0.1, 0.75, 0.55, 2.0, 1e3
-UNLIKE, UNLIKE_MET = "taylor", 0.4
+UNLIKE, UNLIKE_MET = ("CyRK", "heyoka", "polhode"), 0.4
 # Damping times up to which no implicit method is tried.
 SOFT = STIFF / 10
-# An averaged form whose model error leaves its solver less than this share of the error asked for is not expected to
-# meet it.
-SHARE = 0.05
-
-
-@dataclass(frozen=True, eq=False)
-class Candidate:
-    """A method that takes a scene: its laws, and what its solver may err by, beside a model error."""
-
-    form: Form
-    solver: str
-    laws: MethodLaws
-    law: ErrorLaw
-    at: Sensitivity
-    budget: float
-    model: Interval | None
-    found: Pilot
-    samples: int
-
-    @property
-    def tightest(self) -> float:
-        """The tightest tolerance that it may be asked for."""
-        return max(TIGHTEST, self.laws.tightest / BEYOND)
-
-    @property
-    def asked(self) -> float:
-        """The error asked for."""
-        return self.budget + (self.model.high if self.model else 0.0)
-
-    @property
-    def doubtful(self) -> bool:
-        """Whether the model error may be too large: a trial against the full equations shows."""
-        return self.budget < SHARE * self.asked
-
-    def expected(self) -> Way:
-        """The way to run it by its laws alone; raises UnfitError if no tolerance will do."""
-        if self.model and self.doubtful:
-            raise too_far_off(self.model.high, self.asked, SHARE, causes(self.form, self.found))
-        tolerance = self._tolerance(self.law.stray.high)
-        if tolerance < self.tightest:
-            raise too_tight(self.law, self.at, one_digit_up(self.tightest), self.asked, self.budget)
-        own = self.law.predict(self.at, tolerance)
-        return self.way(tolerance, own, f"97.5 % of like runs stay below {scientific(own.high)}")
-
-    def hoped(self) -> Way | None:
-        """The way to run it if it errs as the middle one of like scenes does, and rounds as the luckiest one does."""
-        if self.doubtful:
-            return replace(self, budget=SHARE * self.asked, model=None).hoped()
-        tolerance, stray = self._tolerance(self.law.stray.middle), self.law.stray
-        if tolerance < self.tightest and self.law.rounding(self.at) * exp(stray.low) < self.budget:
-            tolerance = replace(self, law=replace(self.law, floor=0.0))._tolerance(stray.middle)
-        return None if tolerance < self.tightest else self.way(tolerance, self.law.predict(self.at, tolerance), "")
-
-    def _tolerance(self, stray: float) -> float:
-        return one_digit(min(LOOSEST, self.law.tolerance(self.at, self.budget, stray)))
-
-    def way(self, tolerance: float, own: Interval, error: str, work: Work | None = None) -> Way:
-        """The method at a tolerance, with its solver's own error, what is known of it in words, and a trial's work."""
-        if work and work.steps and find_solver(self.solver).many_periods:
-            load = Load(work.steps + (work.rejected or 0), work.inner or 0, 0.0, self.samples)
-        else:
-            load = load_of(self.form, self.solver, self.found, self.samples, tolerance)
-            load = replace(load, steps=work and work.steps)
-        seconds = self.laws.cost.predict(load, tolerance)
-        first_run = self.laws.compile_seconds + seconds.predicted
-        whole = own.plus(self.model) if self.model else own
-        return Way(self.form.name, self.solver, tolerance, whole, seconds, first_run, False, self._reason(error))
-
-    def _reason(self, error: str) -> str:
-        if find_solver(self.solver).closed_form:
-            return "closed form: neither time nor tolerance matter"
-        if self.form.averaged:
-            known = f"model error {scientific(self.model.predicted)}" if self.model else error
-            return f"averaged: costs the same at every St; {known}"
-        if self.found.damping_times > STIFF:
-            return f"implicit: {self.found.damping_times:.2g} damping times would hold an explicit method back"
-        return f"full equations over {self.found.rotations:.3g} rotations; {error}"
+NOTHING, SHOWN = Interval(0.0, 0.0, 0.0), "a trial run errs by"
 
 
 class Yardstick(NamedTuple):
@@ -127,26 +57,31 @@ class Yardstick(NamedTuple):
 
     true: Observables
     met: float
+    tightest: float = 0.0  # tolerance of a trial that steps in another way
 
 
 def with_trials(candidates: Sequence[Candidate], want: str) -> list[Way | Refusal]:
     """What is expected of candidates, of the first ones by trials: of `WAYS` at most, until none may be quicker."""
     found, tried, poor = [_expected(each) for each in candidates], 0, set[str]()
-    limit = max(MOST_SECONDS, min(_quickest(found), PATIENT))
+    hopeless = _quickest(found) == inf
+    limit = REFUSED if hopeless else max(MOST_SECONDS, min(_quickest(found), PATIENT))
+    trials = Trials(candidates, want, limit, ALL * limit)
     hopes = [(hope, place) for place, each in enumerate(candidates) if (hope := _worth_trying(each, limit))]
-    for hope, place in sorted(hopes, key=lambda each: each[0].seconds.predicted):
+    # The quickest ones first, or the surest ones.
+    hopes.sort(key=lambda each: each[0].error.predicted if hopeless else each[0].seconds.predicted)
+    for hope, place in hopes:
         candidate = candidates[place]
         if tried == WAYS or hope.seconds.predicted >= _quickest(found):
-            break
+            continue
         if candidate.doubtful:
             candidate = replace(candidate, budget=candidate.asked, model=None)
-        if hope.form not in poor and (yardstick := _yardstick(candidate, candidates, limit)):
+        if hope.form not in poor and (yardstick := trials.yardstick(candidate)):
             tried, shown, others = tried + 1, None, _quickest([*found[:place], *found[place + 1 :]])
             with suppress(PilotFailedError):
-                shown = _tried(candidate, hope.tolerance, found[place], yardstick, want, others)
+                shown = trials.tried(candidate, hope.tolerance, found[place], yardstick, others)
             found[place] = shown or found[place]
             # What these err by is their own: if a trial finds no tolerance, it will by no solver.
-            if not isinstance(shown, Way) and averages(candidate.form):
+            if averages(candidate.form) and not (isinstance(shown, Way) and SHOWN in shown.reason):
                 poor.add(hope.form)
     return found
 
@@ -166,76 +101,123 @@ def _worth_trying(candidate: Candidate, limit: float) -> Way | None:
     """The way that is hoped for, if the whole of the scene can be tried soon by a method that may come first."""
     form, found, solver = candidate.form, candidate.found, find_solver(candidate.solver)
     slow = form.angles or (solver.implicit and not form.averaged and found.damping_times <= SOFT)
-    with suppress(PilotFailedError):
-        hope = None if slow or solver.closed_form else candidate.hoped()
-        return hope if hope and hope.seconds.predicted < limit else None
-    return None
+    hope = None if slow or solver.closed_form else candidate.hoped()
+    return hope if hope and hope.seconds.predicted < limit else None
 
 
-def _tried(
-    candidate: Candidate, tolerance: float, expected: Way | Refusal, yardstick: Yardstick, want: str, quickest: float
-) -> Way | Refusal | None:
-    """A candidate at the loosest tolerance tried at which it meets the error; None if trials say nothing."""
-    best, made, counted, missed, least = 0.0, inf, None, inf, inf
-    for _ in range(TOLERANCES):
-        error, work = _error(candidate, tolerance, yardstick.true, want)
-        if error <= yardstick.met * candidate.budget:
-            best, made, counted = tolerance, error, work
-        else:
-            missed, least = tolerance, error
-        # Of no error at all the root of a low order would be no number any more.
-        step = (AIM / MET * yardstick.met * candidate.budget / max(error, 1e-99)) ** (1 / candidate.law.order)
-        aimed = tolerance * min(FAR, max(1 / FAR, step))
-        if not best < aimed < missed:
-            aimed = sqrt(best * missed) if missed < inf else best
-        tolerance = one_digit(min(LOOSEST, aimed))
-        if tolerance < max(WORTH * best, candidate.tightest):
-            break
-        if not best and candidate.way(tolerance, Interval(0.0, 0.0, 0.0), "").seconds.predicted > quickest:
-            break
-    if best:
-        unsure = UNSURE * candidate.budget if yardstick.met == MET else candidate.budget - made
-        own = Interval(made, max(0.0, made - unsure), made + unsure)
-        return candidate.way(best, own, f"a trial run errs by {scientific(made)}", counted)
-    sure = yardstick.met == MET and candidate.budget < least < inf
-    if sure and isinstance(expected, Way) and missed <= expected.tolerance:
-        why = f"a trial run at {scientific(missed)} errs by {scientific(least)}"
-        return Refusal(expected.form, expected.solver, why, Stage.ERROR)
-    return None
+class Run(NamedTuple):
+    """How a run ended, its work, if it is of one piece, and what it gave, if it came to its end."""
+
+    status: Status
+    work: Work | None
+    seen: Observables | None
 
 
-def _yardstick(candidate: Candidate, others: Sequence[Candidate], limit: float) -> Yardstick | None:
-    """A run close enough to the true one, of the same averaged form, a full one or one in pieces; None if none is."""
-    found = candidate.found
-    full = {reference_form(found.scene), full_form(found.scene)}
-    forms = {candidate.form.name} if candidate.form.averaged and candidate.model else full
-    able = [each for each in others if each.form.name in forms]
-    # By the pilot's solver if that will do, else by the one that is soonest compiled.
-    able.sort(key=lambda each: (each.solver != pilot_solver(found.scene), each.laws.compile_seconds))
-    unlike = [each for each in able if each.solver == UNLIKE != candidate.solver]
-    doubted = candidate.form.averaged and not candidate.model
-    pieces = [each for each in others if doubted and isinstance(each.form, InPieces)]
-    for met, unsure, those in ((MET, UNSURE, [*able, *pieces]), (UNLIKE_MET, 1.0, unlike)):
-        for each in those:
+@dataclass
+class Trials:
+    """Runs of candidates to be tried, each expected to take no longer than a limit, all of them than what is left."""
+
+    candidates: Sequence[Candidate]
+    want: str
+    limit: float
+    left: float
+    paid: set[tuple[str, str, float]] = field(default_factory=set)
+
+    def tried(
+        self, candidate: Candidate, tolerance: float, expected: Way | Refusal, yardstick: Yardstick, quickest: float
+    ) -> Way | Refusal | None:
+        """A candidate at the loosest tolerance tried at which it meets the error; None if trials say nothing."""
+        # The loosest tolerances that took too long and that met the error, and the tightest one that missed it.
+        late, best, made, counted, missed, least = 0.0, 0.0, inf, None, inf, inf
+        for _ in range(TOLERANCES):
+            seconds = candidate.way(tolerance, NOTHING, "").seconds.predicted
+            wanted = tolerance >= yardstick.tightest and (best or missed == inf or seconds <= quickest)
+            run = self.run(candidate, tolerance, seconds) if wanted else None
+            if run is None:
+                break
+            error = self.error(candidate, run, yardstick.true)
+            took = OVERRUN * seconds if run.status is Status.TIME_LIMIT else 0.0
+            if error <= yardstick.met * candidate.budget:
+                best, made, counted = tolerance, error, run.work
+                took = candidate.way(tolerance, NOTHING, "", counted).seconds.predicted
+            elif not took:
+                missed, least = tolerance, error
+            # Of no error at all the root of a low order would be no number any more.
+            step = (AIM / MET * yardstick.met * candidate.budget / max(error, 1e-99)) ** (1 / candidate.law.order)
+            late = tolerance if took > LONGER * seconds else late
+            aimed = tolerance * (LOOSER if late == tolerance else min(FAR, max(1 / FAR, step)))
+            if not max(late, best) < aimed < missed:
+                aimed = sqrt(max(late, best) * missed) if missed < inf else best
+            tolerance = one_digit(min(LOOSEST, aimed))
+            if tolerance < max(WORTH * max(late, best), candidate.tightest, yardstick.tightest):
+                break
+        if best:
+            unsure = UNSURE * candidate.budget if yardstick.met == MET else candidate.budget - made
+            own = Interval(made, max(0.0, made - unsure), made + unsure)
+            return candidate.way(best, own, f"{SHOWN} {scientific(made)}", counted)
+        if not isinstance(expected, Way):
+            return None
+        if yardstick.met == MET and candidate.budget < least < inf and missed <= expected.tolerance:
+            why = f"a trial run at {scientific(missed)} errs by {scientific(least)}"
+            return Refusal(expected.form, expected.solver, why, Stage.ERROR)
+        seconds = Interval(*(OVERRUN * each for each in astuple(expected.seconds)))
+        return replace(expected, seconds=seconds) if late >= expected.tolerance else None
+
+    def yardstick(self, candidate: Candidate) -> Yardstick | None:
+        """A run close to the true one, of the same averaged form, a full one or one in pieces; None if none is."""
+        for each, way, met in self._yardsticks(candidate):
+            seconds = way.seconds.predicted
+            run = self.run(each, way.tolerance, seconds) if seconds < YARDSTICK * self.limit else None
+            if run and run.seen:
+                alike = met == UNLIKE_MET and each.solver == candidate.solver
+                return Yardstick(run.seen, met, APART * way.tolerance if alike else 0.0)
+        return None
+
+    def _yardsticks(self, candidate: Candidate) -> Iterator[tuple[Candidate, Way, float]]:
+        scene, same = candidate.found.scene, bool(candidate.model)
+        forms = {candidate.form.name} if same else {reference_form(scene), full_form(scene)}
+        if candidate.form.averaged and not same:
+            forms |= {each.form.name for each in self.candidates if isinstance(each.form, InPieces)}
+        able = [replace(each, model=None) for each in self.candidates if each.form.name in forms]
+        # By the pilot's solver if that will do, else by the one that is soonest compiled; in pieces at last.
+        usual = pilot_solver(scene)
+        able.sort(key=lambda e: (isinstance(e.form, InPieces), e.solver != usual, e.laws.compile_seconds))
+        for each in able:
             with suppress(PilotFailedError, UnfitError):
-                way = replace(each, budget=unsure * candidate.budget, model=None).expected()
-                if way.seconds.predicted < YARDSTICK * limit:
-                    return Yardstick(_run(each.form, found.scene, way.tolerance, way.solver, each.samples)[1], met)
-    return None
+                yield each, replace(each, budget=UNSURE * candidate.budget).expected(), MET
+        families = {*UNLIKE} - {find_solver(candidate.solver).family}
+        unlike = [each for each in able if find_solver(each.solver).family in families]
+        for share in (UNSURE, 1.0):
+            hopes = [(each, replace(each, budget=share * candidate.budget).hoped(lucky=False)) for each in unlike]
+            ways = [(each, way, UNLIKE_MET) for each, way in hopes if way]
+            yield from sorted(ways, key=lambda row: row[1].seconds.predicted + row[0].laws.compile_seconds)
+        # Near double precision the one that rounds least.
+        exact = [(each, each.by_law(each.tightest)) for each in able if find_solver(each.solver).order_by_tolerance]
+        ways = [(each, way, UNLIKE_MET) for each, way in exact if way]
+        yield from sorted(ways, key=lambda row: row[1].error.predicted)
 
+    def run(self, candidate: Candidate, tolerance: float, seconds: float) -> Run | None:
+        """A run that is expected to take so long; None if that is more than what is left. It is paid for once."""
+        way = candidate.form.name, candidate.solver, tolerance
+        if way not in self.paid:
+            if seconds > self.left:
+                return None
+            self.left -= seconds
+            self.paid.add(way)
+        most = OVERRUN * max(MOST_SECONDS, float(f"{seconds:.0e}"))
+        return _run(candidate.form, candidate.found.scene, tolerance, candidate.solver, candidate.samples, most)
 
-def _error(candidate: Candidate, tolerance: float, true: Observables, want: str) -> tuple[float, Work | None]:
-    """What a candidate errs by, inf for a run that fails, and its work."""
-    scene = candidate.found.scene
-    with suppress(PilotFailedError):
-        work, seen = _run(candidate.form, scene, tolerance, candidate.solver, candidate.samples)
-        error = getattr(errors(scene.ellipsoid, seen, true), want)
-        return inf if error is None else error, work
-    return inf, None
+    def error(self, candidate: Candidate, run: Run, true: Observables) -> float:
+        """What a run errs by, inf for one that fails."""
+        if run.seen is None:
+            return inf
+        error = getattr(errors(candidate.found.scene.ellipsoid, run.seen, true), self.want)
+        return inf if error is None else error
 
 
 @lru_cache(maxsize=64)
-def _run(form: Form, scene: Scene, tolerance: float, solver: str, samples: int) -> tuple[Work | None, Observables]:
-    """The work of a run, if that is of one piece, and what it gave."""
-    run = follow(form, scene, tolerance, solver, samples)
-    return None if isinstance(form, InPieces) else run.work, form.observe(scene, run.states)
+def _run(form: Form, scene: Scene, tolerance: float, solver: str, samples: int, seconds: float) -> Run:
+    problem = form.problem(scene)
+    run = solve(problem, solver, tolerance, np.linspace(0.0, problem.end, samples), max_seconds=seconds)
+    seen = form.observe(scene, run.states) if run.success else None
+    return Run(run.status, None if isinstance(form, InPieces) else run.work, seen)

@@ -11,11 +11,11 @@ from polhode.harness.calibration.scenes import SAMPLES as MEASURED
 from polhode.harness.cli import main
 from polhode.harness.commands.pick import FEW, pick_page
 from polhode.harness.common.text import short
+from polhode.harness.picking.candidate import LOOSEST, TIGHTEST
 from polhode.harness.picking.laws import Interval
 from polhode.harness.picking.ranking import NotAttainableError, pick
 from polhode.harness.picking.recommendation import Recommendation, Way
 from polhode.harness.picking.refusals import one_digit
-from polhode.harness.picking.trials import LOOSEST, TIGHTEST
 from polhode.harness.references.errors import errors
 from polhode.models.catalogue import FORMS, form
 from polhode.models.observables import Observables

@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 
 from polhode.harness.picking import ranking, trials
+from polhode.harness.picking.candidate import LOOSEST, Candidate
 from polhode.harness.picking.laws import Interval, Laws, Load, load_laws
-from polhode.harness.picking.ranking import DEFAULT_SAMPLES, pick
+from polhode.harness.picking.ranking import DEFAULT_SAMPLES, NotAttainableError, pick
+from polhode.harness.picking.refusals import one_digit
 from polhode.harness.references.errors import errors
 from polhode.harness.references.reference import reference
 from polhode.models.catalogue import form, reference_form
 from polhode.models.scenes import named_scene
+from polhode.solvers.contract import Status
 from polhode.solvers.solve import solve
 
 WAY = ("form", "solver", "tolerance")
@@ -95,13 +98,44 @@ def test_a_yardstick_of_the_same_averaged_form_is_as_good_where_averaging_takes_
     monkeypatch.setattr(ranking, "model_errors", lambda *_: {"slow": most})
 
     def noted(*given):
-        seen.append((given[0].form.averaged, found := yardstick(*given)))
+        seen.append((given[1].form.averaged, found := yardstick(*given)))
         return found
 
-    yardstick = trials._yardstick
-    monkeypatch.setattr(trials, "_yardstick", noted)
+    yardstick = trials.Trials.yardstick
+    monkeypatch.setattr(trials.Trials, "yardstick", noted)
     pick(scene, error, laws=load_laws())
     assert [found.met for averaged, found in seen if averaged and found] == [trials.MET]
+
+
+def test_what_laws_refuse_near_double_precision_is_answered_if_two_runs_agree(monkeypatch):
+    scene, error = named_scene("paper"), 2e-13
+    first = pick(scene, error, "orientation", laws=load_laws()).ranking[0]
+    assert first.error.low <= made(scene, first, "orientation") <= first.error.high <= error
+    monkeypatch.setattr(trials, "WAYS", 0)
+    with pytest.raises(NotAttainableError, match="rounding"):
+        pick(scene, error, "orientation", laws=load_laws())
+
+
+def test_a_run_that_takes_too_long_is_tried_again_more_loosely(monkeypatch):
+    """And if none does, what laws promise of tighter ones is no longer believed."""
+    scene, laws, asked = replace(named_scene("spheroid"), stokes=1e4, time=3e3), load_laws(), []
+    usual, run = pick(scene, 1e-7, laws=laws).ranking[0], trials.Trials.run
+    method = usual.form, usual.solver
+
+    def late(self, candidate, tolerance, seconds):
+        found = run(self, candidate, tolerance, seconds)
+        if (candidate.form.name, candidate.solver) != method:
+            return found
+        asked.append(tolerance)
+        return found._replace(status=Status.TIME_LIMIT, seen=None)
+
+    monkeypatch.setattr(trials.Trials, "run", late)
+    rows = pick(scene, 1e-7, laws=laws).ranking
+    assert asked[1] == one_digit(trials.LOOSER * asked[0])
+    (same,) = (way for way in rows if (way.form, way.solver) == method)
+    monkeypatch.setattr(trials, "WAYS", 0)
+    (alone,) = (way for way in pick(scene, 1e-7, laws=laws).ranking if (way.form, way.solver) == method)
+    assert same.seconds.predicted == pytest.approx(trials.OVERRUN * alone.seconds.predicted)
 
 
 def test_caution_of_a_law_does_not_tighten_what_was_tried():
@@ -112,10 +146,11 @@ def test_caution_of_a_law_does_not_tighten_what_was_tried():
     assert all(way.tolerance < later[way.form, way.solver] for way in cautious if (way.form, way.solver) in later)
 
 
-def test_without_trials_laws_decide(monkeypatch):
+@pytest.mark.parametrize("nothing", ["WAYS", "ALL"])
+def test_without_trials_or_time_for_them_laws_decide(nothing, monkeypatch):
     scene, laws = named_scene("paper"), load_laws()
     tried = pick(scene, 1e-6, laws=laws).ranking[0]
-    monkeypatch.setattr(trials, "WAYS", 0)
+    monkeypatch.setattr(trials, nothing, 0)
     alone = pick(scene, 1e-6, laws=laws).ranking
     assert all(SAID not in way.reason for way in alone)
     assert tried.seconds.predicted < alone[0].seconds.predicted
@@ -142,18 +177,20 @@ def test_a_trial_without_any_error_asks_for_the_loosest_tolerance_whatever_the_o
         name: replace(law, errors={want: replace(each, order=0.6) for want, each in law.errors.items()})
         for name, law in laws.methods.items()
     }
-    monkeypatch.setattr(trials, "_error", lambda *_: (0.0, None))
+    monkeypatch.setattr(trials.Trials, "error", lambda *_: 0.0)
     first = pick(named_scene("paper"), 1e-6, laws=replace(laws, methods=low)).ranking[0]
     assert f"{SAID} 0.0e0" in first.reason
-    assert first.tolerance == trials.LOOSEST
+    assert first.tolerance == LOOSEST
 
 
 @pytest.mark.parametrize(("error", "count"), [(1e-2, trials.WAYS), (np.inf, 0)])
 def test_an_error_shown_to_be_missed_excludes_a_way_and_a_run_that_fails_does_not(error, count, monkeypatch):
     """Whatever the law promises."""
-    soon = Interval(0.0, 0.0, 0.0)
-    monkeypatch.setattr(trials.Candidate, "hoped", lambda self: replace(self.expected(), tolerance=1e-12, seconds=soon))
-    monkeypatch.setattr(trials, "_error", lambda *_: (error, None))
+    hoped = {"tolerance": 1e-12, "seconds": trials.NOTHING}
+    monkeypatch.setattr(Candidate, "hoped", lambda self, **_: replace(self.expected(), **hoped))
+    monkeypatch.setattr(trials, "ALL", np.inf)
+    monkeypatch.setattr(trials, "OVERRUN", np.inf)
+    monkeypatch.setattr(trials.Trials, "error", lambda *_: error)
     monkeypatch.setattr(trials, "TOLERANCES", 1)
     excluded = pick(named_scene("needle"), 1e-4, "orientation", laws=load_laws()).excluded
     assert [each.reason for each in excluded].count("a trial run at 1.0e-12 errs by 1.0e-2") == count

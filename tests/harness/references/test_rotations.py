@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from polhode.harness.references import rotations as module
-from polhode.harness.references.rotations import rotations
+from polhode.harness.references.rotations import STIFF, damping_times, is_stiff, rotations
 from polhode.models.catalogue import form
 from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart
 from polhode.models.scenes import named_scene
@@ -81,3 +81,15 @@ def test_long_runs_go_on_at_the_mean_rate(stokes, limit, monkeypatch):
 
 def test_at_rest_without_torque():
     assert rotations(Scene(TRIAXIAL, inf, BodyStart((1.0, 0.0, 0.0, 0.0)), 10.0)) == 0
+
+
+@pytest.mark.parametrize(("stokes", "time", "stiff"), [(300.0, 2e5, False), (0.1, 1e3, True)])
+def test_a_run_is_stiff_where_an_explicit_method_takes_as_many_steps_at_any_tolerance(stokes, time, stiff):
+    """However many its damping times are."""
+    scene = replace(named_scene("paper"), stokes=stokes, time=time)
+    assert damping_times(scene) > STIFF
+    assert is_stiff(scene) is stiff
+    problem = form("quaternion").problem(scene)
+    loose, tight = (solve(problem, "cyrk-vern8", tolerance, (0.0, time / 10)).work.steps for tolerance in (1e-5, 1e-9))
+    # Accuracy alone asks for 10^(4/8) as many.
+    assert (tight < 2 * loose) is stiff
