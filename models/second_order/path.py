@@ -82,22 +82,17 @@ class Path:
         return self.times[1:] - self.times[:-1]
 
     @cached_property
-    def momentum(self) -> Array:
-        """|L|."""
-        lx, ly, lz, _ = self.slow.T
-        return np.sqrt(lx * lx + ly * ly + lz * lz)
-
-    @cached_property
     def size(self) -> Array:
         """|L| over I_max."""
-        return self.momentum / max(self.ellipsoid.inertia)
+        lx, ly, lz, _ = self.slow.T
+        return np.sqrt(lx * lx + ly * ly + lz * lz) / max(self.ellipsoid.inertia)
 
     @cached_property
     def spin(self) -> Array:
         """max(1, |ω|), at most."""
         # |ω|² is at most (1/I₁ + 1/I₃) 2E - L²/(I₁I₃), as the rotation about the middle axis only lessens it.
         low, _, high = sorted(self.ellipsoid.inertia)
-        return np.sqrt(np.maximum(2 * self.slow[:, 3] * (1 / low + 1 / high) - self.momentum**2 / (low * high), 1))
+        return np.sqrt(np.maximum(2 * self.slow[:, 3] * (1 / low + 1 / high) - high / low * self.size**2, 1))
 
     @cached_property
     def scale(self) -> Array:
@@ -252,7 +247,8 @@ class Path:
     @cached_property
     def speed(self) -> Array:
         """How fast the body turns, about: 2E/|L|, or as fast as the shear turns any."""
-        return np.maximum(LEAST_SPEED, 2 * self.slow[:, 3] / np.maximum(self.momentum, 1e-300))
+        unit = max(self.ellipsoid.inertia)
+        return np.maximum(LEAST_SPEED, 2 * self.slow[:, 3] / unit / np.maximum(self.size, 1e-300))
 
     @property
     def wear(self) -> Array:

@@ -32,8 +32,10 @@ Triple = Sequence[Any]
 FEW = 6
 # How many of the parameters are of first order; they stand first.
 FIRST = 12
-# Turns about L at which the size of the transformation is looked at, shape (6, 1).
-TURNS = pi / 3 * np.arange(6)[:, None]
+# Turns s about L at which the size of the transformation is looked at, as exp(-is), shape (6, 1).
+TURNS = np.exp(-1j * pi / 3 * np.arange(6))[:, None]
+# Keeps 0/0 away where p is along L.
+TINY = 1e-300
 
 
 def torque_coefficients(spheroid: Spheroid) -> dict[str, float]:
@@ -130,43 +132,54 @@ def field(ops: Operations) -> Field:
     return rhs
 
 
-def generator(spheroid: Spheroid, over: Any, h: Any, n: Triple, e: Triple, f: Triple) -> tuple[Triple, Triple]:
-    """Generator u of the near-identity transformation: (L, p) is the slow (L, p) plus u of the slow one over St.
+def shares(spheroid: Spheroid, over: Any, h: Any, r2: Any, w: Triple, s: Sequence[Any]) -> tuple[Any, ...]:
+    """The generator of L along n, e and f, and what turns p along n×ẑ, 2En, e and f.
 
-    `over` is 1/|L|, L in units of I_e; p = hn + e, f = n×p; the part of u for p is normal to p. Φ^s(p) being
+    `over` is 1/|L|; p = hn + e, f = n×p, r2 = e·e; w are the z components of n, e and f, s twice the flow's rates of
+    strain n·En, n·Ee, n·Ef, e·Ee/r2, e·Ef/r2.
+    """
+    D, d, c, k = torque_coefficients(spheroid).values()
+    (nz, ez, fz), (nn, ne, nf, ee, ef) = w, s
+    c8, k8, twice = c / 8, k / 8, over * over
+    return (
+        over * (4 * h * (c8 * fz + k8 * ne) + k8 * r2 * (2 * ee + nn)),
+        over * (c8 * fz - k8 * ne - 4 * k8 * h * (2 * nn + ee)),
+        d * h + over * (4 * h * (c8 * nz - k8 * ef) + c8 * ez + k8 * nf),
+        twice * (D / 2),
+        twice * (k / 6) * (4 * h * h - 1),
+        twice * (k8 * (ne / 3 - h * (2 * ee + 7 * nn)) - 3 * c8 * fz),
+        over * d * h + twice * (c8 * (ez + 4 * h * nz) - k8 * (5 / 3 * nf + 2 * h * ef)),
+    )
+
+
+def generator(spheroid: Spheroid, momentum: Triple, axis: Triple, cos: Any = 1.0, sin: Any = 0.0) -> tuple[Triple, ...]:
+    """Generator u of the near-identity transformation, and p: the exact (L, p) is the slow one plus u of it over St.
+
+    L is in units of I_e; p is first turned about L by an angle; the part of u for p is normal to p. Φ^s(p) being
     hn + e cos s + f sin s, the torque has harmonics of s up to 2. u holds their antiderivatives of zero mean at s = 0,
     for p those of the turn of n less that of the turn of q seen from n.
     """
-    D, d, c, k = torque_coefficients(spheroid).values()
-    low, high, flat, strain = (c + k) / 4, (c - k) / 4, c / 2, k / 2
-
-    def pull(a: Triple, b: Triple) -> Triple:
-        """What -c p(p·Ω) - k p×(E p) is with (ab + ba)/2 in place of pp."""
-        (ax, ay, az), (bx, by, bz) = a, b
-        x, y = low * (ax * bz + az * bx), high * (ay * bz + az * by)
-        return x, y, flat * az * bz - strain * (ax * bx - ay * by)
-
-    p, damped, h2 = plus(e, h, n), scaled(d * h, f), h * h
-    once, twice = pull(p, f), pull(e, f)
-    # Of the steady part and cosines, ee + ff being (1 - h²)(1 - nn).
-    x, y, z = plus(pull(n, plus(scaled((4 * h2 - 1) / 3, n), h / 2, e)), 1 / 3, pull(f, f))
-    tilt = cross(n, (x, y, z + (D / 2 + flat / 3 * (1 - h2))))
-    change = plus(damped, 2 * over, plus(once, -0.75, twice))
-    turn = scaled(over, plus(damped, over, plus(plus(tilt, 1.5, once), -5 / 3, twice)))
-    return change, plus(scaled(h, turn), -dot(turn, p), n)
-
-
-def swung(
-    spheroid: Spheroid, torque_factor: float, momentum: Triple, axis: Triple, cos: Any = 1.0, sin: Any = 0.0
-) -> tuple[Any, ...]:
-    """Exact L over I_e and p, six components, of slow ones, p turned about L before: p stays of unit length."""
     over = 1 / dot(momentum, momentum) ** 0.5
-    n = scaled(over, momentum)
-    h, f = dot(n, axis), cross(n, axis)
-    e = plus(axis, -h, n)
-    e, f = plus(scaled(cos, e), sin, f), plus(scaled(cos, f), -sin, e)
-    change, turn = generator(spheroid, over, h, n, e, f)
-    return *plus(momentum, torque_factor, change), *unit(plus(plus(e, h, n), torque_factor, turn))
+    nx, ny, nz = n = over * momentum[0], over * momentum[1], over * momentum[2]
+    h, (fx, fy, fz) = dot(n, axis), cross(n, axis)
+    ex, ey, ez = plus(axis, -h, n)
+    ex, ey, ez = e = cos * ex + sin * fx, cos * ey + sin * fy, cos * ez + sin * fz
+    fx, fy, fz = f = cross(n, e)
+    r2 = dot(e, e)
+    second = 2 * ex * ey / (r2 + TINY), (ex * fy + ey * fx) / (r2 + TINY)
+    strain = 2 * nx * ny, nx * ey + ny * ex, nx * fy + ny * fx, *second
+    along, across, beside, crossed, strained, tilt, turn = shares(spheroid, over, h, r2, (nz, ez, fz), strain)
+    change = plus(plus((along * nx, along * ny, along * nz), across, e), beside, f)
+    turned = plus(plus(((strained + crossed) * ny, (strained - crossed) * nx, 0 * nz), tilt, e), turn, f)
+    axis = plus(e, h, n)
+    # The cross product with p, of what is normal to n.
+    return change, cross(axis, cross(turned, n)), axis
+
+
+def swung(spheroid: Spheroid, torque_factor: float, momentum: Triple, axis: Triple, *turn: Any) -> tuple[Any, ...]:
+    """Exact L over I_e and p, six components, of slow ones, p turned about L before: p stays of unit length."""
+    change, tilt, axis = generator(spheroid, momentum, axis, *turn)
+    return *plus(momentum, torque_factor, change), *unit(plus(axis, torque_factor, tilt))
 
 
 def exact(spheroid: Spheroid, torque_factor: float, states: np.ndarray) -> np.ndarray:
@@ -182,17 +195,13 @@ def exact(spheroid: Spheroid, torque_factor: float, states: np.ndarray) -> np.nd
 
 def unit(v: Triple) -> Triple:
     """A vector at unit length."""
-    return scaled(dot(v, v) ** -0.5, v)
+    over = 1 / dot(v, v) ** 0.5
+    return over * v[0], over * v[1], over * v[2]
 
 
 def plus(u: Triple, a: Any, v: Triple) -> Triple:
     """Return u + av."""
     return u[0] + a * v[0], u[1] + a * v[1], u[2] + a * v[2]
-
-
-def scaled(a: Any, v: Triple) -> Triple:
-    """Return av."""
-    return a * v[0], a * v[1], a * v[2]
 
 
 def dot(u: Triple, v: Triple) -> Any:
@@ -207,19 +216,25 @@ def cross(u: Triple, v: Triple) -> Triple:
 
 def orders(spheroid: Spheroid, torque_factor: float, slow: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Largest change of L over |L| and of p by the transformation, and |L'| or |E'| of second order over I_max."""
-    lx, ly, lz, energy = (slow / spheroid.equatorial_inertia).T.copy()
-    momentum = lx, ly, lz
+    *momentum, energy = (slow / spheroid.equatorial_inertia).T.copy()
     square, flattening = dot(momentum, momentum), 1 / spheroid.inertia_ratio - 1
-    over = square**-0.5
-    n = scaled(over, momentum)
+    over, (nx, ny, nz) = 1 / np.sqrt(square), (n := unit(momentum))
     # 2E/(I_e l²) = 1 + (I_e/I_a - 1)(n·p)²
     h2 = np.minimum(np.maximum((2 * energy / square - 1) / flattening, 0), 1)
-    h, beside = np.sqrt(h2), cross(n, [*np.eye(3)[:, np.argmin(np.abs(n), axis=0)]])
-    e = scaled(((1 - h2) / dot(beside, beside)) ** 0.5, beside)
-    f, cos, sin = cross(n, e), np.cos(TURNS), np.sin(TURNS)
-    turned = plus(scaled(cos, e), sin, f), plus(scaled(cos, f), -sin, e)
-    change, tilt = generator(spheroid, over, h, n, *turned)
-    relative = over * np.sqrt(dot(change, change)) + np.sqrt(dot(tilt, tilt))
+    h, r2 = np.sqrt(h2), 1 - h2
+    # The unit vectors e/r and f/r, and what turns with them: as complex numbers, once and twice as fast.
+    ex, ey, ez = unit(cross(n, [*np.eye(3)[:, np.argmin(np.abs(n), axis=0)]]))
+    fx, fy, fz = cross(n, (ex, ey, ez))
+    nn = 2 * nx * ny
+    level = (ez + 1j * fz) * TURNS
+    strain = (nx * ey + ny * ex + 1j * (nx * fy + ny * fx)) * TURNS
+    second = (2 * ex * ey + nx * ny + 1j * (ex * fy + ey * fx)) * TURNS**2
+    r, ze, zf, ne, nf = np.sqrt(r2), level.real, level.imag, strain.real, strain.imag
+    every = nn, r * ne, r * nf, second.real - nx * ny, second.imag
+    along, across, beside, crossed, strained, tilt, turn = shares(spheroid, over, h, r2, (nz, r * ze, r * zf), every)
+    change = np.sqrt(along**2 + r2 * (across**2 + beside**2))
+    leant = (r * tilt + strained * ne - crossed * zf) ** 2 + h2 * (r * turn + strained * nf + crossed * ze) ** 2
+    relative = over * change + np.sqrt(leant)
     second = (0.0,) * FIRST + parameters(spheroid, torque_factor)[FIRST:]
     growth, rise, *across = slow_rates(numpy_operations())(1 / over, n, h2, second)
     moved = np.sqrt(square * growth * growth + dot(across, across))

@@ -118,11 +118,27 @@ def test_averages_agree_with_brute_force(axes):
 @SHAPES
 def test_generator_agrees_with_brute_force(axes):
     spheroid, _, _, generator = brute_force(axes)
-    size = np.linalg.norm(STATE[:3])
-    n, axis = STATE[:3] / size, STATE[3:]
-    across, beside = axis - (n @ axis) * n, np.cross(n, axis)
-    ours = second_order_spheroid.generator(spheroid, 1 / size, n @ axis, n, across, beside)
+    *ours, axis = second_order_spheroid.generator(spheroid, STATE[:3].tolist(), STATE[3:].tolist())
+    assert axis == pytest.approx(STATE[3:], abs=1e-15)
     assert np.concatenate(ours) == pytest.approx(generator(STATE, 0.0), rel=1e-12, abs=1e-12)
+
+
+@SHAPES
+def test_the_size_of_the_transformation_is_the_largest_at_six_turns(axes):
+    spheroid, momentum, h = Spheroid.of(Ellipsoid(axes)), STATE[:3], 0.6
+    size = np.linalg.norm(momentum)
+    n = momentum / size
+    # The second component of L is the least.
+    axis = h * n + np.sqrt(1 - h * h) * np.cross(n, [0, 1, 0]) / np.linalg.norm(np.cross(n, [0, 1, 0]))
+    energy = spheroid.equatorial_inertia * size**2 * (1 + (1 / spheroid.inertia_ratio - 1) * h * h) / 2
+    found, _ = second_order_spheroid.orders(
+        spheroid, 1e-3, np.array([[*spheroid.equatorial_inertia * momentum, energy]])
+    )
+    every = []
+    for turn in pi / 3 * np.arange(6):
+        change, tilt, _ = second_order_spheroid.generator(spheroid, momentum, axis, np.cos(turn), np.sin(turn))
+        every.append(np.linalg.norm(change) / size + np.linalg.norm(tilt))
+    assert found == pytest.approx([1e-3 * max(every)], rel=1e-12)
 
 
 @SHAPES
