@@ -39,5 +39,9 @@ def dissipation(ellipsoid: Ellipsoid, rotation: np.ndarray, angular_velocity: np
 
     Of matrices t_ij, shape (n, 3, 3), and body angular velocities, shape (n, 3); in units of E times the shear rate.
     """
-    drag = 8 * pi * np.array(ellipsoid.resistance)
-    return -np.sum(drag * (angular_velocity - jeffery_spin(ellipsoid, rotation)) * angular_velocity, axis=1)
+    return np.sum(torque(ellipsoid, rotation, angular_velocity) * angular_velocity, axis=1)
+
+
+def torque(ellipsoid: Ellipsoid, rotation: np.ndarray, angular_velocity: np.ndarray) -> np.ndarray:
+    """St times the viscous torque in body axes, -8π X_j (ω_j - ω_jJ), shape (n, 3), of the same arguments."""
+    return 8 * pi * np.array(ellipsoid.resistance) * (jeffery_spin(ellipsoid, rotation) - angular_velocity)

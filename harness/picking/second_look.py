@@ -18,11 +18,12 @@ from polhode.harness.picking.model_error import model_errors, own_estimate
 from polhode.harness.picking.pilot import SATURATED, PilotFailedError, pilot
 from polhode.harness.picking.refusals import UnfitError
 from polhode.harness.picking.stated_error import TIGHTEST, RunError
-from polhode.harness.references.errors import magnitude, orientation_difference
-from polhode.harness.references.rotations import is_stiff
-from polhode.models.catalogue import form as find_form, reference_form
+from polhode.harness.references.errors import body_angular_velocity, magnitude, orientation_difference
+from polhode.harness.references.rotations import damping_times, is_stiff
+from polhode.models.catalogue import form as find_form, full_form, reference_form
+from polhode.models.flow import torque
 from polhode.models.form import Form, FormNotValidError
-from polhode.models.observables import Observables
+from polhode.models.observables import Observables, completed
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 from polhode.models.spent import SPENT
@@ -31,23 +32,28 @@ from polhode.solvers.contract import UNLIMITED, Solver
 from polhode.solvers.solve import Solution, solve
 
 Estimates = dict[str, Interval | None]
-
+# Of two runs the largest differences, slow and of the orientation, and what errors of the phase make of the former.
+Apart = tuple[float, float | None, float]
 # A look takes no longer than this, in seconds, or than this share of the run.
 LEAST, SHARE = 5e-3, 0.6
-# Tolerances of a look over the run's, and what a tighter run of the same method costs at most, in runs.
-TIGHTER, LOOSER, DEARER = 1e-2, 1e2, 2.5
-# Taylor's method errs by less than its tolerance: what looks at it is tighter still, as far as time allows: Verner's
-# method takes about so many steps a rotation at a tolerance, and is of this order.
-TIGHTER_THAN_TAYLOR, VERNER = 1e-4, (10.0, 1e-9, 8)
-# Seconds of a step of compiled solvers, explicit, implicit and switching ones; shares of the limit that a look is
+# Tolerances of a look over the run's; what a tighter run of a method of low and of high order costs at most, in runs.
+TIGHTER, TENTH, LOOSER, DEARER, DEARER_HIGH = 1e-2, 0.1, 1e2, 2.5, 1.8
+# Taylor's method errs by less than its tolerance: what looks at it is tighter still, as far as time allows.
+TIGHTER_THAN_TAYLOR = 1e-4
+# Steps a rotation that methods take at a tolerance, about, their order, and seconds of a step.
+VERNER, SPLITTING = (10.0, 1e-9, 8, 4e-7), (3.0, 1e-6, 6, 1e-7)
+# Most damping times in a rotation where splitting is cheap; the tolerance from which on rounding makes it dear.
+WEAK, SPLIT_TIGHTEST = 0.1, 1e-12
+# Seconds of a step of compiled solvers, implicit and switching ones; shares of the limit that a look is
 # planned to take, and after which it is stopped, so that time is left for what compares.
-EXPLICIT_STEP, IMPLICIT_STEP, SWITCHING_STEP, PLANNED, STOPPED = 4e-7, 3e-6, 8e-7, 0.8, 0.9
-LOOSEST = 1e-2
+IMPLICIT_STEP, SWITCHING_STEP, PLANNED, STOPPED = 3e-6, 8e-7, 0.8, 0.9
+# The loosest tolerance; no method's errors follow its steps more closely than by this power.
+LOOSEST, ORDER = 1e-2, 10
 # Tolerance below which Radau's fifth order takes too many steps to look at a stiff run; LSODA's errors are larger.
 LOW_ORDER = 1e-6
 # Upper ends over the middle: of a tighter look, of a looser one, and of a looser one by an implicit method, whose
-# errors follow its tolerance less closely.
-CERTAIN, SCALED, LOOSELY = 1.5, 6.0, 20.0
+# errors follow its tolerance less closely; of a tighter look at the beginning of a run.
+CERTAIN, SCALED, LOOSELY, BEGUN = 1.5, 6.0, 20.0, 5.0
 # What the pieces of a run state over its error, in the median of random starts: 8.9 for an error asked for of 1e-6, 13
 # for 1e-8, 6.3 for 1e-4 (`polhode accuracy --order hybrid`).
 STATED_OVER = 8.0
@@ -58,12 +64,13 @@ ROUNDING, GROWTH = 2.0, {"slow": 0.7, "orientation": 1.7}
 
 
 class Look(NamedTuple):
-    """A second run: by which solver, at which tolerance, and its error over that of the run that it looks at."""
+    """A second run: by which solver, at which tolerance, its error over that of the run, and its share of the time."""
 
     solver: Solver
     tolerance: float
     larger: float
     certainty: float
+    share: float = 1.0
 
 
 def run_error(scene: Scene, form: Form, method: Solver, found: Solution, observables: Observables) -> RunError:
@@ -92,7 +99,7 @@ def run_error(scene: Scene, form: Form, method: Solver, found: Solution, observa
 
 def _stated(scene: Scene, form: Form, found: Solution, observables: Observables) -> tuple[Estimates, str]:
     """Errors of a run of several pieces as these state them: bounds, that most of them keep to by far."""
-    own = _estimates(scene, form, observables, (0.0, 0.0), Look(found.method, 1.0, 1.0, 1.0))
+    own = _estimates(scene, form, observables, (0.0, 0.0, 0.0), Look(found.method, 1.0, 0.0, 1.0))
     for want, bound in _bounds(found).items():
         if rounding := own[want]:
             own[want] = rounding.plus(Interval(bound / STATED_OVER, 0.0, bound))
@@ -109,8 +116,11 @@ def _solver_error(
     scene: Scene, form: Form, method: Solver, found: Solution, observables: Observables
 ) -> tuple[Estimates, str]:
     if method.closed_form:
-        return _estimates(scene, form, observables, (0.0, 0.0), Look(method, 1.0, 1.0, 1.0)), "closed form: rounding"
+        return _estimates(
+            scene, form, observables, (0.0, 0.0, 0.0), Look(method, 1.0, 0.0, 1.0)
+        ), "closed form: rounding"
     limit = max(LEAST, SHARE * found.seconds)
+    ends = perf_counter() + limit - SPENT["compilation"]
     averaged = any(each.averaged for each in found.stages)
     in_full = bool(found.stages) and not averaged
     if in_full:
@@ -121,61 +131,85 @@ def _solver_error(
     # A second run in pieces enters as many, and takes as long; where none is far tighter than full pieces, these state
     # an error of their own.
     dear, tightest = averaged and found.seconds > limit, in_full and found.settings.tolerance * TIGHTER < TIGHTEST
-    for look in () if dear or tightest else _looks(scene, method, found, turns, PLANNED * limit):
-        equations, problem = _takes(form, scene, found.problem, look)
-        times = found.times[rows] * (problem.end / found.problem.end)
+    for each in () if dear or tightest else _looks(scene, form, method, found, turns, PLANNED * limit):
+        look, (equations, problem) = each, _takes(form, scene, found.problem, each)
+        seen = rows[: max(2, int(look.share * len(rows)))]
+        times = found.times[seen] * (problem.end / found.problem.end)
         # Counted in steps as well: what these stop is the same on a busy machine.
         known = look.solver is method and look.larger > 1 and SHARE * found.seconds > LEAST and found.work.steps
-        step = found.seconds / known if known else _step(look.solver)
-        most = max(100, int(STOPPED * limit / step)) if _compiled(look.solver) else UNLIMITED
+        step = found.seconds / known if known and _compiled(method) else _step(look.solver)
+        most = max(100, int(STOPPED * limit / step)) if step else UNLIMITED
         run = solve(problem, look.solver, look.tolerance, times, max_seconds=STOPPED * limit, max_steps=most)
-        if run.success:
-            here = observables.at(rows)
-            own = _estimates(scene, form, here, _apart(scene, here, equations.observe(scene, run.states)), look)
+        if problem is found.problem:
+            look = _believed(look, found, run)
+        if run.success and look.larger != 1:
+            here = observables.at(seen)
+            own = _estimates(scene, form, here, _apart(scene, look, here, equations.observe(scene, run.states)), look)
             # Pieces that both runs average differ by nothing.
             if found.stages and (look.larger > 1 or any(each.averaged for each in run.stages)):
                 bounds = _bounds(found)
                 own = {want: each and replace(each, high=max(each.high, bounds[want])) for want, each in own.items()}
-            return own, f"a second run by {look.solver.name} at {look.tolerance:.0e}"
-        limit -= run.seconds
-        if limit <= 0:
+            part = f" over the first {look.share:.0%}" if look.share < 1 else ""
+            return own, f"a second run by {look.solver.name} at {look.tolerance:.0e}{part}"
+        if (limit := ends - perf_counter() + SPENT["compilation"]) <= 0:
             break
     if found.stages:
         return _stated(scene, form, found, observables)
     raise PilotFailedError("no second run came to its end in the time allowed")
 
 
-def _looks(scene: Scene, method: Solver, found: Solution, turns: float, limit: float) -> Iterator[Look]:
+def _looks(scene: Scene, form: Form, method: Solver, found: Solution, turns: float, limit: float) -> Iterator[Look]:
     """Second runs worth trying, the most telling one first."""
     tolerance, taylor = found.settings.tolerance, method.order_by_tolerance
+    damping, many = damping_times(scene), method.many_periods
     implicit = "cyrk-radau" if tolerance >= LOW_ORDER else "cyrk-lsoda"
     held = is_stiff(scene)
     other = find_solver(implicit if held else "cyrk-vern8")
+    affordable = 0.0 if other.implicit else _affordable(VERNER, turns, limit)
     explicit = _compiled(method) and not method.implicit
     # Of solvers over many periods their own tighter runs are far cheaper than those of any other.
-    own = explicit or method.many_periods or method.name == other.name
+    own = explicit or many or method.name == other.name
+    high = (explicit or many) and not method.low_order
     usual = (found.work.steps or inf) * _step(method) if _compiled(method) else found.seconds
-    if own and usual * DEARER <= limit:
-        tighter = max(TIGHTEST, tolerance * TIGHTER)
-        if tighter < tolerance:
-            yield Look(method, tighter, tighter / tolerance, CERTAIN)
-    elif not own or (explicit and held):
-        per_rotation, at, order = VERNER
-        affordable = 0.0 if other.implicit else at * (per_rotation * turns * EXPLICIT_STEP / limit) ** order
+    short = own and usual * (DEARER_HIGH if high else DEARER) <= limit
+    # Spheroids that damping hardly slows. Errors of stroboscopic averaging do not follow its tolerance closely, and
+    # looser steps in long double are as many.
+    splits = 0 < damping < WEAK * turns and scene.ellipsoid.symmetry_axis is not None and method.name != "splitting"
+    if splits and (many or not short) and (own or affordable > tolerance * TIGHTER):
+        split = max(SPLIT_TIGHTEST, _affordable(SPLITTING, turns, limit))
+        if split < tolerance * TENTH:
+            other, affordable, own, short = find_solver("splitting"), split, False, False
+    elif form.angles and not (held or short) and affordable < tolerance * TENTH:
+        own = False
+    tighter = max(TIGHTEST, tolerance * TIGHTER)
+    if short and tighter < tolerance:
+        yield Look(method, tighter, tighter / tolerance, CERTAIN)
+    elif not own or (explicit and held and not short):
         sharper = TIGHTER_THAN_TAYLOR if taylor else TIGHTER / 10 if other.switching else TIGHTER
-        tighter = max(TIGHTEST, affordable, tolerance * sharper)
-        if taylor or tighter < tolerance:
-            yield Look(other, min(LOOSEST, tighter), 0.0, CERTAIN)
+        sharp = max(TIGHTEST, affordable, tolerance * sharper)
+        if taylor or sharp < tolerance:
+            yield Look(other, min(LOOSEST, sharp), 0.0, CERTAIN)
     # Of a high order even a hundredfold tolerance hardly saves half of the steps.
-    high = explicit and not method.low_order and SHARE * min(usual, found.seconds) > LEAST
-    looser = min(LOOSEST, tolerance * ((SHARE * PLANNED) ** -VERNER[2] if high else LOOSER))
-    if looser > tolerance and not taylor:
-        yield Look(method, looser, looser / tolerance, LOOSELY if method.implicit else SCALED)
+    saves = explicit and high and SHARE * min(usual, found.seconds) > LEAST
+    looser = min(LOOSEST, tolerance * ((SHARE * PLANNED) ** -VERNER[2] if saves else LOOSER))
+    few = method.name == "splitting" or (saves and looser / tolerance < (SHARE * STOPPED) ** -VERNER[2])
+    if few and not short and tighter < tolerance:
+        yield Look(method, tighter, tighter / tolerance, BEGUN, limit / (usual * DEARER_HIGH))
+    elif looser > tolerance and not taylor:
+        yield Look(method, looser, looser / tolerance, LOOSELY if method.implicit or many else SCALED)
+
+
+def _affordable(pace: tuple[float, float, int, float], turns: float, limit: float) -> float:
+    """Tightest tolerance at which so many rotations are done in so many seconds."""
+    per_rotation, tolerance, order, step = pace
+    return tolerance * (per_rotation * turns * step / limit) ** order
 
 
 def _step(method: Solver) -> float:
-    """Seconds of a step, about."""
-    return SWITCHING_STEP if method.switching else IMPLICIT_STEP if method.implicit else EXPLICIT_STEP
+    """Seconds of a step, about; 0 where they differ widely."""
+    if not _compiled(method):
+        return SPLITTING[-1] if method.name == "splitting" else 0.0
+    return SWITCHING_STEP if method.switching else IMPLICIT_STEP if method.implicit else VERNER[-1]
 
 
 def _compiled(method: Solver) -> bool:
@@ -188,9 +222,17 @@ def _in_one(scene: Scene, found: Solution) -> tuple[Form, Solution]:
     form = find_form(reference_form(scene))
     problem = form.problem(scene)
     settings = replace(found.settings, tolerance=max(each.tolerance for each in found.stages))
-    return form, replace(
-        found, problem=problem, settings=settings, times=found.times * (problem.end / found.problem.end)
-    )
+    times = found.times * (problem.end / found.problem.end)
+    return form, replace(found, problem=problem, settings=settings, times=times)
+
+
+def _believed(look: Look, found: Solution, run: Solution) -> Look:
+    """The look, whose error differs from the run's as far as their steps allow; `larger` is 1 if they are the same."""
+    steps, others, inner = found.work.steps, run.work.steps, found.work.inner
+    if not (look.larger and steps and others) or look.share < 1 or (inner and inner > steps):
+        return look
+    least, most = sorted((1.0, look.larger))
+    return look._replace(larger=min(most, max(least, (steps / others) ** ORDER)))
 
 
 def _takes(form: Form, scene: Scene, problem: Problem, look: Look) -> tuple[Form, Problem]:
@@ -198,36 +240,56 @@ def _takes(form: Form, scene: Scene, problem: Problem, look: Look) -> tuple[Form
     # Equations of angles are dearer.
     if not (form.angles and look.larger < 1) and look.solver.takes(problem):
         return form, problem
-    form = find_form(reference_form(scene))
+    form = find_form(full_form(scene))
     return form, form.problem(scene)
 
 
-def _apart(scene: Scene, here: Observables, there: Observables) -> tuple[float, float | None]:
-    """Largest differences, slow and of the orientation."""
+def _apart(scene: Scene, look: Look, here: Observables, there: Observables) -> Apart:
     slow = float(np.max(np.abs(here.slow - there.slow))) / max(scene.ellipsoid.inertia)
     angle = orientation_difference(scene.ellipsoid, here.rotation, there.rotation)
-    return slow, None if angle is None else float(np.max(angle))
+    lost = 0 if angle is None or look.larger <= 1 else int(np.argmax(angle > SATURATED * pi))
+    if angle is None or not lost:
+        return slow, None if angle is None else float(np.max(angle)), 0.0
+    # The error of the run's own phase, which grows as that of the look did.
+    last = len(angle) - 1
+    phase = look.certainty / look.larger * angle[lost] * (last / lost) ** GROWTH["orientation"]
+    swayed = min(1.0, phase) * _sway(scene, here.at(slice(min(lost, last // 2), None)))
+    return slow, float(np.max(angle)), min(slow, swayed)
 
 
-def _estimates(
-    scene: Scene, form: Form, observables: Observables, apart: tuple[float, float | None], look: Look
-) -> Estimates:
+def _sway(scene: Scene, observables: Observables) -> float:
+    """Change of L and E over I_max with the phase, per rad, about: the range of their rates over the body's own."""
+    rotation = completed(scene.ellipsoid, observables.rotation)
+    assert rotation is not None
+    spin = body_angular_velocity(scene.ellipsoid, observables, rotation)
+    body = torque(scene.ellipsoid, rotation, spin)
+    rates = np.column_stack([np.einsum("nij,ni->nj", rotation, body), np.sum(body * spin, axis=1)])
+    unit = max(scene.ellipsoid.inertia) * np.mean(np.linalg.norm(spin, axis=1))
+    return float(np.max(np.ptp(rates, axis=0)) * scene.torque_factor / unit)
+
+
+def _estimates(scene: Scene, form: Form, observables: Observables, apart: Apart, look: Look) -> Estimates:
     """Errors of the run from its distance to a look, and rounding."""
     largest = magnitude(scene.ellipsoid, observables)
     turns = 0.0 if form.averaged else _rotations(scene, observables)
     found: Estimates = {}
-    for want, distance, size in zip(GROWTH, apart, (largest, pi), strict=True):
-        if distance is None:
+    for want, near, size in zip(GROWTH, apart[:2], (largest, pi), strict=True):
+        if near is None:
             found[want] = None
             continue
+        # L and E sway with the phase, whose error grows faster.
+        distance = near / look.share ** GROWTH["orientation"]
         rounding = ROUNDING * EPS * size * (1 + turns) ** GROWTH[want]
         # Of a looser look that lost the motion nothing follows but that the run may have lost it too.
         lost = look.larger > 1 and distance > SATURATED * size
-        middle = distance if lost else distance / max(1.0, look.larger)
+        middle = distance if lost else distance / abs(1 - look.larger)
         certainty = 2.0 if lost else look.certainty
         # No two orientations are further apart than π.
         most = pi if want == "orientation" else inf
         found[want] = Interval(middle, middle / certainty, min(most, certainty * middle + rounding))
+    # Where a looser look lost the orientation, L and E sway with that of the run, which it may have lost as well.
+    if slow := found["slow"]:
+        found["slow"] = replace(slow, high=max(slow.high, apart[2]))
     return found
 
 

@@ -15,6 +15,8 @@ from polhode.harness.picking.second_look import LEAST, SHARE, run_error
 from polhode.harness.picking.stated_error import UNKNOWN
 from polhode.harness.references.errors import errors
 from polhode.models.scenes import named_scene
+from polhode.models.shape import Ellipsoid
+from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Work
 from polhode.solvers.solve import solve as run
 
@@ -66,6 +68,67 @@ def test_a_long_run_is_looked_at_more_loosely_and_within_its_share():
     true = errors(scene.ellipsoid, observables, solve(scene, **TIGHT).observables)
     assert seen.slow is not None
     assert true.slow <= seen.slow.high <= 100 * true.slow
+
+
+@pytest.mark.parametrize(
+    ("kappa", "stokes", "time", "method", "tolerance", "look"),
+    [
+        # A looser look loses the phase of a body that tumbles, and L sways with it.
+        (2.0, 1e4, 1e6, "splitting", 1e-4, "splitting at 1e-06 over the first 27%"),
+        # Errors hardly follow the tolerance.
+        (3.5, 4.1e3, 2.4e4, "stroboscopic", 1e-6, "stroboscopic at 1e-04"),
+        (3.4, 250.0, 3.6e3, "stroboscopic", 1e-5, "stroboscopic at 1e-03"),
+        # A looser look takes the very same steps.
+        (1.2, 3.3e4, 5e4, "splitting", 1e-3, "splitting at 1e-05 over the first 27%"),
+        (1.2, 3.3e4, 5e4, "splitting-extended", 1e-3, "splitting at 1e-05"),
+    ],
+)
+def test_errors_that_do_not_follow_the_tolerance_are_bounded(kappa, stokes, time, method, tolerance, look):
+    scene = replace(named_scene("spheroid"), ellipsoid=Ellipsoid((1.0, 1.0, kappa)), stokes=stokes, time=time)
+    what = plan(scene, "spheroid-axis", method, tolerance, 1e-6, "slow", 51)
+    found = run(what.problem, method, tolerance, np.linspace(0, what.problem.end, 51))
+    observables = what.form.observe(scene, found.states)
+    # As a run of more steps would be.
+    slow = found if what.solver.many_periods else replace(found, work=Work(steps=10**6))
+    seen = run_error(scene, what.form, what.solver, replace(slow, seconds=0.2), observables)
+    assert look in seen.note
+    sharp = solve(scene, form="spheroid-axis", solver="cyrk-vern8", tolerance=1e-10, samples=51, estimate=False)
+    true = errors(scene.ellipsoid, observables, sharp.observables)
+    assert seen.slow is not None
+    assert seen.orientation is not None
+    assert true.orientation is not None
+    assert true.slow <= seen.slow.high <= 100 * true.slow
+    assert true.orientation <= seen.orientation.high
+
+
+def test_what_the_phase_makes_of_the_momentum_and_the_energy():
+    scene = replace(named_scene("spheroid"), stokes=50.0, time=20.0)
+    found = solve(scene, form="quaternion", solver="cyrk-vern8", tolerance=1e-12, samples=4001, estimate=False)
+    unit = max(scene.ellipsoid.inertia)
+    rates = np.gradient(found.observables.slow, 20.0 / 4000, axis=0, edge_order=2) / unit
+    turn = np.mean(2 * found.observables.energy / np.linalg.norm(found.observables.angular_momentum, axis=1))
+    sway = second_look._sway(scene, found.observables)
+    assert sway == pytest.approx(np.max(np.ptp(rates, axis=0)) / turn, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("kappa", "stokes", "time", "method", "turns", "look"),
+    [
+        (2.0, 1e4, 1e5, "cyrk-dop853", 6e3, "splitting"),
+        (2.0, 1e4, 1e5, "stroboscopic", 6e3, "splitting"),
+        (2.0, 1e4, 1e5, "taylor", 10.0, "cyrk-vern8"),
+        # As many damping times as rotations hold no explicit method back; far more do.
+        (4.6, 180.0, 1.6e4, "cyrk-tsit5", 1e3, "cyrk-tsit5"),
+        (4.6, 0.1, 100.0, "cyrk-tsit5", 10.0, "cyrk-radau"),
+    ],
+)
+def test_which_method_looks_first(kappa, stokes, time, method, turns, look):
+    scene = replace(named_scene("spheroid"), ellipsoid=Ellipsoid((1.0, 1.0, kappa)), stokes=stokes, time=time)
+    form = plan(scene, "spheroid-axis", method, 1e-6, 1e-6, "slow", 3)
+    found = replace(run(form.problem, "cyrk-vern8", 1e-3, np.array([0.0, 1e-3])), seconds=0.1, work=Work(steps=10**5))
+    found = replace(found, settings=replace(found.settings, tolerance=1e-6))
+    first = next(second_look._looks(scene, form.form, find_solver(method), found, turns, 0.05))
+    assert first.solver.name == look
 
 
 def test_no_look_no_error_and_why():
