@@ -48,7 +48,7 @@ WEAK, SPLIT_TIGHTEST = 0.1, 1e-12
 # planned to take, and after which it is stopped, so that time is left for what compares.
 IMPLICIT_STEP, SWITCHING_STEP, PLANNED, STOPPED = 3e-6, 8e-7, 0.8, 0.9
 # The loosest tolerance; no method's errors follow its steps more closely than by this power.
-LOOSEST, ORDER = 1e-2, 10
+LOOSEST, ORDER = 1e-2, 8
 # Tolerance below which Radau's fifth order takes too many steps to look at a stiff run; LSODA's errors are larger.
 LOW_ORDER = 1e-6
 # Upper ends over the middle: of a tighter look, of a looser one, and of a looser one by an implicit method, whose
