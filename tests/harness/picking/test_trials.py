@@ -74,6 +74,18 @@ def test_where_the_full_equations_take_long_averaging_is_tried_against_a_run_in_
     own, exact = (seen(scene, first.form, first.solver, tolerance) for tolerance in (first.tolerance, 1e-14))
     assert first.error.low <= errors(scene.ellipsoid, own, exact).slow <= first.error.high <= error
 
+    def noted(*given):
+        rows = [*yardsticks(*given)]
+        offered.extend((candidate.form.name, met) for candidate, _, met in rows)
+        return iter(rows)
+
+    # Where no law bounds what runs in pieces err by, these and averages may err alike.
+    yardsticks, offered = trials.Trials._yardsticks, []
+    monkeypatch.setattr(trials.Trials, "_yardsticks", noted)
+    pick(scene, error, laws=wider(load_laws(), 20.0))
+    assert {met for name, met in offered if name != "hybrid"} == {trials.UNLIKE_MET}
+    assert not [met for name, met in offered if name == "hybrid"]
+
 
 @pytest.mark.parametrize("known", [True, False])
 def test_averaging_that_may_err_too_much_is_tried_against_the_full_equations(known, monkeypatch):
