@@ -37,8 +37,9 @@ QUADRUPLE_UP_TO, TWO_MOVED_UP_TO = 5000.0, 2e5
 STABLE = 8.0
 # Angular velocity, in shear rates, up to which T alone tells the cost.
 ORDINARY = 3.0
-# Above this St the horizon is bounded; runs beyond it take too long to be certified.
-FREE_UP_TO, HORIZON = 1e6, 5e6
+# Above this St runs of more shear times than the second number are known in double precision alone, since extended
+# precision takes hours; beyond the third not at all.
+FREE_UP_TO, EXTENDED_TIME, HORIZON = 1e6, 5e6, 5e7
 # Runs with each number of start and parameters moved by half an ulp, which double precision cannot tell.
 ROUNDING_SEEDS = (1, 2)
 # Spread from half an ulp, in rad or over I_max, from which on a reference is examined for chaos.
@@ -48,6 +49,9 @@ SUSPICIOUS = 1e-9
 EXTENDED_UP_TO, MOST_ROTATIONS = 2e4, 2e5
 SPHEROIDS, OTHERS = ("splitting-extended", 1e-13), ("taylor", 1e-15)
 AGAINST = ("cyrk-vern8", 1e-14)
+# Over so many shear times that one loses the phase. It confirms the reference, and how well that is known follows from
+# this run, which errs as much as the reference: so many times their distance.
+FURTHER, ALIKE = ("taylor", 1e-16), 3.0
 # Slow error, over I_max, from which on the two do not confirm each other.
 APART = 1e-4
 SCHEMA = 10
@@ -87,18 +91,19 @@ def reference(scene: Scene, form: str | Form, samples: int, seconds: float = inf
     A full form gives the reference of all full forms; an averaged one its own exact solution. The times are equispaced
     from 0 to the end, both included. Raises ReferenceFailedError if a run does not reach its end or takes more than
     `seconds`, is contradicted by its certificate, or is beyond the horizon; what failed is kept too, and not tried
-    again within as many seconds. Within limited seconds, long runs are known by two methods in double precision alone.
+    again within as many seconds. Long runs, within limited seconds or above St = 1e6, are known in double precision
+    alone, by methods that confirm each other.
     """
-    shape = find_form(form) if isinstance(form, str) else form
+    shape, long = find_form(form) if isinstance(form, str) else form, False
     if not shape.averaged:
-        shape = find_form(reference_form(scene))
-        if scene.stokes > FREE_UP_TO and scene.time > HORIZON and isfinite(scene.stokes):
+        shape, long = find_form(reference_form(scene)), _far(scene)
+        if long and scene.time > HORIZON:
             raise ReferenceFailedError(f"time: got {scene.time:g}, expected at most {HORIZON:g} above St = 1e6")
-    problem, long = shape.problem(scene), False
+    problem = shape.problem(scene)
     if not shape.averaged and seconds < inf and 0 < scene.stokes < inf:
         if (turns := _rotations(scene)) > MOST_ROTATIONS:
             raise ReferenceFailedError(f"more than {MOST_ROTATIONS:g} rotations")
-        long = turns > EXTENDED_UP_TO
+        long = long or turns > EXTENDED_UP_TO
     key = _key(problem, samples, long)
     arrays = cache.load(key)
     if arrays is None or _tried_less(arrays, seconds):
@@ -121,6 +126,11 @@ def reference(scene: Scene, form: str | Form, samples: int, seconds: float = inf
 
 # Asked for every case of a scene, one after the other; some scenes take a quarter of a second.
 _rotations = lru_cache(maxsize=10)(rotations)
+
+
+def _far(scene: Scene) -> bool:
+    """Whether extended precision would take too long."""
+    return isfinite(scene.stokes) and scene.stokes > FREE_UP_TO and scene.time > EXTENDED_TIME
 
 
 def _tried_less(arrays: dict[str, np.ndarray], seconds: float) -> bool:
@@ -163,7 +173,7 @@ def _compute(scene: Scene, form: Form, problem: Problem, samples: int, deadline:
 
 
 def _compared(scene: Scene, samples: int, deadline: float) -> Reference:
-    """Reference of a scene's full equations by two methods in double precision."""
+    """Reference of a scene's full equations by methods in double precision."""
     times = np.linspace(0.0, scene.time, samples)
 
     def run(form: str, solver: str, tolerance: float) -> Observables:
@@ -179,9 +189,13 @@ def _compared(scene: Scene, samples: int, deadline: float) -> Reference:
     apart = errors(scene.ellipsoid, other, exact)
     if not apart.slow < APART:
         raise ReferenceFailedError(f"two methods are {apart.slow:.1g} apart")
+    doubt = 1.0
+    if _far(scene):
+        other, doubt = run("quaternion", *FURTHER), ALIKE
+        apart = errors(scene.ellipsoid, other, exact)
     certificate = Certificate("quaternion", AGAINST[0], 1, 0, 1.0)
     distance = statistics_distance(scene.ellipsoid, other, exact)
-    slow, orientation = apart.slow, apart.orientation
+    slow, orientation = doubt * apart.slow, None if apart.orientation is None else doubt * apart.orientation
     return Reference(reference_form(scene), times, exact, slow, orientation, certificate, "double", samples, distance)
 
 

@@ -42,3 +42,21 @@ def test_methods_that_disagree_are_no_reference_and_share_a_limit(monkeypatch):
         module._compared(named_scene("paper"), 51, perf_counter() + 10.0)
     (first, found), (second, _) = runs
     assert second["max_seconds"] <= first["max_seconds"] - found.seconds < 10
+
+
+@pytest.mark.parametrize("name", ["paper", "spheroid"])
+def test_over_very_many_shear_times_a_third_run_says_how_well_a_reference_is_known(name, monkeypatch, tmp_path):
+    monkeypatch.setenv("POLHODE_CACHE", str(tmp_path))
+    scene = named_scene(name)
+    exact = reference(scene, reference_form(scene), 51)
+    monkeypatch.setattr(module, "FREE_UP_TO", 1.0)
+    monkeypatch.setattr(module, "EXTENDED_TIME", 1.0)
+    far = reference(scene, reference_form(scene), 51)
+    assert far.precision == "double"
+    apart = errors(scene.ellipsoid, far.observables, exact.observables)
+    assert 0 < apart.slow <= far.slow_uncertainty + exact.slow_uncertainty < 1e-12
+    assert 0 < apart.orientation <= far.orientation_uncertainty + exact.orientation_uncertainty
+    monkeypatch.setattr(module, "AGAINST", ("cyrk-tsit5", 1e-3))
+    monkeypatch.setattr(module, "APART", 1e-6)
+    with pytest.raises(ReferenceFailedError, match="two methods are"):
+        reference(scene, reference_form(scene), 52)
