@@ -8,9 +8,9 @@ from math import hypot
 
 import numpy as np
 
-from polhode.models.catalogue import full_form
+from polhode.models.catalogue import form as find_form, full_form
 from polhode.models.form import Form, FormNotValidError, Orientation
-from polhode.models.forms.spheroid import Spheroid, axis_drift, axis_rotation
+from polhode.models.forms.spheroid import Spheroid, axis_drift
 from polhode.models.observables import Observables
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
@@ -85,12 +85,8 @@ class SecondOrder(Form):
         """Observables, the fast motion and the O(1/St) swing put back; of a spheroid with the axis' row alone."""
         if scene.ellipsoid.kind == "triaxial":
             return self._entry(scene).observe(states)
-        spheroid = Spheroid.of(scene.ellipsoid)
-        momentum, axis = np.hsplit(spheroidal.exact(spheroid, scene.torque_factor, states), 2)
-        along = np.sum(momentum * axis, axis=1)
-        across = np.sum((momentum - along[:, None] * axis) ** 2, axis=1)
-        energy = 0.5 * spheroid.equatorial_inertia * (along**2 / spheroid.inertia_ratio + across)
-        return Observables(spheroid.equatorial_inertia * momentum, energy, axis_rotation(spheroid.axis, axis))
+        exact = spheroidal.exact(Spheroid.of(scene.ellipsoid), scene.torque_factor, states)
+        return find_form(full_form(scene)).observe(scene, exact)
 
     def estimate(self, scene: Scene) -> Estimate:
         """Largest model errors over the run, slow and orientation, from the size of the expansion's next term."""
@@ -123,9 +119,8 @@ class SecondOrder(Form):
 
 @lru_cache(maxsize=64)
 def _started(scene: Scene) -> tuple[float, ...] | None:
-    spheroid, start = Spheroid.of(scene.ellipsoid), scene.initial
-    momentum = start.angular_momentum[0] / spheroid.equatorial_inertia
-    return slow_start(spheroid, scene.torque_factor, (*momentum.tolist(), *start.rotation[0, spheroid.axis].tolist()))
+    exact = find_form(full_form(scene)).problem(scene).start
+    return slow_start(Spheroid.of(scene.ellipsoid), scene.torque_factor, exact)
 
 
 def slow_start(spheroid: Spheroid, torque_factor: float, exact: Sequence[float]) -> tuple[float, ...] | None:
