@@ -32,8 +32,8 @@ Triple = Sequence[Any]
 FEW = 6
 # How many of the parameters are of first order; they stand first.
 FIRST = 12
-# Turns s about L at which the size of the transformation is looked at, as exp(-is), shape (6, 1).
-TURNS = np.exp(-1j * pi / 3 * np.arange(6))[:, None]
+# Turns about L at which the size of the transformation is looked at, shape (6, 1).
+TURNS = pi / 3 * np.arange(6)[:, None]
 # Keeps 0/0 away where p is along L.
 TINY = 1e-300
 
@@ -132,26 +132,6 @@ def field(ops: Operations) -> Field:
     return rhs
 
 
-def shares(spheroid: Spheroid, over: Any, h: Any, r2: Any, w: Triple, s: Sequence[Any]) -> tuple[Any, ...]:
-    """The generator of L along n, e and f, and what turns p along n×ẑ, 2En, e and f.
-
-    `over` is 1/|L|; p = hn + e, f = n×p, r2 = e·e; w are the z components of n, e and f, s twice the flow's rates of
-    strain n·En, n·Ee, n·Ef, e·Ee/r2, e·Ef/r2.
-    """
-    D, d, c, k = torque_coefficients(spheroid).values()
-    (nz, ez, fz), (nn, ne, nf, ee, ef) = w, s
-    c8, k8, twice = c / 8, k / 8, over * over
-    return (
-        over * (4 * h * (c8 * fz + k8 * ne) + k8 * r2 * (2 * ee + nn)),
-        over * (c8 * fz - k8 * ne - 4 * k8 * h * (2 * nn + ee)),
-        d * h + over * (4 * h * (c8 * nz - k8 * ef) + c8 * ez + k8 * nf),
-        twice * (D / 2),
-        twice * (k / 6) * (4 * h * h - 1),
-        twice * (k8 * (ne / 3 - h * (2 * ee + 7 * nn)) - 3 * c8 * fz),
-        over * d * h + twice * (c8 * (ez + 4 * h * nz) - k8 * (5 / 3 * nf + 2 * h * ef)),
-    )
-
-
 def generator(spheroid: Spheroid, momentum: Triple, axis: Triple, cos: Any = 1.0, sin: Any = 0.0) -> tuple[Triple, ...]:
     """Generator u of the near-identity transformation, and p: the exact (L, p) is the slow one plus u of it over St.
 
@@ -159,20 +139,25 @@ def generator(spheroid: Spheroid, momentum: Triple, axis: Triple, cos: Any = 1.0
     hn + e cos s + f sin s, the torque has harmonics of s up to 2. u holds their antiderivatives of zero mean at s = 0,
     for p those of the turn of n less that of the turn of q seen from n.
     """
-    over = 1 / dot(momentum, momentum) ** 0.5
+    D, d, c, k = torque_coefficients(spheroid).values()
+    c8, k8, over = c / 8, k / 8, 1 / dot(momentum, momentum) ** 0.5
     nx, ny, nz = n = over * momentum[0], over * momentum[1], over * momentum[2]
     h, (fx, fy, fz) = dot(n, axis), cross(n, axis)
     ex, ey, ez = plus(axis, -h, n)
     ex, ey, ez = e = cos * ex + sin * fx, cos * ey + sin * fy, cos * ez + sin * fz
     fx, fy, fz = f = cross(n, e)
-    r2 = dot(e, e)
-    second = 2 * ex * ey / (r2 + TINY), (ex * fy + ey * fx) / (r2 + TINY)
-    strain = 2 * nx * ny, nx * ey + ny * ex, nx * fy + ny * fx, *second
-    along, across, beside, crossed, strained, tilt, turn = shares(spheroid, over, h, r2, (nz, ez, fz), strain)
+    axis, r2, h4, over2 = plus(e, h, n), dot(e, e) + TINY, 4 * h, over * over
+    # Twice the rate of strain along pairs of n, e and f; of e and f over r2.
+    nn, ne, nf = 2 * nx * ny, nx * ey + ny * ex, nx * fy + ny * fx
+    ee, ef = 2 * ex * ey / r2, (ex * fy + ey * fx) / r2
+    along = over * (h4 * (c8 * fz + k8 * ne) + k8 * r2 * (2 * ee + nn))
+    across = over * (c8 * fz - k8 * ne - k8 * h4 * (2 * nn + ee))
+    beside = d * h + over * (h4 * (c8 * nz - k8 * ef) + c8 * ez + k8 * nf)
     change = plus(plus((along * nx, along * ny, along * nz), across, e), beside, f)
-    turned = plus(plus(((strained + crossed) * ny, (strained - crossed) * nx, 0 * nz), tilt, e), turn, f)
-    axis = plus(e, h, n)
-    # The cross product with p, of what is normal to n.
+    steady, strained = D / 2 * over2, k / 6 * over2 * (h4 * h - 1)
+    tilt = over2 * (k8 * (ne / 3 - h * (2 * ee + 7 * nn)) - 3 * c8 * fz)
+    turn = over * d * h + over2 * (c8 * (ez + h4 * nz) - k8 * (5 / 3 * nf + 2 * h * ef))
+    turned = plus(plus(((strained + steady) * ny, (strained - steady) * nx, 0 * nz), tilt, e), turn, f)
     return change, cross(axis, cross(turned, n)), axis
 
 
@@ -217,26 +202,15 @@ def cross(u: Triple, v: Triple) -> Triple:
 def orders(spheroid: Spheroid, torque_factor: float, slow: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Largest change of L over |L| and of p by the transformation, and |L'| or |E'| of second order over I_max."""
     *momentum, energy = (slow / spheroid.equatorial_inertia).T.copy()
-    square, flattening = dot(momentum, momentum), 1 / spheroid.inertia_ratio - 1
-    over, (nx, ny, nz) = 1 / np.sqrt(square), (n := unit(momentum))
+    square, flattening, n = dot(momentum, momentum), 1 / spheroid.inertia_ratio - 1, unit(momentum)
     # 2E/(I_e l²) = 1 + (I_e/I_a - 1)(n·p)²
     h2 = np.minimum(np.maximum((2 * energy / square - 1) / flattening, 0), 1)
-    h, r2 = np.sqrt(h2), 1 - h2
-    # The unit vectors e/r and f/r, and what turns with them: as complex numbers, once and twice as fast.
-    ex, ey, ez = unit(cross(n, [*np.eye(3)[:, np.argmin(np.abs(n), axis=0)]]))
-    fx, fy, fz = cross(n, (ex, ey, ez))
-    nn = 2 * nx * ny
-    level = (ez + 1j * fz) * TURNS
-    strain = (nx * ey + ny * ex + 1j * (nx * fy + ny * fx)) * TURNS
-    second = (2 * ex * ey + nx * ny + 1j * (ex * fy + ey * fx)) * TURNS**2
-    r, ze, zf, ne, nf = np.sqrt(r2), level.real, level.imag, strain.real, strain.imag
-    every = nn, r * ne, r * nf, second.real - nx * ny, second.imag
-    along, across, beside, crossed, strained, tilt, turn = shares(spheroid, over, h, r2, (nz, r * ze, r * zf), every)
-    change = np.sqrt(along**2 + r2 * (across**2 + beside**2))
-    leant = (r * tilt + strained * ne - crossed * zf) ** 2 + h2 * (r * turn + strained * nf + crossed * ze) ** 2
-    relative = over * change + np.sqrt(leant)
+    beside = cross(n, [*np.eye(3)[:, np.argmin(np.abs(n), axis=0)]])
+    axis = plus([np.sqrt(h2) * each for each in n], np.sqrt((1 - h2) / dot(beside, beside)), beside)
+    change, tilt, _ = generator(spheroid, momentum, axis, np.cos(TURNS), np.sin(TURNS))
+    relative = np.sqrt(dot(change, change) / square) + np.sqrt(dot(tilt, tilt))
     second = (0.0,) * FIRST + parameters(spheroid, torque_factor)[FIRST:]
-    growth, rise, *across = slow_rates(numpy_operations())(1 / over, n, h2, second)
+    growth, rise, *across = slow_rates(numpy_operations())(np.sqrt(square), n, h2, second)
     moved = np.sqrt(square * growth * growth + dot(across, across))
     powered = square * np.abs(growth * (1 + flattening * h2) + flattening * h2 * (1 - h2) * rise)
     return torque_factor * relative.max(axis=0), np.maximum(moved, powered) / max(1.0, spheroid.inertia_ratio)
