@@ -181,8 +181,8 @@ def tails(x: Array, q: Array) -> tuple[Array, Array]:
     u2, over = u * u, x * square
     once.real, once.imag = over * (1 - 3 * u2), over * u * (15 * u2 - 1)
     twice.real, twice.imag = square * (1 - 15 * u2), square * u * (105 * u2 - 3)
-    close = (np.abs(u) > CLOSE).nonzero()
-    if len(close[0]):
+    close = u2 > CLOSE**2
+    if close.any():
         x, q = x[close], q[close]
         root, sign = np.sqrt(-0.5j * q), np.where(x * q > 0, -1, 1)
         z = -sign * x / (2 * root)
