@@ -33,14 +33,15 @@ from polhode.solvers.solve import solve
 
 # Seconds that a run may be expected to take to be tried, if the quickest one expected takes longer as long as that, up
 # to a limit, which is another one where laws alone would refuse the scene; ways that are, and tolerances of each.
-MOST_SECONDS, PATIENT, REFUSED, WAYS, TOLERANCES = 0.02, 0.2, 0.3, 4, 4
+MOST_SECONDS, PATIENT, REFUSED, WAYS, TOLERANCES = 0.02, 0.2, 0.8, 4, 4
 # How many times as long a yardstick and all together may take, and any run before it is given up.
 YARDSTICK, ALL, OVERRUN = 2.0, 3.0, 8.0
 # A run that takes so many times as long as expected is tried again so much looser: where rounding rules, the errors of
 # loose runs are no larger.
 LONGER, LOOSER = 3.0, 30.0
-# Tolerances of Taylor's method so far apart are of two orders.
-APART = 8.0
+# Tolerances of Taylor's method so far apart are of two orders. A method over many periods, far quicker than any other,
+# is held against its own run at such a share of the tolerance where no other will do.
+APART, OWN = 8.0, 0.01
 # Shares of what the solver may err by: what the yardstick may be off by, what a trial may make, and what its next
 # tolerance aims at, which is worth another run if it is looser by the factor, and is at most so far from the last one.
 # Where no law promises that, another yardstick will do, by a method of another family or another order of Taylor's that
@@ -136,6 +137,9 @@ class Trials:
             if run is None:
                 break
             error = self.error(candidate, run, yardstick.true)
+            if error == 0 < yardstick.tightest:
+                # The same run, made twice.
+                break
             took = OVERRUN * seconds if run.status is Status.TIME_LIMIT else 0.0
             if error <= yardstick.met * candidate.budget:
                 best, made, counted = tolerance, error, run.work
@@ -197,6 +201,9 @@ class Trials:
         exact = [(each, each.by_law(each.tightest)) for each in able if find_solver(each.solver).order_by_tolerance]
         ways = [(each, way, UNLIKE_MET) for each, way in exact if way]
         yield from sorted(ways, key=lambda row: row[1].error.predicted)
+        own = candidate.hoped() if find_solver(candidate.solver).many_periods else None
+        if own and (way := candidate.by_law(one_digit(OWN * own.tolerance))) and way.tolerance >= candidate.tightest:
+            yield candidate, way, UNLIKE_MET
 
     def run(self, candidate: Candidate, tolerance: float, seconds: float) -> Run | None:
         """A run that is expected to take so long; None if that is more than what is left. It is paid for once."""

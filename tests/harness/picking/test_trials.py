@@ -119,6 +119,24 @@ def test_a_yardstick_of_the_same_averaged_form_is_as_good_where_averaging_takes_
     assert [found.met for averaged, found in seen if averaged and found] == [trials.MET]
 
 
+def test_a_way_over_many_periods_is_held_against_its_own_tighter_run(monkeypatch):
+    """Where all others would take long."""
+    scene, error, want = replace(named_scene("spheroid"), stokes=1e6, time=2e5), 1e-6, "orientation"
+    monkeypatch.setattr(trials, "UNLIKE", ())
+    way = pick(scene, error, want, laws=load_laws()).ranking[0]
+    assert way.solver in ("splitting", "stroboscopic")
+    assert SAID in way.reason
+    own, exact = (
+        seen(scene, *known)
+        for known in ((way.form, way.solver, way.tolerance), (way.form, "splitting-extended", 1e-12))
+    )
+    assert way.error.low <= errors(scene.ellipsoid, own, exact).orientation <= way.error.high <= error
+    monkeypatch.setattr(trials.Trials, "error", lambda *_: 0.0)
+    # Of a run made twice nothing follows.
+    rows = pick(scene, error, want, laws=load_laws()).ranking
+    assert all(SAID not in each.reason for each in rows if each.solver == way.solver)
+
+
 def test_what_laws_refuse_near_double_precision_is_answered_if_two_runs_agree(monkeypatch):
     scene, error = named_scene("paper"), 2e-13
     first = pick(scene, error, "orientation", laws=load_laws()).ranking[0]
