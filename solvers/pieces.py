@@ -101,10 +101,7 @@ class Run:
         return integrate
 
     def _tolerance(self, piece: Piece) -> tuple[float, float]:
-        """The solver's tolerance in a piece, and its error there over what the piece states.
-
-        It is tighter where the solver errs by more than pieces count with.
-        """
+        """The solver's tolerance in a piece, tighter if it errs by more than this states, and how far it still does."""
         asked = piece.tolerance or self.settings.tolerance
         if piece.averaged or not (piece.error and self.method.wears):
             return asked, 1.0

@@ -24,7 +24,7 @@ Array = np.ndarray
 # The error of L and E that a tolerance stands for, and the share of it that windows may take, chosen by trial.
 ERROR_PER_TOLERANCE, WINDOWS = 100.0, 0.5
 # Error of L and E over the tolerance of the full equations, per radian that a body turns with |L||ω| below I_max, by
-# trial, for every solver.
+# trial; solvers that err by more are run at tighter tolerances.
 PER_RADIAN = 1.5e-2
 # Tolerance below which rounding makes the error, not the tolerance.
 ROUNDING = 1e-13
