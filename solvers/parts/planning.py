@@ -11,6 +11,8 @@ from polhode.solvers.contract import Record
 # errors of about COEFFICIENT γ r**-POWER (h r)**ORDER, in whatever time: what accumulates does so no longer than the
 # slow components remember, a time 1/γ. The angle h r is never wider than flows reach.
 ORDER, POWER, COEFFICIENT = 6, 2.0, 6e-7
+# What errors are to the law at first, by the strength of the torque squared over the rate at which it is forgotten.
+SCALE, SHARE = 1.4, 0.6
 # Of steps ``H r**-EXPONENT`` that err alike, between those equal in angle (1) and in time (0).
 EXPONENT = 1 - POWER / ORDER
 # Error aimed at over the tolerance: estimates may be off, and what follows the check may amplify.
@@ -69,7 +71,8 @@ class Planner:
         self.problem, self.error = problem, max(AIM * tolerance, LEAST_ERROR * problem.epsilon)
         # The error that checked steps are to have, no less than a check sees; what errors are to the law, as far as is
         # known; the plan of checked steps.
-        self.seen, self.scale = self.error, 1.0
+        self.seen = self.error
+        self.scale = SCALE * (problem.strength**2 / problem.forgetting) ** SHARE if problem.strength > 0 else 1.0
         self.checked: Plan | None = None
 
     def by_law(self, rate: float, longest: float) -> Plan:
@@ -129,8 +132,7 @@ class Planner:
 
         What the two differ by in a turn's mean grows with time, as long as the slow quantities remember; the rest goes
         to and fro within a turn. What the fast components err by, in rad per turn, counts as well: over their amplitude
-        where that is small and grows, as at a saddle. The second number is what rounding makes of it, whose sign is any
-        in each step.
+        where that is small and grows, as at a saddle. The second number is what rounding makes of it.
         """
         problem, length = self.problem, float(record.times[-1]) - now
         rate = problem.rate(state)
@@ -151,5 +153,6 @@ class Planner:
         # Slow components remember for a time between those of the fastest and of the slowest one.
         remaining = max(0.0, min(length, 1 / sqrt(problem.strength * problem.forgetting)) - window)
         grown = remaining / (window - span)
-        rounding = problem.epsilon * rate * sqrt(steps) * (1 + grown)
+        # To and fro in the slow quantities; of the same sign in the phase, where that moves little in a step.
+        rounding = problem.epsilon * max(rate * sqrt(steps) * (1 + grown), steps / (1 + window / turn) / PER_TURN)
         return max(slow + change * grown, fast / PER_TURN) / (1 - FINER**ORDER), rounding
