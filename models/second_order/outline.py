@@ -97,8 +97,7 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
     sound = why == 0
     if kicks:
         sudden = RANDOM * np.sqrt(np.cumsum(np.where(sound, sudden, 0) ** 2))
-    around = 0.5 * (np.append(path.steps[0], path.steps) + np.append(path.steps, path.steps[-1]))
-    held = third * around * weight
+    held = third * np.gradient(times) * weight
     late = np.exp(min(FADING * min(scene.ellipsoid.damping), LONG_AGO / times[-1]) * times)
     # Where the phase is wrong, the swing is put back wrongly.
     swung = np.where(sound & (local <= share), swing * path.scale, 0)
@@ -187,8 +186,7 @@ def _stretches(
     times, turns = path.times, path.summed(path.speed) / (2 * pi * path.torque_factor)
     # Windows reach from a sound point to a sound point.
     between = np.where(why[:-1] > 0, why[:-1], why[1:])
-    out = between > 0
-    changes = ((out[1:] != out[:-1]).nonzero()[0] + 1).tolist()
+    changes = (np.flatnonzero(np.diff(between > 0)) + 1).tolist()
     found: list[tuple[int, int]] = []
     for first, last in pairwise([0, *changes, len(between)]):
         if found and (between[first] or turns[last] - turns[first] < TURNS) and between[found[-1][0]]:

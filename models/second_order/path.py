@@ -77,11 +77,6 @@ class Path:
         return replace(self, times=every, slow=slow)
 
     @cached_property
-    def steps(self) -> Array:
-        """From each time to the next."""
-        return self.times[1:] - self.times[:-1]
-
-    @cached_property
     def size(self) -> Array:
         """|L| over I_max."""
         lx, ly, lz, _ = self.slow.T
@@ -149,8 +144,8 @@ class Path:
     @cached_property
     def change(self) -> Array:
         """|L'| of first order over I_max."""
-        steps, momentum = self.steps, self.slow[:, :3].T
-        slopes = (momentum[:, 1:] - momentum[:, :-1]) / steps
+        steps = np.diff(self.times)
+        slopes = np.diff(self.slow[:, :3].T) / steps
         within = (steps[1:] * slopes[:, :-1] + steps[:-1] * slopes[:, 1:]) / (steps[1:] + steps[:-1])
         x, y, z = np.concatenate([slopes[:, :1], within, slopes[:, -1:]], axis=1)
         return np.sqrt(x * x + y * y + z * z) / max(self.ellipsoid.inertia)
@@ -258,7 +253,7 @@ class Path:
     def summed(self, rates: Array) -> Array:
         """Integrals from the start to each time, the first index."""
         found = np.zeros(rates.shape)
-        ((rates[1:] + rates[:-1]).T * (0.5 * self.steps)).T.cumsum(axis=0, out=found[1:])
+        ((rates[1:] + rates[:-1]).T * np.diff(0.5 * self.times)).T.cumsum(axis=0, out=found[1:])
         return found
 
     def lag(self, swing: Array) -> Array:
