@@ -47,10 +47,9 @@ WEAK, SPLIT_TIGHTEST = 0.1, 1e-12
 # Seconds of a step of compiled solvers, implicit and switching ones; shares of the limit that a look is
 # planned to take, and after which it is stopped, so that time is left for what compares.
 IMPLICIT_STEP, SWITCHING_STEP, PLANNED, STOPPED = 3e-6, 8e-7, 0.8, 0.9
-# The loosest tolerance; no method's errors follow its steps more closely than by this power.
-LOOSEST, ORDER = 1e-2, 8
-# Tolerance below which Radau's fifth order takes too many steps to look at a stiff run; LSODA's errors are larger.
-LOW_ORDER = 1e-6
+# The loosest tolerance of a look; no method's errors follow its steps more closely than by this power. Below the last
+# tolerance Radau takes too many steps to look, and LSODA errs by more; explicit methods look no looser than at it.
+LOOSEST, ORDER, LOW_ORDER = 1e-2, 8, 1e-6
 # Upper ends over the middle: of a tighter look, of a looser one, and of a looser one by an implicit method, whose
 # errors follow its tolerance less closely; of a tighter look at the beginning of a run.
 CERTAIN, SCALED, LOOSELY, BEGUN = 1.5, 6.0, 20.0, 5.0
@@ -163,7 +162,7 @@ def _looks(scene: Scene, form: Form, method: Solver, found: Solution, turns: flo
     tolerance, taylor = found.settings.tolerance, method.order_by_tolerance
     damping, many = damping_times(scene), method.many_periods
     implicit = "cyrk-radau" if tolerance >= LOW_ORDER else "cyrk-lsoda"
-    held = is_stiff(scene)
+    held = is_stiff(scene, turns)
     other = find_solver(implicit if held else "cyrk-vern8")
     affordable = 0.0 if other.implicit else _affordable(VERNER, turns, limit)
     explicit = _compiled(method) and not method.implicit
@@ -186,7 +185,7 @@ def _looks(scene: Scene, form: Form, method: Solver, found: Solution, turns: flo
         yield Look(method, tighter, tighter / tolerance, CERTAIN)
     elif not own or (explicit and held and not short):
         sharper = TIGHTER_THAN_TAYLOR if taylor else TIGHTER / 10 if other.switching else TIGHTER
-        sharp = max(TIGHTEST, affordable, tolerance * sharper)
+        sharp = max(TIGHTEST, affordable, min(tolerance * sharper, 1.0 if other.implicit else LOW_ORDER))
         if taylor or sharp < tolerance:
             yield Look(other, min(LOOSEST, sharp), 0.0, CERTAIN)
     # Of a high order even a hundredfold tolerance hardly saves half of the steps.
@@ -194,7 +193,7 @@ def _looks(scene: Scene, form: Form, method: Solver, found: Solution, turns: flo
     looser = min(LOOSEST, tolerance * ((SHARE * PLANNED) ** -VERNER[2] if saves else LOOSER))
     few = method.name == "splitting" or (saves and looser / tolerance < (SHARE * STOPPED) ** -VERNER[2])
     if few and not short and tighter < tolerance:
-        yield Look(method, tighter, tighter / tolerance, BEGUN, limit / (usual * DEARER_HIGH))
+        yield Look(method, tolerance * TENTH, TENTH, BEGUN, limit / (usual * DEARER_HIGH))
     elif looser > tolerance and not taylor:
         yield Look(method, looser, looser / tolerance, LOOSELY if method.implicit or many else SCALED)
 
@@ -253,7 +252,7 @@ def _apart(scene: Scene, look: Look, here: Observables, there: Observables) -> A
     # The error of the run's own phase, which grows as that of the look did.
     last = len(angle) - 1
     phase = look.certainty / look.larger * angle[lost] * (last / lost) ** GROWTH["orientation"]
-    swayed = min(1.0, phase) * _sway(scene, here.at(slice(min(lost, last // 2), None)))
+    swayed = min(1.0, phase) * _sway(scene, here.at(slice(min(lost, last // 2), None, 1 + last // 100)))
     return slow, float(np.max(angle)), min(slow, swayed)
 
 

@@ -68,12 +68,14 @@ def following_time(scene: Scene) -> float:
 
 
 @lru_cache(maxsize=1000)
-def is_stiff(scene: Scene) -> bool:
-    """Whether stability, not the tolerance, sets an explicit method's steps over many damping times."""
+def is_stiff(scene: Scene, turns: float | None = None) -> bool:
+    """Whether stability sets an explicit method's steps over many damping times, and rotations if they are known."""
     stability = EXPLICIT.per_damping_time * damping_times(scene)
     if damping_times(scene) <= STIFF:
         return False
-    return stability > HELD * (stability + EXPLICIT.usual(rotations(scene), following_time(scene)))
+    return stability > HELD * (
+        stability + EXPLICIT.usual(rotations(scene) if turns is None else turns, following_time(scene))
+    )
 
 
 def rotations(scene: Scene) -> float:
