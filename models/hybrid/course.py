@@ -25,7 +25,7 @@ Array = np.ndarray
 ERROR_PER_TOLERANCE, WINDOWS = 100.0, 0.5
 # Error of L and E over the tolerance of the full equations, per radian that a body turns with |L||ω| below I_max, by
 # trial; solvers that err by more are run at tighter tolerances.
-PER_RADIAN = 1.5e-2
+PER_RADIAN = 2e-2
 # Tolerance below which rounding makes the error, not the tolerance.
 ROUNDING = 1e-13
 # Tolerance of averaged pieces, which cost nothing, and those of windows: some solvers compile for each one anew.
