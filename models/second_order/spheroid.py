@@ -171,7 +171,7 @@ def exact(spheroid: Spheroid, torque_factor: float, states: np.ndarray) -> np.nd
     """Exact L over I_e and p, shape (n, 6), of states of `field`, shape (n, 7)."""
     turns = states[:, 6] / torque_factor
     cos, sin = np.cos(turns), np.sin(turns)
-    if len(states) <= FEW:
+    if 0 < len(states) <= FEW:
         rows = zip(states.tolist(), cos.tolist(), sin.tolist(), strict=True)
         return np.array([swung(spheroid, torque_factor, row[:3], unit(row[3:6]), *turn) for row, *turn in rows])
     columns = list(states.T.copy())
