@@ -17,9 +17,8 @@ from polhode.harness.common.store import Record
 from polhode.harness.common.text import short
 from polhode.harness.pages.figures.map_picture import ERRORS, HEADINGS, picture
 from polhode.harness.pages.figures.work_precision import profile_lines, save
-from polhode.harness.pages.tables import fill, lines_of, write
+from polhode.harness.pages.tables import fill, write
 from polhode.harness.studies.study import Study
-from polhode.models.scene import Scene
 
 # From this duration on, in shear times, runs have a profile of their own.
 LONG = 5e4
@@ -42,7 +41,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         save(picture([maps[name, error] for error in ERRORS], times), folder, name)
         methods = _methods(own, name, maps)
         axes = scenes[0].ellipsoid.semi_axes
-        particles.append({"name": name, "axes": axes, "remarks": horizon(scenes), "methods": methods})
+        particles.append({"name": name, "axes": axes, "methods": methods})
     far = [scene.stokes for _, scene in study.scenes if scene.time >= LONG]
     apart, title = where(runs, runs["stokes"].isin(far)), f"The same over t ≥ {short(LONG)} alone"
     long = profile_lines(apart, folder, "profiles-long", title)
@@ -88,14 +87,6 @@ def sentence(found: Sequence[Cell], what: str) -> str:
     leads = {side: [cell.lead for cell in own if not isnan(cell.lead)] for side, own in won.items()}
     halves = {side: median(own) for side, own in leads.items() if own}
     return fill("regimes-sentence", what=what, won=won, leads=halves, forms=forms.most_common())
-
-
-def horizon(scenes: Sequence[Scene]) -> list[str]:
-    """A remark on the St at which runs span less slow time than at most of the others; none where there are none."""
-    usual = Counter(scene.slow_time for scene in scenes).most_common(1)[0][0]
-    less = sorted((scene for scene in scenes if scene.slow_time < usual), key=lambda scene: scene.stokes)
-    longest = max((scene.time for scene in less), default=0.0)
-    return lines_of("regimes-horizon", longest=longest, less=less, usual=usual)
 
 
 def _methods(runs: pd.DataFrame, name: str, maps: Maps) -> list[dict[str, Any]]:

@@ -64,10 +64,8 @@ def compute_order(grid: Grid) -> Computed:
                 raise RuntimeError(f"start {index} does not cross L² = 2EI₂ by t₂ = {ORDER_TIME:g}")
             for stokes in numbers:
                 full = full_run(Scene(ELLIPSOID, stokes, start, stokes * ORDER_TIME), stokes * slow_times, solver=FAST)
-                yield (
-                    "",
-                    {"side": side, "start": index, "stokes": stokes, "error": np.max(np.abs(full.slow - averaged))},
-                )
+                error = np.max(np.abs(full.slow - averaged))
+                yield "", {"side": side, "start": index, "stokes": stokes, "error": error}
 
 
 def above_middle(slow: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ from polhode.harness.commands.bench import ahead, regimes
 from polhode.harness.common.store import Store
 from polhode.harness.pages.figures.map_picture import draw, picture
 from polhode.harness.pages.figures.style import LOOKS, colour
-from polhode.harness.pages.regimes import horizon, read_cells, sentence, write_page
+from polhode.harness.pages.regimes import read_cells, sentence, write_page
 from polhode.harness.studies.study import read_study
 from polhode.models.catalogue import form as find_form
 
@@ -190,14 +190,12 @@ def test_the_page_is_written_from_records(table: pd.DataFrame, tmp_path):
     assert str(maps["ellipsoid", "slow_error"]) == str(cells(table, "slow_error"))
 
 
-def test_a_shorter_slow_time_is_told_on_the_page_and_in_the_figure():
+def test_a_shorter_slow_time_is_bold_in_the_figure():
     import matplotlib.pyplot as plt
 
     scenes = [scene for name, scene in read_study(None, "regimes").scenes if name == "ellipsoid"]
-    assert horizon(scenes) == []
+    assert all(scene.slow_time >= 0.5 for scene in scenes)
     scenes = [replace(scene, time=min(scene.time, 5e6)) for scene in scenes]
-    remark = " ".join(horizon(scenes))
-    assert "t₂ = 0.05 at St = 1e8 instead of 0.5" in remark
     times = {scene.stokes: scene.time for scene in scenes}
     table = pd.DataFrame([row for stokes in times for row in runs("quaternion", "taylor", stokes, 1.0, 0.1)])
     drawing = picture([cells(table, "slow_error")] * 2, times)
