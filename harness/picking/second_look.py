@@ -32,18 +32,16 @@ from polhode.solvers.contract import UNLIMITED, Solver
 from polhode.solvers.solve import Solution, solve
 
 Estimates = dict[str, Interval | None]
-# Of two runs the largest differences, slow and of the orientation, and what errors of the phase make of the former.
+# Of two runs the largest differences, slow and of the orientation, and what the phase makes of the former.
 Apart = tuple[float, float | None, float]
 # A look takes no longer than this, in seconds, or than this share of the run.
 LEAST, SHARE = 5e-3, 0.6
 # Tolerances of a look over the run's; what a tighter run of a method of low and of high order costs at most, in runs.
 TIGHTER, TENTH, LOOSER, DEARER, DEARER_HIGH = 1e-2, 0.1, 1e2, 2.5, 1.8
-# Taylor's method errs by less than its tolerance: what looks at it is tighter still, as far as time allows.
-TIGHTER_THAN_TAYLOR = 1e-4
-# Steps a rotation that methods take at a tolerance, about, their order, and seconds of a step.
+# Steps a rotation that methods take at a tolerance, about, their order, and seconds of a step. Splitting is cheap up to
+# so many damping times in a rotation, and so tight a tolerance; Taylor's method errs by less than its tolerance.
 VERNER, SPLITTING = (10.0, 1e-9, 8, 4e-7), (3.0, 1e-6, 6, 1e-7)
-# Most damping times in a rotation where splitting is cheap; the tolerance from which on rounding makes it dear.
-WEAK, SPLIT_TIGHTEST = 0.1, 1e-12
+WEAK, SPLIT_TIGHTEST, TIGHTER_THAN_TAYLOR = 0.1, 1e-12, 1e-4
 # Seconds of a step of compiled solvers, implicit and switching ones; shares of the limit that a look is
 # planned to take, and after which it is stopped, so that time is left for what compares.
 IMPLICIT_STEP, SWITCHING_STEP, PLANNED, STOPPED = 3e-6, 8e-7, 0.8, 0.9
@@ -129,27 +127,29 @@ def _solver_error(
     turns = 0.0 if form.averaged else _rotations(scene, observables)
     # A second run in pieces enters as many, and takes as long; where none is far tighter than full pieces, these state
     # an error of their own.
-    dear, tightest = averaged and found.seconds > limit, in_full and found.settings.tolerance * TIGHTER < TIGHTEST
-    for each in () if dear or tightest else _looks(scene, form, method, found, turns, PLANNED * limit):
-        look, (equations, problem) = each, _takes(form, scene, found.problem, each)
-        seen = rows[: max(2, int(look.share * len(rows)))]
+    dear = (averaged and found.seconds > limit) or (in_full and found.settings.tolerance * TIGHTER < TIGHTEST)
+    for each in () if dear else _looks(scene, form, method, found, turns, PLANNED * limit):
+        equations, problem = _takes(form, scene, found.problem, each)
+        seen = rows[: max(2, int(each.share * len(rows)))]
         times = found.times[seen] * (problem.end / found.problem.end)
         # Counted in steps as well: what these stop is the same on a busy machine.
-        known = look.solver is method and look.larger > 1 and SHARE * found.seconds > LEAST and found.work.steps
-        step = found.seconds / known if known and _compiled(method) else _step(look.solver)
+        known = each.solver is method and each.larger > 1 and SHARE * found.seconds > LEAST and found.work.steps
+        step = found.seconds / known if known and _compiled(method) else _step(each.solver)
         most = max(100, int(STOPPED * limit / step)) if step else UNLIMITED
-        run = solve(problem, look.solver, look.tolerance, times, max_seconds=STOPPED * limit, max_steps=most)
-        if problem is found.problem:
-            look = _believed(look, found, run)
+        run = solve(problem, each.solver, each.tolerance, times, max_seconds=STOPPED * limit, max_steps=most)
+        look = _believed(each, found, run) if problem is found.problem else each
         if run.success and look.larger != 1:
             here = observables.at(seen)
             own = _estimates(scene, form, here, _apart(scene, look, here, equations.observe(scene, run.states)), look)
+            # Rounding alone: the look took the very same steps.
+            if look.share < 1 and (slow := own["slow"]) and slow.high > 2 * BEGUN * slow.predicted:
+                break
             # Pieces that both runs average differ by nothing.
             if found.stages and (look.larger > 1 or any(each.averaged for each in run.stages)):
                 bounds = _bounds(found)
                 own = {want: each and replace(each, high=max(each.high, bounds[want])) for want, each in own.items()}
-            part = f" over the first {look.share:.0%}" if look.share < 1 else ""
-            return own, f"a second run by {look.solver.name} at {look.tolerance:.0e}{part}"
+            note = f"a second run by {look.solver.name} at {look.tolerance:.0e}"
+            return own, note + (f" over the first {look.share:.0%}" if look.share < 1 else "")
         if (limit := ends - perf_counter() + SPENT["compilation"]) <= 0:
             break
     if found.stages:
@@ -193,7 +193,8 @@ def _looks(scene: Scene, form: Form, method: Solver, found: Solution, turns: flo
     looser = min(LOOSEST, tolerance * ((SHARE * PLANNED) ** -VERNER[2] if saves else LOOSER))
     few = method.name == "splitting" or (saves and looser / tolerance < (SHARE * STOPPED) ** -VERNER[2])
     if few and not short and tighter < tolerance:
-        yield Look(method, tolerance * TENTH, TENTH, BEGUN, limit / (usual * DEARER_HIGH))
+        tighter = min(tolerance * TENTH, LOW_ORDER if many else 1.0)
+        yield Look(method, tighter, TENTH, BEGUN, limit / (usual * DEARER_HIGH))
     elif looser > tolerance and not taylor:
         yield Look(method, looser, looser / tolerance, LOOSELY if method.implicit or many else SCALED)
 
@@ -263,8 +264,8 @@ def _sway(scene: Scene, observables: Observables) -> float:
     spin = body_angular_velocity(scene.ellipsoid, observables, rotation)
     body = torque(scene.ellipsoid, rotation, spin)
     rates = np.column_stack([np.einsum("nij,ni->nj", rotation, body), np.sum(body * spin, axis=1)])
-    unit = max(scene.ellipsoid.inertia) * np.mean(np.linalg.norm(spin, axis=1))
-    return float(np.max(np.ptp(rates, axis=0)) * scene.torque_factor / unit)
+    speed = np.mean(np.linalg.norm(spin, axis=1))
+    return float(np.max(np.ptp(rates, axis=0)) * scene.torque_factor / (max(scene.ellipsoid.inertia) * speed))
 
 
 def _estimates(scene: Scene, form: Form, observables: Observables, apart: Apart, look: Look) -> Estimates:
