@@ -79,9 +79,10 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
     """Outline of a run with orientation and 0 < St < inf; windows as the error asked for demands."""
     path, share = path_of(scene), SHARE * budget
     ahead, kicks = Ahead.of(path, budget), path.kicks
-    if ahead.strong:
+    if kicks:
         # A window may be narrower than the path's steps.
-        path = path.at(np.outer(INSIDE, list(ahead.strong.values())) + [each.time for each in ahead.strong])
+        halves = [ahead.strong.get(each, each.width) for each in kicks]
+        path = path.at(np.outer(INSIDE, halves) + [each.time for each in kicks])
     times, weight, why, reasons = path.times, ahead.weight(path.times), _reasons(path, budget), [*REASONS]
     sound, sudden = why == 0, np.zeros(len(times))
     swing, smaller, third = (np.where(sound, each, 0) for each in (path.swing, path.smaller, path.third))
