@@ -1,8 +1,8 @@
 """The error of a run that has just ended, from a second look at it that costs less.
 
 A short run is looked at by a tighter one: their difference is the error. A long one by what fits into `SHARE` of its
-time: another method that is cheaper at a tighter tolerance, else the same method at a looser one, whose error is larger
-by the ratio of the tolerances, more or less. Averaged forms add the error of averaging, known from pilots.
+time: another method that is cheaper at a tighter tolerance, a tighter run over the beginning, or a looser one, whose
+error is larger by the ratio of the tolerances, more or less. Averaged forms add the error of averaging, from pilots.
 """
 
 from collections.abc import Iterator
