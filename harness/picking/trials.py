@@ -193,14 +193,16 @@ class Trials:
         able = [each for each in able if not isinstance(each.form, InPieces)]
         families = {*UNLIKE} - {find_solver(candidate.solver).family}
         unlike = [each for each in able if find_solver(each.solver).family in families]
-        for share in (UNSURE, 1.0):
-            hopes = [(each, replace(each, budget=share * candidate.budget).hoped(lucky=False)) for each in unlike]
-            ways = [(each, way, UNLIKE_MET) for each, way in hopes if way]
-            yield from sorted(ways, key=lambda row: row[1].seconds.predicted + row[0].laws.compile_seconds)
-        # Near double precision the one that rounds least.
-        exact = [(each, each.by_law(each.tightest)) for each in able if find_solver(each.solver).order_by_tolerance]
-        ways = [(each, way, UNLIKE_MET) for each, way in exact if way]
-        yield from sorted(ways, key=lambda row: row[1].error.predicted)
+        taylor = [each for each in able if find_solver(each.solver).order_by_tolerance]
+        exact = [(each, each.by_law(each.tightest)) for each in taylor]
+        for rows, first in (
+            (_hopes(unlike, UNSURE * candidate.budget), _until_seen),
+            # Near double precision the one that rounds least, before those that may round as much as a trial may err.
+            (exact, lambda row: row[1].error.predicted),
+            (_hopes(unlike, candidate.budget), _until_seen),
+        ):
+            ways = sorted(((each, way) for each, way in rows if way), key=first)
+            yield from ((each, way, UNLIKE_MET) for each, way in ways)
         own = candidate.hoped() if find_solver(candidate.solver).many_periods else None
         if own and (way := candidate.by_law(one_digit(OWN * own.tolerance))) and way.tolerance >= candidate.tightest:
             yield candidate, way, UNLIKE_MET
@@ -222,6 +224,15 @@ class Trials:
             return inf
         error = getattr(errors(candidate.found.scene.ellipsoid, run.seen, true), self.want)
         return inf if error is None else error
+
+
+def _hopes(candidates: Sequence[Candidate], budget: float) -> list[tuple[Candidate, Way | None]]:
+    return [(each, replace(each, budget=budget).hoped(lucky=False)) for each in candidates]
+
+
+def _until_seen(row: tuple[Candidate, Way]) -> float:
+    candidate, way = row
+    return way.seconds.predicted + candidate.laws.compile_seconds
 
 
 @lru_cache(maxsize=64)
