@@ -28,9 +28,8 @@ NAMES = (*FIRST, *SECOND, "nu1", "nu2")
 # Polhode phases per ln(1/nome) that resolve second-order averages to 1e-9; at least so many, in steps of so many.
 PHASES, LEAST_PHASES, STEP_OF_PHASES = 90.0, 24, 8
 # Flow directions, as rows, and |L| at which the averages are taken, so that their parts can be separated.
-_TURNS = np.array([[[2, -1, 2], [2, 2, -1], [-1, 2, 2]], [[6, 2, 3], [-3, 6, 2], [-2, -3, 6]]]) / np.array(
-    [[[3]], [[7]]]
-)
+_TURNS = np.array([[[2, -1, 2], [2, 2, -1], [-1, 2, 2]], [[6, 2, 3], [-3, 6, 2], [-2, -3, 6]]])
+_TURNS = _TURNS / np.array([[[3]], [[7]]])
 EVERY_FRAME, SIZES = np.repeat(_TURNS, 2, axis=0), np.tile([1.0, 2.0], len(_TURNS))
 # Modes (-k₁, k₂), k₂ = 1, 2, 3 and k₁ up to this, whose strength is kept.
 MODES = 24
@@ -108,14 +107,8 @@ def second_order(torus: Torus) -> Array:
     x, y = torus.flow[wide], torus.gradient[wide]
     back = np.swapaxes(torus.rotation, -1, -2)
     n = np.broadcast_to([0.0, 0.0, 1.0], turn.shape)
-    arms = [
-        size[..., None] * n,
-        x,
-        y,
-        change - size[..., None] * np.cross(turn, n),
-        np.cross(x, turn),
-        np.cross(y, turn),
-    ]
+    tilted = change - size[..., None] * np.cross(turn, n)
+    arms = size[..., None] * n, x, y, tilted, np.cross(x, turn), np.cross(y, turn)
     body = np.moveaxis(back @ np.stack(np.broadcast_arrays(*arms), axis=-1), -1, 0)
     (m, x, y), (dm, dx, dy) = body[:3], body[3:]
     tau = p.side.drag * (turning(p.side, x, y) - i * m)
@@ -127,9 +120,8 @@ def second_order(torus: Torus) -> Array:
     u = np.fft.ifft2(torus.generator_spectrum[..., 3], axes=(1, 2), norm="forward").real
     spare = (i - h[..., None]) * m
     rate_h = 2 * np.sum(spare * tau, axis=-1) / size**2
-    change_h = np.sum((i - h[..., None]) * dm * tau + spare * change_tau, axis=-1) - slope * u * np.sum(
-        m * tau, axis=-1
-    )
+    driven, changed = np.sum(m * tau, axis=-1), (i - h[..., None]) * dm * tau + spare * change_tau
+    change_h = np.sum(changed, axis=-1) - slope * u * driven
     change_h = 2 * change_h / size**2 - 2 * rate_h * change[..., 2] / size
     return np.concatenate([change_space.mean(axis=(1, 2)), (change_h.mean(axis=(1, 2)) / p.slope)[:, None]], axis=1)
 

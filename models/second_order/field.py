@@ -40,10 +40,9 @@ def field(ops: Operations) -> Field:
             twice, once = regular(a * a - p[at], drift * p[at + 1])
             for k in range(SINGULAR):
                 found[FIRST_SINGULAR + k] += twice * p[at + 2 + k] + once * p[at + 2 + SINGULAR + k]
-        a1, a2, b1, b2, p1, p2, p3, p4, p5, p6, nu1, nu2 = found[FIRST_SINGULAR:]
-        growth, rise, tx, ty, tz = averaged(
-            size, (nx, ny, nz), (f0, f2, a1, a2), (g0, g2, b1, b2), (r1, r2), (p1, p2, p3, p4, p5, p6)
-        )
+        a1, a2, b1, b2, *across, nu1, nu2 = found[FIRST_SINGULAR:]
+        n, f, g = (nx, ny, nz), (f0, f2, a1, a2), (g0, g2, b1, b2)
+        growth, rise, tx, ty, tz = averaged(size, n, f, g, (r1, r2), across)
         s = nx * ny * over
         lost = (ex * tx + ey * ty + ez * tz) * over
         return (

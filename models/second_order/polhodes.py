@@ -50,12 +50,8 @@ class SidedBody:
         axes[1] *= np.linalg.det(axes)
         if below:
             axes[1:] *= -1
-        return cls(
-            axes,
-            1 / inertia[order],
-            8 * pi * np.array(ellipsoid.resistance)[order],
-            np.array(ellipsoid.scaled_axes)[order] ** 2,
-        )
+        drag, squares = 8 * pi * np.array(ellipsoid.resistance)[order], np.array(ellipsoid.scaled_axes)[order] ** 2
+        return cls(axes, 1 / inertia[order], drag, squares)
 
     def moduli(self, x: Array, rest: Array) -> tuple[Array, Array, Array]:
         """A², C² and 1 - m as `Polhodes` has them, from x and 1 - x."""

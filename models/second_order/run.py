@@ -11,7 +11,6 @@ from polhode.models.scene import Scene
 from polhode.models.second_order import tables
 from polhode.models.second_order.polhodes import SidedBody
 from polhode.models.second_order.swing import Place, Series, frame, series_for
-from polhode.models.second_order.torus import skew
 from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
@@ -21,6 +20,8 @@ START_PASSES, START_CLOSE = 60, 1e-14
 CHUNK = 208
 # Keeps 0/0 away where nothing turns.
 TINY = 1e-300
+# Matrices of the cross products with unit vectors, as rows.
+_CROSS = np.array([[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]], float)
 
 
 class NotAveragedError(ValueError):
@@ -124,6 +125,7 @@ def _place(series: Series, z: Array) -> Place | None:
 
 def rotation_by(vectors: Array) -> Array:
     """Rotations, shape (m, 3, 3), by vectors, shape (m, 3), in rad (Rodrigues)."""
-    half, cross = np.linalg.norm(vectors, axis=1)[:, None, None] / 2 + TINY, skew(vectors)
+    half = np.linalg.norm(vectors, axis=1)[:, None, None] / 2 + TINY
+    cross = (vectors @ _CROSS).reshape(-1, 3, 3)
     share = np.sin(half) / half
     return np.eye(3) + share * np.cos(half) * cross + 0.5 * share * share * (cross @ cross)

@@ -21,8 +21,6 @@ Array = np.ndarray
 # The torque holds |k₂| <= 3 in space, so that eight precession phases resolve it.
 PRECESSIONS = 8
 _UNITS, _UPSIDE = np.eye(3), np.array([[1.0], [1.0], [-1.0]])
-# Matrices of the cross products with unit vectors, as rows.
-_CROSS = np.array([[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]], float)
 
 
 @dataclass(frozen=True)
@@ -47,12 +45,13 @@ class Torus:
         third = np.broadcast_to(least[:, :, None, 2], (*turn.shape, 3))
         return np.stack([cos * first - sin * second, sin * first + cos * second, third], axis=-2)
 
-    @cached_property
+    @property
     def body_torque(self) -> Array:
-        """τ in body axes, shape (m, a, b, 3)."""
-        wide = (slice(None), None, None)
+        """τ in body axes, shape (m, a, b, 3) (`ultima`, `jw1`–`jw3`)."""
+        side, wide = self.polhode.side, (slice(None), None, None)
         momentum = (self.size[:, None, None] * self.polhode.z)[:, :, None]
-        return torque(self.polhode.side, self.rotation, momentum, self.flow[wide], self.gradient[wide])
+        x, y = (np.einsum("...ij,...i->...j", self.rotation, each[wide]) for each in (self.flow, self.gradient))
+        return side.drag * (turning(side, x, y) - side.inverse_inertia * momentum)
 
     @cached_property
     def perturbation(self) -> Array:
@@ -64,13 +63,8 @@ class Torus:
         rate_y = 2 / (size * slope) * np.sum(p.beyond[:, None, None] * z * tau, axis=-1)
         across = np.sum(tau * dz, axis=-1) / size - rate_y * np.sum(yz * dz, axis=-1)
         rate_a = across / np.sum(dz * dz, axis=-1)
-        rate_b = -rate_a * self.turn_along[:, :, None] - rate_y * self.turn_beside[:, :, None]
+        rate_b = -rate_a * p.turn[:, None, None] - rate_y * self.turn_beside[:, :, None]
         return np.concatenate([rate_l, np.stack([rate_y, rate_a, rate_b], axis=-1)], axis=-1)
-
-    @property
-    def turn_along(self) -> Array:
-        """Turn of S about e₃ per α, shape (m, 1)."""
-        return self.polhode.turn[:, None]
 
     @cached_property
     def turn_beside(self) -> Array:
@@ -112,16 +106,11 @@ class Torus:
     @cached_property
     def ambient(self) -> tuple[Array, Array]:
         """The generator as changes of L and turns of R, in the frame of L, shapes (m, a, b, 3), over all phases."""
-        return self.along(np.fft.ifft2(self.generator_spectrum, axes=(1, 2), norm="forward").real)
-
-    def along(self, u: Array) -> tuple[Array, Array]:
-        """Changes of (L, y, α, β), shape (m, a, b, 6), as changes of L and turns of R in the frame of L."""
-        a, b = u.shape[1:3]
-        p = self.polhode
-        z, dz, yz = (part[:, :a, None] for part in (p.z, p.along, p.beside.z))
-        turn = u[..., 4:5] * (np.cross(dz, z) + self.turn_along[:, :, None, None] * z)
-        turn = turn + u[..., 3:4] * (np.cross(yz, z) + self.turn_beside[:, :a, None, None] * z) + u[..., 5:6] * z
-        turned = np.einsum("mabij,mabj->mabi", self.rotation[:, :a, :b], turn)
+        p, u = self.polhode, np.fft.ifft2(self.generator_spectrum, axes=(1, 2), norm="forward").real
+        z, dz, yz = (part[:, :, None] for part in (p.z, p.along, p.beside.z))
+        turn = u[..., 4:5] * (np.cross(dz, z) + p.turn[:, None, None, None] * z)
+        turn = turn + u[..., 3:4] * (np.cross(yz, z) + self.turn_beside[..., None, None] * z) + u[..., 5:6] * z
+        turned = np.einsum("mabij,mabj->mabi", self.rotation, turn)
         over = 1 / self.size[:, None, None]
         tilt = np.stack([-u[..., 1] * over, u[..., 0] * over, np.zeros_like(u[..., 0])], axis=-1)
         return u[..., :3], turned + tilt
@@ -133,16 +122,6 @@ def least_rotation(z: Array) -> Array:
     return _UPSIDE * (_UNITS - up[..., :, None] * (up / up[..., 2:])[..., None, :])
 
 
-def torque(side: SidedBody, rotation: Array, momentum: Array, flow: Array, gradient: Array) -> Array:
-    """Torque in body axes, shape (..., 3) (`ultima`, `jw1`–`jw3`), at L in body axes.
-
-    `rotation`, shape (..., 3, 3), is from the body to a frame, in which `flow` and `gradient` are the flow's x and y.
-    """
-    x = np.einsum("...ij,...i->...j", rotation, flow)
-    y = np.einsum("...ij,...i->...j", rotation, gradient)
-    return side.drag * (turning(side, x, y) - side.inverse_inertia * momentum)
-
-
 def turning(side: SidedBody, x: Array, y: Array) -> Array:
     """Angular velocity of the flow that drives the body, shape (..., 3), from its x and y in body axes; bilinear."""
     squares = side.squares
@@ -151,8 +130,3 @@ def turning(side: SidedBody, x: Array, y: Array) -> Array:
         for j, k in ((1, 2), (2, 0), (0, 1))
     ]
     return np.stack(spin, axis=-1)
-
-
-def skew(vectors: Array) -> Array:
-    """Matrices, shape (..., 3, 3), of the cross products with vectors, shape (..., 3)."""
-    return (vectors @ _CROSS).reshape(*vectors.shape, 3)

@@ -94,7 +94,7 @@ def test_torque_does_not_turn_the_body(longest):
     torus = Torus(polhode, np.array([1.3]), np.array([0.2]), flow[:1], flow[1:])
     rates, size = torus.perturbation, 1.3
     z = polhode.z[:, :, None]
-    turn = rates[..., 4:5] * (np.cross(polhode.along[:, :, None], z) + torus.turn_along[:, :, None, None] * z)
+    turn = rates[..., 4:5] * (np.cross(polhode.along[:, :, None], z) + polhode.turn[:, None, None, None] * z)
     turn = turn + rates[..., 3:4] * (np.cross(polhode.beside.z[:, :, None], z) + torus.turn_beside[..., None, None] * z)
     turn = np.einsum("mabij,mabj->mabi", torus.rotation, turn + rates[..., 5:] * z)
     tilt = np.stack([-rates[..., 1], rates[..., 0], 0 * rates[..., 0]], axis=-1) / size
