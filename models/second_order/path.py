@@ -101,13 +101,13 @@ class Path:
 
     @cached_property
     def a2(self) -> Array:
-        """a²; inf on L² = 2EI₂ and beyond the tables."""
+        """a² = -ln(1 - x); inf on L² = 2EI₂ and beyond the tables."""
         if self.ellipsoid.kind != "triaxial":
             return np.zeros(len(self.times))
         axis, width = _range(self.ellipsoid, self.longest)
         with np.errstate(all="ignore"):
             h = 2 * self.slow[:, 3] / (max(self.ellipsoid.inertia) * self.size) ** 2
-            a2 = tables.depth(np.clip((h - axis) / width, 0, 1))
+            a2 = -np.log1p(-np.clip((h - axis) / width, 0, 1))
         return np.where((a2 < DEEPEST) & (self.size > TINY), a2, inf)
 
     @cached_property

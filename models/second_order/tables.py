@@ -10,7 +10,7 @@ from numpy.polynomial.chebyshev import chebder
 from polhode.models.files import kept
 from polhode.models.operations import numpy_operations
 from polhode.models.second_order.averages import MODES, NAMES, SECOND, averages
-from polhode.models.second_order.field import NODES, POLE, POLES, averaged_rates, regular
+from polhode.models.second_order.field import FIRST_SINGULAR, NODES, POLE, POLES, SINGULAR, averaged_rates, regular
 from polhode.models.second_order.polhodes import SidedBody
 from polhode.models.shape import Ellipsoid
 
@@ -22,10 +22,10 @@ VERSION = 2
 MOST = 6.0
 POINTS = 0.5 * MOST * (1 + np.cos(pi * (np.arange(NODES) + 0.5) / NODES))
 # Powers of I_max that each coefficient carries when L is measured in it.
-SCALES = {"f0": 0, "g0": 0, "a1": 2, "b1": 2, "p1": 2, "p2": 2, "nu1": -1, "nu2": -1} | dict.fromkeys(
-    ("f2", "g2", "r1", "r2", "ea", "eb"), 1
-)
-HIGHEST_SCALE = 3
+SCALES = dict.fromkeys(NAMES, 3) | dict.fromkeys(("f2", "g2", "r1", "r2", "ea", "eb"), 1)
+SCALES |= {"f0": 0, "g0": 0, "a1": 2, "b1": 2, "p1": 2, "p2": 2, "nu1": -1, "nu2": -1}
+# Where the functions of second order stand among all, which alone have poles.
+_SECOND = slice(FIRST_SINGULAR, FIRST_SINGULAR + SINGULAR)
 # Modes of a smaller share of the torque are no resonances.
 FAINT = 1e-8
 # Averages at a divisor below this share of ν₂ weigh less in the table; so many terms fewer than nodes fit the others.
@@ -79,11 +79,6 @@ class Kick:
         return self.size * near**2 * (self.bend * near + 1.5 * self.bend**2 + self.drift)
 
 
-def depth(x: Array) -> Array:
-    """a² = -ln(1 - x)."""
-    return -np.log1p(-x)
-
-
 def level(a2: Array) -> Array:
     """y = ln(x/(1 - x)) of a²."""
     return np.log(np.expm1(a2))
@@ -106,23 +101,21 @@ def table(ellipsoid: Ellipsoid, longest: bool) -> Table:
 
 def made(side: SidedBody) -> Table:
     """The table of a side, not kept."""
-    points = POINTS
-    found, residual, strengths = averages(side, level(points))
+    found, residual, strengths = averages(side, level(POINTS))
     for name in ("g0", "g2", "b1", "b2"):
-        found[name] = found[name] * per_square(points)
+        found[name] = found[name] * per_square(POINTS)
     series = series_of(np.stack([found[name] for name in NAMES]))
-    resonances = _resonances(series[-2:], points, strengths)
+    resonances = _resonances(series[-2:], POINTS, strengths)
     poles = _poles(side, resonances)
-    first, count = NAMES.index(SECOND[0]), len(SECOND)
     values = np.stack([found[name] for name in SECOND])
     for pole in poles:
-        twice, once = regular(points - pole[0], 0 * points)
-        values -= np.outer(pole[2 : 2 + count], twice) + np.outer(pole[2 + count :], once)
+        twice, once = regular(POINTS - pole[0], 0 * POINTS)
+        values -= np.outer(pole[2 : 2 + SINGULAR], twice) + np.outer(pole[2 + SINGULAR :], once)
     weight = np.ones(NODES)
     for k1, k2 in resonances[:, :2]:
         square = ((k1 * found["nu1"] + k2 * found["nu2"]) / (NEAR * found["nu2"])) ** 2
         weight *= square / (1 + square)
-    series[first : first + count] = _fitted(values, weight)
+    series[_SECOND] = _fitted(values, weight)
     chosen = np.full((POLES, POLE), 0.0)
     chosen[:, :2] = 1e3, 1
     largest = poles[np.argsort(-np.abs(poles[:, 2:]).max(axis=1, initial=0))][:POLES]
@@ -147,10 +140,8 @@ def _resonances(rates: Array, points: Array, strengths: Array) -> Array:
                 slope = (above - below) / 2e-5
                 root -= here / slope
             a2 = 0.5 * MOST * (1 + root)
-            still, gain, most = (
-                np.exp(np.interp(a2, points[::-1], np.log(strengths[::-1, -k1 - 1, k2 - 1, j] + 1e-30)))
-                for j in range(3)
-            )
+            logs = np.log(strengths[::-1, -k1 - 1, k2 - 1].T + 1e-30)
+            still, gain, most = (np.exp(np.interp(a2, points[::-1], each)) for each in logs)
             if still + gain > FAINT * most:
                 rows.append((k1, k2, a2, slope * 2 / MOST, still, gain))
     return np.array(rows).reshape(-1, 6)
@@ -203,17 +194,10 @@ def side_of(ellipsoid: Ellipsoid, longest: bool) -> SidedBody:
 def parameters(ellipsoid: Ellipsoid, torque_factor: float, longest: bool) -> tuple[float, ...]:
     """Parameters p of `field` on one side."""
     averaged, unit = table(ellipsoid, longest), max(ellipsoid.inertia)
-    factors = np.array(
-        [
-            (torque_factor if name in SECOND or name in ("ea", "eb") else 1.0) / unit ** SCALES.get(name, HIGHEST_SCALE)
-            for name in NAMES
-        ]
-    )
-    first = NAMES.index(SECOND[0])
-    singular = np.tile(factors[first : first + len(SECOND)], 2)
-    poles = np.column_stack(
-        [averaged.poles[:, 0], torque_factor / (unit * averaged.poles[:, 1]), averaged.poles[:, 2:] * singular]
-    )
+    over = {*SECOND, "ea", "eb"}
+    factors = np.array([(torque_factor if name in over else 1.0) / unit ** SCALES[name] for name in NAMES])
+    places, slopes, residues = np.split(averaged.poles, [1, 2], axis=1)
+    poles = np.hstack([places, torque_factor / (unit * slopes), residues * np.tile(factors[_SECOND], 2)])
     return 0.5 * MOST, 2 / MOST, *(factors[:, None] * averaged.series).ravel().tolist(), *poles.ravel().tolist()
 
 
@@ -228,20 +212,13 @@ def series_of(values: Array) -> Array:
 
 def second(found: Table, unit: float, slow: Array, a2: Array, steep: Array) -> Array:
     """The larger one of |L'| and |E'| of second order, for (L, E), all over I_max; `steep` is how h follows ln a²."""
-    values = evaluated(found.series[8:18], 2 * a2 / MOST - 1)
+    values = evaluated(found.series[_SECOND], 2 * a2 / MOST - 1)
     twice, once = regular(a2 - found.poles[:, :1], 1e-2)
-    values += found.poles[:, 2:12].T @ twice + found.poles[:, 12:].T @ once
-    values = values / np.array([unit ** SCALES.get(name, HIGHEST_SCALE) for name in NAMES[8:18]])[:, None]
+    values += found.poles[:, 2 : 2 + SINGULAR].T @ twice + found.poles[:, 2 + SINGULAR :].T @ once
+    values = values / np.array([unit ** SCALES[name] for name in SECOND])[:, None]
     momentum, energy = slow[:, :3], slow[:, 3]
     size = np.linalg.norm(momentum, axis=1)
-    nothing = np.zeros(len(size))
-    growth, rise, *across = averaged_rates(numpy_operations())(
-        size,
-        (momentum / size[:, None]).T,
-        (nothing, nothing, *values[:2]),
-        (nothing, nothing, *values[2:4]),
-        (nothing, nothing),
-        values[4:],
-    )
+    n, first, rates = (momentum / size[:, None]).T, [np.zeros(len(size))] * 2, averaged_rates(numpy_operations())
+    growth, rise, *across = rates(size, n, (*first, *values[:2]), (*first, *values[2:4]), first, values[4:])
     moved = np.linalg.norm(growth[:, None] * momentum + np.stack(across, axis=1), axis=1)
     return np.maximum(moved, np.abs(2 * growth * energy + 0.5 * unit * size**2 * steep * rise))
