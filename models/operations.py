@@ -49,11 +49,7 @@ class WithRate:
     def __call__(self, ops: Operations) -> Field:
         """The field of both."""
         rates, rate = ops.use(self.field), ops.use(self.rate)
-
-        def rhs(y, p):
-            return *rates(y, p), rate(y, p)
-
-        return rhs
+        return lambda y, p: (*rates(y, p), rate(y, p))
 
 
 FLOAT = Operations(math.sin, math.cos, math.sqrt, lambda x, a, b: a if x > 0 else b)

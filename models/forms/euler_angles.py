@@ -59,9 +59,8 @@ def require_distance_from_pole(form: Form, theta: float, instead: str) -> None:
     """Raise FormNotValidError if a start is too close to θ = 0 or π: |sin θ| < `POLE_LIMIT`."""
     sine = abs(sin(theta))
     if not sine >= POLE_LIMIT:
-        raise form.refuse(
-            f"the start has |sin θ| = {sine:.1e} < {POLE_LIMIT}, where the angles are ill-conditioned", instead
-        )
+        condition = f"the start has |sin θ| = {sine:.1e} < {POLE_LIMIT}, where the angles are ill-conditioned"
+        raise form.refuse(condition, instead)
 
 
 class EulerAngles(Form):

@@ -34,11 +34,7 @@ def turning(ops: Operations) -> Callable:
 def field(ops: Operations) -> Field:
     """q̇ of `turning`."""
     rates = ops.use(turning)
-
-    def rhs(y, p):
-        return rates(y, p)[0]
-
-    return rhs
+    return lambda y, p: rates(y, p)[0]
 
 
 @dataclass(frozen=True)

@@ -132,11 +132,7 @@ def both(ops: Operations) -> Callable[[Any, Any, Any], Sequence[Any]]:
 def rotation_rate(ops: Operations) -> Callable[[Any, Any], Any]:
     """|L|/I_e, at which p̂ goes round L."""
     sqrt = ops.sqrt
-
-    def rate(y, p):
-        return sqrt(y[0] * y[0] + y[1] * y[1] + y[2] * y[2])
-
-    return rate
+    return lambda y, p: sqrt(y[0] * y[0] + y[1] * y[1] + y[2] * y[2])
 
 
 def relaxation_rate(p: Sequence[float]) -> float:

@@ -25,11 +25,7 @@ def field(ops: Operations) -> Field:
     -(1 - δ cos 2φ)/2 does not depend on the length along z.
     """
     cos = ops.cos
-
-    def rhs(y, p):
-        return y[1], -p[1] * p[2] * (y[1] + 0.5 - 0.5 * p[3] * cos(2 * y[0]))
-
-    return rhs
+    return lambda y, p: (y[1], -p[1] * p[2] * (y[1] + 0.5 - 0.5 * p[3] * cos(2 * y[0])))
 
 
 @dataclass(frozen=True)
@@ -72,12 +68,9 @@ class Tumbling(Form):
         turn = states[:, 0] - plane.angle
         zero = np.zeros_like(turn)
         turned = matrix_from_euler(np.stack([zero, turn, zero], axis=1))
-        momentum = plane.inertia * states[:, 1]
-        return Observables(
-            angular_momentum=np.stack([zero, zero, momentum], axis=1),
-            energy=0.5 * momentum * states[:, 1],
-            rotation=scene.initial_rotation @ turned,
-        )
+        along = plane.inertia * states[:, 1]
+        momentum, energy = np.stack([zero, zero, along], axis=1), 0.5 * along * states[:, 1]
+        return Observables(momentum, energy, scene.initial_rotation @ turned)
 
     def _plane(self, scene: Scene) -> Plane:
         rotation, ellipsoid = scene.initial_rotation, scene.ellipsoid

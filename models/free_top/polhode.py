@@ -53,22 +53,12 @@ class Polhode:
         spin = momentum_squared - twice_energy * a
         n = rounded(c * (b - a) / (a * (c - b)))
         m1 = rounded((c - a) * side / ((c - b) * spin))
-        return cls(
-            order,
-            sense,
-            momentum,
-            np.sqrt(rounded((c - b) * spin / (a * b * c))),
-            momentum * _mean_inverse_inertia(rounded(a), rounded(b), n, m1),
-            rounded((b - a) * wobble / ((c - b) * spin)),
-            m1,
-            n,
-            (
-                np.sqrt(rounded(wobble / (a * (c - a)))),
-                np.sqrt(rounded(wobble / (b * (c - b)))),
-                np.sqrt(rounded(spin / (c * (c - a)))),
-            ),
-            complete_k(m1),
-        )
+        m = rounded((b - a) * wobble / ((c - b) * spin))
+        rate = np.sqrt(rounded((c - b) * spin / (a * b * c)))
+        precession = momentum * _mean_inverse_inertia(rounded(a), rounded(b), n, m1)
+        squares = wobble / (a * (c - a)), wobble / (b * (c - b)), spin / (c * (c - a))
+        cn, sn, dn = (np.sqrt(rounded(each)) for each in squares)
+        return cls(order, sense, momentum, rate, precession, m, m1, n, (cn, sn, dn), complete_k(m1))
 
     @property
     def periods(self) -> tuple[float, float]:

@@ -81,7 +81,10 @@ class TorqueFree:
         """Rotation since the start, shape (n, 4), and ω, shape (n, 3), both in body axes."""
         polhode = self._polhode
         order = list(polhode.order)
-        signs = self._signs
+        # Signs of the axes a, b, c that make ω_a and ω_c non-negative and leave the axes right-handed.
+        sign_a, sign_c = (1 if self.angular_velocity[axis] >= 0 else -1 for axis in (order[0], order[2]))
+        handedness = 1 if (order[1] - order[0]) % 3 == 1 else -1
+        signs = np.array([sign_a, handedness * sign_a * sign_c, sign_c], dtype=Long)
         start = signs * np.asarray(self.angular_velocity, dtype=Long)[order]
         u0 = _argument(start, polhode)
         # The start goes through the same functions as the times, so that what they have in common drops out.
@@ -101,14 +104,6 @@ class TorqueFree:
         back = np.argsort(order)
         vector, rates = (signs * turn[:, 1:])[:, back], (signs * omega[1:])[:, back]
         return np.concatenate([turn[:, :1], vector], axis=1), rates
-
-    @cached_property
-    def _signs(self) -> LongArray:
-        """Signs of the axes a, b, c, shape (3,), that make ω_a and ω_c non-negative and leave the axes right-handed."""
-        order = self._polhode.order
-        sign_a, sign_c = (1 if self.angular_velocity[axis] >= 0 else -1 for axis in (order[0], order[2]))
-        handedness = 1 if (order[1] - order[0]) % 3 == 1 else -1
-        return np.array([sign_a, handedness * sign_a * sign_c, sign_c], dtype=Long)
 
 
 def _argument(start: LongArray, polhode: Polhode) -> Long:
