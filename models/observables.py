@@ -42,11 +42,8 @@ class Observables:
 def observe_body(ellipsoid: Ellipsoid, rotation: np.ndarray, angular_velocity: np.ndarray) -> Observables:
     """Observables of matrices t_ij, shape (n, 3, 3), and body angular velocities, shape (n, 3)."""
     body_momentum = angular_velocity * np.array(ellipsoid.inertia)
-    return Observables(
-        angular_momentum=np.einsum("nij,ni->nj", rotation, body_momentum),
-        energy=0.5 * np.sum(body_momentum * angular_velocity, axis=1),
-        rotation=rotation,
-    )
+    energy = 0.5 * np.sum(body_momentum * angular_velocity, axis=1)
+    return Observables(np.einsum("nij,ni->nj", rotation, body_momentum), energy, rotation)
 
 
 def observe_slow(slow: np.ndarray) -> Observables:

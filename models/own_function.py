@@ -79,9 +79,8 @@ def own_field(
 def line_of(error: BaseException, *skipped: str) -> FrameSummary | None:
     """The last line of a user's code on the way to an error: outside this file, NumPy and the files skipped."""
     ours = (__file__, os.path.dirname(np.__file__), *skipped)
-    return next(
-        (each for each in reversed(extract_tb(error.__traceback__)) if not each.filename.startswith(ours)), None
-    )
+    lines = reversed(extract_tb(error.__traceback__))
+    return next((each for each in lines if not each.filename.startswith(ours)), None)
 
 
 def place_of(error: BaseException, *skipped: str) -> str:
