@@ -134,6 +134,14 @@ class Record:
         """Whether the time limit has passed."""
         return perf_counter() > self.deadline
 
+    @property
+    def stopped(self) -> "Outcome | None":
+        """How the piece ends if its steps or the time have reached their limit."""
+        steps = self.work.steps or 0
+        if steps >= self.max_steps:
+            return Status.STEP_LIMIT, f"{steps} steps"
+        return (Status.TIME_LIMIT, f"after {steps} steps") if self.expired else None
+
     def put(self, states: np.ndarray) -> None:
         """Add the states, shape (k, d), of the next k times."""
         self.rows[self.filled : self.filled + len(states)] = states

@@ -200,10 +200,8 @@ def _run(call: Call, record: Record) -> Outcome:
             return Status.NON_FINITE, f"code {code}"
         if code not in _STEPS_EXCEEDED:
             return Status.STEP_UNDERFLOW if code in _UNDERFLOW else Status.NON_FINITE, f"code {code}"
-        if steps >= record.max_steps:
-            return Status.STEP_LIMIT, f"{steps} steps"
-        if record.expired:
-            return Status.TIME_LIMIT, f"after {steps} steps"
+        if stopped := record.stopped:
+            return stopped
 
 
 def followed(problem: Problem, tolerance: float, points: int) -> tuple[np.ndarray, np.ndarray]:

@@ -123,10 +123,8 @@ def _step_through(stepper: Any, record: Record) -> tuple[Outcome, int]:
             last = int(np.searchsorted(times, reached, side="right"))
             record.put(stepper.dense_output()(times[record.filled : last]).T)
             interpolated += 1
-        if stepper.status == "running" and work.steps >= record.max_steps:
-            return (Status.STEP_LIMIT, f"{work.steps} steps"), interpolated
-        if stepper.status == "running" and record.expired:
-            return (Status.TIME_LIMIT, f"after {work.steps} steps"), interpolated
+        if stepper.status == "running" and (stopped := record.stopped):
+            return stopped, interpolated
     return (Status.REACHED_END, ""), interpolated
 
 

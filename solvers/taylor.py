@@ -25,15 +25,10 @@ def taylor_integrator(
     Extended precisions are compiled in compact mode, which costs speed but saves up to half a minute of compilation.
     """
     heyoka = load_heyoka()
-    types = {"double": float, "long double": np.longdouble, "quadruple": heyoka.real128}
-    system = traced_system(factory, dimension, parameters)
-    return heyoka.taylor_adaptive(
-        system,
-        np.zeros(dimension, types[precision]),
-        fp_type=types[precision],
-        tol=types[precision](tolerance),
-        compact_mode=precision != "double",
-    )
+    number = {"double": float, "long double": np.longdouble, "quadruple": heyoka.real128}[precision]
+    system, start = traced_system(factory, dimension, parameters), np.zeros(dimension, number)
+    options = {"fp_type": number, "tol": number(tolerance), "compact_mode": precision != "double"}
+    return heyoka.taylor_adaptive(system, start, **options)
 
 
 def propagate(integrator: Any, record: Record) -> Outcome:
@@ -51,10 +46,8 @@ def propagate(integrator: Any, record: Record) -> Outcome:
             return Status.REACHED_END, ""
         if reason != outcome.step_limit:
             return Status.NON_FINITE if reason == outcome.err_nf_state else Status.STEP_UNDERFLOW, str(reason)
-        if steps >= record.max_steps:
-            return Status.STEP_LIMIT, f"{steps} steps"
-        if record.expired:
-            return Status.TIME_LIMIT, f"after {steps} steps"
+        if stopped := record.stopped:
+            return stopped
         record.now = float(integrator.time)
         grid = np.concatenate([[integrator.time], record.times[record.filled :].astype(number)])
 

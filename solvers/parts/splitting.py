@@ -23,7 +23,7 @@ from polhode.solvers.contract import (
 from polhode.solvers.machine_code.underflow import FlushedToZero
 from polhode.solvers.parts.kernels import At, Code, Kernels, clock, kernels
 from polhode.solvers.parts.planning import Planner
-from polhode.solvers.parts.schemes import ABA, PARALLEL, Scheme
+from polhode.solvers.parts.schemes import ABA, PARALLEL
 
 # Deadline and Ctrl-C are looked at once per this many steps, some 20 ms.
 CHUNK = 120_000
@@ -103,26 +103,22 @@ class Split:
                 # Ever wider, so that a rate that goes to and fro asks for few plans.
                 law, width = plan.law((rate / width, rate * width)), width * WIDER
             limit = min(CHUNK, record.max_steps - int(own[At.STEPS]))
-            code = self.advance(self.scheme, law, state, own, times, rows, limit=limit)
+            code = self.advance(law, state, own, times, rows, limit=limit)
             record.put(rows[record.filled : int(own[At.FILLED])])
             work.steps, record.now = int(own[At.STEPS]), float(now_of(own))
-            if code == Code.STEPS_DONE and work.steps >= record.max_steps:
-                return Status.STEP_LIMIT, f"{work.steps} steps"
-            if code == Code.STEPS_DONE and record.expired:
-                return Status.TIME_LIMIT, f"after {work.steps} steps"
+            if code == Code.STEPS_DONE and (stopped := record.stopped):
+                return stopped
             if code in _FAILED:
                 return _FAILED[code], f"after {work.steps} steps"
         return Status.REACHED_END, ""
 
-    def advance(self, scheme: Scheme, law: Sequence[float], *arrays: np.ndarray, limit: int = UNLIMITED) -> int:
+    def advance(self, law: Sequence[float], *arrays: np.ndarray, limit: int = UNLIMITED) -> int:
         """Advance state and clock until rows at times are filled, or a limit is met; says which."""
         state, own, times, rows = arrays
         own[At.LIMIT], own[At.ROWS] = limit, len(times)
         own_law, rests = np.array(law, self.number), np.empty_like(times)
-        used = (
-            self.kernels if scheme is self.scheme else kernels(self.parts, self.dimension, self.number, scheme.chains)
-        )
-        used.advance(scheme.addresses[self.number], own_law, self.address, state, own, times, rests, rows)
+        scheme = self.scheme.addresses[self.number]
+        self.kernels.advance(scheme, own_law, self.address, state, own, times, rests, rows)
         return int(own[At.CODE])
 
     def free(self, record: Record) -> Outcome:

@@ -84,10 +84,8 @@ class Strobe:
         point, setting = np.append(record.start, begin), Setting()
         record.work.steps = record.work.rejected = self.inner = 0
         while record.filled < len(record.times):
-            if record.work.steps >= record.max_steps:
-                return Status.STEP_LIMIT, f"{record.work.steps} steps"
-            if record.expired:
-                return Status.TIME_LIMIT, f"after {record.work.steps} steps"
+            if stopped := record.stopped:
+                return stopped
             moved = self.step(point, setting, record)
             setting.failed = setting.failed + 1 if moved is None else 0
             if moved is None:

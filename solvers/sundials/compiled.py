@@ -67,9 +67,8 @@ class Memory:
             self._set("SetJacFn", self.jacobian.address)
         if self.implicit:
             self._set("SetId", identity)
-            self._residual = self.field.function(
-                ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double, *[ctypes.c_void_p] * 4)
-            )
+            kind = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double, *[ctypes.c_void_p] * 4)
+            self._residual = self.field.function(kind)
         self._advance, self.report = _loop(library), np.zeros(9, dtype=np.int64)
 
     def _own(self, free: str, make: str, *arguments: int) -> int:
@@ -127,12 +126,10 @@ def integrator(memory: Memory, count: bool) -> Integrator:
             if code != TOO_MUCH_WORK:
                 status, words = FAILURES.get(code, (Status.NON_FINITE, f"code {code}"))
                 return status, f"{words} at t = {record.now!r}"
-            if steps >= record.max_steps:
-                return Status.STEP_LIMIT, f"{steps} steps"
-            if record.now == before:
+            if steps < record.max_steps and record.now == before:
                 return Status.STEP_UNDERFLOW, f"stalled at t = {record.now!r}"
-            if record.expired:
-                return Status.TIME_LIMIT, f"after {steps} steps"
+            if stopped := record.stopped:
+                return stopped
 
     return integrate
 

@@ -156,7 +156,8 @@ def end_state(each: Problem, scheme: Scheme, steps: int) -> np.ndarray:
     rows = np.array([each.start, each.start])
     law = np.array([each.end / steps, 0.0, inf, 0.0, 0.0, inf])
     split = Split(each, TOLERANCE)
-    assert split.advance(scheme, law, rows[0].copy(), clock(0.0), np.array([0.0, each.end]), rows) == Code.FINISHED
+    split.scheme = scheme
+    assert split.advance(law, rows[0].copy(), clock(0.0), np.array([0.0, each.end]), rows) == Code.FINISHED
     return rows[1]
 
 
