@@ -9,9 +9,8 @@ from polhode.models.registry import Catalogue
 if TYPE_CHECKING:
     from polhode.solvers.contract import Solver
 
-METHODS: dict[str, dict[str, dict[str, Any]]] = tomllib.loads(
-    Path(__file__).with_name("methods.toml").read_text(encoding="utf-8")
-)
+_TEXT = Path(__file__).with_name("methods.toml").read_text(encoding="utf-8")
+METHODS: dict[str, dict[str, dict[str, Any]]] = tomllib.loads(_TEXT)
 SOLVERS: "Catalogue[Solver]" = Catalogue(
     "solver",
     "polhode.solvers.contract:Solver",

@@ -81,9 +81,8 @@ def run(problem: Problem, starts: Array, times: Array, tolerance: float, chosen:
         doubtful, before = doubtful[still], finer[still]
     statuses = np.array([str(Status.REACHED_END)], dtype=object).repeat(len(starts))
     if len(doubtful):
-        states[:, doubtful], statuses[doubtful] = run_batches(
-            problem, starts[doubtful], times[::pieces], tolerance * TAYLOR
-        )
+        found = run_batches(problem, starts[doubtful], times[::pieces], tolerance * TAYLOR)
+        states[:, doubtful], statuses[doubtful] = found
     return states, statuses
 
 

@@ -28,9 +28,8 @@ class Program(dict[str, str]):
 
     def __init__(self, name: str, arrays: str, numbers: str = "", linkage: str = "", attribute: str = "") -> None:
         super().__init__()
-        arguments = [f"ptr noalias %{each}" for each in arrays.split()] + [
-            f"double %{each}" for each in numbers.split()
-        ]
+        arguments = [f"ptr noalias %{each}" for each in arrays.split()]
+        arguments += [f"double %{each}" for each in numbers.split()]
         self.head = f"define {linkage} void @{name}({', '.join(arguments)}) {attribute} {{\nstart:"
         self.name, self.linkage, self.text, self.rooms, self.count = name, linkage, [], [], 0
         self.arguments: list[Any] = [Array(self, f"%{each}") for each in arrays.split()]

@@ -28,9 +28,8 @@ class Scheme:
     @cached_property
     def numbers(self) -> dict[type, np.ndarray]:
         """What machine code receives, by the type of its numbers: its own, and the scheme that leads to rows."""
-        return {
-            number: np.concatenate([self.listed(number), ABA.listed(number)[:-1]]) for number in (float, np.longdouble)
-        }
+        types = float, np.longdouble
+        return {each: np.concatenate([self.listed(each), ABA.listed(each)[:-1]]) for each in types}
 
     def listed(self, number: type) -> np.ndarray:
         """Stages, fast shares, slow shares, weights of the chains."""
