@@ -53,14 +53,12 @@ def errors(ellipsoid: Ellipsoid, found: Observables, true: Observables, scene: S
     angle = orientation_difference(ellipsoid, found.rotation, true.rotation)
     if angle is None:
         return slow
-    phase, shape = phase_and_shape(ellipsoid, found, true) if np.max(angle) <= SPLIT_LIMIT else (None, None)
-    return replace(
-        slow,
-        orientation=float(np.max(angle)),
-        phase=None if phase is None else float(np.max(np.abs(phase))),
-        shape=None if shape is None else float(np.max(shape)),
-        balance=None if scene is None else balance_residual(scene, found, true),
-    )
+    phase, shape = None, None
+    if np.max(angle) <= SPLIT_LIMIT:
+        along, across = phase_and_shape(ellipsoid, found, true)
+        phase, shape = float(np.max(np.abs(along))), float(np.max(across))
+    balance = None if scene is None else balance_residual(scene, found, true)
+    return replace(slow, orientation=float(np.max(angle)), phase=phase, shape=shape, balance=balance)
 
 
 def orientation_difference(ellipsoid: Ellipsoid, found: np.ndarray, true: np.ndarray) -> np.ndarray | None:
@@ -72,8 +70,7 @@ def orientation_difference(ellipsoid: Ellipsoid, found: np.ndarray, true: np.nda
     if ellipsoid.kind == "triaxial":
         chord = np.linalg.norm((found - true).astype(float), axis=(1, 2)) / np.sqrt(2)
     else:
-        axis = ellipsoid.symmetry_axis
-        chord = np.linalg.norm((found - true)[:, axis].astype(float), axis=1)
+        chord = np.linalg.norm((found - true)[:, ellipsoid.symmetry_axis].astype(float), axis=1)
     if np.all(np.isnan(chord)):
         return None
     angle = 2 * np.arcsin(np.minimum(chord / 2, 1))
@@ -127,8 +124,7 @@ def statistics_distance(ellipsoid: Ellipsoid, found: Observables, true: Observab
     scale[-2:] = np.max(np.abs(b[:, -2:]), axis=0)
     levels = (np.arange(len(a)) + 0.5) / len(a)
     moved = np.mean(np.abs(np.quantile(a, levels, axis=0) - np.quantile(b, levels, axis=0)), axis=0)
-    distance = np.divide(moved, scale, out=np.zeros_like(moved), where=scale > 0)
-    return float(np.nanmax(distance))
+    return float(np.nanmax(np.divide(moved, scale, out=np.zeros_like(moved), where=scale > 0)))
 
 
 def balance_residual(scene: Scene, found: Observables, true: Observables) -> float | None:

@@ -150,12 +150,9 @@ def _compute(scene: Scene, form: Form, problem: Problem, samples: int, deadline:
     states = extended_run(problem, every, precision, tight_tolerance, deadline)
     tight = observe(form, scene, states[wanted])
     loose = observe(form, scene, extended_run(problem, every, *loose_run, deadline)[wanted])
-    moved = [
-        observe(form, scene, extended_run(_rounded_otherwise(problem, seed), times, *ROUNDING_RUN, deadline))
-        for seed in seeds
-    ]
-    at = dict(zip(extra, states[np.searchsorted(every, extra)], strict=True))
-    certificate = certify(scene, form, problem, at)
+    others = (extended_run(_rounded_otherwise(problem, seed), times, *ROUNDING_RUN, deadline) for seed in seeds)
+    moved = [observe(form, scene, each) for each in others]
+    certificate = certify(scene, form, problem, dict(zip(extra, states[np.searchsorted(every, extra)], strict=True)))
     spread = [errors(scene.ellipsoid, other, tight) for other in moved]
     size = max(1.0, magnitude(scene.ellipsoid, tight))
     largest = max(max(each.slow / size, each.orientation or 0.0) for each in spread)
@@ -178,8 +175,7 @@ def _compared(scene: Scene, samples: int, deadline: float) -> Reference:
 
     def run(form: str, solver: str, tolerance: float) -> Observables:
         equations = find_form(form)
-        problem = equations.problem(scene)
-        found = solve(problem, solver, tolerance, times, max_seconds=deadline - perf_counter())
+        found = solve(equations.problem(scene), solver, tolerance, times, max_seconds=deadline - perf_counter())
         if not found.success:
             raise ReferenceFailedError(f"the reference by {solver} ended with {found.status}", found.status)
         return equations.observe(scene, found.states)
@@ -212,21 +208,16 @@ def _packed(known: Reference) -> dict[str, Any]:
 
 
 def _unpacked(form: Form, arrays: dict[str, np.ndarray]) -> Reference:
-    orientation = float(arrays["orientation_uncertainty"])
+    names = "slow_uncertainty", "orientation_uncertainty", "precision", "meaningful", "statistics_uncertainty"
+    known: dict[str, Any] = {name: arrays[name].item() for name in names}
+    if isnan(known["orientation_uncertainty"]):
+        known["orientation_uncertainty"] = None
     # Further numbers, and growth, are of earlier versions.
     count, back, ratio, *_ = arrays["certificate"].tolist()
     by_form, by_solver = arrays["certificate_by"].tolist()
-    return Reference(
-        form.name,
-        arrays["times"],
-        Observables(arrays["angular_momentum"], arrays["energy"], arrays["rotation"]),
-        float(arrays["slow_uncertainty"]),
-        None if isnan(orientation) else orientation,
-        Certificate(by_form, by_solver, int(count), int(back), ratio),
-        str(arrays["precision"]),
-        int(arrays["meaningful"]),
-        float(arrays["statistics_uncertainty"]),
-    )
+    certificate = Certificate(by_form, by_solver, int(count), int(back), ratio)
+    seen = Observables(arrays["angular_momentum"], arrays["energy"], arrays["rotation"])
+    return Reference(form.name, arrays["times"], seen, certificate=certificate, **known)
 
 
 def _runs(scene: Scene, form: Form) -> tuple[Run, Run, tuple[int, ...]]:
