@@ -129,9 +129,8 @@ class Ensemble:
         axes = axes if self.equations != "averaged" else ()
         momentum = max(LEAST_LIMIT, 0.0 if given is None else float(np.linalg.norm(given)))
         energy = max(LEAST_LIMIT / 2, momentum**2 / 2 * max(shape.inertia) / min(shape.inertia) if given else 0.0)
-        return Layout(
-            axes, self.snapshots, self.samples, len(self.attractors), self.bins, MARGIN * momentum, MARGIN * energy
-        )
+        limits = MARGIN * momentum, MARGIN * energy
+        return Layout(axes, self.snapshots, self.samples, len(self.attractors), self.bins, *limits)
 
     @property
     def content(self) -> Record:

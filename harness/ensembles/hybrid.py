@@ -100,8 +100,7 @@ def run_full(scene: Scene, starts: Array, times: Array, tolerance: float) -> tup
 def averaged(scene: Scene, starts: Array, times: Array, tolerance: float) -> tuple[Array, Array]:
     """States of the form averaged to first order, shape (m, n, 4), from those of the full equations, and statuses."""
     unit = max(scene.ellipsoid.inertia)
-    form = find_form(averaged_form(scene))
-    problem = form.problem(replace(scene, start=SlowStart((0.0, 0.0, unit), unit / 2)))
+    problem = find_form(averaged_form(scene)).problem(replace(scene, start=SlowStart((0.0, 0.0, unit), unit / 2)))
     if scene.ellipsoid.kind == "triaxial":
         slow = find_form(full_form(scene)).observe(scene, starts).slow / unit
     else:
@@ -174,13 +173,11 @@ def _posed(ellipsoid: Ellipsoid, starts: Array, slow: Array, random: np.random.G
 
 def run_alone(scene: Scene, starts: Array, times: Array, tolerance: float) -> tuple[Array, Array]:
     """States, NaN where one failed, and statuses of form `hybrid`, one particle after another."""
-    problem = find_form("hybrid").problem(scene)
-    found = [
-        solve(replace(problem, start=tuple(start)), SOLVER, tolerance / ERROR_PER_TOLERANCE, times)
-        for start in starts.tolist()
-    ]
-    states = np.full((len(times), *starts.shape), np.nan)
-    for i, each in enumerate(found):
-        if each.status.success:
-            states[:, i] = each.states
-    return states, np.array([str(each.status) for each in found], dtype=object)
+    problem, states = find_form("hybrid").problem(scene), np.full((len(times), *starts.shape), np.nan)
+    statuses = np.empty(len(starts), dtype=object)
+    for i, start in enumerate(starts.tolist()):
+        found = solve(replace(problem, start=tuple(start)), SOLVER, tolerance / ERROR_PER_TOLERANCE, times)
+        statuses[i] = str(found.status)
+        if found.success:
+            states[:, i] = found.states
+    return states, statuses

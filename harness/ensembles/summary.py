@@ -46,8 +46,7 @@ def fraction(count: int, of: int) -> Estimate:
 
 def arrived(statistics: Statistics, attractor: int) -> list[Estimate]:
     """Fraction of the finished particles that have come to an attractor for good, at each sample."""
-    counts = np.cumsum(statistics.arrivals[attractor])
-    return [fraction(int(count), statistics.finished) for count in counts]
+    return [fraction(int(count), statistics.finished) for count in np.cumsum(statistics.arrivals[attractor])]
 
 
 def transient_quantile(ensemble: Ensemble, statistics: Statistics, share: float) -> Estimate:
@@ -67,9 +66,8 @@ def transient_quantile(ensemble: Ensemble, statistics: Statistics, share: float)
         return Estimate(None, None, None)
     tail = (1 - COVERAGE) / 2
     low, high = ceil(bdtrik(tail, n, share)), ceil(bdtrik(1 - tail, n, share)) + 1
-    return Estimate(
-        order_statistic(max(1, round(share * n))), order_statistic(low) if low > 0 else 0.0, order_statistic(high)
-    )
+    earliest = order_statistic(low) if low > 0 else 0.0
+    return Estimate(order_statistic(max(1, round(share * n))), earliest, order_statistic(high))
 
 
 def moment_rows(ensemble: Ensemble, statistics: Statistics) -> list[dict[str, object]]:
@@ -127,19 +125,14 @@ def distribution_rows(ensemble: Ensemble, statistics: Statistics) -> list[dict[s
 
 def arrival_rows(ensemble: Ensemble, statistics: Statistics) -> list[dict[str, object]]:
     """Fraction arrived at each attractor, one row per sample."""
-    times = np.linspace(0.0, ensemble.time, ensemble.samples).tolist()
-    return [
-        {
-            **ensemble_columns(ensemble),
-            "attractor": attractor.rotation,
-            "time": time,
-            "fraction": interval.value,
-            "low": interval.low,
-            "high": interval.high,
-        }
-        for k, attractor in enumerate(ensemble.attractors)
-        for time, interval in zip(times, arrived(statistics, k), strict=True)
-    ]
+    times, rows = np.linspace(0.0, ensemble.time, ensemble.samples).tolist(), []
+    for k, attractor in enumerate(ensemble.attractors):
+        columns = {**ensemble_columns(ensemble), "attractor": attractor.rotation}
+        rows += [
+            {**columns, "time": time, "fraction": share.value, "low": share.low, "high": share.high}
+            for time, share in zip(times, arrived(statistics, k), strict=True)
+        ]
+    return rows
 
 
 def ensemble_row(ensemble: Ensemble, statistics: Statistics) -> dict[str, object]:

@@ -139,16 +139,9 @@ def _ensemble(table: SweepTable, shape: list[float], stokes: float) -> Ensemble:
     if time in (0, inf):
         raise ValueError(f"slow_time: got {table.slow_time!r} at stokes = {stokes:g}, expected time")
     a, b, c = shape
+    own = table.model_dump(include={*BOUNDS, "radius"}, exclude_unset=True)
     equations, tolerance = table.equations or "full", table.tolerance or DEFAULT_TOLERANCE
     # Where averaging is good enough it is the cheaper by far: its cost does not grow with St.
     if not table.equations and AVERAGING / tolerance <= stokes < inf and table.start.motion != "rest":
         equations, tolerance = "averaged", tolerance / ERROR_OVER_TOLERANCE
-    return Ensemble(
-        Ellipsoid((a, b, c)),
-        stokes,
-        time,
-        table.start,
-        equations=equations,
-        tolerance=tolerance,
-        **table.model_dump(include={*BOUNDS, "radius"}, exclude_unset=True),
-    )
+    return Ensemble(Ellipsoid((a, b, c)), stokes, time, table.start, equations=equations, tolerance=tolerance, **own)

@@ -143,11 +143,9 @@ def ensemble_throughput(name: str, equations: Any, particles: int = 20_000) -> d
         lambda: run_task(Task(ensemble, 0)),
         rounds=5,
     )
-    alone = (
-        solve(replace(problem, start=tuple(start)), SETTINGS.judge, SETTINGS.judge_tolerance, two)
-        for start in starts[: SETTINGS.known].tolist()
-    )
-    error = np.max(np.abs(states[-1, : SETTINGS.known] - np.array([each.states[-1] for each in alone])), axis=1)
+    alone = (replace(problem, start=tuple(start)) for start in starts[: SETTINGS.known].tolist())
+    ends = [solve(each, SETTINGS.judge, SETTINGS.judge_tolerance, two).states[-1] for each in alone]
+    error = np.max(np.abs(states[-1, : SETTINGS.known] - np.array(ends)), axis=1)
     return {
         "shape": name,
         "equations": equations,
