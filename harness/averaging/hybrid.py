@@ -42,8 +42,6 @@ FULL_SOLVERS, FULL_TOLERANCES = ("cyrk-vern8", "taylor"), (1e-8, 1e-9, 1e-10, 1e
 # A body has settled where its shortest axis (the symmetry axis of a spheroid) is so near the vorticity.
 SETTLED = 0.9
 PARTS = ("errors", "speed")
-# What is kept of a truth.
-NAMES = ("angular_momentum", "energy", "rotation")
 
 
 @dataclass(frozen=True)
@@ -113,10 +111,10 @@ def truth(scene: Scene, samples: int = SAMPLES) -> tuple[Observables, float, flo
             times = np.linspace(0.0, problem.end, samples)
             tight, other = (form.observe(scene, solve(problem, *how, times).states) for how in DOUBLE)
             apart = errors(scene.ellipsoid, other, tight)
-        found = {name: getattr(tight, name).astype(float) for name in NAMES}
+        found = {name: each.astype(float) for name, each in vars(tight).items()}
         found = cache.keep(key, found | {"uncertainty": np.array([apart.slow, apart.orientation])})
-    slow, orientation = found["uncertainty"].tolist()
-    return Observables(*(found[name] for name in NAMES)), slow, orientation
+    slow, orientation = found.pop("uncertainty").tolist()
+    return Observables(**found), slow, orientation
 
 
 def measure_errors(scenes: Sequence[Scene], quiet: bool = False) -> list[HybridError]:

@@ -30,8 +30,7 @@ def measure(subject: Subject, stokes: float) -> tuple[list[AveragingErrors], lis
     ReferenceFailedError if there is no certified reference of the full solution.
     """
     whole = subject.scene(stokes)
-    rows: list[AveragingErrors] = []
-    absent: list[Absent] = []
+    rows, absent = list[AveragingErrors](), list[Absent]()
     for name in (averaged_form(whole), SecondOrder.name):
         form, head = find_form(name), (subject.name, subject.family, name)
         try:
@@ -62,13 +61,11 @@ def measure_all(*, quick: bool = False, quiet: bool = False) -> PaperStudy:
     cases = paper_cases()
     tasks = [(case, stokes) for case in cases for stokes in case.stokes if stokes <= QUICK or not quick]
     tasks.sort(key=lambda task: -task[1])
-    rows: list[AveragingErrors] = []
-    absent: list[Absent] = []
+    rows, absent = list[AveragingErrors](), list[Absent]()
     with ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool:
         found = pool.map(measure, *zip(*tasks, strict=True))
-        for measured, missing in tqdm(
-            found, "accuracy", len(tasks), leave=False, disable=quiet or None, unit="reference"
-        ):
+        shown = tqdm(found, "accuracy", len(tasks), leave=False, disable=quiet or None, unit="reference")
+        for measured, missing in shown:
             rows += measured
             absent += missing
     order = [case.name for case in cases]

@@ -112,13 +112,9 @@ def measure_passage(case: Subject, stokes: float, whole: bool = True) -> Passage
         return Passage(case.axes, case.name, case.slow_time, stokes, refused=reason)
     row, _ = _compared(case, scene, found)
     strong = [each for each in outline(scene).kicks if each.size > SMALL_KICK * row["estimated_slow"]]
-    return Passage(
-        **row,
-        modes=" ".join(f"({k1:.0f}, {k2:.0f})" for k1, k2 in dict.fromkeys(each.mode for each in strong)),
-        kick=max((each.size for each in strong), default=nan),
-        integration=found.integration,
-        seconds=found.seconds,
-    )
+    modes = " ".join(f"({k1:.0f}, {k2:.0f})" for k1, k2 in dict.fromkeys(each.mode for each in strong))
+    kick = max((each.size for each in strong), default=nan)
+    return Passage(**row, modes=modes, kick=kick, integration=found.integration, seconds=found.seconds)
 
 
 def costs(exponents: Sequence[int] = EXPONENTS, compared: float = COMPARED) -> Iterator[Cost]:
@@ -154,8 +150,7 @@ def measure_study(
     study = old or SecondOrderStudy([], [], [], [], {})
     cases, points = (1, 2) if quick else (None, None)
     if part in ("", "orders"):
-        orders = _rows("orders", AWAY[:cases], quiet, measure_away, points and points + 1)
-        study = replace(study, orders=orders)
+        study = replace(study, orders=_rows("orders", AWAY[:cases], quiet, measure_away, points and points + 1))
     if part in ("", "resonances"):
         resonances = _rows("resonances", RESONANT[:cases], quiet, measure_passage, points)
         crossings = _rows("crossings", CROSSING[:cases], quiet, partial(measure_passage, whole=False), points)
