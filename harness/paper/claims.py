@@ -128,13 +128,8 @@ def _item(name: str, entry: Mapping[str, Any]) -> Item:
         rows = {table or "table": rows for table, rows in data.items()}
         return facts_of(entry, names | rows | {"self": experiment})
 
-    def figure(data: Data) -> Figure:
-        return drawn(entry["figure"], facts(data))
-
-    def verdict(data: Data) -> Verdict:
-        return judged(entry, facts(data))
-
-    return Item(name, entry["title"], entry["claim"], compute, figure, verdict)
+    own = name, entry["title"], entry["claim"], compute
+    return Item(*own, lambda data: drawn(entry["figure"], facts(data)), lambda data: judged(entry, facts(data)))
 
 
 def facts_of(entry: Mapping[str, Any], names: Mapping[str, Any]) -> dict[str, Any]:
@@ -179,8 +174,7 @@ def drawn(entry: Mapping[str, Any], names: dict[str, Any]) -> Figure:
 
     A table with `each` stands for one of the axes for each value of a list.
     """
-    size = (evaluated(part, names) for part in entry["panels"])
-    figure, axes = drawing.panels(*size, **entry.get("options", {}))
+    figure, axes = drawing.panels(*(evaluated(part, names) for part in entry["panels"]), **entry.get("options", {}))
     panels = [(panel, value) for panel in entry["axes"] for value in evaluated(panel.get("each", (None,)), names)]
     for own, (panel, value) in zip(axes, panels, strict=True):
         facts = facts_of(panel, {**names, "axes": own, "each": value})

@@ -18,8 +18,7 @@ NOTICE = "Made by `polhode paper`. Do not edit: the next run overwrites this pag
 
 def write_pages(folder: Path, sections: Sequence[Section], grid: Grid) -> None:
     """Write the index and the pages of all sections from the data in the folder, whenever they were made."""
-    names = [(section, item) for section in sections for item in section.items]
-    found = {item.name: store.judged(folder / section.name, item) for section, item in names}
+    found = {item.name: store.judged(folder / own.name, item) for own in sections for item in own.items}
     for section in sections:
         parts = [_described(section, item, found[item.name]) for item in section.items]
         write_file(folder / f"{section.name}.md", "\n".join([f"# {section.title}\n\n{NOTICE}\n", *parts]))

@@ -85,8 +85,7 @@ def slow_run_to_pinch(ellipsoid: Ellipsoid, slow: Sequence[float], slow_times: n
 
 def slow_scene(ellipsoid: Ellipsoid, slow: Sequence[float], slow_time: float) -> Scene:
     """Scene from slow variables over the largest moment of inertia, for averaged forms, to which St does not matter."""
-    unit = max(ellipsoid.inertia)
-    x, y, z, energy = (float(value) * unit for value in slow)
+    x, y, z, energy = (float(value) * max(ellipsoid.inertia) for value in slow)
     return Scene(ellipsoid, 1.0, SlowStart((x, y, z), energy), float(slow_time))
 
 

@@ -108,8 +108,7 @@ def judged(folder: Path, item: Item) -> Judged:
 
 def _table(content: bytes) -> Table:
     frame = pd.read_csv(BytesIO(content))
-    numbers = dict.fromkeys(frame.select_dtypes("number"), float)
-    return frame.astype(numbers).to_records(index=False)
+    return frame.astype(dict.fromkeys(frame.select_dtypes("number"), float)).to_records(index=False)
 
 
 def file_name(item: Item, table: str) -> str:

@@ -44,9 +44,8 @@ def section_points(ellipsoid: Ellipsoid, times: np.ndarray, orientation: np.ndar
     φ = nπ is where the flow component t₃₁ of z' vanishes; ψ is given from -π/2 to π/2, its symmetry taken out.
     """
     rotation = matrix_from_quaternion(orientation)
-    omega = jeffery_spin(ellipsoid, rotation)
     # Each column c of t_ij, a space axis in body axes, obeys c' = c × ω.
-    rates = np.cross(rotation, omega[:, :, None], axis=1)
+    rates = np.cross(rotation, jeffery_spin(ellipsoid, rotation)[:, :, None], axis=1)
     crossings = CubicHermiteSpline(times, rotation[:, 2, 0], rates[:, 2, 0]).roots(extrapolate=False)
     # The start, where φ = 0, is not one of them.
     crossings = crossings[crossings > times[1] / 2]
@@ -156,11 +155,12 @@ class Sections:
         counts = grid.of((200, 800), (100,)) if self.layered else ()
         layers = [measure_layer(body, count) for count in counts]
         parts, close, orbits = [], [], []
+        width, height = self.close
         for number, (kind, theta, psi) in enumerate(self.starts(grid, layers)):
             found, stretch = stretched_orbit(body, theta, psi, duration)
             points = [(number, *point) for point in zip(*found, strict=True)]
             parts += points if kind != ABOUT else []
-            close += [point for point in points if self._is_close(*point[1:])]
+            close += [row for row in points if abs(row[1] - pi / 2) <= height and pi / 2 - row[2] <= width]
             start = {"orbit": number, "kind": kind, "theta": theta, "psi": psi}
             chaotic = float(stretch > chaos_border(turns))
             orbits.append({**start, "stretch": stretch, "exponent": stretch / turns, "chaotic": chaotic})
@@ -172,9 +172,6 @@ class Sections:
             yield "layer", {"turns": count, "librating": low, "circulating": high, "width": high - low}
         if layers:
             yield "saddle", {"growth": saddle_growth(body)}
-
-    def _is_close(self, theta: float, psi: float) -> bool:
-        return abs(theta - pi / 2) <= self.close[1] and pi / 2 - psi <= self.close[0]
 
 
 def beside_a_half(interval: tuple[float, float]) -> str:

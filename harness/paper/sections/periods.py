@@ -128,19 +128,15 @@ def turns(kappa: float, stokes: float, alpha: float) -> bool:
         return abs(slope) < (1 - alpha) / 2
     damping = body.damping[0] / stokes
 
+    def rates(_: float, state: np.ndarray) -> tuple[float, float]:
+        return state[1], damping * (jeffery(state[0]) - state[1])
+
     def stops(_: float, state: np.ndarray) -> float:
         return state[1]
 
     stops.terminal = True  # pyright: ignore[reportFunctionMemberAccess]
-    run = solve_ivp(
-        lambda _, state: (state[1], damping * (jeffery(state[0]) - state[1])),
-        (0.0, 60 / damping + 300),
-        (0.0, (alpha - 1) / 2 - abs(slope)),
-        "DOP853",
-        rtol=1e-8,
-        events=stops,
-    )
-    return run.status == 0
+    end, start = 60 / damping + 300, (0.0, (alpha - 1) / 2 - abs(slope))
+    return solve_ivp(rates, (0.0, end), start, "DOP853", rtol=1e-8, events=stops).status == 0
 
 
 def compute_planar(grid: Grid) -> Computed:

@@ -40,11 +40,9 @@ def ensemble(ellipsoid: Ellipsoid, momentum: np.ndarray, omega: np.ndarray, node
     """Rotations t_ij, shape (n, 3, 3), at equal times of a period T of the Euler top and equal angles of precession."""
     w1, w2, w3 = omega.tolist()
     top = TorqueFree(ellipsoid.inertia, (1.0, 0.0, 0.0, 0.0), (w1, w2, w3))
-    times = top.period * np.arange(nodes) / nodes
-    quaternion, _ = top.at(times)
+    quaternion, _ = top.at(top.period * np.arange(nodes) / nodes)
     body = matrix_from_quaternion(quaternion)
-    start = np.array(ellipsoid.inertia) * omega
-    aligned = body @ frame(start)
+    aligned = body @ frame(np.array(ellipsoid.inertia) * omega)
     turns = matrix_from_euler(np.outer(2 * pi * np.arange(8) / 8, (0, 1, 0)))
     return np.einsum("nij,pjk,lk->npil", aligned, turns, frame(momentum)).reshape(-1, 3, 3)
 
