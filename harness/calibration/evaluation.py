@@ -158,8 +158,7 @@ def predicted_runs(records: Sequence[Record], laws: Laws) -> pd.DataFrame:
         times = record["seconds"], laws.pace.seconds(record), law.cost.predict(load, tolerance).predicted
         errors = record.get("solver_slow_error"), error and error.predicted, error and error.high
         found.append((*head, *times, *errors))
-    frame = pd.DataFrame(found, columns=list(RUN_COLUMNS))
-    return frame.astype(dict.fromkeys(RUN_COLUMNS[3:], float))
+    return pd.DataFrame(found, columns=list(RUN_COLUMNS)).astype(dict.fromkeys(RUN_COLUMNS[3:], float))
 
 
 def error_of(record: Record, want: str) -> float:

@@ -142,11 +142,7 @@ def robust_fit(
 
 
 def bootstrap(
-    scenes: Sequence[str],
-    predicted: Callable[[Array], Array],
-    measured: Array,
-    prior: Prior,
-    soft: float,
+    scenes: Sequence[str], predicted: Callable[[Array], Array], measured: Array, prior: Prior, soft: float
 ) -> dict[str, Any]:
     """Fit a law, and fit it again to scenes drawn with replacement: its parameters, their intervals, and its stray.
 
@@ -188,8 +184,7 @@ def fit_cost(runs: Sequence[Sample]) -> CostLaw:
         seconds = fixed + per_sample * samples + work + per_damping_time * stiff * np.exp(x[-1] * logarithm)
         return np.log(seconds + sum(map(np.multiply, others, averaged)))
 
-    scenes = [run.scene for run in runs]
-    found = CostLaw(**bootstrap(scenes, predicted, measured, prior, SOFT_COST))
+    found = CostLaw(**bootstrap([run.scene for run in runs], predicted, measured, prior, SOFT_COST))
     counted = fit_steps(found, runs)
     usual, own = found.stray, counted.step_stray
     # Steps are worth counting where the time follows from them more closely.
@@ -201,15 +196,13 @@ def fit_steps(found: CostLaw, runs: Sequence[Sample]) -> CostLaw:
     counted = [run for run in runs if run.load.steps]
     if _scenes(counted) < LEAST_SCENES:
         return found
-    steps, any_run, tolerances, measured = np.array(
-        [(r.load.steps, found.fixed + found.per_sample * r.load.samples, r.tolerance, r.seconds) for r in counted]
-    ).T
+    rows = [(r.load.steps, found.fixed + found.per_sample * r.load.samples, r.tolerance, r.seconds) for r in counted]
+    steps, any_run, tolerances, measured = np.array(rows).T
 
     def predicted(x: Array) -> Array:
         return np.log(any_run + np.exp(x[0]) * tolerances ** x[1] * steps)
 
-    scenes = [run.scene for run in counted]
-    law = bootstrap(scenes, predicted, np.log(measured), PRIORS["steps"], SOFT_COST)
+    law = bootstrap([run.scene for run in counted], predicted, np.log(measured), PRIORS["steps"], SOFT_COST)
     values, intervals = {name: law[name] for name in PRIORS["steps"]}, found.intervals | law["intervals"]
     return replace(found, step_stray=law["stray"], intervals=intervals, **values)
 

@@ -101,12 +101,10 @@ def ask(question: Question, laws: Laws, stratum: Stratum = "short") -> Answer:
 def studies(answer: Answer) -> list[Study]:
     """What is measured of a held-out scene: the first choice, and every fast method at tolerances by tens."""
     question = answer.question
-    known = pilot(question.scene)
-    rotations = known.rotations
-    parts, most = [], inf
+    known, parts, most = pilot(question.scene), [], inf
     if answer.recommendation is not None:
         first = answer.recommendation.ranking[0]
-        parts.append(study(question, first.form, [first.solver], (first.tolerance,), rotations))
+        parts.append(study(question, first.form, [first.solver], (first.tolerance,), known.rotations))
         # What takes much longer than the first choice, counting included, is not the best.
         most = max(SHORTEST_LIMIT, CUTOFF * first.seconds.high)
     wanted: dict[tuple[int, str], list[str]] = {}
@@ -118,7 +116,7 @@ def studies(answer: Answer) -> list[Study]:
         place = decade(question) + int(shift), form
         wanted[place] = list(dict.fromkeys([*wanted.get(place, []), solver]))
     for (power, form), solvers in sorted(wanted.items(), key=lambda each: -each[0][0]):
-        part = study(question, form, solvers, (float(f"1e{power}"),), rotations)
+        part = study(question, form, solvers, (float(f"1e{power}"),), known.rotations)
         parts.append(replace(part, max_seconds=min(most, part.max_seconds)))
     return parts
 
@@ -132,6 +130,5 @@ def finalists(answer: Answer, records: Sequence[Record]) -> list[Case]:
     chosen = good[:FINALISTS] if first is None else [first, *(r for r in good[:FINALISTS] if r is not first)]
     names = "form", "solver", "tolerance", "samples", "max_seconds"
     limits = {"reference_seconds": REFERENCE_SECONDS, "counted": False}
-    return [
-        Case(question.name + FINAL, question.scene, *(record[name] for name in names), **limits) for record in chosen
-    ]
+    ways = ([record[name] for name in names] for record in chosen)
+    return [Case(question.name + FINAL, question.scene, *way, **limits) for way in ways]

@@ -62,8 +62,7 @@ def _scene(random: np.random.Generator) -> Scene:
     quaternion = _oriented(random)
     size = _speed(random) if stokes > 0 else 0.0
     x, y, z = (size * random.normal(size=3)).tolist()
-    start = BodyStart(quaternion, (x, y, z))
-    return Scene(ellipsoid, stokes, start, _duration(random, ellipsoid, stokes, size))
+    return Scene(ellipsoid, stokes, BodyStart(quaternion, (x, y, z)), _duration(random, ellipsoid, stokes, size))
 
 
 def _long(random: np.random.Generator) -> Scene:
@@ -81,8 +80,7 @@ def _long(random: np.random.Generator) -> Scene:
 
 def _oriented(random: np.random.Generator) -> tuple[float, float, float, float]:
     """Any orientation, each as likely."""
-    angles = (acos(random.uniform(-1, 1)), random.uniform(0, 2 * pi), random.uniform(0, 2 * pi))
-    return EulerStart(angles).quaternion
+    return EulerStart((acos(random.uniform(-1, 1)), random.uniform(0, 2 * pi), random.uniform(0, 2 * pi))).quaternion
 
 
 def _planar(random: np.random.Generator) -> Scene:

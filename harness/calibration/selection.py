@@ -67,8 +67,7 @@ def _performance(record: Record | None, question: Question) -> tuple[float, bool
 
 def penalised(runs: Any) -> Any:
     """Performance, a row for each scene that any way solves, a column for each algorithm."""
-    good = runs[runs["met"]]
-    best = good.groupby("instance")["seconds"].min()
+    best = runs[runs["met"]].groupby("instance")["seconds"].min()
     table = runs.pivot_table(index="instance", columns="algorithm", values="seconds", aggfunc="min", dropna=False)
     met = runs.pivot_table(index="instance", columns="algorithm", values="met", aggfunc="max", dropna=False)
     ratio = table.loc[best.index].div(best, axis=0)
@@ -92,8 +91,7 @@ def scores(runs: Any) -> pd.DataFrame:
         shares = {"solved": ways < PENALTY * CUTOFF, "within": ways <= 1.5, "above": ways > 5}
         columns = {"par10": means} | {name: true.mean() for name, true in shares.items()}
         columns["gap_closed"] = (means[single] - means) / gap if gap > 0 else np.nan
-        names = {single: f"{SINGLE}: {single}"}
-        part = pd.DataFrame(columns).rename(index=names).reset_index(names="way")
+        part = pd.DataFrame(columns).rename(index={single: f"{SINGLE}: {single}"}).reset_index(names="way")
         parts.append(part.assign(stratum=stratum, scenes=len(table)))
     return pd.concat(parts, ignore_index=True)
 

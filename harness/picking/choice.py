@@ -86,10 +86,8 @@ def choose(
     solver = solver or _first_solver(find_form(form).problem(scene))
     if tolerance:
         return Chosen(form, solver, tolerance)
-    if found:
-        note = _note(found, form, solver, error)
-    else:
-        note = f"{form} by {solver} runs all the same, but the error {short(error)} is {refusal}"
+    unknown = f"{form} by {solver} runs all the same, but the error {short(error)} is {refusal}"
+    note = _note(found, form, solver, error) if found else unknown
     return Chosen(form, solver, min(LOOSEST, max(TIGHTEST, error / SAFETY)), note)
 
 
@@ -128,5 +126,4 @@ def _note(found: Recommendation, form: str, solver: str, error: float) -> str:
     best = f"{found.ranking[0].form} by {found.ranking[0].solver}"
     if (form, solver) not in reasons:
         return f"`pick` does not know whether {form} by {solver} meets the error {short(error)}; {best} is expected to"
-    reason = reasons[form, solver]
-    return f"{form} by {solver} is not expected to meet the error {short(error)}: {reason}; {best} is"
+    return f"{form} by {solver} is not expected to meet the error {short(error)}: {reasons[form, solver]}; {best} is"

@@ -157,5 +157,4 @@ def _beginning(form: Form, scene: Scene, solver: str, tolerance: float) -> tuple
     run = solve(problem, solver, tolerance, times, max_steps=PLANNED)
     if not run.work.steps or len(run.times) < 2:
         raise PilotFailedError(f"pilot: {form.name!r} by {solver!r} ended with {run.status.value}")
-    taken = run.work.steps, run.work.inner or 0
-    return taken, run.work.rejected or 0, float(run.times[-1] / problem.end)
+    return (run.work.steps, run.work.inner or 0), run.work.rejected or 0, float(run.times[-1] / problem.end)

@@ -116,8 +116,7 @@ def _carried_on(form: Form, pilot: Pilot) -> dict[str, Interval | None]:
     ellipsoid = pilot.scene.ellipsoid
     at_near = errors(ellipsoid, form_ladder(form, near)[-1][1], _thinned(pilot.observables, form))
     at_far = errors(ellipsoid, form_ladder(form, far)[-1][1], _thinned(_tight(far), form))
-    gap = pilot.scene.stokes / near.stokes
-    return {want: _interval(want, at_near, at_far, gap) for want in WANTS}
+    return {want: _interval(want, at_near, at_far, pilot.scene.stokes / near.stokes) for want in WANTS}
 
 
 def _thinned(seen: Observables, form: Form) -> Observables:

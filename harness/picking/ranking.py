@@ -140,17 +140,10 @@ def _check_representable(error: float, least: float) -> None:
 
 
 def _candidates(
-    scene: Scene,
-    error: float,
-    want: str,
-    samples: int,
-    laws: Laws,
-    forms: Iterable[str],
-    solvers: Collection[str],
+    scene: Scene, error: float, want: str, samples: int, laws: Laws, forms: Iterable[str], solvers: Collection[str]
 ) -> tuple[list[Way], list[Refusal]]:
-    found, candidates = pilot(scene), list[Candidate]()
+    found, candidates, refusals = pilot(scene), list[Candidate](), list[Refusal]()
     _check_representable(error, _least(scene, found, want))
-    refusals: list[Refusal] = []
     for form_name in forms:
         form = find_form(form_name)
         try:

@@ -113,9 +113,8 @@ def _solver_error(
     scene: Scene, form: Form, method: Solver, found: Solution, observables: Observables
 ) -> tuple[Estimates, str]:
     if method.closed_form:
-        return _estimates(
-            scene, form, observables, (0.0, 0.0, 0.0), Look(method, 1.0, 0.0, 1.0)
-        ), "closed form: rounding"
+        own = _estimates(scene, form, observables, (0.0, 0.0, 0.0), Look(method, 1.0, 0.0, 1.0))
+        return own, "closed form: rounding"
     limit = max(LEAST, SHARE * found.seconds)
     ends = perf_counter() + limit - SPENT["compilation"]
     averaged = any(each.averaged for each in found.stages)
