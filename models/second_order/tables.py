@@ -20,7 +20,8 @@ Array = np.ndarray
 VERSION = 2
 # Tables reach from a² = 0 to here: 1 - x = 0.0025.
 MOST = 6.0
-POINTS = 0.5 * MOST * (1 + np.cos(pi * (np.arange(NODES) + 0.5) / NODES))
+_ANGLES = pi * (np.arange(NODES) + 0.5) / NODES
+POINTS = 0.5 * MOST * (1 + np.cos(_ANGLES))
 # Powers of I_max that each coefficient carries when L is measured in it.
 SCALES = dict.fromkeys(NAMES, 3) | dict.fromkeys(("f2", "g2", "r1", "r2", "ea", "eb"), 1)
 SCALES |= {"f0": 0, "g0": 0, "a1": 2, "b1": 2, "p1": 2, "p2": 2, "nu1": -1, "nu2": -1}
@@ -164,8 +165,7 @@ def _poles(side: SidedBody, resonances: Array) -> Array:
 def _fitted(values: Array, weight: Array) -> Array:
     """Chebyshev series, shape (k, NODES), of functions at the Chebyshev points, some of which weigh little."""
     terms = NODES - SPARE
-    angles = pi * (np.arange(NODES) + 0.5) / NODES
-    basis = weight[:, None] * np.cos(np.outer(angles, np.arange(terms)))
+    basis = weight[:, None] * np.cos(np.outer(_ANGLES, np.arange(terms)))
     series = np.zeros((len(values), NODES))
     series[:, :terms] = np.linalg.lstsq(basis, (weight * values).T, rcond=1e-15)[0].T
     return series
@@ -202,10 +202,8 @@ def parameters(ellipsoid: Ellipsoid, torque_factor: float, longest: bool) -> tup
 
 
 def series_of(values: Array) -> Array:
-    """Chebyshev coefficients, shape (k, n), of functions given at the Chebyshev points, shape (k, n)."""
-    nodes = values.shape[1]
-    angles = pi * (np.arange(nodes) + 0.5) / nodes
-    series = 2 / nodes * values @ np.cos(np.outer(angles, np.arange(nodes)))
+    """Chebyshev coefficients, shape (k, NODES), of functions given at the Chebyshev points, shape (k, NODES)."""
+    series = 2 / NODES * values @ np.cos(np.outer(_ANGLES, np.arange(NODES)))
     series[:, 0] /= 2
     return series
 

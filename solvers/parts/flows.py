@@ -22,7 +22,7 @@ class Pieces:
     def __init__(self, parts: Parts, dimension: int, number: type = float, chains: int = 1) -> None:
         self.parts, self.dimension, self.chains = parts, dimension, chains
         self.lanes = width() if number is float else 1
-        self.fast, self.slow = parts.fast.flow(OPERATIONS), parts.slow.flow(OPERATIONS)
+        self.fast, self.slow, self.rate = (make(OPERATIONS) for make in (parts.fast.flow, parts.slow.flow, parts.rate))
         numbers = (0.5,) * 64, 0.5
         self.sizes = len(parts.fast.constants(*numbers)), len(parts.slow.constants(*numbers))
         self.both = parts.both(OPERATIONS) if parts.both else lambda y, *made: self.slow(self.fast(y, made[0]), made[1])
@@ -36,10 +36,6 @@ class Pieces:
     def row(self, constants: Array, i: float | Number) -> Array:
         """Constants from row i on."""
         return constants + i * float(sum(self.sizes))
-
-    def rate(self, y: Array, p: Array) -> Number:
-        """Rate of the fast angle."""
-        return self.parts.rate(OPERATIONS)(y, p)
 
     def whole(self, y: Array, base: Sequence[Number]) -> tuple[Number, ...]:
         """The state of which an array holds what the first components gain beside a base."""
