@@ -10,16 +10,7 @@ import numpy as np
 from polhode.models.operations import FLOAT, numpy_operations
 from polhode.models.problem import Parts, Problem
 from polhode.solvers.compile import parameter_array
-from polhode.solvers.contract import (
-    UNLIMITED,
-    Integrator,
-    Outcome,
-    Record,
-    Settings,
-    Solver,
-    SolverNotValidError,
-    Status,
-)
+from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, SolverNotValidError, Status
 from polhode.solvers.machine_code.underflow import FlushedToZero
 from polhode.solvers.parts.kernels import At, Code, Kernels, clock, kernels
 from polhode.solvers.parts.planning import Planner
@@ -112,7 +103,7 @@ class Split:
                 return _FAILED[code], f"after {work.steps} steps"
         return Status.REACHED_END, ""
 
-    def advance(self, law: Sequence[float], *arrays: np.ndarray, limit: int = UNLIMITED) -> int:
+    def advance(self, law: Sequence[float], *arrays: np.ndarray, limit: int) -> int:
         """Advance state and clock until rows at times are filled, or a limit is met; says which."""
         state, own, times, rows = arrays
         own[At.LIMIT], own[At.ROWS] = limit, len(times)

@@ -157,7 +157,8 @@ def end_state(each: Problem, scheme: Scheme, steps: int) -> np.ndarray:
     law = np.array([each.end / steps, 0.0, inf, 0.0, 0.0, inf])
     split = Split(each, TOLERANCE)
     split.scheme = scheme
-    assert split.advance(law, rows[0].copy(), clock(0.0), np.array([0.0, each.end]), rows) == Code.FINISHED
+    arrays = rows[0].copy(), clock(0.0), np.array([0.0, each.end]), rows
+    assert split.advance(law, *arrays, limit=steps) == Code.FINISHED
     return rows[1]
 
 
