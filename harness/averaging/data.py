@@ -140,9 +140,8 @@ def write_study(study: Any, folder: Path) -> None:
 
 def read_study(kind: type[Study], folder: Path) -> Study:
     """Read what `write_study` wrote; raises ValueError where that is missing."""
-    tables = {
-        name: read_table(folder / f"{name}.csv", row, _COLUMNS.get(row, ())) for name, row in _tables(kind).items()
-    }
+    rows = _tables(kind).items()
+    tables = {name: read_table(folder / f"{name}.csv", row, _COLUMNS.get(row, ())) for name, row in rows}
     made: Any = kind
     return made(**tables, timed=json.loads(read_file(folder / TIMED)))
 

@@ -118,10 +118,9 @@ def _client(address: str) -> Iterator[Any]:
 def dask(address: str, function: Callable[[Any], Any], tasks: Iterable[Any]) -> Generator[Finished, None, None]:
     """Workers of a Dask scheduler, with polhode in the same version."""
     # `task.key` is Dask's key, so that two clients share what is under way.
-    distributed = import_module("distributed")
     with _client(address) as client:
         remaining, tasks_of = iter(tasks), {}
-        pending = distributed.as_completed(loop=client.loop)
+        pending = import_module("distributed").as_completed(loop=client.loop)
         try:
             while True:
                 # Workers come and go.

@@ -141,9 +141,8 @@ def _posed(ellipsoid: Ellipsoid, starts: Array, slow: Array, random: np.random.G
     square = np.sum(momentum**2, axis=-1)
     h = 2 * slow[..., 3] / square
     longest = h > 1 / inertia[middle]
-    near, far = (
-        np.where(longest, 1 / inertia[one], 1 / inertia[other]) for one, other in ((first, last), (last, first))
-    )
+    ends = (first, last), (last, first)
+    near, far = (np.where(longest, 1 / inertia[one], 1 / inertia[other]) for one, other in ends)
     rise = 1 / inertia[middle] - near
     share = np.clip((h - near) / rise, 0, 1)
     small = rise / (far - near) * share

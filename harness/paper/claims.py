@@ -107,9 +107,7 @@ def _entries() -> dict[str, tuple[str, dict[str, dict[str, Any]]]]:
         other = whole(known[entry["like"]]) if "like" in entry else {}
         return other | entry | {"facts": other.get("facts", {}) | entry.get("facts", {})}
 
-    return {
-        name: (titles[name], {key: whole(entry) for key, entry in entries.items()}) for name, entries in found.items()
-    }
+    return {name: (titles[name], {key: whole(own) for key, own in entries.items()}) for name, entries in found.items()}
 
 
 def _item(name: str, entry: Mapping[str, Any]) -> Item:

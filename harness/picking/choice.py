@@ -61,9 +61,8 @@ def choose(
         if value is not None and not (isfinite(value) and value > 0):
             raise ValueError(f"{name}: got {value!r}, expected a finite positive number")
     if form and want == "orientation" and find_form(form).orientation_of(scene) == "none":
-        raise ValueError(
-            f"want: got 'orientation' for form {form!r}, which gives none, expected 'slow' or another form"
-        )
+        got = f"got 'orientation' for form {form!r}, which gives none"
+        raise ValueError(f"want: {got}, expected 'slow' or another form")
     if form and solver and tolerance:
         return Chosen(form, solver, tolerance)
     row, found, refusal = None, None, ""

@@ -73,9 +73,8 @@ def is_stiff(scene: Scene, turns: float | None = None) -> bool:
     stability = EXPLICIT.per_damping_time * damping_times(scene)
     if damping_times(scene) <= STIFF:
         return False
-    return stability > HELD * (
-        stability + EXPLICIT.usual(rotations(scene) if turns is None else turns, following_time(scene))
-    )
+    accuracy = EXPLICIT.usual(rotations(scene) if turns is None else turns, following_time(scene))
+    return stability > HELD * (stability + accuracy)
 
 
 def rotations(scene: Scene) -> float:
@@ -89,9 +88,8 @@ def rotations(scene: Scene) -> float:
     if (slow_start or _averages_well(scene)) and (turned := _averaged_angle(scene)) is not None:
         return turned / (2 * pi)
     if slow_start:
-        raise ValueError(
-            "start: L and E alone, and the averaged equations break down on the way, expected a quaternion"
-        )
+        got = "L and E alone, and the averaged equations break down on the way"
+        raise ValueError(f"start: {got}, expected a quaternion")
     return _angle(scene) / (2 * pi)
 
 

@@ -115,12 +115,11 @@ def collapse_start(kappa: float) -> tuple[Ellipsoid, float, BodyStart]:
     ellipsoid, shape = spheroid(kappa), Spheroid.of(spheroid(kappa))
     largest = max(ellipsoid.inertia)
     momentum, energy = MOMENTUM * largest, ENERGY * largest
-    spin2 = (momentum**2 - 2 * shape.equatorial_inertia * energy) / (
-        shape.axial_inertia * (shape.axial_inertia - shape.equatorial_inertia)
-    )
-    theta = float(np.arccos(np.sqrt(spin2) * shape.axial_inertia / momentum))
+    axial, equatorial = shape.axial_inertia, shape.equatorial_inertia
+    spin2 = (momentum**2 - 2 * equatorial * energy) / (axial * (axial - equatorial))
+    theta = float(np.arccos(np.sqrt(spin2) * axial / momentum))
     start = aligned_start(ellipsoid, momentum, theta)
-    stokes = STOKES_STAR / (shape.axial_inertia / (8 * pi * ellipsoid.resistance[2]))
+    stokes = STOKES_STAR / (axial / (8 * pi * ellipsoid.resistance[2]))
     return ellipsoid, stokes, BodyStart(start.quaternion, start.angular_velocity)
 
 
