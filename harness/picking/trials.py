@@ -194,7 +194,7 @@ class Trials:
         families = {*UNLIKE} - {find_solver(candidate.solver).family}
         unlike = [each for each in able if find_solver(each.solver).family in families]
         taylor = [each for each in able if find_solver(each.solver).order_by_tolerance]
-        exact = [(each, each.by_law(each.tightest)) for each in taylor]
+        exact = ((each, each.by_law(each.tightest)) for each in taylor)
         for rows, first in (
             (_hopes(unlike, UNSURE * candidate.budget), _until_seen),
             # Near double precision the one that rounds least, before those that may round as much as a trial may err.
@@ -226,8 +226,9 @@ class Trials:
         return inf if error is None else error
 
 
-def _hopes(candidates: Sequence[Candidate], budget: float) -> list[tuple[Candidate, Way | None]]:
-    return [(each, replace(each, budget=budget).hoped(lucky=False)) for each in candidates]
+def _hopes(candidates: Sequence[Candidate], budget: float) -> Iterator[tuple[Candidate, Way | None]]:
+    for each in candidates:
+        yield each, replace(each, budget=budget).hoped(lucky=False)
 
 
 def _until_seen(row: tuple[Candidate, Way]) -> float:
