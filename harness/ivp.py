@@ -78,10 +78,9 @@ def solve_ivp(
     times = np.unique(np.concatenate([[0.0], wanted - began, [problem.end]]))
     found = solve(problem, method, rtol, times, count=True)
     # Events are counted here, so that their names may be the same.
-    looked_for, happenings = [as_events(each)[0] for each in ([events] if callable(events) else events)], []
-    for event in looked_for:
-        value = replace(event, function=partial(_values, event.function, began, d, args))
-        happenings.append(happened(found, value))
+    looked_for = [as_events(each)[0] for each in ([events] if callable(events) else events)]
+    values = (replace(event, function=partial(_values, event.function, began, d, args)) for event in looked_for)
+    happenings = [happened(found, value) for value in values]
     ends = [each.t[0] for event, each in zip(looked_for, happenings, strict=True) if event.terminal and len(each.t)]
     last = min([*ends, found.t[-1]])
     happenings = [each(each.t[each.t <= last]) for each in happenings]

@@ -124,12 +124,7 @@ def duration(seconds: float | None) -> str:
 
 
 # Formats of fields beside Python's own.
-FORMATS = {
-    "error": scientific,
-    "time": duration,
-    "short": short,
-    "two": in_two_digits,
-}
+FORMATS = {"error": scientific, "time": duration, "short": short, "two": in_two_digits}
 
 
 class Wording(Formatter):

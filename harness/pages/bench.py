@@ -16,10 +16,12 @@ from polhode.harness.analysis.pareto import (
     cost_over_stokes,
     limit_of,
 )
+from polhode.harness.common.files import write_file
+from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record, export
 from polhode.harness.common.text import duration, markdown, short
 from polhode.harness.pages.figures.work_precision import profile_lines, save, work_precision_panels
-from polhode.harness.pages.tables import fill, lines_of, write
+from polhode.harness.pages.tables import fill, lines_of
 from polhode.harness.studies.study import Study
 
 # By the name of their file: error, and label of its axis.
@@ -49,12 +51,9 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     write_runs(runs, folder)
     export(records, folder / "records.jsonl")
     known = where(runs, runs["slow_uncertainty"].notna()).groupby(["scene_name", "stokes"], sort=False).first()
-    return write(
-        folder / "README.md",
+    page = fill(
         "bench",
-        study.title,
-        command,
-        records,
+        header=header(study.title, command, records),
         verdict=[*verdict(runs), *averaged_costs(runs)] or [NOTHING],
         tie=100 * (TIE - 1),
         scenes=[(scene, _figures(own, scene, i, folder)) for i, (scene, own) in enumerate(by_scene(runs))],
@@ -63,6 +62,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         samples=study.samples,
         uncertainties=known.reset_index().to_dict("records"),
     )
+    return write_file(folder / "README.md", page)
 
 
 def _figures(runs: pd.DataFrame, scene: str, place: int, folder: Path) -> list[dict[str, str]]:

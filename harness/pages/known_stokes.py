@@ -14,10 +14,11 @@ import pandas as pd
 from polhode.harness.analysis.frames import by_stokes, frame, where
 from polhode.harness.analysis.pareto import costs
 from polhode.harness.common.files import digest, read_file, write_file
+from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record, export
 from polhode.harness.common.text import duration, markdown, short
 from polhode.harness.common.timing import seconds_of
-from polhode.harness.pages.tables import lines_of, write
+from polhode.harness.pages.tables import fill, lines_of
 from polhode.harness.studies.study import Study
 from polhode.models.catalogue import form as find_form
 from polhode.models.problem import Problem
@@ -40,17 +41,15 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     export(list(records), folder / "records.jsonl")
     table = frame(records)
     rows, met = _splitting(table)
-    return write(
-        folder / "README.md",
+    page = fill(
         "known-stokes",
-        study.title,
-        command,
-        records,
+        header=header(study.title, command, records),
         met=met.count(True),
         asked=len(met),
         stroboscopic=_stroboscopic(study, table, folder),
         ratios=markdown(["scene", "St", *map(short, ERRORS)], rows, right=range(1, 2 + len(ERRORS))),
     )
+    return write_file(folder / "README.md", page)
 
 
 def _splitting(table: pd.DataFrame) -> tuple[list[list[str]], list[bool]]:

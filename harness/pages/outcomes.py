@@ -9,10 +9,11 @@ import pandas as pd
 
 from polhode.harness.analysis.frames import frame, rows_of
 from polhode.harness.common.files import write_file
+from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record, export
 from polhode.harness.common.text import duration, markdown, scientific
 from polhode.harness.pages.figures.style import rank
-from polhode.harness.pages.tables import lines_of, write
+from polhode.harness.pages.tables import fill, lines_of
 from polhode.harness.references.errors import magnitude
 from polhode.harness.studies.study import Study
 from polhode.models.files.scene_file import parse_scene
@@ -69,12 +70,9 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     write_file(folder / "outcomes.csv", endings_csv, summed=True)
     export(map(_shared, records), folder / "records.jsonl")
     runs, stopped, solvers = _runs(found), limit(table), sorted(set(table["solver"]), key=rank)
-    return write(
-        folder / "README.md",
+    page = fill(
         "outcomes",
-        study.title,
-        command,
-        records,
+        header=header(study.title, command, records),
         sentences=sentences(found, stopped),
         counts=_counts(runs, solvers),
         inaccurate=INACCURATE,
@@ -82,6 +80,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         scenes=_by_scene(runs, solvers),
         hard=[f"{name}: {SCENES[name].summary}" for name in dict(study.scenes) if name in SCENES],
     )
+    return write_file(folder / "README.md", page)
 
 
 def _shared(record: Record) -> Record:

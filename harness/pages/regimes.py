@@ -13,11 +13,12 @@ import pandas as pd
 from polhode.harness.analysis.frames import frame, where, write_runs
 from polhode.harness.analysis.pareto import TIE, Cell, Method, cells, standings
 from polhode.harness.common.files import read_file, write_file
+from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record
 from polhode.harness.common.text import short
 from polhode.harness.pages.figures.map_picture import ERRORS, HEADINGS, picture
 from polhode.harness.pages.figures.work_precision import profile_lines, save
-from polhode.harness.pages.tables import fill, write
+from polhode.harness.pages.tables import fill
 from polhode.harness.studies.study import Study
 
 # From this duration on, in shear times, runs have a profile of their own.
@@ -45,18 +46,16 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     far = [scene.stokes for _, scene in study.scenes if scene.time >= LONG]
     apart, title = where(runs, runs["stokes"].isin(far)), f"The same over t ≥ {short(LONG)} alone"
     long = profile_lines(apart, folder, "profiles-long", title)
-    return write(
-        folder / "README.md",
+    page = fill(
         "regimes",
-        study.title,
-        command,
-        records,
+        header=header(study.title, command, records),
         sentences=[f"The {name}, {sentence(found, ERRORS[error][0])}" for (name, error), found in maps.items()],
         particles=particles,
         profiles=[*profile_lines(runs, folder), *long],
         study=study,
         tie=100 * (TIE - 1),
     )
+    return write_file(folder / "README.md", page)
 
 
 def _write_cells(maps: Maps, path: Path) -> None:

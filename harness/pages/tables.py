@@ -1,39 +1,33 @@
 """Tables and texts of pages, from the formats of their columns and the templates in `texts`."""
 
 import tomllib
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from polhode.harness.common.files import write_file
-from polhode.harness.common.machine import header
-from polhode.harness.common.store import Record
 from polhode.harness.common.text import FORMATS, WORDING, cells, markdown
 
 TEXTS = Path(__file__).parent / "texts"
+TABLES = tomllib.loads((TEXTS / "tables.toml").read_text(encoding="utf-8"))
 
 
 def table(rows: Iterable[Any], name: str, /, **fields: Any) -> str:
     """The rows as Markdown, by one of `texts/tables.toml`; `fields` are those of its headings."""
-    known = _tables()[name]
+    known = TABLES[name]
     columns = {WORDING.format(head, **fields): cell for head, cell in known["columns"].items()}
     right = known["right"] if "right" in known else range(known["left"], len(columns))
     return markdown([*columns], cells(rows, columns), right=right)
 
 
-@cache
-def _tables() -> dict[str, dict[str, Any]]:
-    return tomllib.loads((TEXTS / "tables.toml").read_text(encoding="utf-8"))
-
-
 def columns_of(name: str) -> dict[str, str]:
     """Headings and cells of one of `texts/tables.toml`."""
-    return _tables()[name]["columns"]
+    return TABLES[name]["columns"]
 
 
+@cache
 def templates(folder: Path, **options: Any) -> Environment:
     """The templates of a folder; numbers by the formats of `WORDING` or Python's own: ``{{ x|form(".2f") }}``."""
     options |= {"undefined": StrictUndefined, "trim_blocks": True, "lstrip_blocks": True, "keep_trailing_newline": True}
@@ -48,14 +42,9 @@ def _listed(value: Any) -> Any:
     return ", ".join(map(str, value)) if isinstance(value, Collection) and not isinstance(value, str) else value
 
 
-@cache
-def _texts() -> Environment:
-    return templates(TEXTS)
-
-
 def fill(name: str, /, **fields: Any) -> str:
     """The text of that name with its fields."""
-    return _texts().get_template(f"{name}.md").render(fields)
+    return templates(TEXTS).get_template(f"{name}.md").render(fields)
 
 
 def lines_of(name: str, /, **fields: Any) -> list[str]:
@@ -66,8 +55,3 @@ def lines_of(name: str, /, **fields: Any) -> list[str]:
 def bullets(sentences: Iterable[str]) -> str:
     """The sentences as a list."""
     return "\n".join(f"- {sentence}" for sentence in sentences)
-
-
-def write(path: Path, name: str, title: str, command: str, records: Sequence[Record], **fields: Any) -> Path:
-    """Write the page of the text of that name, its head from the records that were measured; returns its path."""
-    return write_file(path, fill(name, header=header(title, command, records), **fields))

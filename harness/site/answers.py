@@ -113,7 +113,8 @@ def cost_page(reports: Path) -> Page:
         for scene, own in table.groupby("scene_name", sort=False):
             for stokes, runs in by_stokes(own):
                 rows += [[len(groups), *_row(run)] for run in rows_of(runs)]
-                groups.append([study, scene, stokes, _scene_tags(runs)])
+                tags = runs["tags"].explode().dropna().astype(str).unique() if "tags" in runs else []
+                groups.append([study, scene, stokes, sorted(tags)])
     # A line stands together and goes from the loosest tolerance to the tightest.
     rows.sort(key=lambda row: (*row[:3], -row[5]))
     # Words stand once: columns hold their places.
@@ -151,11 +152,6 @@ def _runs(values: Iterable[Any]) -> list[Any]:
     """The values, those that stand several times in a row as [value, times]."""
     counted = ((value, sum(1 for _ in same)) for value, same in groupby(values))
     return [value if times == 1 else [value, times] for value, times in counted]
-
-
-def _scene_tags(runs: Any) -> list[str]:
-    """Tags that the study gives the scene."""
-    return sorted(runs["tags"].explode().dropna().astype(str).unique()) if "tags" in runs else []
 
 
 def _solvers(names: set[str]) -> dict[str, Any]:

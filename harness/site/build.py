@@ -49,7 +49,9 @@ def build(reports: Path, out: Path, scenes: dict[str, Scene], say: Callable[[str
         say(page.title)
         write_file(out / f"{name}.html", document(name, page, menu, foot))
 
-    asked, data = question(reports / "regimes", _first(texts.get("hard-cases", "")))
+    # The answer of a page is the first item of its first list.
+    items = (line for line in texts.get("hard-cases", "").splitlines() if line.startswith("- "))
+    asked, data = question(reports / "regimes", next(items, "").removeprefix("- "))
     body = _verdict(asked, files, texts, known)
     write("index", Page(TITLE, fill("site-question"), body, data, ("tables.js", "verdict.js")))
     write("cost", cost_page(reports))
@@ -71,11 +73,6 @@ def _verdict(asked: str, files: dict[str, Path], texts: dict[str, str], known: d
     sections = {title: render(text, files["bench"], known).body for title, text in found.items() if text}
     lacking = {name: command for name, (_, command) in REPORTS.items() if name not in files}
     return html("index", asked=asked, sections=sections, lacking=lacking)
-
-
-def _first(text: str) -> str:
-    """The first item of a page's first list: its answer."""
-    return next((line.removeprefix("- ") for line in text.splitlines() if line.startswith("- ")), "")
 
 
 def _runs_of(cell: re.Match[str]) -> str:

@@ -128,8 +128,7 @@ def _without_result(axes: Axes, runs: pd.DataFrame) -> None:
     failed = where(runs, runs["status"] != REACHED)
     # Those beyond the errors that are drawn stand at the edge.
     places = failed["tolerance"].astype(float).clip(*(sorted(axes.get_xlim()) if axes.lines else ()))
-    for tolerance in sorted(set(places)):
-        own = where(failed, places == tolerance)
+    for tolerance, own in failed.groupby(places):
         for i, (solver, look) in enumerate(looks(own["solver"]).items()):
             style = {"marker": look.marker, "color": look.colour, "markersize": 4, "fillstyle": "none", "linewidth": 0}
             place = offset_copy(axes.get_xaxis_transform(), figure, 6 * i, 6, units="points")

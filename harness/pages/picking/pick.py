@@ -158,11 +158,8 @@ def _arff(folder: Path, name: str, attributes: Sequence[str], rows: Sequence[Seq
 def write_stated(folder: Path, runs: pd.DataFrame, command: str) -> Path:
     """Write the page of the errors that `solve` states, and its table."""
     write_file(folder / "stated.csv", runs.to_csv(index=False, float_format="%.4g"), summed=True)
-    groups = [
-        *(((stratum, "all"), mine) for stratum, mine in runs.groupby("stratum")),
-        *((("both", solver), mine) for solver, mine in runs.groupby("solver")),
-    ]
-    rows = [judged(mine) | {"stratum": stratum, "solver": solver} for (stratum, solver), mine in groups]
+    rows = [judged(mine) | {"stratum": stratum, "solver": "all"} for stratum, mine in runs.groupby("stratum")]
+    rows += [judged(mine) | {"stratum": "both", "solver": solver} for solver, mine in runs.groupby("solver")]
     found = {"summary": stated_summary(runs), "left_out": _counted(runs.attrs["left_out"]), "rows": rows}
     return write_file(folder / "stated.md", fill("pick-stated", command=command, **found))
 
