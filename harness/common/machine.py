@@ -58,14 +58,8 @@ def header(title: str, command: str, records: Sequence[Mapping[str, Any]]) -> li
     disturbed, known = disturbance(records)
     rule = f"had the processor for less than {HAD:.0%} of its time, or the machine took {BUSY:g} × its shortest"
     said = f" Disturbed by other work: {disturbed} of {known} timed runs (the fastest {rule})." if known else ""
-    return [
-        f"# {title}",
-        "",
-        f"Made by `{command}`. Do not edit: the next run overwrites this page.",
-        "",
-        f"Measured {dates(records)}{where}.{said}",
-        "",
-    ]
+    made = f"Made by `{command}`. Do not edit: the next run overwrites this page."
+    return [f"# {title}", "", made, "", f"Measured {dates(records)}{where}.{said}", ""]
 
 
 def dates(records: Sequence[Mapping[str, Any]]) -> str:

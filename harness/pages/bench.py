@@ -6,16 +6,8 @@ from typing import Any
 
 import pandas as pd
 
+from polhode.harness.analysis import pareto
 from polhode.harness.analysis.frames import by_scene, by_stokes, frame, where, write_runs
-from polhode.harness.analysis.pareto import (
-    TARGETS,
-    TIE,
-    averaged_forms,
-    averaged_wins_from,
-    cheapest,
-    cost_over_stokes,
-    limit_of,
-)
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record, export
@@ -32,14 +24,8 @@ FIGURES = {
 # Ties named in a cell.
 SHOWN = 2
 # Columns of the table of scenes, and of that of uncertainties.
-SCENES = {
-    "scene": "scene_name",
-    "semi-axes": "scene.shape.semi_axes",
-    "St": "stokes",
-    "t": "scene.time",
-    "samples": "samples",
-    "forms": "form",
-}
+SCENES = {"scene": "scene_name", "semi-axes": "scene.shape.semi_axes", "St": "stokes"}
+SCENES |= {"t": "scene.time", "samples": "samples", "forms": "form"}
 NOTHING = "No run gave a result: how each ended stands in runs.csv."
 # St further apart than this leave open where between them averaging begins to pay.
 GAP = 10.0 * (1 + 1e-9)
@@ -55,7 +41,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         "bench",
         header=header(study.title, command, records),
         verdict=[*verdict(runs), *averaged_costs(runs)] or [NOTHING],
-        tie=100 * (TIE - 1),
+        tie=100 * (pareto.TIE - 1),
         scenes=[(scene, _figures(own, scene, i, folder)) for i, (scene, own) in enumerate(by_scene(runs))],
         profiles=profile_lines(runs, folder),
         described=markdown([*SCENES], _scenes(runs)),
@@ -91,14 +77,14 @@ def _listed(values: Iterable[Any]) -> str:
 
 def _winners(table: pd.DataFrame, error: str) -> str:
     groups = by_stokes(table)
-    rows = [[short(target), *(_winner(runs, target, error) for _, runs in groups)] for target in TARGETS]
+    rows = [[short(target), *(_winner(runs, target, error) for _, runs in groups)] for target in pareto.TARGETS]
     return markdown(["error", *(f"St = {short(stokes)}" for stokes, _ in groups)], rows)
 
 
 def _winner(runs: pd.DataFrame, target: float, error: str) -> str:
-    if target <= limit_of(runs, error):
+    if target <= pareto.limit_of(runs, error):
         return "unknown"
-    winner = cheapest(runs, target, error)
+    winner = pareto.cheapest(runs, target, error)
     if winner is None:
         return "none"
     best, others = winner
@@ -111,19 +97,19 @@ def _winner(runs: pd.DataFrame, target: float, error: str) -> str:
 
 def when_averaged_wins(records: pd.DataFrame, target: float) -> str | None:
     """At which of the St measured an averaged form is the cheapest, in words; None if it is not at the largest."""
-    start, numbers = averaged_wins_from(records, target), [stokes for stokes, _ in by_stokes(records)]
+    start, numbers = pareto.averaged_wins_from(records, target), [stokes for stokes, _ in by_stokes(records)]
     return None if start is None else fill("bench-from", start=start, numbers=numbers, gap=GAP)
 
 
-def verdict(records: pd.DataFrame, targets: Sequence[float] = TARGETS) -> list[str]:
+def verdict(records: pd.DataFrame, targets: Sequence[float] = pareto.TARGETS) -> list[str]:
     """Where averaged forms win, in sentences, scene by scene."""
-    scenes = [(scene, runs) for scene, runs in by_scene(records) if averaged_forms(runs)]
+    scenes = [(scene, runs) for scene, runs in by_scene(records) if pareto.averaged_forms(runs)]
     wins = [(scene, {target: when_averaged_wins(runs, target) for target in targets}) for scene, runs in scenes]
     return lines_of("bench-verdict", wins=wins)
 
 
 def averaged_costs(records: pd.DataFrame) -> list[str]:
     """How little an averaged form's cost depends on St, scene by scene."""
-    scenes = [(scene, runs, name) for scene, runs in by_scene(records) for name in averaged_forms(runs)]
-    found = [(scene, name, cost_over_stokes(runs, name)) for scene, runs, name in scenes]
+    scenes = [(scene, runs, name) for scene, runs in by_scene(records) for name in pareto.averaged_forms(runs)]
+    found = [(scene, name, pareto.cost_over_stokes(runs, name)) for scene, runs, name in scenes]
     return lines_of("bench-costs", found=[each for each in found if each[2]])

@@ -40,9 +40,8 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         scenes = [scene for each, scene in study.scenes if each == name]
         times = {scene.stokes: scene.time for scene in scenes}
         save(picture([maps[name, error] for error in ERRORS], times), folder, name)
-        methods = _methods(own, name, maps)
         axes = scenes[0].ellipsoid.semi_axes
-        particles.append({"name": name, "axes": axes, "methods": methods})
+        particles.append({"name": name, "axes": axes, "methods": _methods(own, name, maps)})
     far = [scene.stokes for _, scene in study.scenes if scene.time >= LONG]
     apart, title = where(runs, runs["stokes"].isin(far)), f"The same over t ≥ {short(LONG)} alone"
     long = profile_lines(apart, folder, "profiles-long", title)

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from polhode.harness.api import solve
 from polhode.harness.pages.tables import fill
@@ -18,7 +17,7 @@ from polhode.harness.site.markup import Page, html
 from polhode.harness.solution import SceneSolution
 from polhode.models.catalogue import averaged_form, form
 from polhode.models.form import FormNotValidError
-from polhode.models.scene import BodyStart, Scene
+from polhode.models.scene import Scene, start_from
 from polhode.models.scenes import named_scene
 from polhode.solvers.contract import SolverNotValidError
 
@@ -122,19 +121,15 @@ def _averaged(scene: Scene) -> list[float]:
 def _torque_free(solution: SceneSolution, axis: int) -> list[list[float]]:
     """Paths of the axis without torque, each starting at one of `MOMENTS` equispaced samples."""
     ellipsoid, paths = solution.scene.ellipsoid, []
-    inertia = np.array(ellipsoid.inertia)
-    for k in np.linspace(0, len(solution.times) - 1, MOMENTS).astype(int):
-        rotation, momentum = solution.rotation[k], solution.angular_momentum[k]
-        x, y, z, w = Rotation.from_matrix(rotation.T).as_quat().tolist()
-        omega = (rotation @ momentum / inertia).tolist()
-        size = float(np.linalg.norm(momentum))
+    for k in np.linspace(0, len(solution.times) - 1, MOMENTS).astype(int).tolist():
+        moment = solution.observables.at(slice(k, k + 1))
+        size = float(np.linalg.norm(moment.angular_momentum))
         if size == 0:
             # At rest it stays where it is.
-            paths.append(_rounded(np.repeat(rotation[None, axis], TURNS * POINTS + 1, axis=0), 3))
+            paths.append(_rounded(np.repeat(moment.rotation[:, axis], TURNS * POINTS + 1, axis=0), 3))
             continue
-        turn = 2 * pi * float(np.median(inertia)) / size
-        start = BodyStart((w, x, y, z), (omega[0], omega[1], omega[2]))
-        top = Scene(ellipsoid, inf, start, TURNS * turn)
+        turn = 2 * pi * float(np.median(ellipsoid.inertia)) / size
+        top = Scene(ellipsoid, inf, start_from(ellipsoid, moment), TURNS * turn)
         free = solve(top, form="euler-top", solver="exact", tolerance=1e-9, samples=TURNS * POINTS + 1)
         paths.append(_rounded(free.rotation[:, axis], 3))
     return paths

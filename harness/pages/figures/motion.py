@@ -9,6 +9,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from polhode.harness.solution import SceneSolution
+from polhode.models.observables import completed
 
 # Okabe and Ito's palette, safe for colour-blind readers.
 COLOURS = {"Lx": "#E69F00", "Ly": "#56B4E9", "Lz": "#0072B2", "E": "#D55E00"}
@@ -49,8 +50,10 @@ def tumbling(solution: SceneSolution) -> Figure:
     drawing, row = plt.subplots(1, count, figsize=(1.75 * count, 1.75), squeeze=False)
     ellipsoid = solution.scene.ellipsoid
     semi_axes = np.array(ellipsoid.semi_axes) / max(ellipsoid.semi_axes)
-    for axes, time, rotation in zip(row[0], solution.times, solution.rotation, strict=True):
-        body(axes, semi_axes, _frame(rotation))
+    # Of a spheroid the form may know the symmetry axis alone.
+    known = completed(ellipsoid, solution.rotation)
+    for axes, time, rotation in zip(row[0], solution.times, solution.rotation if known is None else known, strict=True):
+        body(axes, semi_axes, rotation)
         axes.set_title(f"$t$ = {time:.3g}", fontsize=9, color=INK, y=0.0)
     drawing.subplots_adjust(left=0, right=1, bottom=0.02, top=1, wspace=0)
     return drawing
@@ -78,10 +81,8 @@ def body(axes: Axes, semi_axes: np.ndarray, rotation: np.ndarray) -> Axes:
             tail, tip = _project(np.array([[x, y, 0], [x + 0.38 * y, y, 0]]))
             style = {"arrowstyle": "->", "color": INK, "lw": 0.7, "alpha": 0.6, "shrinkA": 0, "shrinkB": 0}
             axes.annotate("", tip[:2], tail[:2], arrowprops=style)
-    patches = PolyCollection(
-        list(faces[seen][:, :, :2]), facecolors=shade[seen], edgecolors=shade[seen], linewidths=0.3
-    )
-    axes.add_collection(patches)
+    look = {"facecolors": shade[seen], "edgecolors": shade[seen], "linewidths": 0.3}
+    axes.add_collection(PolyCollection(list(faces[seen][:, :, :2]), **look))
     axes.set(xlim=(-1.75, 1.75), ylim=(-1.6, 1.6), aspect="equal")
     axes.axis("off")
     return axes
@@ -99,15 +100,3 @@ def _project(points: np.ndarray) -> np.ndarray:
     x, y, z = np.moveaxis(points, -1, 0)
     right, near = cos(TURN) * x - sin(TURN) * z, sin(TURN) * x + cos(TURN) * z
     return np.stack([right, cos(TILT) * y - sin(TILT) * near, sin(TILT) * y + cos(TILT) * near], axis=-1)
-
-
-def _frame(rotation: np.ndarray) -> np.ndarray:
-    """The rotation matrix; of a spheroid whose form knows the symmetry axis alone, any two axes beside it."""
-    known = ~np.isnan(rotation).any(axis=1)
-    if known.all():
-        return rotation
-    symmetry = int(np.argmax(known))
-    axis = rotation[symmetry]
-    aside = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
-    aside /= np.linalg.norm(aside)
-    return np.roll(np.stack([axis, aside, np.cross(axis, aside)]), symmetry, axis=0)

@@ -131,10 +131,10 @@ def write_aslib(folder: Path, questions: Mapping[str, Question], runs: Any) -> N
     most = float(algorithms["seconds"].replace(inf, np.nan).max())
     description = fill("pick-aslib", cutoff=CUTOFF * most, features=FEATURES, algorithms=names)
     write_file(folder / "description.txt", description)
-    solved = [
-        (row.instance, 1, row.algorithm, f"{row.seconds:.6g}" if row.seconds < inf else "?", _status(row))
-        for row in algorithms.itertuples()
-    ]
+    solved = []
+    for row in algorithms.itertuples():
+        time, otherwise = (f"{row.seconds:.6g}", "other") if row.seconds < inf else ("?", "timeout")
+        solved.append((row.instance, 1, row.algorithm, time, "ok" if row.met else otherwise))
     head = ("instance_id STRING", "repetition NUMERIC", "algorithm STRING", "runtime NUMERIC")
     _arff(folder, "algorithm_runs", (*head, "runstatus {ok, timeout, memout, not_applicable, crash, other}"), solved)
     numeric = [f"{name} NUMERIC" for name in FEATURES]
@@ -145,10 +145,6 @@ def write_aslib(folder: Path, questions: Mapping[str, Question], runs: Any) -> N
     _arff(folder, "feature_costs", (*head[:2], "scene NUMERIC"), [(name, 1, 0) for name in questions])
     folds = [(name, 1, i % 10 + 1) for i, name in enumerate(questions)]
     _arff(folder, "cv", (*head[:2], "fold NUMERIC"), folds)
-
-
-def _status(row: Any) -> str:
-    return "ok" if row.met else "other" if row.seconds < inf else "timeout"
 
 
 def _arff(folder: Path, name: str, attributes: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
