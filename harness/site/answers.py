@@ -113,8 +113,8 @@ def cost_page(reports: Path) -> Page:
         for scene, own in table.groupby("scene_name", sort=False):
             for stokes, runs in by_stokes(own):
                 rows += [[len(groups), *_row(run)] for run in rows_of(runs)]
-                tags = runs["tags"].explode().dropna().astype(str).unique() if "tags" in runs else []
-                groups.append([study, scene, stokes, sorted(tags)])
+                tags: Any = runs["tags"] if "tags" in runs else pd.Series(dtype=object)
+                groups.append([study, scene, stokes, sorted(tags.explode().dropna().astype(str).unique())])
     # A line stands together and goes from the loosest tolerance to the tightest.
     rows.sort(key=lambda row: (*row[:3], -row[5]))
     # Words stand once: columns hold their places.

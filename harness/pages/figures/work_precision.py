@@ -125,7 +125,7 @@ def _averaged(axes: Axes, runs: pd.DataFrame, form: str, error: str) -> None:
 def _without_result(axes: Axes, runs: pd.DataFrame) -> None:
     """A hollow marker above the upper edge for each run without a result, at its tolerance, side by side."""
     figure: Any = axes.figure
-    failed = where(runs, runs["status"] != REACHED)
+    failed: Any = where(runs, runs["status"] != REACHED)
     # Those beyond the errors that are drawn stand at the edge.
     places = failed["tolerance"].astype(float).clip(*(sorted(axes.get_xlim()) if axes.lines else ()))
     for tolerance, own in failed.groupby(places):
