@@ -60,7 +60,6 @@ def motion(scene: Scene) -> dict[str, Any]:
         return {"why": str(solution.status)}
     symmetry = scene.ellipsoid.symmetry_axis
     axis = int(np.argmax(scene.ellipsoid.semi_axes)) if symmetry is None else symmetry
-    size = max(scene.ellipsoid.inertia)
     length = np.linalg.norm(solution.angular_momentum, axis=1, keepdims=True)
     direction = np.divide(solution.angular_momentum, length, out=np.zeros((samples, 3)), where=length > 0)
     return {
@@ -76,7 +75,7 @@ def motion(scene: Scene) -> dict[str, Any]:
         "averaged": _averaged(scene),
         "circle": scene.stokes > 0 and scene.ellipsoid.kind in ("prolate", "oblate"),
         "paths": _torque_free(solution, axis) if scene.stokes > 0 and scene.ellipsoid.kind == "triaxial" else [],
-        "parabolas": [size / max(scene.ellipsoid.inertia), size / min(scene.ellipsoid.inertia)],
+        "parabolas": [1.0, max(scene.ellipsoid.inertia) / min(scene.ellipsoid.inertia)],
         "stokes": scene.stokes,
         "says": _sentence(solution, axis),
         "how": f"{solution.form} by {solution.solver} at tolerance {solution.tolerance:g}",

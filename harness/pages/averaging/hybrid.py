@@ -66,17 +66,10 @@ def _judged(rows: Sequence[HybridError]) -> Any:
 
 
 def _errors(runs: Any) -> list[dict[Any, Any]]:
-    return (
-        runs.dropna(subset=["slow"])
-        .groupby(["stokes", "error"])
-        .agg(
-            runs=("slow", "size"), within=("within", "mean"), bounded=("bounded", "mean"), largest=("slow", "max"),
-            over=("over", "median"), full=("full_share", "median"),
-        )
-        .sort_index(ascending=[True, False])
-        .reset_index()
-        .to_dict("records")
-    )  # fmt: skip
+    how = {"runs": ("slow", "size"), "within": ("within", "mean"), "bounded": ("bounded", "mean")}
+    how |= {"largest": ("slow", "max"), "over": ("over", "median"), "full": ("full_share", "median")}
+    found = runs.dropna(subset=["slow"]).groupby(["stokes", "error"]).agg(**how)
+    return found.sort_index(ascending=[True, False]).reset_index().to_dict("records")
 
 
 def _compared(rows: Sequence[Speed]) -> Any:
