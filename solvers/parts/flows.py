@@ -22,7 +22,8 @@ class Pieces:
     def __init__(self, parts: Parts, dimension: int, number: type = float, chains: int = 1) -> None:
         self.parts, self.dimension, self.chains = parts, dimension, chains
         self.lanes = width() if number is float else 1
-        self.fast, self.slow, self.rate = (make(OPERATIONS) for make in (parts.fast.flow, parts.slow.flow, parts.rate))
+        self.fast, self.slow = parts.fast.flow(OPERATIONS), parts.slow.flow(OPERATIONS)
+        self.rate = parts.rate(OPERATIONS)
         numbers = (0.5,) * 64, 0.5
         self.sizes = len(parts.fast.constants(*numbers)), len(parts.slow.constants(*numbers))
         self.both = parts.both(OPERATIONS) if parts.both else lambda y, *made: self.slow(self.fast(y, made[0]), made[1])
