@@ -174,9 +174,10 @@ def _timed(start: int, scene: Scene) -> Speed:
         true, *_ = truth(scene)
         slow = errors(scene.ellipsoid, form.observe(scene, run.states), true).slow if run.success else nan
         full = _full(scene, times, true)
-    # In turns, so that a slow moment of the machine hits them alike.
+    # In turns, so that a slow moment of the machine hits them alike; each warm, whatever the one before left in caches.
     ways = lambda: seconds(times), lambda: seconds(times[:: SAMPLES // (FEW - 1)]), *full.values()
-    taken, few, *others = np.min([[way() for way in ways] for _ in range(REPEATS)], axis=0).tolist()
+    turns = [[min(way() for _ in range(REPEATS)) for way in ways] for _ in range(REPEATS)]
+    taken, few, *others = np.min(turns, axis=0).tolist()
     (solver, at), best = min(zip(full, others, strict=True), key=lambda each: each[1], default=(("", nan), nan))
     own = slow, _share(run.stages, scene.time), taken, few, solver, at, best
     return Speed(start, scene.ellipsoid.kind, scene.stokes, *own, *_prepared(scene.ellipsoid))
