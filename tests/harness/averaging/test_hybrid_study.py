@@ -103,5 +103,6 @@ def test_runs_compared_in_speed_take_turns(short_scene: Scene, tmp_path: Path, m
     assert row.slow <= hybrid.FAST_ERROR
     assert (row.solver in hybrid.FULL_SOLVERS, row.tolerance in hybrid.FULL_TOLERANCES) == (True, True)
     assert min(row.seconds, row.few_seconds, row.full_seconds) > 0
-    turn = [("hybrid", hybrid.SOLVER)] * 2 + [("spheroid-axis", solver) for solver in hybrid.FULL_SOLVERS]
+    ways = [("hybrid", hybrid.SOLVER)] * 2 + [("spheroid-axis", solver) for solver in hybrid.FULL_SOLVERS]
+    turn = [way for way in ways for _ in range(hybrid.REPEATS)]
     assert called[-len(turn) * hybrid.REPEATS :] == turn * hybrid.REPEATS
