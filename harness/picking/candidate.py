@@ -2,7 +2,7 @@
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from math import exp
+from math import exp, log10
 
 from polhode.harness.common.text import scientific
 from polhode.harness.picking.laws import ErrorLaw, Interval, Load, MethodLaws, Sensitivity
@@ -52,6 +52,10 @@ class Candidate:
     def doubtful(self) -> bool:
         """Whether the model error may be too large: a trial against the full equations shows."""
         return self.budget < SHARE * self.asked
+
+    def worse(self, factor: float) -> "Candidate":
+        """The same, whose errors at every tolerance are so many times what its law says."""
+        return replace(self, law=replace(self.law, offset=self.law.offset + log10(factor)))
 
     def expected(self) -> Way:
         """The way to run it by its laws alone; raises UnfitError if no tolerance will do."""

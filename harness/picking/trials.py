@@ -63,7 +63,8 @@ class Yardstick(NamedTuple):
 
 def with_trials(candidates: Sequence[Candidate], want: str) -> list[Way | Refusal]:
     """What is expected of candidates, of the first ones by trials: of `WAYS` at most, until none may be quicker."""
-    found, tried, poor = [_expected(each) for each in candidates], 0, set[str]()
+    by_law, tried, poor, settled = [_expected(each) for each in candidates], 0, set[str](), set[int]()
+    found = [*by_law]
     hopeless = _quickest(found) == inf
     limit = REFUSED if hopeless else max(MOST_SECONDS, min(_quickest(found), PATIENT))
     trials = Trials(candidates, want, limit, ALL * limit)
@@ -79,8 +80,15 @@ def with_trials(candidates: Sequence[Candidate], want: str) -> list[Way | Refusa
         if hope.form not in poor and (yardstick := trials.yardstick(candidate)):
             tried, shown, others = tried + 1, None, _quickest([*found[:place], *found[place + 1 :]])
             with suppress(PilotFailedError):
-                shown = trials.tried(candidate, hope.tolerance, found[place], yardstick, others)
+                shown = trials.tried(candidate, hope.tolerance, by_law[place], yardstick, others)
             found[place] = shown or found[place]
+            if shown:
+                settled.add(place)
+            # What laws did not foresee of one solver they did not of the others on the same equations.
+            if (excess := trials.excess.get(hope.form, 1.0)) > 1:
+                for i, each in enumerate(candidates):
+                    if each.form.name == hope.form and i not in settled:
+                        found[i] = _expected(each.worse(excess))
             # What these err by is their own: if a trial finds no tolerance, it will by no solver.
             if averages(candidate.form) and not (isinstance(shown, Way) and SHOWN in shown.reason):
                 poor.add(hope.form)
@@ -123,6 +131,8 @@ class Trials:
     limit: float
     left: float
     paid: set[tuple[str, str, float]] = field(default_factory=set)
+    # By how much errors on full equations exceed the upper ends of laws, with `AIM`.
+    excess: dict[str, float] = field(default_factory=dict)
 
     def tried(
         self, candidate: Candidate, tolerance: float, expected: Way | Refusal, yardstick: Yardstick, quickest: float
@@ -159,6 +169,10 @@ class Trials:
             unsure = UNSURE * candidate.budget if yardstick.met == MET else candidate.budget - made
             own = Interval(made, max(0.0, made - unsure), made + unsure)
             return candidate.way(best, own, f"{SHOWN} {scientific(made)}", counted)
+        # Of rounding, which another yardstick shows as well, nothing follows for other tolerances.
+        if yardstick.met == MET and least < inf and not averages(candidate.form):
+            excess = least / AIM / candidate.law.predict(candidate.at, missed).high
+            self.excess[candidate.form.name] = max(excess, self.excess.get(candidate.form.name, 1.0))
         if not isinstance(expected, Way):
             return None
         if yardstick.met == MET and candidate.budget < least < inf and missed <= expected.tolerance:
