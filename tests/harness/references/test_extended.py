@@ -12,11 +12,16 @@ from polhode.models.scenes import named_scene
 from polhode.solvers.solve import solve
 
 
-@pytest.mark.parametrize("name", ["paper", "spheroid"])
-def test_two_methods_know_a_run_as_well_as_they_say(name, monkeypatch, tmp_path):
+@pytest.fixture(params=["paper", "spheroid"])
+def known(request, monkeypatch, tmp_path):
+    """A scene with its reference in extended precision, kept in a cache of its own."""
     monkeypatch.setenv("POLHODE_CACHE", str(tmp_path))
-    scene = named_scene(name)
-    exact = reference(scene, reference_form(scene), 51)
+    scene = named_scene(request.param)
+    return scene, reference(scene, reference_form(scene), 51)
+
+
+def test_two_methods_know_a_run_as_well_as_they_say(known, monkeypatch):
+    scene, exact = known
     monkeypatch.setattr(module, "EXTENDED_UP_TO", 10.0)
     found = reference(scene, reference_form(scene), 51, seconds=60.0)
     assert (found.precision, found.certificate.solver) == ("double", "cyrk-vern8")
@@ -44,11 +49,8 @@ def test_methods_that_disagree_are_no_reference_and_share_a_limit(monkeypatch):
     assert second["max_seconds"] <= first["max_seconds"] - found.seconds < 10
 
 
-@pytest.mark.parametrize("name", ["paper", "spheroid"])
-def test_over_very_many_shear_times_a_third_run_says_how_well_a_reference_is_known(name, monkeypatch, tmp_path):
-    monkeypatch.setenv("POLHODE_CACHE", str(tmp_path))
-    scene = named_scene(name)
-    exact = reference(scene, reference_form(scene), 51)
+def test_over_very_many_shear_times_a_third_run_says_how_well_a_reference_is_known(known, monkeypatch):
+    scene, exact = known
     monkeypatch.setattr(module, "FREE_UP_TO", 1.0)
     monkeypatch.setattr(module, "EXTENDED_TIME", 1.0)
     far = reference(scene, reference_form(scene), 51)
