@@ -70,10 +70,11 @@ def following_time(scene: Scene) -> float:
 @lru_cache(maxsize=1000)
 def is_stiff(scene: Scene, turns: float | None = None) -> bool:
     """Whether stability sets an explicit method's steps over many damping times, and rotations if they are known."""
-    stability = EXPLICIT.per_damping_time * damping_times(scene)
-    if damping_times(scene) <= STIFF:
+    damped = damping_times(scene)
+    if damped <= STIFF:
         return False
     accuracy = EXPLICIT.usual(rotations(scene) if turns is None else turns, following_time(scene))
+    stability = EXPLICIT.per_damping_time * damped
     return stability > HELD * (stability + accuracy)
 
 
