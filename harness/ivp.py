@@ -73,7 +73,8 @@ def solve_ivp(
     check_field(problem)
     d = len(y0)
     wanted = np.linspace(*t_span, SAMPLES) if t_eval is None else np.array(t_eval, dtype=float)
-    if not (wanted.ndim == 1 and wanted.size and began <= wanted[0] and wanted[-1] <= t_span[1]):
+    increasing = wanted.ndim == 1 and wanted.size and (np.diff(wanted) > 0).all()
+    if not (increasing and began <= wanted[0] and wanted[-1] <= t_span[1]):
         raise ValueError(f"t_eval: got {t_eval!r:.60}, expected increasing times from {began!r} to {t_span[1]!r}")
     times = np.unique(np.concatenate([[0.0], wanted - began, [problem.end]]))
     found = solve(problem, method, rtol, times, count=True)

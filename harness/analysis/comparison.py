@@ -47,7 +47,7 @@ def compare(before: pd.DataFrame, after: pd.DataFrame, *, slower: float, less_ac
     drift = _sentinel(second) / _sentinel(first) if same_machine else 1.0
     shared = first.keys() & second.keys()
     worse = [
-        {**dict(zip(IDENTITY, case, strict=True)), **change}
+        {**dict(zip(IDENTITY, case, strict=False)), **change}
         for case in first
         if case in shared
         for change in _changes(first[case], second[case], drift, slower, less_accurate)
@@ -59,7 +59,13 @@ def compare(before: pd.DataFrame, after: pd.DataFrame, *, slower: float, less_ac
 
 def _by_identity(table: pd.DataFrame) -> dict[tuple[Any, ...], Record]:
     """Rows by what makes them the same case; of several, as of several versions or repetitions, the last counts."""
-    return {tuple(row.get(column) for column in IDENTITY): row for row in rows_of(table)}
+    return {(*(row.get(column) for column in IDENTITY), _scene(row)): row for row in rows_of(table)}
+
+
+def _scene(row: Record) -> frozenset[tuple[str, Any]]:
+    """Shape and start, which another study may give the same name."""
+    known = [(name, value) for name, value in row.items() if name.startswith("scene.") and value is not None]
+    return frozenset((name, tuple(value) if isinstance(value, list) else value) for name, value in known)
 
 
 def _sentinel(rows: Mapping[Any, Record]) -> float:
@@ -81,7 +87,7 @@ def _changes(before: Record, after: Record, drift: float, slower: float, less_ac
         alone, beside = before.get("sentinel_seconds"), after.get("sentinel_seconds")
         pace = max(drift, beside / alone) if alone and beside and _machine(before) == _machine(after) else drift
         first, second = before["seconds"], after["seconds"] / pace
-        noise = _scatter(before["seconds_runs"]) + _scatter(after["seconds_runs"]) / pace
+        noise = _scatter(before) + _scatter(after) / pace
         if second > slower * first and second - first > max(LEAST_SECONDS, noise):
             changes.append({"what": "seconds", "before": first, "after": second})
     for error in ERRORS:
@@ -97,8 +103,10 @@ def _machine(row: Record) -> tuple[Any, ...]:
     return tuple(value for name, value in sorted(row.items()) if name.startswith("machine."))
 
 
-def _scatter(runs: list[float]) -> float:
+def _scatter(row: Record) -> float:
     """How far repeated runs lie above their shortest, by the median: one disturbed run does not count."""
+    # The records of some pages go without them.
+    runs = row.get("seconds_runs") or [0.0]
     return median(runs) - min(runs)
 
 

@@ -104,7 +104,8 @@ def reference(scene: Scene, form: str | Form, samples: int, seconds: float = inf
         if (turns := _rotations(scene)) > MOST_ROTATIONS:
             raise ReferenceFailedError(f"more than {MOST_ROTATIONS:g} rotations")
         long = long or turns > EXTENDED_UP_TO
-    key = _key(problem, samples, long)
+    # Averaged equations are the same however the body axes are numbered; the orientation is not.
+    key = _key(problem, samples, long, scene.ellipsoid.scaled_axes if shape.averaged else ())
     arrays = cache.load(key)
     if arrays is None or _tried_less(arrays, seconds):
 
@@ -243,14 +244,14 @@ def _rounded_otherwise(problem: Problem, seed: int) -> Problem:
     return replace(problem, start=moved(problem.start), parameters=moved(problem.parameters or ()))
 
 
-def _key(problem: Problem, samples: int, long: bool = False) -> str:
+def _key(problem: Problem, samples: int, long: bool = False, axes: tuple[float, ...] = ()) -> str:
     extended = QUADRUPLE, LONG_DOUBLE, ROUNDING_RUN, ROUNDING_SEEDS, QUADRUPLE_UP_TO, TWO_MOVED_UP_TO
     content = {
         "schema": SCHEMA,
         "form": problem.name,
-        "start": [value.hex() for value in problem.start],
-        "parameters": [value.hex() for value in problem.parameters or ()],
-        "end": problem.end.hex(),
+        "start": [float(value).hex() for value in problem.start],
+        "parameters": [float(value).hex() for value in (*(problem.parameters or ()), *axes)],
+        "end": float(problem.end).hex(),
         "samples": samples,
         "runs": (SPHEROIDS, OTHERS, AGAINST) if long else extended,
         "heyoka": version("heyoka"),

@@ -128,8 +128,9 @@ def test_solve_ivp_gives_what_scipy_gives(method: str):
     whole = solve_ivp(driven, span, start, method, args=args, rtol=1e-10)
     assert (whole.status, whole.y.shape) == (0, (2, 201))
     np.testing.assert_allclose(whole.sol(times[:3]), theirs.y[:, :3], atol=1e-7)
-    with pytest.raises(ValueError, match="t_eval: got"):
-        solve_ivp(driven, span, start, method, [0.0, 1.0], args=args)
+    for wrong in ([0.0, 1.0], [1.0, 9.0], [1.0, 9.0, 2.0], [2.0, 1.0], [1.0, 1.0], []):
+        with pytest.raises(ValueError, match="t_eval: got"):
+            solve_ivp(driven, span, start, method, wrong, args=args)
 
 
 def test_of_scipys_options_those_that_would_change_nothing_are_taken():

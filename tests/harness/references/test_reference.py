@@ -14,7 +14,7 @@ from polhode.harness.references.certificate import certify, pieces
 from polhode.harness.references.errors import errors
 from polhode.harness.references.reference import ReferenceFailedError, reference
 from polhode.models.catalogue import form as find_form
-from polhode.models.scene import Scene
+from polhode.models.scene import BodyStart, Scene
 from polhode.models.scenes import named_scene
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.contract import Status
@@ -189,6 +189,18 @@ def test_a_reference_that_takes_too_long_is_not_tried_again_within_as_many_secon
 def test_every_full_form_has_the_same_reference_and_averaged_ones_their_own():
     assert reference(SPHEROID, "spheroid-axis", 11).form == reference(SPHEROID, "euler-angles", 11).form == "quaternion"
     assert reference(SPHEROID, "averaged-spheroid", 11).form == "averaged-spheroid"
+
+
+def test_references_of_a_body_with_renamed_axes_have_its_own_orientation():
+    """The averaged equations, and so the problem, are the same to the last bit."""
+    start = BodyStart((1, 0, 0, 0), (0.3, 0.2, 0.7)), BodyStart((0.5, -0.5, -0.5, -0.5), (0.7, 0.3, 0.2))
+    bodies = Ellipsoid((1.0, 1.0, 2.0)), Ellipsoid((2.0, 1.0, 1.0))
+    scenes = [Scene(*each, 100.0) for each in zip(bodies, (1e4, 1e4), start, strict=True)]
+    form = find_form("averaged-second-order")
+    one, other = (form.problem(scene) for scene in scenes)
+    assert (one.start, one.parameters) == (other.start, other.parameters)
+    seen, renamed = (reference(scene, form, 5).observables.rotation for scene in scenes)
+    np.testing.assert_array_equal(renamed, np.roll(seen, 1, axis=1))
 
 
 def test_beyond_the_horizon_there_is_no_reference():
