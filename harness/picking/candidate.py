@@ -10,7 +10,7 @@ from polhode.harness.picking.load import load_of
 from polhode.harness.picking.model_error import causes
 from polhode.harness.picking.pilot import Pilot, PilotFailedError
 from polhode.harness.picking.recommendation import Way
-from polhode.harness.picking.refusals import one_digit, one_digit_up, too_far_off, too_tight
+from polhode.harness.picking.refusals import Stage, UnfitError, one_digit, one_digit_up, too_far_off, too_tight
 from polhode.models.form import Form
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Work
@@ -78,7 +78,7 @@ class Candidate:
 
     def by_law(self, tolerance: float) -> Way | None:
         """The way to run it at a tolerance, if its pilots do not fail."""
-        with suppress(PilotFailedError):
+        with suppress(PilotFailedError, UnfitError):
             return self.way(tolerance, self.law.predict(self.at, tolerance), "")
         return None
 
@@ -92,6 +92,8 @@ class Candidate:
         else:
             load = load_of(self.form, self.solver, self.found, self.samples, tolerance)
             load = replace(load, steps=work and work.steps)
+        if load.pieces and not self.laws.cost.per_piece:
+            raise UnfitError("no law: not measured with pieces that average", Stage.LAW)
         seconds = self.laws.cost.predict(load, tolerance)
         first_run = self.laws.compile_seconds + seconds.predicted
         whole = own.plus(self.model) if self.model else own

@@ -92,7 +92,7 @@ def first_way(
     solvers = [name for name in SOLVERS if solver in (None, name)]
     with suppress(PilotFailedError, OverflowError):
         ways, _ = _candidates(scene, error, want, samples, load_laws(), forms, solvers)
-        return min(ways, key=lambda way: way.seconds.predicted, default=None)
+        return min(ways, key=lambda way: way.seconds.mean, default=None)
     return None
 
 
@@ -112,7 +112,7 @@ def _recommended(scene: Scene, error: float, want: str, samples: int, laws: Laws
         largest = _least(scene, found, want) / EPS if want == "slow" else pi
         raise NotAttainableError(error, f"not attainable: {why_nothing(refusals, largest)}")
     excluded = tuple(Excluded(each.form, each.solver, each.reason) for each in refusals)
-    ways.sort(key=lambda way: way.seconds.predicted)
+    ways.sort(key=lambda way: way.seconds.mean)
     tied = [way for way in ways if way.seconds.overlaps(ways[0].seconds)]
     if len(tied) > 1:
         same = "no significant difference in time"

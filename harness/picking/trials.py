@@ -70,25 +70,25 @@ def with_trials(candidates: Sequence[Candidate], want: str) -> list[Way | Refusa
     trials = Trials(candidates, want, limit, ALL * limit)
     hopes = [(hope, place) for place, each in enumerate(candidates) if (hope := _worth_trying(each, limit))]
     # The quickest ones first, or the surest ones.
-    hopes.sort(key=lambda each: each[0].error.predicted if hopeless else each[0].seconds.predicted)
+    hopes.sort(key=lambda each: each[0].error.predicted if hopeless else each[0].seconds.mean)
     for hope, place in hopes:
         candidate = candidates[place]
-        if tried == WAYS or hope.seconds.predicted >= _quickest(found):
+        if tried == WAYS or hope.seconds.mean >= _quickest(found):
             continue
         if candidate.doubtful:
             candidate = replace(candidate, budget=candidate.asked, model=None)
         if hope.form not in poor and (yardstick := trials.yardstick(candidate)):
             tried, shown, others = tried + 1, None, _quickest([*found[:place], *found[place + 1 :]])
-            with suppress(PilotFailedError):
+            known = len(trials.misses)
+            with suppress(PilotFailedError, UnfitError):
                 shown = trials.tried(candidate, hope.tolerance, by_law[place], yardstick, others)
             found[place] = shown or found[place]
             if shown:
                 settled.add(place)
             # What laws did not foresee of one solver they did not of the others on the same equations.
-            if (excess := trials.excess.get(hope.form, 1.0)) > 1:
-                for i, each in enumerate(candidates):
-                    if each.form.name == hope.form and i not in settled:
-                        found[i] = _expected(each.worse(excess))
+            for i, each in enumerate(candidates if len(trials.misses) > known else ()):
+                if each.form.name == hope.form and i not in settled and (excess := trials.excess(each)) > 1:
+                    found[i] = _expected(each.worse(excess))
             # What these err by is their own: if a trial finds no tolerance, it will by no solver.
             if averages(candidate.form) and not (isinstance(shown, Way) and SHOWN in shown.reason):
                 poor.add(hope.form)
@@ -96,7 +96,7 @@ def with_trials(candidates: Sequence[Candidate], want: str) -> list[Way | Refusa
 
 
 def _quickest(found: Sequence[Way | Refusal]) -> float:
-    return min((way.seconds.predicted for way in found if isinstance(way, Way)), default=inf)
+    return min((way.seconds.mean for way in found if isinstance(way, Way)), default=inf)
 
 
 def _expected(candidate: Candidate) -> Way | Refusal:
@@ -131,8 +131,8 @@ class Trials:
     limit: float
     left: float
     paid: set[tuple[str, str, float]] = field(default_factory=set)
-    # By how much errors on full equations exceed the upper ends of laws, with `AIM`.
-    excess: dict[str, float] = field(default_factory=dict)
+    # Tightest tolerances that missed on full equations, be it in pieces, and the errors there.
+    misses: list[tuple[Candidate, float, float]] = field(default_factory=list)
 
     def tried(
         self, candidate: Candidate, tolerance: float, expected: Way | Refusal, yardstick: Yardstick, quickest: float
@@ -170,9 +170,8 @@ class Trials:
             own = Interval(made, max(0.0, made - unsure), made + unsure)
             return candidate.way(best, own, f"{SHOWN} {scientific(made)}", counted)
         # Of rounding, which another yardstick shows as well, nothing follows for other tolerances.
-        if yardstick.met == MET and least < inf and not averages(candidate.form):
-            excess = least / AIM / candidate.law.predict(candidate.at, missed).high
-            self.excess[candidate.form.name] = max(excess, self.excess.get(candidate.form.name, 1.0))
+        if yardstick.met == MET and least < inf and not candidate.form.averaged:
+            self.misses.append((candidate, missed, least))
         if not isinstance(expected, Way):
             return None
         if yardstick.met == MET and candidate.budget < least < inf and missed <= expected.tolerance:
@@ -180,6 +179,15 @@ class Trials:
             return Refusal(expected.form, expected.solver, why, Stage.ERROR)
         seconds = Interval(*(OVERRUN * each for each in astuple(expected.seconds)))
         return replace(expected, seconds=seconds) if late >= expected.tolerance else None
+
+    def excess(self, candidate: Candidate) -> float:
+        """By how much, with `AIM`, errors of its form exceed the upper end of a law.
+
+        In pieces the tolerance means the same by every solver, so that the law is the candidate's own.
+        """
+        alike = [each for each in self.misses if each[0].form.name == candidate.form.name]
+        own = candidate if isinstance(candidate.form, InPieces) else None
+        return max((least / AIM / _high(own or tried, at) for tried, at, least in alike), default=1.0)
 
     def yardstick(self, candidate: Candidate) -> Yardstick | None:
         """A run close to the true one, of the same averaged form, a full one or one in pieces; None if none is."""
@@ -238,6 +246,10 @@ class Trials:
             return inf
         error = getattr(errors(candidate.found.scene.ellipsoid, run.seen, true), self.want)
         return inf if error is None else error
+
+
+def _high(candidate: Candidate, tolerance: float) -> float:
+    return candidate.law.predict(candidate.at, tolerance).high
 
 
 def _hopes(candidates: Sequence[Candidate], budget: float) -> Iterator[tuple[Candidate, Way | None]]:

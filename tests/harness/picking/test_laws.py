@@ -6,6 +6,7 @@ from math import exp, inf, pi
 
 import numpy as np
 import pytest
+from scipy.special import ndtri
 
 from polhode.harness.calibration.fit import fit_cost, fit_error, fit_errors, fit_steps, refit
 from polhode.harness.calibration.samples import Sample
@@ -448,6 +449,13 @@ def test_intervals_overlap_or_do_not():
     assert Interval(2.0, 1.0, 3.0).overlaps(Interval(4.0, 3.0, 5.0))
     assert not Interval(2.0, 1.0, 3.0).overlaps(Interval(4.0, 3.1, 5.0))
     assert Interval(2.0, 1.0, 3.0).plus(Interval(2.0, 1.0, 3.0)) == Interval(4.0, 2.0, 6.0)
+
+
+@pytest.mark.parametrize(("low", "high"), [(0.5, 2.0), (0.25, 1.5), (0.9, 30.0)])
+def test_the_mean_of_an_interval_is_that_of_numbers_drawn_from_it(low, high):
+    numbers = ndtri((np.arange(100_000) + 0.5) / 100_000)
+    drawn = 3.0 * np.exp(numbers / 1.96 * np.where(numbers < 0, -np.log(low), np.log(high)))
+    assert Interval(3.0, 3.0 * low, 3.0 * high).mean == pytest.approx(drawn.mean(), rel=1e-2)
 
 
 def test_pilot_of_a_spinning_sphere_counts_its_turns():

@@ -8,6 +8,7 @@ import pytest
 from polhode.harness.picking import ranking, trials
 from polhode.harness.picking.candidate import LOOSEST, Candidate
 from polhode.harness.picking.laws import Interval, Laws, Load, load_laws
+from polhode.harness.picking.pilot import form_sensitivity, pilot
 from polhode.harness.picking.ranking import DEFAULT_SAMPLES, NotAttainableError, pick
 from polhode.harness.picking.refusals import one_digit
 from polhode.harness.references.errors import errors
@@ -216,7 +217,7 @@ def test_a_trial_without_any_error_asks_for_the_loosest_tolerance_whatever_the_o
 @pytest.mark.parametrize(("error", "count"), [(1e-2, trials.WAYS), (np.inf, 0)])
 def test_an_error_shown_to_be_missed_excludes_a_way_and_a_run_that_fails_does_not(error, count, monkeypatch):
     """Whatever the law promises."""
-    hoped = {"tolerance": 1e-12, "seconds": trials.NOTHING}
+    hoped = {"tolerance": 1e-12, "seconds": Interval(1e-9, 1e-9, 1e-9)}
     monkeypatch.setattr(Candidate, "hoped", lambda self, **_: replace(self.expected(), **hoped))
     monkeypatch.setattr(trials, "ALL", np.inf)
     monkeypatch.setattr(trials, "OVERRUN", np.inf)
@@ -237,3 +238,32 @@ def test_a_law_that_a_trial_contradicts_is_believed_no_longer(monkeypatch):
     monkeypatch.setattr(trials, "TOLERANCES", 1)
     for way in pick(scene, error, laws=replace(laws, methods=methods)).ranking[:3]:
         assert made(scene, way, "slow") <= error
+
+
+def test_what_a_form_in_pieces_missed_it_misses_by_every_solver():
+    """At a tolerance, by any solver that its law promised more of; one that promised no more is as good as before."""
+    scene = replace(named_scene("spheroid"), stokes=1e6, time=1e5)
+    each, found, laws = form("hybrid"), pilot(scene), load_laws()
+    at = form_sensitivity(each, found)["slow"]
+    known = {name: laws.methods["hybrid", name] for name in ("cyrk-dop853", "cyrk-vern8", "taylor")}
+    dop853, vern8, taylor = (
+        Candidate(each, name, law, law.errors["long slow"], at, 1e-6, None, found, DEFAULT_SAMPLES)
+        for name, law in known.items()
+    )
+    least = 3 * dop853.law.predict(at, 1e-7).high
+    run = trials.Trials([dop853, vern8, taylor], "slow", 1.0, 1.0, misses=[(dop853, 1e-7, least)])
+    held = taylor.worse(least / taylor.law.predict(at, 1e-7).high)
+    for other in (vern8, taylor, held):
+        worse = other.worse(run.excess(other))
+        assert worse.law.predict(at, 1e-7).high == pytest.approx(least / trials.AIM, rel=1e-3)
+    assert run.excess(held.worse(1 / trials.AIM)) == pytest.approx(1.0, rel=1e-3)
+
+
+def test_runs_that_average_are_foreseen_for_no_solver_that_never_averaged_in_training():
+    scene, laws = replace(named_scene("spheroid"), stokes=1e6, time=1e5), load_laws()
+    unknown = {name for (each, name), law in laws.methods.items() if each == "hybrid" and not law.cost.per_piece}
+    assert unknown
+    found = pick(scene, 1e-4, laws=laws)
+    reasons = {each.solver: each.reason for each in found.excluded if each.form == "hybrid"}
+    assert {reasons.get(name) for name in unknown} == {"no law: not measured with pieces that average"}
+    assert {"cyrk-dop853", "taylor"} <= {way.solver for way in found.ranking if way.form == "hybrid"}
