@@ -107,9 +107,7 @@ class _Commands(click.Group):
         module = import_module(f"polhode.harness.commands.{COMMANDS[cmd_name].module}")
         return getattr(module, cmd_name.replace("-", "_"))
 
-    def resolve_command(
-        self, ctx: click.Context, args: list[str]
-    ) -> tuple[str | None, click.Command | None, list[str]]:
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> tuple[Any, click.Command | None, list[str]]:
         name = FORMER.get(args[0], args[0])
         if name not in COMMANDS and not ctx.resilient_parsing:
             raise BadInput(f"no such command {name!r}{hint(name, COMMANDS)}, expected one of {', '.join(COMMANDS)}")

@@ -127,9 +127,7 @@ class WorkPrecision:
         def run(limit: float = self.max_seconds, *, count: bool = False) -> Solution:
             return solve(self.problem, method, tolerance, self.times, count=count, max_seconds=limit)
 
-        solution, _ = within(
-            self.max_seconds, partial(run, count=True), lambda found: found.status is Status.TIME_LIMIT
-        )
+        solution, _ = within(self.max_seconds, partial(run, count=True), lambda own: own.status is Status.TIME_LIMIT)
         timing = time_runs(partial(run, inf)) if solution.success else None
         return {
             "solver": method.name,

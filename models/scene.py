@@ -1,5 +1,6 @@
 """A scene: all physics of one question, no numerics."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from math import hypot, inf, isfinite, isinf
@@ -86,6 +87,8 @@ def _require_finite(name: str, numbers: tuple[float, ...], length: int) -> None:
 # L² / 2E may lie outside by roundoff.
 SLACK = 1e-12
 Start = EulerStart | BodyStart | SlowStart
+# Where a run stands at a time, if that is known.
+StartAt = Callable[[float], Start | None]
 
 
 @dataclass(frozen=True)
@@ -118,14 +121,12 @@ class Scene:
         if not LEAST <= self.time < inf:
             raise ValueError(f"time: got {self.time!r}, expected a finite number from {LEAST:g} on")
         if isinstance(self.start, SlowStart):
-            self._require_possible(hypot(*self.start.angular_momentum), 2 * self.start.energy)
-
-    def _require_possible(self, momentum: float, twice_energy: float) -> None:
-        """Refuse L and E that no rotation of the ellipsoid has: L² / 2E lies between the extreme moments of inertia."""
-        low, high = min(self.ellipsoid.inertia), max(self.ellipsoid.inertia)
-        ratio = momentum / twice_energy * momentum if twice_energy > 0 else inf
-        if not low * (1 - SLACK) <= ratio <= high * (1 + SLACK) and (momentum, twice_energy) != (0, 0):
-            raise ValueError(f"start: got L² / 2E = {ratio!r}, expected a value from {low!r} to {high!r}")
+            # Of any rotation L² / 2E lies between the extreme moments of inertia.
+            momentum, twice_energy = hypot(*self.start.angular_momentum), 2 * self.start.energy
+            low, high = min(self.ellipsoid.inertia), max(self.ellipsoid.inertia)
+            ratio = momentum / twice_energy * momentum if twice_energy > 0 else inf
+            if not low * (1 - SLACK) <= ratio <= high * (1 + SLACK) and (momentum, twice_energy) != (0, 0):
+                raise ValueError(f"start: got L² / 2E = {ratio!r}, expected a value from {low!r} to {high!r}")
 
     @property
     def slow_time(self) -> float:

@@ -64,7 +64,7 @@ def paper_cases() -> list[Subject]:
     return cases
 
 
-def _subject(
+def _case(
     axes: Triple, slow_time: float, points: int, start: str = "", spin: Triple = (0, 0, 0), lowest: float = 4.0
 ) -> Subject:
     """A case of the second order, over two decades of St, in three digits; `start` names one, or `spin` makes it."""
@@ -75,6 +75,4 @@ def _subject(
 
 
 # Cases of the second order away from resonances, through those of polhode and precession, and up to L² = 2EI₂.
-AWAY, RESONANT, CROSSING = (
-    tuple(_subject(**row) for row in _TABLES[name]) for name in ("away", "resonant", "crossing")
-)
+AWAY, RESONANT, CROSSING = (tuple(_case(**row) for row in _TABLES[name]) for name in ("away", "resonant", "crossing"))

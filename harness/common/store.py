@@ -200,9 +200,7 @@ def write_table(path: Path, kind: type, rows: Iterable[Any], columns: Sequence[s
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns or [field.name for field in fields(kind)])
         for row in rows:
-            writer.writerow(
-                [cell for value in astuple(row) for cell in (value if isinstance(value, tuple) else [value])]
-            )
+            writer.writerow([cell for each in astuple(row) for cell in (each if isinstance(each, tuple) else [each])])
 
 
 def read_table(path: Path, kind: type[Entry], columns: Sequence[str] = ()) -> list[Entry]:

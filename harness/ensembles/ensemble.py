@@ -175,9 +175,7 @@ class Ensemble:
             self._observe(finished if success.all() else finished[success], statistics)
         return statistics
 
-    def states(
-        self, starts: np.ndarray, times: np.ndarray, random: np.random.Generator
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def states(self, starts: np.ndarray, times: np.ndarray, random: np.random.Generator) -> tuple[np.ndarray, ...]:
         """States, shape (m, n, d), of particles at times, with NaN from where one failed, and their statuses."""
         # Phases that hybrid equations leave open are drawn from `random`.
         if self.equations == "averaged":

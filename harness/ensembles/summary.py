@@ -11,7 +11,7 @@ from scipy.special import bdtrik
 
 from polhode.harness.common.fits import COVERAGE, wilson
 from polhode.harness.ensembles.ensemble import Ensemble
-from polhode.harness.ensembles.statistics import FOURTH, FOURTH_OF_VOIGT, RATES, SECOND, SLOW_NAMES, VOIGT, Statistics
+from polhode.harness.ensembles.statistics import FOURTH, FOURTH_OF_VOIGT, SECOND, SLOW_NAMES, VOIGT, Statistics
 
 QUANTILES = (0.1, 0.5, 0.9)
 # Where the squares of `SECOND` stand in `FOURTH`.
@@ -73,8 +73,8 @@ def transient_quantile(ensemble: Ensemble, statistics: Statistics, share: float)
 def moment_rows(ensemble: Ensemble, statistics: Statistics) -> list[dict[str, object]]:
     """Orientation moments, one row per snapshot, body axis and component."""
     second, fourth = (["".join("xyz"[i] for i in component) for component in order] for order in (SECOND, FOURTH))
-    rows = _mean_rows(ensemble, means(statistics, "second"), moment=second)
-    return rows + _mean_rows(ensemble, means(statistics, "fourth"), moment=fourth)
+    rows = mean_rows(ensemble, statistics, "second", moment=second)
+    return rows + mean_rows(ensemble, statistics, "fourth", moment=fourth)
 
 
 def voigt_rows(ensemble: Ensemble, statistics: Statistics) -> list[dict[str, object]]:
@@ -82,26 +82,18 @@ def voigt_rows(ensemble: Ensemble, statistics: Statistics) -> list[dict[str, obj
     # As tensors of stiffness are written: no factors stand before the components (Voigt 1910; of orientation: Advani
     # and Tucker, J. Rheol. 31 (1987) 751).
     names = ["".join("xyz"[i] for i in pair) for pair in VOIGT]
-    mean, error = (each[..., FOURTH_OF_VOIGT] for each in means(statistics, "fourth"))
-    rows = _mean_rows(ensemble, (mean, error), row=names, column=names)
+    rows = mean_rows(ensemble, statistics, "fourth", (..., FOURTH_OF_VOIGT), row=names, column=names)
     return [row for row in rows if names.index(str(row["row"])) <= names.index(str(row["column"]))]
 
 
-def rate_rows(ensemble: Ensemble, statistics: Statistics) -> list[dict[str, object]]:
-    """Mean squares of spinning and tumbling rates, one row per snapshot, body axis and rate."""
-    return _mean_rows(ensemble, means(statistics, "rates"), rate=RATES)
-
-
-def slow_rows(ensemble: Ensemble, statistics: Statistics) -> list[dict[str, object]]:
-    """Means of the slow variables, one row per snapshot and variable."""
-    return _mean_rows(ensemble, means(statistics, "slow"), variable=[f"{name}/Imax" for name in SLOW_NAMES])
-
-
-def _mean_rows(ensemble: Ensemble, found: tuple[np.ndarray, np.ndarray], **more: Sequence[str]) -> list[dict[str, Any]]:
-    """One row for each place in the arrays: of times, of body axes but for slow variables, and of what is named."""
+def mean_rows(
+    ensemble: Ensemble, statistics: Statistics, of: str, chosen: Any = ..., **more: Sequence[str]
+) -> list[dict[str, Any]]:
+    """One row for each of the `means` chosen: of times, of body axes but for slow variables, and of what is named."""
     bodies = {} if "variable" in more else {"body_axis": [axis + 1 for axis in ensemble.layout.axes]}
     axes: dict[str, Sequence[Any]] = {"time": snapshot_times(ensemble), **bodies, **more}
-    values = zip(product(*axes.values()), *(each.ravel().tolist() for each in found), strict=True)
+    found = (each[chosen].ravel().tolist() for each in means(statistics, of))
+    values = zip(product(*axes.values()), *found, strict=True)
     return [
         {**ensemble_columns(ensemble), **dict(zip(axes, place, strict=True)), "mean": one, "standard_error": other}
         for place, one, other in values

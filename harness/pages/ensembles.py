@@ -5,6 +5,7 @@ import json
 import tomllib
 from collections.abc import Sequence
 from contextlib import ExitStack
+from functools import partial
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -21,20 +22,21 @@ from polhode.harness.common.store import Store
 from polhode.harness.common.text import short
 from polhode.harness.ensembles import summary
 from polhode.harness.ensembles.ensemble import Ensemble
-from polhode.harness.ensembles.statistics import SECOND, SLOW_NAMES, Statistics
+from polhode.harness.ensembles.statistics import RATES, SECOND, SLOW_NAMES, Statistics
 from polhode.harness.ensembles.summary import arrived, means, snapshot_times
 from polhode.harness.ensembles.sweep import NO_TIMES, Sweep, gather
 from polhode.harness.pages.figures.style import power
 from polhode.harness.pages.figures.work_precision import save
 from polhode.harness.pages.tables import fill
 
+# What the page says of them stands in `texts/sweep.md`.
 FILES = {
-    "moments.csv": (summary.moment_rows, "orientation moments of second and fourth order, with standard errors"),
-    "voigt.csv": (summary.voigt_rows, "the same of fourth order as matrices in Voigt's order"),
-    "rates.csv": (summary.rate_rows, "mean squares of spinning and tumbling rates, with standard errors"),
-    "slow.csv": (summary.slow_rows, "means of L and E, with standard errors"),
-    "distributions.csv": (summary.distribution_rows, "histograms of L and E"),
-    "arrivals.csv": (summary.arrival_rows, "fraction arrived at each attractor against time, with 95 % intervals"),
+    "moments.csv": summary.moment_rows,
+    "voigt.csv": summary.voigt_rows,
+    "rates.csv": partial(summary.mean_rows, of="rates", rate=RATES),
+    "slow.csv": partial(summary.mean_rows, of="slow", variable=[f"{name}/Imax" for name in SLOW_NAMES]),
+    "distributions.csv": summary.distribution_rows,
+    "arrivals.csv": summary.arrival_rows,
 }
 # Components of a moment, and Stokes numbers from the smallest to the largest.
 DASHES, COLOURS = ("-", "--", ":"), "viridis"
@@ -56,7 +58,7 @@ def write_results(sweep: Sweep, store: Store, folder: Path) -> tuple[Path, list[
             found = [(ensemble, gather(ensemble, store)) for ensemble in same]
             for ensemble, statistics in found:
                 ensembles.append(summary.ensemble_row(ensemble, statistics))
-                for name, (make, _) in FILES.items():
+                for name, make in FILES.items():
                     for row in make(ensemble, statistics):
                         if name not in written:
                             file = files.enter_context(PartialFile(folder / name, summed=True))
@@ -88,7 +90,7 @@ def _page(sweep: Sweep, ensembles: list[dict[str, Any]], names: list[str], pictu
         rows=rows,
         settled=[(shape, list(same)) for shape, same in settled],
         pictures=pictures,
-        files={name: FILES[name][1] for name in names},
+        files=names,
         no_times=NO_TIMES,
     )
 

@@ -23,7 +23,7 @@ from polhode.solvers.contract import Status
 # Solvers that take at least this share of the cases that anybody takes are compared as to who never fails.
 MOST = 0.9
 CASE = ["scene", "St", "form", "tolerance"]
-# What the shared records leave out, for there are thousands: `polhode export` writes all.
+# What the shared records leave out besides what is empty, for there are thousands: `polhode export` writes all.
 LEFT_OUT = ("key", "errors", "seconds_runs", "statistics_uncertainty", "statistics_distance", "solver_slow_uncertainty")
 # A run that reached its end but is further off the exact solution of its own form, in units of I_max or of the slow
 # variables at the start if those are larger, has no digits to trust.
@@ -68,7 +68,8 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     found = endings(table, limits(records))
     endings_csv = pd.DataFrame(found).to_csv(index=False, float_format="%.12g")
     write_file(folder / "outcomes.csv", endings_csv, summed=True)
-    export(map(_shared, records), folder / "records.jsonl")
+    kept = ({name: record[name] for name in record.keys() - LEFT_OUT if record[name] is not None} for record in records)
+    export(kept, folder / "records.jsonl")
     runs, stopped, solvers = _runs(found), limit(table), sorted(set(table["solver"]), key=rank)
     page = fill(
         "outcomes",
@@ -81,11 +82,6 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         hard=[f"{name}: {SCENES[name].summary}" for name in dict(study.scenes) if name in SCENES],
     )
     return write_file(folder / "README.md", page)
-
-
-def _shared(record: Record) -> Record:
-    """What of a record is shared: nothing that is empty, and not `LEFT_OUT`."""
-    return {name: value for name, value in record.items() if value is not None and name not in LEFT_OUT}
 
 
 def _counts(runs: Any, solvers: Sequence[str]) -> str:

@@ -181,8 +181,9 @@ def drawn(entry: Mapping[str, Any], names: dict[str, Any]) -> Figure:
                 evaluated(curve, facts)
             else:
                 _draw(own, curve, facts)
-        x, y = panel.get("x", own.get_xlabel()), panel.get("y", own.get_ylabel())
-        drawing.label(own, x, y, worded(panel.get("title", ""), facts), panel.get("log", ""), **panel.get("limits", {}))
+        labels = {f"{side}label": panel[side] for side in "xy" if side in panel}
+        scales = {f"{side}scale": "log" for side in panel.get("log", "")}
+        own.set(**labels, title=worded(panel.get("title", ""), facts), **scales, **panel.get("limits", {}))
         for call in panel.get("also", ()):
             evaluated(call, facts)
         if "legend" in panel:
@@ -216,7 +217,10 @@ def _draw(axes: Axes, curve: Mapping[str, Any], names: dict[str, Any]) -> None:
         chosen |= {name: evaluated(style[name], own) for name in VARYING & style.keys()}
         x, y, slope = (evaluated(curve.get(name), own) for name in ("x", "y", "slope"))
         if "slope" in curve:
-            drawing.draw_law(axes, x, y, slope, **{name: each for name, each in chosen.items() if each is not None})
+            # A power law that has the value y at the last of the points x.
+            law = {"color": drawing.BLACK, "linestyle": chosen.pop("line", ":"), "label": f"slope {slope:.3g}"}
+            law |= {name: each for name, each in chosen.items() if each is not None}
+            axes.plot(x, y * (x / x[-1]) ** slope, **law)
         elif "level" in curve:
             axes.axhline(evaluated(curve["level"], own), **chosen)
         elif "broken" in curve:

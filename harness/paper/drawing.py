@@ -54,11 +54,6 @@ def panels(
     return figure, [found[place] for row in places for place in row]
 
 
-def label(axes: Axes, x: str, y: str, title: str = "", log: str = "", **limits: Any) -> None:
-    """Label axes, whose units belong into the labels; those named in `log` are logarithmic, with powers of ten."""
-    axes.set(xlabel=x, ylabel=y, title=title, **{f"{side}scale": "log" for side in log}, **limits)
-
-
 def unit_sphere(axes: Any) -> None:
     """Prepare three-dimensional axes for paths on the unit sphere."""
     u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 25), np.linspace(0, np.pi, 13))
@@ -79,12 +74,6 @@ def draw_broken(axes: Axes, x: np.ndarray, y: np.ndarray, paths: np.ndarray, **s
     """Draw several paths as one line with gaps, so that they share one entry of the legend."""
     gaps = np.flatnonzero(np.diff(paths)) + 1
     axes.plot(np.insert(x, gaps, np.nan), np.insert(y, gaps, np.nan), **style)
-
-
-def draw_law(axes: Axes, x: np.ndarray, y: float, slope: float, line: str = ":", **style: Any) -> None:
-    """Draw a power law that has the value y at the last of the points x; its exponent stands in the legend."""
-    chosen = {"color": BLACK, "linestyle": line, "label": f"slope {slope:.3g}", **style}
-    axes.plot(x, y * (x / x[-1]) ** slope, **chosen)
 
 
 def save(figure: Figure, folder: Path, name: str) -> None:

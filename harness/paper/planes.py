@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
-from polhode.harness.paper.drawing import AVERAGED, BLACK, BOUND, GREEN, NODE, draw_broken, label
+from polhode.harness.paper.drawing import AVERAGED, BLACK, BOUND, GREEN, NODE, draw_broken
 from polhode.harness.paper.item import Table
 from polhode.harness.paper.runs import Run, slow_run, slow_run_to_pinch
 from polhode.harness.paper.tables import groups
@@ -71,13 +71,10 @@ def draw_frame(axes: Axes, ellipsoid: Ellipsoid, low: float, high: float) -> Non
     axes.plot([low, 0.0], [-low / 4, 0.0], color=GREEN, linewidth=0.9)
     for point in fixed_points(ellipsoid):
         draw_point(axes, point.stability, place_of(ellipsoid, point))
-    axes.set_xlim(low, high)
-    label(axes, "$L_z/I_{max}$", "$E/I_{max}$")
+    axes.set(xlim=(low, high), xlabel="$L_z/I_{max}$", ylabel="$E/I_{max}$")
 
 
-def draw_point(
-    axes: Axes, stability: str, place: tuple[float, float] | tuple[()] = (), text: str | None = None
-) -> None:
+def draw_point(axes: Axes, stability: str, place: tuple[float, ...] = (), text: str | None = None) -> None:
     """Draw a fixed point with the marker of its stability; without a place it stands in the legend alone."""
     marker, size = MARKERS[stability]
     x, y = place or ([], [])

@@ -5,7 +5,6 @@ error of the looser one. A run of too many rotations is replaced by its twin: th
 which every rotation stands for several. Where there is no slow motion, only the beginning is followed.
 """
 
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -22,7 +21,7 @@ from polhode.models.catalogue import form as find_form, reference_form
 from polhode.models.form import Form
 from polhode.models.observables import Observables, angular_velocity
 from polhode.models.problem import PlannedPiece
-from polhode.models.scene import BodyStart, Scene, SlowStart, Start, start_from
+from polhode.models.scene import BodyStart, Scene, SlowStart, Start, StartAt, start_from
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.solve import Solution, solve
@@ -51,9 +50,7 @@ GROWTH = {"slow": 0.5, "orientation": 1.25}
 class InPieces(Protocol):
     """A form that follows parts of a run by the full equations, and the rest by averages, as its tolerance allows."""
 
-    def plan(
-        self, scene: Scene, tolerance: float, start_at: Callable[[float], Start | None]
-    ) -> tuple[PlannedPiece, ...]:
+    def plan(self, scene: Scene, tolerance: float, start_at: StartAt) -> tuple[PlannedPiece, ...]:
         """Pieces that a run is expected to take; where it stands at a time is asked for on the way."""
         ...
 

@@ -63,7 +63,12 @@ def build(reports: Path, out: Path, scenes: dict[str, Scene], say: Callable[[str
         body = f'<p class="note">Beside this page: {links}.</p>{body}' if links else body
         write(name, Page(found.title or name, "", body))
         for picture, path in found.pictures.items():
-            _copy(path, out / FIGURES / picture)
+            # In few colours and a format that keeps the site small.
+            copied = BytesIO()
+            with Image.open(path) as image:
+                drawn = few_colours(image.convert("RGB")).convert("RGB")
+            drawn.save(copied, "webp", lossless=True, quality=50, method=2)
+            write_file(out / FIGURES / picture, copied.getvalue())
     return out / "index.html"
 
 
@@ -84,11 +89,3 @@ def _runs_of(cell: re.Match[str]) -> str:
 
 def _as_costs(picture: str) -> str:
     return '<p><a href="cost.html">As a diagram, run by run</a></p>' if ON_COSTS.fullmatch(picture) else ""
-
-
-def _copy(source: Path, target: Path) -> None:
-    """Copy a picture in few colours and a format that keeps the site small."""
-    copied = BytesIO()
-    with Image.open(source) as image:
-        few_colours(image.convert("RGB")).convert("RGB").save(copied, "webp", lossless=True, quality=50, method=2)
-    write_file(target, copied.getvalue())

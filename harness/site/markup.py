@@ -10,7 +10,6 @@ from math import isfinite
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from jinja2 import Environment
 from markdown_it import MarkdownIt
 from markdown_it.token import Token
 from markupsafe import Markup
@@ -35,16 +34,11 @@ class Page:
     scripts: tuple[str, ...] = ("tables.js",)
 
 
-@cache
-def _templates() -> Environment:
-    found = templates(Path(__file__).parent, autoescape=True)
-    found.filters |= {"prose": prose, "json": _json}
-    return found
-
-
 def html(name: str, /, **fields: Any) -> str:
     """The template of that name with its fields."""
-    return _templates().get_template(f"{name}.html").render(fields)
+    known = templates(Path(__file__).parent, autoescape=True)
+    known.filters |= {"prose": prose, "json": _json}
+    return known.get_template(f"{name}.html").render(fields)
 
 
 def document(name: str, page: Page, menu: Mapping[str, str], foot: str) -> str:

@@ -86,7 +86,10 @@ class TorqueFree:
         handedness = 1 if (order[1] - order[0]) % 3 == 1 else -1
         signs = np.array([sign_a, handedness * sign_a * sign_c, sign_c], dtype=Long)
         start = signs * np.asarray(self.angular_velocity, dtype=Long)[order]
-        u0 = _argument(start, polhode)
+        # u0 lies in [−K, K], as ω_a ≥ 0 and ω_c > 0; well-conditioned for every amplitude (DLMF §22.15).
+        cn, sn, dn = (rate / amplitude for rate, amplitude in zip(start, polhode.amplitudes, strict=True))
+        size = np.hypot(cn, sn)
+        u0 = sn / size * carlson_rf((cn / size) ** 2, dn**2, Long(1))
         # The start goes through the same functions as the times, so that what they have in common drops out.
         u = np.concatenate([[u0], u0 + polhode.sense * polhode.rate * t])
         half_turns = np.rint(u / (2 * polhode.quarter))
@@ -104,13 +107,6 @@ class TorqueFree:
         back = np.argsort(order)
         vector, rates = (signs * turn[:, 1:])[:, back], (signs * omega[1:])[:, back]
         return np.concatenate([turn[:, :1], vector], axis=1), rates
-
-
-def _argument(start: LongArray, polhode: Polhode) -> Long:
-    """Argument τ in [−K, K] of the start, ω_a ≥ 0 and ω_c > 0; well-conditioned for every amplitude (DLMF §22.15)."""
-    cn, sn, dn = (rate / amplitude for rate, amplitude in zip(start, polhode.amplitudes, strict=True))
-    size = np.hypot(cn, sn)
-    return sn / size * carlson_rf((cn / size) ** 2, dn**2, Long(1))
 
 
 def _shortest_to_third(unit: LongArray) -> LongArray:

@@ -1,6 +1,5 @@
 """Form `hybrid`: a run from its start to the settled state and beyond, at a cost that grows like √St at most."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +9,7 @@ from polhode.models.form import Form, Orientation
 from polhode.models.hybrid.course import ERROR_PER_TOLERANCE, FULL, HybridCourse, foreseen, full_tolerance
 from polhode.models.observables import Observables
 from polhode.models.problem import PlannedPiece, Problem
-from polhode.models.scene import Scene, Start
+from polhode.models.scene import Scene, Start, StartAt
 
 # Pieces of a run that are planned ahead.
 MOST_PIECES = 100
@@ -50,9 +49,7 @@ class Hybrid(Form):
         """The complete orientation of a triaxial ellipsoid, the symmetry axis alone of a spheroid."""
         return find_form(full_form(scene)).orientation
 
-    def plan(
-        self, scene: Scene, tolerance: float, start_at: Callable[[float], Start | None]
-    ) -> tuple[PlannedPiece, ...]:
+    def plan(self, scene: Scene, tolerance: float, start_at: StartAt) -> tuple[PlannedPiece, ...]:
         """Pieces that a run is expected to take, from where it stands at a time, as far as that is known."""
         self.check(scene)
         error, begin, worn, pieces = ERROR_PER_TOLERANCE * tolerance, 0.0, 0.0, list[PlannedPiece]()

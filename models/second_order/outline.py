@@ -83,7 +83,11 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
         # A window may be narrower than the path's steps.
         halves = [ahead.strong.get(each, each.width) for each in kicks]
         path = path.at(np.outer(INSIDE, halves) + [each.time for each in kicks])
-    times, weight, why, reasons = path.times, ahead.weight(path.times), _reasons(path, budget), [*REASONS]
+    times, weight, reasons = path.times, ahead.weight(path.times), [*REASONS]
+    # Why averaging means nothing, by number: 0 where it does.
+    beyond = ~np.isfinite(path.a2) | (path.may_cross(budget) if budget < inf else False)
+    why = np.where(beyond, SEPARATRIX, np.where(path.swing < MEANINGLESS, 0, TOO_SLOW))
+    why[~(path.size > TINY)] = TOO_SLOW
     sound, sudden = why == 0, np.zeros(len(times))
     swing, smaller, third = (np.where(sound, each, 0) for each in (path.swing, path.smaller, path.third))
     local = swing * smaller * path.scale
@@ -170,14 +174,6 @@ class Ahead:
             onwards[:, 2:] = last[at] - self.path.turned_at(times[before])
             weight[before] = np.sqrt(np.maximum(0.5 * np.sum(onwards * (g[at] @ onwards), axis=(1, 2)), 1))
         return weight
-
-
-def _reasons(path: Path, budget: float) -> Array:
-    """Why averaging means nothing at the times of a path, by number: 0 where it does."""
-    beyond = ~np.isfinite(path.a2) | (path.may_cross(budget) if budget < inf else False)
-    why = np.where(beyond, SEPARATRIX, np.where(path.swing < MEANINGLESS, 0, TOO_SLOW))
-    why[~(path.size > TINY)] = TOO_SLOW
-    return why
 
 
 def _stretches(

@@ -131,15 +131,8 @@ class Path:
             second[here] = tables.second(found, unit, self.slow[here] / unit, self.a2[here], steep) * self.torque_factor
         return orders
 
-    @property
-    def swing(self) -> Array:
-        """ρ, the size of the transformation."""
-        return self._orders[0]
-
-    @property
-    def second(self) -> Array:
-        """|L'| or |E'| of second order over I_max, the larger one."""
-        return self._orders[1]
+    swing = property(lambda path: path._orders[0], doc="ρ, the size of the transformation.")
+    second = property(lambda path: path._orders[1], doc="|L'| or |E'| of second order over I_max, the larger one.")
 
     @cached_property
     def change(self) -> Array:

@@ -138,20 +138,13 @@ class Polhodes:
         order[[0, self.nodes // 2]] = np.inf
         return spectrum[:, 0].real / self.nodes, np.fft.ifft(1j * spectrum / order, axis=1).real
 
-    @property
-    def turn(self) -> Array:
-        """Turn of S about e₃ per α, shape (m,): (h - ν₂)/ν₁."""
-        return self._turn[0]
+    turn = property(lambda polhodes: polhodes._turn[0], doc="Turn of S about e₃ per α, shape (m,): (h - ν₂)/ν₁.")
+    lead = property(lambda polhodes: polhodes._turn[1], doc="χ, shape (m, a), of zero mean over the polhode.")
 
     @property
     def precession(self) -> Array:
         """ν₂, shape (m,): dβ/dt over l."""
         return self.h - self.rate * self.turn
-
-    @property
-    def lead(self) -> Array:
-        """χ, shape (m, a), of zero mean over the polhode."""
-        return self._turn[1]
 
     @cached_property
     def beside(self) -> "Derivatives":

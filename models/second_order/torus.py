@@ -45,19 +45,14 @@ class Torus:
         third = np.broadcast_to(least[:, :, None, 2], (*turn.shape, 3))
         return np.stack([cos * first - sin * second, sin * first + cos * second, third], axis=-2)
 
-    @property
-    def body_torque(self) -> Array:
-        """τ in body axes, shape (m, a, b, 3) (`ultima`, `jw1`–`jw3`)."""
-        side, wide = self.polhode.side, (slice(None), None, None)
-        momentum = (self.size[:, None, None] * self.polhode.z)[:, :, None]
-        x, y = (np.einsum("...ij,...i->...j", self.rotation, each[wide]) for each in (self.flow, self.gradient))
-        return side.drag * (turning(side, x, y) - side.inverse_inertia * momentum)
-
     @cached_property
     def perturbation(self) -> Array:
         """Rates in slow time of (L in its frame, y, α, β), shape (m, a, b, 6)."""
-        p, tau = self.polhode, self.body_torque
-        size, slope = self.size[:, None, None], p.slope[:, None, None]
+        p, side, size = self.polhode, self.polhode.side, self.size[:, None, None]
+        flow, gradient, slope = (each[:, None, None] for each in (self.flow, self.gradient, self.polhode.slope))
+        x, y = (np.einsum("...ij,...i->...j", self.rotation, each) for each in (flow, gradient))
+        # τ in body axes (`ultima`, `jw1`–`jw3`).
+        tau = side.drag * (turning(side, x, y) - side.inverse_inertia * (size * p.z)[:, :, None])
         z, dz, yz = p.z[:, :, None], p.along[:, :, None], p.beside.z[:, :, None]
         rate_l = np.einsum("mabij,mabj->mabi", self.rotation, tau)
         rate_y = 2 / (size * slope) * np.sum(p.beyond[:, None, None] * z * tau, axis=-1)

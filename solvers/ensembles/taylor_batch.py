@@ -17,9 +17,7 @@ REGISTERS = 2
 MOST_STEPS = 10_000_000
 
 
-def run_batches(
-    problem: Problem, starts: np.ndarray, times: np.ndarray, tolerance: float
-) -> tuple[np.ndarray, np.ndarray]:
+def run_batches(problem: Problem, starts: np.ndarray, times: np.ndarray, tolerance: float) -> tuple[np.ndarray, ...]:
     """Solve a problem from starts, shape (n, d): states, shape (m, n, d), NaN where a particle failed, and statuses.
 
     Particles of like speed share a batch, so that no lane waits long for the others. The problem has no periodic

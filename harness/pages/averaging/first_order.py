@@ -12,7 +12,7 @@ import pandas as pd
 from polhode.harness.analysis.frames import rows_of
 from polhode.harness.averaging import measure, orders
 from polhode.harness.averaging.data import VARIABLES, AveragingErrors, PaperStudy, write_study
-from polhode.harness.averaging.orders import LEAST_POINTS, TARGETS, Law, first_order, laws
+from polhode.harness.averaging.orders import LEAST_POINTS, TARGETS, first_order, laws
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.text import aligned, cells, in_two_digits, short
@@ -69,14 +69,12 @@ def write_page(study: PaperStudy, folder: Path, command: str) -> None:
     """Write the page, its figure and its data into a folder."""
     write_study(study, folder)
     write_file(folder / "laws.csv", pd.DataFrame(law_rows(study.errors)).to_csv(index=False), summed=True)
-    lines = {title: _drawn(study.errors, family) for family, title in PANELS.items()}
+    lines: dict[str, list[Line]] = {title: [] for title in PANELS.values()}
+    for law in laws(study.errors):
+        order = 1 if first_order(law.form) else 2
+        lines[PANELS[law.family]].append(Line(order, order, law.stokes, law.error))
     save(against_stokes(lines, "error of L and E over $I_{max}$"), folder, "errors")
     write_file(folder / "README.md", page(study, command))
-
-
-def _drawn(rows: Sequence[AveragingErrors], family: str) -> list[Line]:
-    own = [(1 if first_order(law.form) else 2, law) for law in laws(rows) if law.family == family]
-    return [Line(order, order, law.stokes, law.error) for order, law in own]
 
 
 def law_rows(rows: Sequence[AveragingErrors]) -> list[dict[str, Any]]:
@@ -99,7 +97,8 @@ def case_rows(rows: Sequence[AveragingErrors]) -> list[dict[str, str]]:
     found: dict[str, dict[str, str]] = defaultdict(lambda: dict.fromkeys(_FIELDS, "–"))
     for law in laws(rows):
         row, which = found[law.subject], "first" if first_order(law.form) else "second"
-        row |= {"case": law.subject, which: _order(law)}
+        low, high = law.order_interval
+        row |= {"case": law.subject, which: "–" if isnan(low) else f"{law.order:.2f} ({low:.2f} to {high:.2f})"}
         row |= {f"{which}_{target:.0e}": _needed(*law.needed(target)) for target in SHOWN}
         if which == "second":
             row["until"] = f"{law.horizon:.3g}"
@@ -111,11 +110,6 @@ def page(study: PaperStudy, command: str) -> str:
     head = header("How accurate the averaged equations are", command, list(study.timed.values()))
     about = {"header": head, "findings": statements(study.errors), "cases": case_rows(study.errors)}
     return fill("accuracy", **about, study=study, fitted=orders, measured=measure)
-
-
-def _order(law: Law) -> str:
-    low, high = law.order_interval
-    return "–" if isnan(low) else f"{law.order:.2f} ({low:.2f} to {high:.2f})"
 
 
 def _needed(stokes: float, source: str) -> str:

@@ -26,7 +26,13 @@ def write_page(study: SecondOrderStudy, folder: Path, command: str) -> None:
     write_study(study, folder)
     fitted = slopes(study.orders)
     write_table(folder / "slopes.csv", Slope, fitted)
-    save(against_stokes(_panels(study.orders), "error over $I_{max}$, or in rad"), folder, "errors")
+    # Slow errors of both orders, and the orientation's, which second order alone knows.
+    found = [own for _, own in frame_of(SecondOrderErrors, study.orders).groupby(["shape", "start"], sort=False)]
+    both = (1, "first_order_slow"), (2, "slow")
+    slow = [Line(order, order, own["stokes"], own[name]) for own in found for order, name in both]
+    turned = [Line(2, 1, own["stokes"], own["orientation"]) for own in found]
+    panels = {"slow error: L and E": slow, "orientation error": turned}
+    save(against_stokes(panels, "error over $I_{max}$, or in rad"), folder, "errors")
     write_file(folder / "README.md", page(study, fitted, command))
 
 
@@ -86,15 +92,6 @@ def _estimates(rows: Sequence[SecondOrderErrors | Passage]) -> list[list[float]]
 def _gains(rows: Sequence[Passage]) -> list[float]:
     """How many times smaller than first order's errors are."""
     return [row.first_order_slow / row.slow for row in rows if row.stokes == GAIN_AT and not row.refused]
-
-
-def _panels(rows: Sequence[SecondOrderErrors]) -> dict[str, list[Line]]:
-    """Slow errors of both orders, and the orientation's, which second order alone knows."""
-    found = [own for _, own in frame_of(SecondOrderErrors, rows).groupby(["shape", "start"], sort=False)]
-    orders = (1, "first_order_slow"), (2, "slow")
-    slow = [Line(order, order, own["stokes"], own[name]) for own in found for order, name in orders]
-    turned = [Line(2, 1, own["stokes"], own["orientation"]) for own in found]
-    return {"slow error: L and E": slow, "orientation error": turned}
 
 
 def _rows(rows: Sequence[SecondOrderErrors], fitted: Sequence[Slope]) -> list[dict[str, Any]]:

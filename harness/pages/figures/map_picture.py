@@ -79,7 +79,13 @@ def draw(axes: Axes, found: Sequence[Cell]) -> Axes:
                 axes.add_patch(Polygon(corner, facecolor=colour(cell.second.label), edgecolor="none"))
             _write_in(axes, cell, i, j, usual)
     winners = [[at[stokes, target].winner for target in targets] for stokes in numbers]
-    _borders(axes, np.array([[winner.side if winner else "" for winner in column] for column in winners]))
+    # Heavy lines where one kind of method hands over to another.
+    sides = np.array([[winner.side if winner else "" for winner in column] for column in winners])
+    style = {"color": "black", "linewidth": 2.2, "solid_capstyle": "round", "zorder": 3}
+    for i, j in np.argwhere(sides[1:] != sides[:-1]):
+        axes.plot([i + 1, i + 1], [j, j + 1], **style)
+    for i, j in np.argwhere(sides[:, 1:] != sides[:, :-1]):
+        axes.plot([i, i + 1], [j + 1, j + 1], **style)
     axes.set(xlim=(0, len(numbers)), ylim=(len(targets), 0))
     axes.set_xticks([i + 0.5 for i in range(len(numbers))], [power(stokes) for stokes in numbers], fontsize=11)
     axes.set_yticks([j + 0.5 for j in range(len(targets))], [power(target) for target in targets], fontsize=11)
@@ -125,15 +131,6 @@ def _write_in(axes: Axes, cell: Cell, i: int, j: int, usual: str) -> None:
     for k, (line, size) in enumerate(texts):
         y = j + 0.52 + gap * (k - (len(texts) - 1) / 2)
         axes.text(i + 0.44, y, line, ha="center", va="center", fontsize=size, color=ink)
-
-
-def _borders(axes: Axes, sides: np.ndarray) -> None:
-    """Heavy lines where one kind of method hands over to another."""
-    style = {"color": "black", "linewidth": 2.2, "solid_capstyle": "round", "zorder": 3}
-    for i, j in np.argwhere(sides[1:] != sides[:-1]):
-        axes.plot([i + 1, i + 1], [j, j + 1], **style)
-    for i, j in np.argwhere(sides[:, 1:] != sides[:, :-1]):
-        axes.plot([i, i + 1], [j + 1, j + 1], **style)
 
 
 def _entries(found: Sequence[Cell]) -> list[list[Any]]:

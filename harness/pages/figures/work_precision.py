@@ -178,7 +178,11 @@ def panels(groups: Sequence[tuple[str, pd.DataFrame]], error: str, label: str, *
     size = max((PANEL[0] + between) * columns, LEAST_WIDTH), PANEL[1] * lines + LEGEND
     figure, grid = plt.subplots(lines, columns, figsize=size, sharex=alike, sharey=alike, squeeze=False)
     for axes, (title, runs) in zip(grid.flat, groups, strict=False):
-        _limits(axes, pd.concat([own for _, own in groups]) if alike else runs, error)
+        # Those that a panel shows, more accurate to the right.
+        errors = (pd.concat([own for _, own in groups]) if alike else runs)[error].dropna().to_numpy(float)
+        errors = errors[(errors > 0) & (errors < LARGEST_ERROR)]
+        if errors.size:
+            axes.set_xlim(errors.max() * 3, errors.min() / 3)
         work_precision(axes, runs, error)
         axes.set_title(title, fontsize=11, loc="left", pad=15)
     for axes in grid.flat[len(groups) :]:
@@ -203,14 +207,6 @@ def panels(groups: Sequence[tuple[str, pd.DataFrame]], error: str, label: str, *
     return figure
 
 
-def _limits(axes: Axes, records: pd.DataFrame, error: str) -> None:
-    """Errors that a panel shows, more accurate to the right."""
-    values = records[error].dropna().to_numpy(float)
-    values = values[(values > 0) & (values < LARGEST_ERROR)]
-    if values.size:
-        axes.set_xlim(values.max() * 3, values.min() / 3)
-
-
 def save(figure: Figure, folder: Path, name: str) -> None:
     """Save a figure and close it."""
     with PartialFile(folder / f"{name}.png", binary=True) as file:
@@ -225,11 +221,9 @@ def times(table: pd.DataFrame, error: str = "slow_error") -> pd.DataFrame:
     return found.groupby([Method(*each).label for each in found.index], sort=False).min().T if len(found) else found
 
 
-def profile_lines(
-    table: pd.DataFrame, folder: Path, name: str = "profiles", title: str = "Robust or fast"
-) -> list[str]:
+def profile_lines(runs: pd.DataFrame, folder: Path, name: str = "profiles", title: str = "Robust or fast") -> list[str]:
     """Save the figure into a folder; what a page says about it, nothing where nobody solves anything."""
-    found = times(table)
+    found = times(runs)
     if found.empty:
         return []
     save(profiles(found), folder, name)

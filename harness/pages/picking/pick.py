@@ -29,7 +29,15 @@ COLOURS = {"short": "#0072B2", "long": "#D55E00"}
 
 def write_pages(folder: Path, laws: Laws, evaluation: Evaluation, command: str) -> Path:
     """Write the page, its figures and its tables into a folder and return the page's path."""
-    tables = {"laws": _law_frame(laws), "scenes": evaluation.scenes, "runs": evaluation.runs, "ways": evaluation.ways}
+    parameters = [
+        (law.form, law.solver, kind, one.records, name, getattr(one, name), low, high)
+        for law in laws.methods.values()
+        for kind, one in {"cost": law.cost, **law.errors}.items()
+        for name, (low, high) in one.intervals.items()
+    ]
+    columns = ["form", "solver", "law", "runs", "parameter", "value", "low", "high"]
+    tables = {name: getattr(evaluation, name) for name in ("scenes", "runs", "ways")}
+    tables["laws"] = pd.DataFrame(parameters, columns=columns)
     for name, rows in tables.items():
         if rows is not None:
             write_file(folder / f"{name}.csv", rows.to_csv(index=False, float_format="%.4g"), summed=True)
@@ -76,15 +84,6 @@ def _page(laws: Laws, evaluation: Evaluation, command: str) -> str:
         missed=[f"{each['scene']}: {each['miss']}." for each in scenes if each["miss"]],
         source=laws.source,
     )
-
-
-def _law_frame(laws: Laws) -> pd.DataFrame:
-    rows = []
-    for law in laws.methods.values():
-        for kind, one in {"cost": law.cost, **law.errors}.items():
-            for name, (low, high) in one.intervals.items():
-                rows.append((law.form, law.solver, kind, one.records, name, getattr(one, name), low, high))
-    return pd.DataFrame(rows, columns=["form", "solver", "law", "runs", "parameter", "value", "low", "high"])
 
 
 def _write_figures(folder: Path, evaluation: Evaluation) -> None:
