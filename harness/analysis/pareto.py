@@ -78,13 +78,14 @@ def cost(points: np.ndarray, target: float) -> float:
 def costs(
     groups: Iterable[tuple[Any, pd.DataFrame]], targets: Sequence[float], error: str = "slow_error"
 ) -> pd.DataFrame:
-    """Times at errors: a row for each error and group of runs, a column for each form and solver, NaN without."""
+    """Times at errors: a row for each error and scene, a column for each form and solver; NaN where none is known."""
     found = {}
     for name, runs in groups:
         needed: Any = runs[["form", "solver", "status", "seconds", error]]
         fronts = {method: front(own, error) for method, own in methods(needed)}
-        for target in targets:
-            found[target, name] = {method: cost(points, target) for method, points in fronts.items()}
+        for target, resolved in zip(targets, np.array(targets) > limit_of(runs, error), strict=True):
+            known = {method: cost(points, target) for method, points in fronts.items() if resolved}
+            found[target, name] = known or dict.fromkeys(fronts, np.nan)
     return pd.DataFrame.from_dict(found, orient="index")
 
 
