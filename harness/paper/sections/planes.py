@@ -7,6 +7,7 @@ from itertools import product
 from math import sqrt
 
 import numpy as np
+from matplotlib.path import Path as Outline
 
 from polhode.harness.paper import planes
 from polhode.harness.paper.item import Computed, Grid
@@ -106,28 +107,38 @@ def _thinned(values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 ENERGIES = (2 / 9, 0.305, 0.472)
 MOMENTUM = 2 / 3
+# Azimuths of L that the figure shows, and those whose path is held against the two limiting ones.
 AZIMUTHS = {0.0: "$L_{x0} = 0$", 45.0: "$L_{x0} = L_{y0}$", 90.0: "$L_{y0} = 0$"}
+BETWEEN = (15.0, 45.0, 75.0)
 
 
 def compute_projections(grid: Grid) -> Computed:
     """Slow trajectories from |L| = 2I_e/3, three energies, all directions of L."""
     slow_times = graded(1.0, 1201)
-    for number, (energy, cosine) in enumerate(product(ENERGIES, grid.of((-0.95, -0.5, 0.1, 0.6, 0.95), (-0.6, 0.6)))):
-        found = []
-        for index, azimuth in enumerate(AZIMUTHS, start=len(AZIMUTHS) * number):
+    for energy, cosine in product(ENERGIES, grid.of((-0.95, -0.5, 0.1, 0.6, 0.95), (-0.6, 0.6))):
+        found = {}
+        for azimuth in sorted({*AZIMUTHS, *BETWEEN}):
             sine, angle = sqrt(1 - cosine**2), np.radians(azimuth)
             direction = np.array([sine * np.sin(angle), sine * np.cos(angle), cosine]) * MOMENTUM
             slow = slow_run(BODY, (*direction, energy), slow_times).slow
-            found.append(np.linalg.norm(slow[:, :2], axis=1))
-            values = {"Lz": slow[:, 2], "Lxy": found[-1], "E": slow[:, 3]}
-            yield "", {"E0": energy, "azimuth": azimuth, "path": index, **_thinned(values)}
-            distance = planes.distance_from_node(BODY, slow[-1])
-            yield "ends", {"E0": energy, "cosine": cosine, "azimuth": azimuth, "distance": distance}
-        low, middle, high = found
-        outside = np.maximum(np.minimum(low, high) - middle, middle - np.maximum(low, high))
-        # Up to rounding.
-        share = np.mean(outside <= 1e-9)
-        yield "between", {"E0": energy, "cosine": cosine, "share": share, "outside": outside.max()}
+            labels = {"E0": energy, "cosine": cosine, "azimuth": azimuth}
+            found[azimuth] = {"Lz": slow[:, 2], "Lxy": np.linalg.norm(slow[:, :2], axis=1), "E": slow[:, 3]}
+            if azimuth in AZIMUTHS:
+                yield "", {**labels, **_thinned(found[azimuth])}
+            yield "ends", {**labels, "distance": planes.distance_from_node(BODY, slow[-1])}
+        for azimuth, across in product(BETWEEN, ("E", "Lxy")):
+            sides = [np.stack([found[each]["Lz"], found[each][across]], axis=1) for each in (azimuth, 0.0, 90.0)]
+            yield "between", {"azimuth": azimuth, "across": across, "outside": outside(*sides)}
+
+
+def outside(inner: np.ndarray, first: np.ndarray, last: np.ndarray) -> float:
+    """Farthest that a path lies outside what two others with the same ends enclose; points of a plane, shape (n, 2)."""
+    edge = np.concatenate([first, last[::-1]])
+    ways = inner[~Outline(edge).contains_points(inner)][:, None] - edge[:-1]
+    along = np.diff(edge, axis=0)
+    share = np.sum(ways * along, axis=-1) / np.maximum(np.sum(along**2, axis=-1), np.finfo(float).tiny)
+    apart = np.linalg.norm(ways - share.clip(0.0, 1.0)[..., None] * along, axis=-1)
+    return float(apart.min(axis=-1).max(initial=0.0))
 
 
 ON_EDGE = 0.16

@@ -8,6 +8,7 @@ import pytest
 from polhode.harness.paper.claims import find_items, items, sections
 from polhode.harness.paper.drawing import style
 from polhode.harness.paper.item import Grid, Word
+from polhode.harness.paper.sections.planes import outside
 from polhode.harness.paper.store import read, write
 
 ITEMS = pytest.mark.parametrize("item", items(), ids=[item.name for item in items()])
@@ -71,3 +72,12 @@ def test_a_section_stands_for_its_items():
 def test_unknown_items_are_refused():
     with pytest.raises(ValueError, match="expected one of period-change"):
         find_items(("no-such-item",))
+
+
+def test_a_path_lies_outside_two_others_by_its_distance_from_them():
+    # A half disc above its diameter; its points are dense enough for a distance of 1e-4.
+    angle = np.linspace(np.pi, 0.0, 1001)
+    bow, chord = np.stack([np.cos(angle), np.sin(angle)], axis=1), np.array([[-1.0, 0.0], [1.0, 0.0]])
+    assert outside(bow * [0.9, 0.5] + [0.0, 0.1], bow, chord) == 0.0
+    assert outside(np.array([[0.5, 0.2], [0.3, -0.2], [0.0, 1.1]]), chord, bow) == pytest.approx(0.2)
+    assert outside(np.array([[0.6, 0.8]]) * 1.25, bow, chord) == pytest.approx(0.25, rel=1e-4)
