@@ -34,7 +34,12 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     named = {name: where(runs, runs["scene_name"] == name) for name in dict(study.scenes)}
     maps: Maps = {(name, error): cells(own, error) for name, own in named.items() for error in ERRORS}
     write_runs(runs, folder)
-    _write_cells(maps, folder / "cells.csv")
+    rows = []
+    for (name, error), found in maps.items():
+        for cell in found:
+            numbers = (*(cell.winner or ("", "")), cell.seconds, cell.lead, cell.tied, str(cell.second or ""))
+            rows.append((name, error, cell.stokes, cell.target, cell.known, *numbers))
+    write_file(folder / "cells.csv", pd.DataFrame(rows, columns=CELL_COLUMNS).to_csv(index=False), summed=True)
     particles = []
     for name, own in named.items():
         scenes = [scene for each, scene in study.scenes if each == name]
@@ -55,15 +60,6 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         tie=100 * (TIE - 1),
     )
     return write_file(folder / "README.md", page)
-
-
-def _write_cells(maps: Maps, path: Path) -> None:
-    rows = []
-    for (name, error), found in maps.items():
-        for cell in found:
-            numbers = (*(cell.winner or ("", "")), cell.seconds, cell.lead, cell.tied, str(cell.second or ""))
-            rows.append((name, error, cell.stokes, cell.target, cell.known, *numbers))
-    write_file(path, pd.DataFrame(rows, columns=pd.Index(CELL_COLUMNS)).to_csv(index=False), summed=True)
 
 
 def read_cells(path: Path) -> Maps:

@@ -67,7 +67,11 @@ def _shown(form: Form, pilot: Pilot) -> dict[str, Interval | None]:
         return _measured(form, pilot)
     if not pilot.twin:
         raise UnfitError("the start is too slow for rotations to be fast against damping", Stage.AVERAGING)
-    return _carried_on(form, pilot)
+    near, ellipsoid = pilot.followed, pilot.scene.ellipsoid
+    far = replace(near, stokes=near.stokes / RATIO, time=near.time / RATIO)
+    at_near = errors(ellipsoid, form_ladder(form, near)[-1][1], _thinned(pilot.observables, form))
+    at_far = errors(ellipsoid, form_ladder(form, far)[-1][1], _thinned(_tight(far), form))
+    return {want: _interval(want, at_near, at_far, pilot.scene.stokes / near.stokes) for want in WANTS}
 
 
 def check_averaging(pilot: Pilot) -> None:
@@ -108,15 +112,6 @@ def _measured(form: Form, pilot: Pilot) -> dict[str, Interval | None]:
             own = gain.error / 10
             intervals[want] = Interval(value, max(0.0, MISSED * (value - own)), MET * value + own)
     return intervals
-
-
-def _carried_on(form: Form, pilot: Pilot) -> dict[str, Interval | None]:
-    near = pilot.followed
-    far = replace(near, stokes=near.stokes / RATIO, time=near.time / RATIO)
-    ellipsoid = pilot.scene.ellipsoid
-    at_near = errors(ellipsoid, form_ladder(form, near)[-1][1], _thinned(pilot.observables, form))
-    at_far = errors(ellipsoid, form_ladder(form, far)[-1][1], _thinned(_tight(far), form))
-    return {want: _interval(want, at_near, at_far, pilot.scene.stokes / near.stokes) for want in WANTS}
 
 
 def _thinned(seen: Observables, form: Form) -> Observables:

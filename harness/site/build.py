@@ -52,7 +52,11 @@ def build(reports: Path, out: Path, scenes: dict[str, Scene], say: Callable[[str
     # The answer of a page is the first item of its first list.
     items = (line for line in texts.get("hard-cases", "").splitlines() if line.startswith("- "))
     asked, data = question(reports / "regimes", next(items, "").removeprefix("- "))
-    body = _verdict(asked, files, texts, known)
+    # Who is robust, who is fast and when averaging pays, from the bench; what the reports lack.
+    parts = {title: section(texts.get("bench", ""), heading) for title, heading in SECTIONS.items()}
+    sections = {title: render(text, files["bench"], known).body for title, text in parts.items() if text}
+    lacking = {name: command for name, (_, command) in REPORTS.items() if name not in files}
+    body = html("index", asked=asked, sections=sections, lacking=lacking)
     write("index", Page(TITLE, fill("site-question"), body, data, ("tables.js", "verdict.js")))
     write("cost", cost_page(reports))
     write("motion", motion_page(scenes, say))
@@ -70,14 +74,6 @@ def build(reports: Path, out: Path, scenes: dict[str, Scene], say: Callable[[str
             drawn.save(copied, "webp", lossless=True, quality=50, method=2)
             write_file(out / FIGURES / picture, copied.getvalue())
     return out / "index.html"
-
-
-def _verdict(asked: str, files: dict[str, Path], texts: dict[str, str], known: dict[Path, str]) -> str:
-    """The question; who is robust, who is fast and when averaging pays, from the bench; what the reports lack."""
-    found = {title: section(texts.get("bench", ""), heading) for title, heading in SECTIONS.items()}
-    sections = {title: render(text, files["bench"], known).body for title, text in found.items() if text}
-    lacking = {name: command for name, (_, command) in REPORTS.items() if name not in files}
-    return html("index", asked=asked, sections=sections, lacking=lacking)
 
 
 def _runs_of(cell: re.Match[str]) -> str:

@@ -53,7 +53,11 @@ def motion(scene: Scene) -> dict[str, Any]:
         return {"why": "a sphere has no axis"}
     try:
         samples = int(min(max(PER_ROTATION * rotations(scene), FEWEST), MOST))
-        solution = _follow(scene, samples)
+        # In the simplest form that has an axis, far more accurate than a screen shows.
+        name = simplest(scene, "orientation")[0]
+        problem = form(name).problem(scene)
+        solver = "exact" if problem.closed_form else "ida" if problem.parameters is None else "taylor"
+        solution = solve(scene, form=name, solver=solver, tolerance=TOLERANCE, samples=samples)
     except (ValueError, ArithmeticError) as error:
         return {"why": str(error)}
     if not solution.success:
@@ -92,14 +96,6 @@ def _sentence(solution: SceneSolution, axis: int) -> str:
     angles = np.degrees(np.arccos(np.minimum(1.0, np.abs(rows[:, nearest])))).tolist()
     turns, plane = max(1, round(rotations(scene))), _plane(solution)[[0, -1]].T.tolist()
     return fill("site-motion-says", scene=scene, turns=turns, name=name, angles=angles, along=ALONG, plane=plane)
-
-
-def _follow(scene: Scene, samples: int) -> SceneSolution:
-    """The scene in its simplest form that has an axis, far more accurate than a screen shows."""
-    name = simplest(scene, "orientation")[0]
-    problem = form(name).problem(scene)
-    solver = "exact" if problem.closed_form else "ida" if problem.parameters is None else "taylor"
-    return solve(scene, form=name, solver=solver, tolerance=TOLERANCE, samples=samples)
 
 
 def _plane(solution: SceneSolution) -> np.ndarray:

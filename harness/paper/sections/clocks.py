@@ -50,10 +50,10 @@ def fitted_rate(slow_times: np.ndarray, values: np.ndarray) -> float:
 @cache
 def compute_decay(grid: Grid) -> tuple[Part, ...]:
     """Rates of all modes of all bodies from full runs; decay of large L of a spheroid."""
-    return *_near_fixed_points(grid), *_from_large(grid)
+    return tuple(_decay(grid))
 
 
-def _near_fixed_points(grid: Grid) -> Computed:
+def _decay(grid: Grid) -> Computed:
     for number, body in enumerate(BODIES):
         for mode, printed in enumerate(eigenvalues(body, 2)):
             slow_times = np.linspace(0.0, 1.5 / abs(printed), grid.of(4001, 1001))
@@ -63,10 +63,7 @@ def _near_fixed_points(grid: Grid) -> Computed:
             share = 0.5 if mode == 3 and body.symmetry_axis == 0 else 1.0
             measured = share * fitted_rate(slow_times, amplitude(run, mode))
             yield "", {"body": number, "mode": mode, "printed": printed, "measured": measured, "clock": clock}
-
-
-def _from_large(grid: Grid) -> Computed:
-    """Squares of L along and across the axis, and the angle by which L has turned, from large L."""
+    # From large L, squares of L along and across the axis, and the angle by which L has turned.
     for kappa in (0.5, 2.0):
         body = spheroid(kappa)
         slow_times = np.linspace(0.0, 2.0 / min(body.damping), grid.of(401, 101))

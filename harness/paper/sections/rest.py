@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from math import pi
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -126,13 +125,10 @@ class Transient:
             run = full_run(Scene(self.ellipsoid, stokes, self.start, times[-1]), times)
             if stokes in self.stokes:
                 yield "", {"stokes": stokes, "scaled": scaled[::8], **dict(zip(NAMES, run.slow[::8].T, strict=True))}
-            yield "onset", {"stokes": stokes, **_onset_of(run, scaled)}
-
-
-def _onset_of(run: Run, scaled: np.ndarray) -> dict[str, Any]:
-    """Scaled times of the first radian, and of the first wiggle of L_z, its weakest torque; the speed at t = √St."""
-    speed = np.linalg.norm(angular_velocity(run.scene.ellipsoid, run.observables), axis=1)
-    turned = np.interp(ONSET, cumulative_trapezoid(speed, run.times, initial=0.0), scaled)
-    torque = np.gradient(run.observables.angular_momentum[:, 2], run.times)
-    weakest, _ = find_peaks(torque, prominence=WIGGLE * np.max(np.abs(torque)))
-    return {"turned": turned, "wiggle": scaled[weakest[0]], "speed": np.interp(1.0, scaled, speed)}
+            # Scaled times of the first radian and of the first wiggle of L_z, its weakest torque; the speed at t = √St.
+            speed = np.linalg.norm(angular_velocity(self.ellipsoid, run.observables), axis=1)
+            turned = np.interp(ONSET, cumulative_trapezoid(speed, run.times, initial=0.0), scaled)
+            torque = np.gradient(run.observables.angular_momentum[:, 2], run.times)
+            weakest, _ = find_peaks(torque, prominence=WIGGLE * np.max(np.abs(torque)))
+            found = {"turned": turned, "wiggle": scaled[weakest[0]], "speed": np.interp(1.0, scaled, speed)}
+            yield "onset", {"stokes": stokes, **found}

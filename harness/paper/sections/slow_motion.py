@@ -34,7 +34,11 @@ class SlowMotion:
         points, dense = grid.of(601, 201), grid.of(8, 4)
         slow_times = np.linspace(0.0, self.slow_time, dense * (points - 1) + 1)
         averaged = averaged_run(Scene(self.ellipsoid, 1.0, self.start, self.slow_time), slow_times).slow
-        crossing = self._crossing(slow_times, averaged)
+        # Slow time at which L² = 2EI₂; NaN if it is not met.
+        _, middle, largest = sorted(self.ellipsoid.inertia)
+        beyond = np.sum(averaged[:, :3] ** 2, axis=1) - 2 * averaged[:, 3] * middle / largest
+        met = self.ellipsoid.kind == "triaxial" and beyond[0] < 0 < beyond[-1]
+        crossing = float(np.interp(0.0, beyond, slow_times)) if met else np.nan
         yield "", path(np.inf, slow_times[::dense], averaged[::dense])
         for stokes in sorted({*self.shown, *MEASURED[grid.of(0, -2) :]}):
             scene = Scene(self.ellipsoid, stokes, self.start, stokes * self.slow_time)
@@ -50,14 +54,6 @@ class SlowMotion:
     def _end(self, slow: np.ndarray) -> float:
         """Distance from the node of the mean over the last tenth of a run."""
         return float(distance_from_node(self.ellipsoid, slow[-len(slow) // 10 :].mean(axis=0)))
-
-    def _crossing(self, slow_times: np.ndarray, slow: np.ndarray) -> float:
-        """Slow time at which L² = 2EI₂; NaN if it is not met."""
-        inertia = sorted(self.ellipsoid.inertia)
-        beyond = np.sum(slow[:, :3] ** 2, axis=1) - 2 * slow[:, 3] * inertia[1] / inertia[2]
-        if self.ellipsoid.kind != "triaxial" or not beyond[0] < 0 < beyond[-1]:
-            return np.nan
-        return float(np.interp(0.0, beyond, slow_times))
 
 
 def draw_crossing(axes: Axes, slow_time: float) -> None:
