@@ -52,10 +52,8 @@ def observe_slow(slow: np.ndarray) -> Observables:
 
 
 def completed(ellipsoid: Ellipsoid, rotation: np.ndarray) -> np.ndarray | None:
-    """Matrices t_ij, shape (n, 3, 3), with rows that a form does not know filled in; None if it knows none.
-
-    About its symmetry axis a spheroid may be turned at will.
-    """
+    """Matrices t_ij, shape (n, 3, 3), with rows that a form does not know filled in; None if it knows none."""
+    # About its symmetry axis a spheroid may be turned at will.
     rotation = rotation.astype(float)
     known = np.logical_not(np.isnan(rotation).any(axis=(0, 2))).tolist()
     if all(known):
@@ -71,10 +69,8 @@ def completed(ellipsoid: Ellipsoid, rotation: np.ndarray) -> np.ndarray | None:
 
 
 def angular_velocity(ellipsoid: Ellipsoid, observables: Observables) -> np.ndarray:
-    """ω in space axes, shape (n, 3), of L and the rotation matrix; NaN where they leave it open.
-
-    Of a spheroid the symmetry axis' row is enough, of a sphere L.
-    """
+    """ω in space axes, shape (n, 3), of L and the rotation matrix; NaN where they leave it open."""
+    # Of a spheroid the symmetry axis' row is enough, of a sphere L.
     momentum, rotation, inertia = observables.angular_momentum, observables.rotation, np.array(ellipsoid.inertia)
     axis = ellipsoid.symmetry_axis
     if ellipsoid.kind == "triaxial":

@@ -106,10 +106,8 @@ def imported(target: str):
 
 
 def plug_ins(kind: str) -> dict[str, str]:
-    """What installed packages add, name → "module:attribute": their entry points of the group "polhode.KIND".
-
-    Where none declares any, as is usual, `importlib.metadata` and its 0.05 s are spared.
-    """
+    """What installed packages add, name → "module:attribute": their entry points of the group "polhode.KIND"."""
+    # Where none declares any, as is usual, `importlib.metadata` and its 0.05 s are spared.
     if not _declared():
         return {}
     from importlib.metadata import entry_points

@@ -81,10 +81,8 @@ def matrix_from_euler(angles: Array) -> Array:
 
 
 def matrix_from_quaternion(q: Array) -> Array:
-    """Matrices t_ij, shape (..., 3, 3), of quaternions, shape (..., 4); row i is body axis i in space components.
-
-    The quaternions are normalised first, so that the rows stay unit vectors where a solver let the norm drift.
-    """
+    """Matrices t_ij, shape (..., 3, 3), of quaternions, shape (..., 4); row i is body axis i in space components."""
+    # The quaternions are normalised first, so that the rows stay unit vectors where a solver let the norm drift.
     q = q / np.linalg.norm(q, axis=-1, keepdims=True)
     q0, q1, q2, q3 = np.moveaxis(q, -1, 0)
     rows = [

@@ -124,10 +124,8 @@ class Ellipsoid:
 
 
 def carlson_rd(x: float, y: float, z: float) -> float:
-    """Carlson's R_D(x, y, z) of positive numbers, to some 1e-15; SciPy's takes 0.1 s to import.
-
-    Duplication brings the arguments together, then a series in their distances serves (DLMF 19.26.20, 19.36.2).
-    """
+    """Carlson's R_D(x, y, z) of positive numbers, to some 1e-15; SciPy's takes 0.1 s to import."""
+    # Duplication brings the arguments together, then a series in their distances serves (DLMF 19.26.20, 19.36.2).
     mean = (x + y + 3 * z) / 5
     distance_x, distance_y, spread = mean - x, mean - y, max(abs(mean - x), abs(mean - y), abs(mean - z))
     total, share = 0.0, 1.0

@@ -107,10 +107,8 @@ def command_line() -> str:
 
 @contextmanager
 def stored(folder: Path, resume: bool, name: str = "store", what: str = "cases") -> Iterator["Store"]:
-    """FOLDER/NAME.sqlite, made with its folder, open; a run that starts afresh moves the last one's aside.
-
-    What ends the run is said in one line, and how to go on.
-    """
+    """FOLDER/NAME.sqlite, made with its folder, open; a run that starts afresh moves the last one's aside."""
+    # What ends the run is said in one line, and how to go on.
     from polhode.harness.common.store import DamagedStoreError, Store, set_aside
     from polhode.harness.common.worker import KilledFromOutsideError
 

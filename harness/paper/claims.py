@@ -111,10 +111,8 @@ def _entries() -> dict[str, tuple[str, dict[str, dict[str, Any]]]]:
 
 
 def _item(name: str, entry: Mapping[str, Any]) -> Item:
-    """An item whose experiment is given as "module: expression", of a module of the sections and in its names.
-
-    It is a function that computes, or settings with such a method.
-    """
+    """An item whose experiment is given as "module: expression", of a module of the sections and in its names."""
+    # It is a function that computes, or settings with such a method.
     module, _, expression = entry["experiment"].partition(": ")
     place = import_module(f"{PLACE}.{module}")
     experiment = evaluated(expression, names_of(place))

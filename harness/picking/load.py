@@ -42,11 +42,9 @@ def gauge_of(solver: str) -> Gauge:
 
 
 def load_of(form: Form, solver: str, pilot: Pilot, samples: int, tolerance: float) -> Load:
-    """Load of a run of a form by a solver; raises PilotFailedError if the form's own pilot fails.
-
-    Rotations, the flow's own time and damping times count by the steps that they cost, as against the usual. Averaged
-    forms know nothing of rotations, and count by their steps, as do solvers that plan theirs over many periods.
-    """
+    """Load of a run of a form by a solver; raises PilotFailedError if the form's own pilot fails."""
+    # Rotations, the flow's own time and damping times count by the steps that they cost, as against the usual. Averaged
+    # forms know nothing of rotations, and count by their steps, as do solvers that plan theirs over many periods.
     scene, damped, gauge = pilot.scene, pilot.damping_times, gauge_of(solver)
     if find_solver(solver).many_periods:
         # Steps within steps stand in the place of F.

@@ -78,10 +78,8 @@ UNKNOWN = RunError(None, None, "not asked for")
 
 
 def doubt(scene: Scene, form: Form, found: Solution, observables: Observables, stated: RunError) -> str:
-    """Why a claimed success is none; empty if nothing speaks against it, or nothing that is sure.
-
-    Only a run whose stated error is large or not known is compared, with two sharp runs, so that others pay nothing.
-    """
+    """Why a claimed success is none; empty if nothing speaks against it, or nothing that is sure."""
+    # Only a run whose stated error is large or not known is compared, with two sharp runs, so that others pay nothing.
     unit = max(scene.ellipsoid.inertia)
     limit = max(OFF, SHARE * magnitude(scene.ellipsoid, observables))
     if not found.success or (stated.slow and stated.slow.high <= limit):

@@ -181,10 +181,8 @@ class Trials:
         return replace(expected, seconds=seconds) if late >= expected.tolerance else None
 
     def excess(self, candidate: Candidate) -> float:
-        """By how much, with `AIM`, errors of its form exceed the upper end of a law.
-
-        In pieces the tolerance means the same by every solver, so that the law is the candidate's own.
-        """
+        """By how much, with `AIM`, errors of its form exceed the upper end of a law."""
+        # In pieces the tolerance means the same by every solver, so that the law is the candidate's own.
         alike = [each for each in self.misses if each[0].form.name == candidate.form.name]
         own = candidate if isinstance(candidate.form, InPieces) else None
         return max((least / AIM / _high(own or tried, at) for tried, at, least in alike), default=1.0)

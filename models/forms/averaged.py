@@ -20,12 +20,10 @@ SEPARATRIX_WIDTH = 1e-12
 
 
 def mean_squares(ops: Operations):
-    """Means ⟨z_i²⟩ of the squared body components of L/|L| over the Euler top (`pz`), axes sorted by inertia.
-
-    With m the parameter of the elliptic functions and c_n the differences of the arithmetic-geometric mean,
-    ⟨sn²⟩ = (1 - E/K)/m = 1/2 + Σ 2ⁿ⁻¹ c_n²/m (DLMF 19.8.6); the sum has positive terms only and stays exact as
-    m → 0 and m → 1.
-    """
+    """Means ⟨z_i²⟩ of the squared body components of L/|L| over the Euler top (`pz`), axes sorted by inertia."""
+    # With m the parameter of the elliptic functions and c_n the differences of the arithmetic-geometric mean,
+    # ⟨sn²⟩ = (1 - E/K)/m = 1/2 + Σ 2ⁿ⁻¹ c_n²/m (DLMF 19.8.6); the sum has positive terms only and stays exact as m → 0
+    # and m → 1.
     where_positive, sqrt = ops.where_positive, ops.sqrt
 
     def means(momentum2, energy2, i1, i2, i3):

@@ -15,15 +15,13 @@ from polhode.models.scene import Scene
 
 
 def field(ops: Operations) -> Field:
-    """dL/dt and dp̂/dt of `ultima` in space axes; p = (alpha, beta, 8πY_c/I_e, 8π(X_c - Y_c)/I_e, I_e/I_a - 1, Λ).
-
-    Mass alpha stands on L and appears nowhere else: torque-free, L is constant. With ω = L/I_e + (1/I_a - 1/I_e)(L·p̂)p̂,
-    w = ω - Ω_J and Ω_J = -ẑ/2 + Λ p̂×(E p̂), where E p̂ = (p_y, p_x, 0)/2, the torque is
-    -8π(Y_c w + (X_c - Y_c)(w·p̂)p̂). The state holds L/I_e, of order one like p̂ whatever the shape, so that one tolerance
-    suits both. Products of two components of p̂ are divided by |p̂|², which solvers let drift: over 10⁴ time units at
-    St = 100 and tolerance 1e-6 (kappa = 2; RK45, LSODA, DOP853) this takes the error of L and E from 0.1 and more to
-    1e-3; a term that restores the norm does no better.
-    """
+    """dL/dt and dp̂/dt of `ultima` in space axes; p = (alpha, beta, 8πY_c/I_e, 8π(X_c - Y_c)/I_e, I_e/I_a - 1, Λ)."""
+    # Mass alpha stands on L and appears nowhere else: torque-free, L is constant. With
+    # ω = L/I_e + (1/I_a - 1/I_e)(L·p̂)p̂, w = ω - Ω_J and Ω_J = -ẑ/2 + Λ p̂×(E p̂), where E p̂ = (p_y, p_x, 0)/2, the
+    # torque is -8π(Y_c w + (X_c - Y_c)(w·p̂)p̂). The state holds L/I_e, of order one like p̂ whatever the shape, so
+    # that one tolerance suits both. Products of two components of p̂ are divided by |p̂|², which solvers let drift:
+    # over 10⁴ time units at St = 100 and tolerance 1e-6 (kappa = 2; RK45, LSODA, DOP853) this takes the error of L and
+    # E from 0.1 and more to 1e-3; a term that restores the norm does no better.
 
     def rhs(y, p):
         lx, ly, lz, px, py, pz = y[0], y[1], y[2], y[3], y[4], y[5]
@@ -66,11 +64,9 @@ def rotation_constants(p: Any, h: Any, ops: Operations = FLOAT) -> tuple[Any, ..
 
 
 def rotation(ops: Operations) -> Field:
-    """Exact flow of dp̂/dt = (L/I_e) × p̂ at fixed L, for angles θ = |L|h/I_e up to 3.4 rad: the torque-free motion.
-
-    With l = hL/I_e, p̂ becomes p̂ + (sin θ/θ) l×p̂ + ((1 - cos θ)/θ²) l×(l×p̂). As θ² = l·l, neither a root nor a
-    trigonometric function is needed, and l = 0 is nothing special.
-    """
+    """Exact flow of dp̂/dt = (L/I_e) × p̂ at fixed L, for angles θ = |L|h/I_e up to 3.4 rad: the torque-free motion."""
+    # With l = hL/I_e, p̂ becomes p̂ + (sin θ/θ) l×p̂ + ((1 - cos θ)/θ²) l×(l×p̂). As θ² = l·l, neither a root nor a
+    # trigonometric function is needed, and l = 0 is nothing special.
 
     def advance(y, c):
         lx, ly, lz, px, py, pz = y[0], y[1], y[2], y[3], y[4], y[5]
@@ -100,11 +96,9 @@ def relaxation_constants(p: Any, h: Any, ops: Operations = FLOAT) -> tuple[Any, 
 
 
 def relaxation(ops: Operations) -> Callable[..., tuple[Any, ...]]:
-    """Exact flow of dL/dt of `field` at fixed p̂, |p̂| = 1, with mass 1 on L.
-
-    Across p̂, L/I_e relaxes at the rate βY = 8πY_c/(St I_e) towards the part of Ω_J across p̂; along p̂ at the rate
-    8πX_c/(St I_a) towards (I_a/I_e) Ω_J·p̂, where Ω_J·p̂ = -p_z/2: there the spheroid rotates as the flow would have it.
-    """
+    """Exact flow of dL/dt of `field` at fixed p̂, |p̂| = 1, with mass 1 on L."""
+    # Across p̂, L/I_e relaxes at the rate βY = 8πY_c/(St I_e) towards the part of Ω_J across p̂; along p̂ at the rate
+    # 8πX_c/(St I_a) towards (I_a/I_e) Ω_J·p̂, where Ω_J·p̂ = -p_z/2: there the spheroid rotates with the flow.
 
     def advance(y, c, before=None, gains=None):
         lx, ly, lz, px, py, pz = y[0], y[1], y[2], y[3], y[4], y[5]

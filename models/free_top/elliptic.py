@@ -59,10 +59,8 @@ def complete_k(m1: Long) -> Long:
 
 
 def complete_cel(kc: Long, p: Long, a: Long, b: Long) -> Long:
-    """Bulirsch's complete integral cel(kc, p, a, b) for kc, p > 0 and a, b ≥ 0: no subtraction occurs.
-
-    ∫₀^{π/2} (a cos²θ + b sin²θ) / ((cos²θ + p sin²θ) √(cos²θ + kc² sin²θ)) dθ (Bulirsch 1969; DLMF §19.2(iii)).
-    """
+    """Bulirsch's complete integral cel(kc, p, a, b) for kc, p > 0 and a, b ≥ 0: no subtraction occurs."""
+    # ∫₀^{π/2} (a cos²θ + b sin²θ) / ((cos²θ + p sin²θ) √(cos²θ + kc² sin²θ)) dθ (Bulirsch 1969; DLMF §19.2(iii)).
     product, mean = kc, Long(1)
     p = np.sqrt(p)
     b = b / p
@@ -109,14 +107,12 @@ def jacobi(u: LongArray, m1: Long) -> tuple[LongArray, LongArray, LongArray]:
 
 
 def theta4_phase(u: LongArray, m: Long, m1: Long, n: Long) -> LongArray:
-    """Phase arg ϑ₄(πu/2K + iη, q), shape (n,), for u in [−K, K], the periodic part of the precession (`eq:prec1`).
-
-    The imaginary part is given by the characteristic −n ≤ 0 of the integral of the third kind whose periodic part this
-    is: η = π(K'−w)/2K with cs(w | m1) = √n. The factors of the product (DLMF §20.5(i)) each contribute one arctangent;
-    above m = 1/2 those of ϑ₂ in the complementary nome do (DLMF §20.7(viii)), so that a few factors are enough at any
-    m. At m1 = 0 this is arctan(√n tanh u). Both m and m1 are given to full relative accuracy; n is zero only where m
-    is, and the phase with it.
-    """
+    """Phase arg ϑ₄(πu/2K + iη, q), shape (n,), for u in [−K, K], the periodic part of the precession (`eq:prec1`)."""
+    # The imaginary part is given by the characteristic −n ≤ 0 of the integral of the third kind whose periodic part
+    # this is: η = π(K'−w)/2K with cs(w | m1) = √n. The factors of the product (DLMF §20.5(i)) each contribute one
+    # arctangent; above m = 1/2 those of ϑ₂ in the complementary nome do (DLMF §20.7(viii)), so that a few factors are
+    # enough at any m. At m1 = 0 this is arctan(√n tanh u). Both m and m1 are given to full relative accuracy; n is zero
+    # only where m is, and the phase with it.
     if n == 0:
         return np.zeros_like(u)
     w = carlson_rf(n, n + m, n + 1)

@@ -35,11 +35,9 @@ class Polhode:
 
     @classmethod
     def of(cls, inertia: tuple[Fraction, ...], momentum_squared: Fraction, twice_energy: Fraction) -> Self:
-        """Polhode of exact inertia, L² and 2E, which satisfy 2E min(I) ≤ L² ≤ 2E max(I).
-
-        At rest, for a sphere, and for rotation about an axis of two equal inertias, axis c is undetermined, ω constant
-        and the rate zero.
-        """
+        """Polhode of exact inertia, L² and 2E, which satisfy 2E min(I) ≤ L² ≤ 2E max(I)."""
+        # At rest, for a sphere, and for rotation about an axis of two equal inertias, axis c is undetermined, ω
+        # constant and the rate zero.
         least, middle, greatest = sorted(range(3), key=lambda axis: inertia[axis])
         side = momentum_squared - twice_energy * inertia[middle]
         order = (least, middle, greatest) if side >= 0 else (greatest, middle, least)
@@ -62,22 +60,19 @@ class Polhode:
 
     @property
     def periods(self) -> tuple[float, float]:
-        """Periods T of the body angular velocity and T' = 2π / (φ_LO,2 / t) of the precession, in t.
-
-        T (below `eq:omg3`) is infinite on the separatrix and where axis c is undetermined; T' (`eq:prec2`, corrected)
-        is 2πI₂/L on the separatrix and infinite at rest. At a permanent rotation about the axis of greatest or least
-        inertia both are those of an infinitesimal wobble.
-        """
+        """Periods T of the body angular velocity and T' = 2π / (φ_LO,2 / t) of the precession, in t."""
+        # T (below `eq:omg3`) is infinite on the separatrix and where axis c is undetermined; T' (`eq:prec2`, corrected)
+        # is 2πI₂/L on the separatrix and infinite at rest. At a permanent rotation about the axis of greatest or least
+        # inertia both are those of an infinitesimal wobble.
         period = 4 * self.quarter / self.rate if self.rate > 0 else Long(np.inf)
         precession = 2 * PI / self.precession if self.precession > 0 else Long(np.inf)
         return float(period), float(precession)
 
 
 def _mean_inverse_inertia(a: Long, b: Long, n: Long, m1: Long) -> Long:
-    """Mean precession rate over L: 1/I_a and 1/I_b weighted by the means of cn² and (1+n)sn², over cn² + (1+n)sn².
-
-    Both weights are integrals of the third kind with positive integrands: unlike in `eq:prec2`, nothing is subtracted.
-    """
+    """Mean precession rate over L: 1/I_a and 1/I_b weighted by the means of cn² and (1+n)sn², over cn² + (1+n)sn²."""
+    # Both weights are integrals of the third kind with positive integrands: unlike in `eq:prec2`, nothing is
+    # subtracted.
     if m1 == 0:
         return 1 / b
     kc, p = np.sqrt(m1), 1 + n
@@ -90,11 +85,9 @@ def exactly(numbers: Triple) -> tuple[Fraction, ...]:
 
 
 def mean_speed(ellipsoid: Ellipsoid, slow: np.ndarray) -> np.ndarray:
-    """Mean of |ω| over the torque-free motion, shape (n,), at slow variables (L_x, L_y, L_z, E), shape (n, 4).
-
-    By quadrature over a quarter of the polhode (`eq:omg1`–`eq:omg3`), within about 1e-6 relative, less on the
-    separatrix itself.
-    """
+    """Mean of |ω| over the torque-free motion, shape (n,), at slow variables (L_x, L_y, L_z, E), shape (n, 4)."""
+    # By quadrature over a quarter of the polhode (`eq:omg1`–`eq:omg3`), within about 1e-6 relative, less on the
+    # separatrix itself.
     from scipy.special import ellipj, ellipk
 
     momentum2, energy2 = np.sum(slow[:, :3] ** 2, axis=1), 2 * slow[:, 3]

@@ -39,10 +39,8 @@ TINY = 1e-300
 
 
 def torque_coefficients(spheroid: Spheroid) -> dict[str, float]:
-    """Coefficients of the torque over I_e, T = -D L - d p(p·L) + D Ω + c p(p·Ω) + k p×(E p), L in units of I_e.
-
-    D = 8πY_c/I_e, D + d = 8πX_c/I_a, D + c = 8πX_c/I_e, k = DΛ.
-    """
+    """Coefficients of the torque over I_e, T = -D L - d p(p·L) + D Ω + c p(p·Ω) + k p×(E p), L in units of I_e."""
+    # D = 8πY_c/I_e, D + d = 8πX_c/I_a, D + c = 8πX_c/I_e, k = DΛ.
     equatorial, axial = spheroid.equatorial_damping, spheroid.axial_damping
     return {
         "D": equatorial,

@@ -168,11 +168,9 @@ def _needed(series: Series, faint: float) -> list[int]:
 
 
 def tails(x: Array, q: Array) -> tuple[Array, Array]:
-    """What stands for 1/x² and 1/x of a divisor x that changes by q while the phase turns by a radian.
-
-    The integral of the mode from long before its resonance, behind it to long after, and the integral of that: their
-    asymptotic series in q/x² or, near the resonance, what these belong to, Faddeeva's function.
-    """
+    """What stands for 1/x² and 1/x of a divisor x that changes by q while the phase turns by a radian."""
+    # The integral of the mode from long before its resonance, behind it to long after, and the integral of that: their
+    # asymptotic series in q/x² or, near the resonance, what these belong to, Faddeeva's function.
     from scipy.special import wofz
 
     # At imaginary u the asymptotic series have real parts and imaginary ones; where |u| > 1 any number does.

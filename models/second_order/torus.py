@@ -69,10 +69,8 @@ class Torus:
 
     @cached_property
     def inverses(self) -> tuple[Array, Array]:
-        """1/D² and 1/D of D = k₁ν₁ + k₂ν₂, shape (m, a, b) each.
-
-        Zero for the mean, for Nyquist modes and for k₁ + k₂ odd.
-        """
+        """1/D² and 1/D of D = k₁ν₁ + k₂ν₂, shape (m, a, b) each."""
+        # Zero for the mean, for Nyquist modes and for k₁ + k₂ odd.
         p, nodes = self.polhode, self.polhode.nodes
         k1 = np.fft.fftfreq(nodes, 1 / nodes)[:, None]
         k2 = np.fft.fftfreq(PRECESSIONS, 1 / PRECESSIONS)

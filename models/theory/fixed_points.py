@@ -115,11 +115,9 @@ def attractors(ellipsoid: Ellipsoid, stokes: float, radius: float, *, circling: 
 
 
 def circle(ellipsoid: Ellipsoid, stokes: float) -> float:
-    """Distance in (L, E) over I_max at which a particle circles rotation about its shortest axis, to order 1/St.
-
-    There ω̇ = -(d/St)(ω - Ω_J) with Ω_J = -½ + ½ Λ cos t, so that ω oscillates by dΛ/(2 St) about -½ and E = Iω²/2 by
-    half as much; d is the damping rate and Λ the anisotropy of the section across the axis. A sum of 0 for oblate ones.
-    """
+    """Distance in (L, E) over I_max at which a particle circles rotation about its shortest axis, to order 1/St."""
+    # There ω̇ = -(d/St)(ω - Ω_J) with Ω_J = -½ + ½ Λ cos t, so that ω oscillates by dΛ/(2 St) about -½ and E = Iω²/2 by
+    # half as much; d is the damping rate and Λ the anisotropy of the section across the axis. It is 0 for oblate ones.
     longest, middle, shortest = ellipsoid.order
     a2, b2 = ellipsoid.scaled_axes[longest] ** 2, ellipsoid.scaled_axes[middle] ** 2
     return sqrt(5) / 4 * ellipsoid.damping[shortest] * (a2 - b2) / (a2 + b2) / stokes

@@ -50,10 +50,8 @@ def weak_inertia_period_change(ellipsoid: Ellipsoid, stokes: float, axis: int) -
 
 
 def _profile(a: float, b: float, nodes: int) -> tuple[np.ndarray, np.ndarray]:
-    """dφ/ds and g, each of shape (n,), at equispaced nodes of s in [0, π), tan φ = √(b/a) tan s.
-
-    The map keeps both the zeros of g and its own poles as far as √(b/a) from the real axis.
-    """
+    """dφ/ds and g, each of shape (n,), at equispaced nodes of s in [0, π), tan φ = √(b/a) tan s."""
+    # The map keeps both the zeros of g and its own poles as far as √(b/a) from the real axis.
     s = pi * np.arange(nodes) / nodes
     q = sqrt(b / a)
     stretch = np.cos(s) ** 2 + q * q * np.sin(s) ** 2
@@ -62,10 +60,8 @@ def _profile(a: float, b: float, nodes: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _marched(slope: np.ndarray, equilibrium: np.ndarray, damping: float) -> np.ndarray:
-    """w, shape (n,), within O(1/n), by implicit Euler steps from w = 1/2 over two half turns.
-
-    The equation contracts everywhere and each step has one positive root, so that this cannot fail.
-    """
+    """w, shape (n,), within O(1/n), by implicit Euler steps from w = 1/2 over two half turns."""
+    # The equation contracts everywhere and each step has one positive root, so that this cannot fail.
     steps = (pi / len(slope) * damping * slope).tolist()
     rates, rate = [], 0.5
     for _ in range(2):
@@ -79,11 +75,9 @@ def _marched(slope: np.ndarray, equilibrium: np.ndarray, damping: float) -> np.n
 
 
 def _collocated_period(slope: np.ndarray, equilibrium: np.ndarray, damping: float, rate: np.ndarray) -> float:
-    """Period from the values of w, shape (n,), at equispaced nodes of s, by Newton's method; NaN if it fails.
-
-    The equation is integrated once, which keeps it well-conditioned for any damping 1/ε:
-    w - ⟨w⟩ + ε⁻¹ ∫ r ds = 0 and ⟨r⟩ = 0 with r = (1 - g/w) dφ/ds.
-    """
+    """Period from the values of w, shape (n,), at equispaced nodes of s, by Newton's method; NaN if it fails."""
+    # The equation is integrated once, which keeps it well-conditioned for any damping 1/ε: w - ⟨w⟩ + ε⁻¹ ∫ r ds = 0 and
+    # ⟨r⟩ = 0 with r = (1 - g/w) dφ/ds.
     from scipy.linalg import circulant
 
     nodes = len(slope)

@@ -39,10 +39,8 @@ ROUNDING = 1e-12
 
 
 def section_points(ellipsoid: Ellipsoid, times: np.ndarray, orientation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """θ and ψ in rad where φ = nπ, from quaternions, shape (n, 4), at times of shape (n,), by cubic interpolation.
-
-    φ = nπ is where the flow component t₃₁ of z' vanishes; ψ is given from -π/2 to π/2, its symmetry taken out.
-    """
+    """θ and ψ in rad where φ = nπ, from quaternions, shape (n, 4), at times of shape (n,), by cubic interpolation."""
+    # φ = nπ is where the flow component t₃₁ of z' vanishes; ψ is given from -π/2 to π/2, its symmetry taken out.
     rotation = matrix_from_quaternion(orientation)
     # Each column c of t_ij, a space axis in body axes, obeys c' = c × ω.
     rates = np.cross(rotation, jeffery_spin(ellipsoid, rotation)[:, :, None], axis=1)
@@ -95,11 +93,9 @@ def orbit(ellipsoid: Ellipsoid, theta: float, psi: float, duration: float) -> tu
 
 
 def measure_layer(ellipsoid: Ellipsoid, turns: int) -> tuple[float, float]:
-    """Ends of pure libration and of pure circulation along θ at ψ = 0, which all orbits cross: θ - π/2 in rad.
-
-    The first is the larger one while orbits next to a sharp separatrix have not yet left the saddle. The edge of a
-    layer may be frayed, so that the width is a lower bound.
-    """
+    """Ends of pure libration and of pure circulation along θ at ψ = 0, which all orbits cross: θ - π/2 in rad."""
+    # The first is the larger one while orbits next to a sharp separatrix have not yet left the saddle. The edge of a
+    # layer may be frayed, so that the width is a lower bound.
     duration = turns * half_turn(ellipsoid)
 
     def circulates(offset: float) -> bool:
@@ -114,10 +110,8 @@ def measure_layer(ellipsoid: Ellipsoid, turns: int) -> tuple[float, float]:
 
 
 def saddle_growth(ellipsoid: Ellipsoid) -> float:
-    """Exponent of the saddle (π/2, π/2) of the section, per half turn.
-
-    The map next to it has determinant one and, by the reversal φ → -φ, equal diagonal elements cosh λ.
-    """
+    """Exponent of the saddle (π/2, π/2) of the section, per half turn."""
+    # The map next to it has determinant one and, by the reversal φ → -φ, equal diagonal elements cosh λ.
     _, psi = orbit(ellipsoid, pi / 2, pi / 2 - TINY, 1.5 * half_turn(ellipsoid))
     return acosh((pi / 2 - abs(psi[0])) / TINY)
 

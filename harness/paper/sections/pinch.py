@@ -91,10 +91,8 @@ def growth_exponent(kappa: float) -> float:
 
 
 def pinch_exponent(kappa: float) -> float:
-    """Exponent in St of the smallest |L| of a prolate spheroid on its way past the pinch point.
-
-    What is left of the O(1/St) oscillation in L_y reaches L_z when L_z^(1 - e) is of order 1/St.
-    """
+    """Exponent in St of the smallest |L| of a prolate spheroid on its way past the pinch point."""
+    # What is left of the O(1/St) oscillation in L_y reaches L_z when L_z^(1 - e) is of order 1/St.
     return -1 / (1 - growth_exponent(kappa))
 
 
