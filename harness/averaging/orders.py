@@ -51,25 +51,25 @@ class Law:
         return stokes[stokes >= FITTED_FROM], error[stokes >= FITTED_FROM]
 
     @cached_property
-    def fit(self) -> tuple[float, float, tuple[float, float]]:
-        """log₁₀ c, the order, and the order's 95 % interval."""
+    def fit(self) -> tuple[float, tuple[float, float]]:
+        """The order, and its 95 % interval."""
         # NaN where fewer than `LEAST_POINTS` St were measured: with one degree of freedom an interval says nothing.
         stokes, error = self.fitted
         if len(stokes) < LEAST_POINTS:
-            return nan, nan, (nan, nan)
-        exponent, (low, high), constant = power_law(stokes, error)
+            return nan, (nan, nan)
+        exponent, (low, high), _ = power_law(stokes, error)
         width = (high - low) / 2
-        return constant, -exponent, (-exponent - width, -exponent + width)
+        return -exponent, (-exponent - width, -exponent + width)
 
-    order = property(lambda law: law.fit[1], doc="Fitted order in 1/St.")
-    order_interval = property(lambda law: law.fit[2], doc="95 % confidence interval of the order.")
+    order = property(lambda law: law.fit[0], doc="Fitted order in 1/St.")
+    order_interval = property(lambda law: law.fit[1], doc="95 % confidence interval of the order.")
     shown = property(lambda law: [round(end, 2) for end in law.order_interval], doc="It in the two decimals shown.")
 
     def needed(self, target: float) -> tuple[float, str]:
         """Smallest St from which on the error stays below `target`, and where that comes from.
 
         "measured": between two measured St, by interpolation of logarithms; "at most": already at the smallest St
-        measured; "extrapolated": beyond the largest one, by the fitted law.
+        measured; "extrapolated": beyond the largest one, from its error on, by the fitted order.
         """
         stokes, error = self.alike
         above = np.flatnonzero(error > target)
@@ -77,8 +77,7 @@ class Law:
             return float(stokes[0]), "at most"
         i = above[-1]
         if i + 1 == len(stokes):
-            constant, order, _ = self.fit
-            return 10 ** ((constant - log10(target)) / order), "extrapolated"
+            return float(stokes[-1] * (error[-1] / target) ** (1 / self.order)), "extrapolated"
         x, y = np.log10(stokes[i : i + 2]), np.log10(error[i : i + 2])
         return float(10 ** np.interp(-log10(target), -y, x)), "measured"
 

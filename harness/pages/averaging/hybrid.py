@@ -19,7 +19,7 @@ from polhode.harness.pages.tables import fill, lines_of
 def write_page(study: Study, folder: Path, command: str) -> None:
     """Write the page and its data into a folder."""
     write_study(study, folder)
-    save(errors_and_speed(study), folder, "errors")
+    save(errors_and_speed(_judged(study.errors), _compared(study.speed)), folder, "errors")
     write_file(folder / "README.md", page(study, command))
 
 

@@ -2,14 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from polhode.harness.analysis.frames import frame_of
-from polhode.harness.averaging.hybrid import HybridError, Speed, Study
 from polhode.harness.pages.figures.style import colour, power as power_of
 
 COLOURS = {1: colour("averaged"), 2: colour("averaged-second-order")}
@@ -46,10 +45,10 @@ def against_stokes(panels: Mapping[str, Sequence[Line]], label: str) -> Figure:
     return figure
 
 
-def errors_and_speed(study: Study) -> Figure:
+def errors_and_speed(runs: Any, speeds: Any) -> Figure:
     """Of the form `hybrid`: errors against those asked for; how many times as fast as the best full solution."""
     figure, (left, right) = plt.subplots(1, 2, figsize=SIZE, layout="constrained")
-    draw, runs = np.random.default_rng(0), frame_of(HybridError, study.errors)
+    draw = np.random.default_rng(0)
     for stokes, own in runs.groupby("stokes"):
         asked = own["error"] * 10 ** draw.uniform(-0.6, 0.6, len(own))
         left.loglog(asked, own["slow"], ".", markersize=4, alpha=0.6, label=f"St = {power_of(stokes)}")
@@ -57,11 +56,10 @@ def errors_and_speed(study: Study) -> Figure:
         left.plot([asked / 4, asked * 4], [asked, asked], color="black", linewidth=1.5)
     left.set_xlabel("error asked for (spread sideways)", fontsize=11)
     left.set_ylabel("slow error over $I_{max}$; black: asked for", fontsize=11)
-    speeds = frame_of(Speed, study.speed)
     for name, marker in (("spheroids", "o"), ("triaxial", "^")):
-        own = speeds[(speeds["kind"] == "triaxial") == (name == "triaxial")]
+        own = speeds[speeds["bodies"] == name]
         stokes = own["stokes"] * 10 ** draw.uniform(-0.25, 0.25, len(own))
-        right.loglog(stokes, own["full_seconds"] / own["seconds"], marker, markersize=5, alpha=0.7, label=name)
+        right.loglog(stokes, own["gain"], marker, markersize=5, alpha=0.7, label=name)
     right.axhline(1.0, color="black", linewidth=1.5)
     right.set_xlabel("Stokes number St (spread sideways)", fontsize=11)
     right.set_ylabel("times as fast as the best full solution", fontsize=11)

@@ -96,6 +96,12 @@ def test_an_error_that_rises_again_is_not_met_before():
     assert (stokes, source) == (pytest.approx(10**4.5), "measured")
 
 
+def test_an_error_that_is_not_met_yet_is_not_met_before():
+    """Though the fitted law lies below the last error."""
+    law = Law("bump", "ellipsoid", "averaged", (1e3, 1e4, 1e5, 1e6), (1e-1, 1e-3, 1e-4, 1e-4), (0.5,) * 4)
+    assert law.needed(0.9e-4)[0] > 1e6
+
+
 def test_errors_within_the_references_uncertainty_are_left_out():
     measured = rows({1e2: 1e-1, 1e3: 1e-2, 1e4: 1e-3, 1e5: 5e-4}, uncertainty=1e-4)
     (law,) = laws(measured)
