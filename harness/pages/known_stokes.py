@@ -40,21 +40,24 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     folder.mkdir(parents=True, exist_ok=True)
     export(list(records), folder / "records.jsonl")
     table = frame(records)
-    rows, met = _splitting(table)
+    rows, met, known = _splitting(table)
+    slower = [(ratio, stokes) for ratio, stokes in known if ratio < 1]
     page = fill(
         "known-stokes",
         header=header(study.title, command, records),
         met=met.count(True),
         asked=len(met),
+        known=known,
+        slower=slower,
         stroboscopic=_stroboscopic(study, table, folder),
         ratios=markdown(["scene", "St", *map(short, ERRORS)], rows, right=range(1, 2 + len(ERRORS))),
     )
     return write_file(folder / "README.md", page)
 
 
-def _splitting(table: pd.DataFrame) -> tuple[list[list[str]], list[bool]]:
-    """Rows of the table, and which targets are met."""
-    rows, met = [], []
+def _splitting(table: pd.DataFrame) -> tuple[list[list[str]], list[bool], list[tuple[float, float]]]:
+    """Rows of the table, which targets are met, and all ratios known with their St."""
+    rows, met, ratios = [], [], []
     for scene in dict.fromkeys(table["scene_name"].astype(str)):
         groups = by_stokes(where(table, table["scene_name"] == scene))
         known: Any = costs(groups, ERRORS).droplevel(0, axis=1)
@@ -64,6 +67,8 @@ def _splitting(table: pd.DataFrame) -> tuple[list[list[str]], list[bool]]:
                 times = known.loc[error, stokes]
                 others = times.drop(OWN, errors="ignore").dropna().sort_values()
                 ratio = others.min() / times.get("splitting", nan)
+                if not isnan(ratio):
+                    ratios.append((float(ratio), stokes))
                 target = TARGETS.get((scene, stokes, error))
                 cell = "–" if isnan(ratio) else f"{ratio:.2g} ({others.index[0]}, {duration(others.min())})"
                 if target is not None:
@@ -71,7 +76,7 @@ def _splitting(table: pd.DataFrame) -> tuple[list[list[str]], list[bool]]:
                     cell += f" {'✓' if met[-1] else '✕'} ≥ {target:g}"
                 cells.append(cell)
             rows.append([scene, short(stokes), *cells])
-    return rows, met
+    return rows, met, ratios
 
 
 def _stroboscopic(study: Study, table: pd.DataFrame, folder: Path) -> list[str]:

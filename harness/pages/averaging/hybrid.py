@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from statistics import median, quantiles
+from statistics import quantiles
 from typing import Any
 
 from polhode.harness.analysis.frames import frame_of
@@ -39,7 +39,7 @@ def page(study: Study, command: str) -> str:
 def findings(study: Study) -> list[str]:
     """What was found, in sentences."""
     rows, runs, speeds = study.errors, _judged(study.errors), _compared(study.speed)
-    gains = {stokes: own.dropna().tolist() for stokes, own in speeds.groupby("stokes")["gain"]}
+    gains = speeds.dropna(subset=["gain"]).groupby("stokes")
     times = 1e3 * speeds.loc[speeds["new_shape"] > 0, ["new_shape", "known_shape"]]
     stated = runs.dropna(subset=["estimated"])
     return lines_of(
@@ -51,7 +51,9 @@ def findings(study: Study) -> list[str]:
         stated=stated,
         ratios=stated["over"][stated["slow"] > 0],
         settled=runs["mirror"].dropna(),
-        gains={stokes: (median(own), quantiles(own, n=10)[0]) for stokes, own in gains.items() if len(own) > 1},
+        worst=(runs["slow"] / runs[["error", "uncertainty"]].max(axis=1)).max(),
+        gains=[(stokes, own) for stokes, own in gains if len(own) > 1],
+        quantiles=quantiles,
         tables=[(each.median(), each.max()) for _, each in times.items() if len(each)],
     )
 
@@ -77,10 +79,11 @@ def _compared(rows: Sequence[Speed]) -> Any:
     runs = frame_of(Speed, rows)
     runs["bodies"] = runs["kind"].where(runs["kind"] == "triaxial", "spheroids")
     runs["gain"] = runs["full_seconds"] / runs["seconds"]
+    runs["over_knowing"] = runs["knowing_seconds"] / runs["seconds"]
     return runs
 
 
 def _speeds(runs: Any) -> list[dict[Any, Any]]:
     found = runs.groupby(["stokes", "bodies"])
-    medians = found[["seconds", "few_seconds", "full_share", "gain"]].median()
+    medians = found[["seconds", "few_seconds", "full_share", "gain", "over_knowing"]].median()
     return medians.assign(runs=found.size()).reset_index().to_dict("records")

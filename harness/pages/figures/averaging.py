@@ -62,7 +62,7 @@ def errors_and_speed(runs: Any, speeds: Any) -> Figure:
         right.loglog(stokes, own["gain"], marker, markersize=5, alpha=0.7, label=name)
     right.axhline(1.0, color="black", linewidth=1.5)
     right.set_xlabel("Stokes number St (spread sideways)", fontsize=11)
-    right.set_ylabel("times as fast as the best full solution", fontsize=11)
+    right.set_ylabel("times as fast as the best of cyrk-vern8 and taylor", fontsize=11)
     for axes in (left, right):
         # Within the panel it would hide the largest errors.
         axes.legend(fontsize=9, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False)

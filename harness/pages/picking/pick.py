@@ -16,6 +16,7 @@ from polhode.harness.calibration.scenes import Question
 from polhode.harness.calibration.selection import CUTOFF, FEATURES, PENALTY, PICK, features, pays_from, scores
 from polhode.harness.calibration.stated import judged
 from polhode.harness.common.files import write_file
+from polhode.harness.common.fits import wilson
 from polhode.harness.pages.figures.work_precision import save
 from polhode.harness.pages.tables import fill, lines_of
 from polhode.harness.picking.laws import Laws
@@ -55,6 +56,8 @@ def summary(evaluation: Evaluation) -> list[str]:
     return lines_of(
         "pick-summary",
         asked=asked,
+        wilson=wilson,
+        scenes=evaluation.scenes,
         shares=evaluation.shares,
         count=len(factors),
         useful=len(useful),
@@ -71,7 +74,7 @@ def _counted(reasons: Iterable[str]) -> str:
 
 
 def _page(laws: Laws, evaluation: Evaluation, command: str) -> str:
-    ways, scenes = evaluation.ways, evaluation.scenes.to_dict("records")
+    ways, scenes = evaluation.ways, evaluation.scenes
     return fill(
         "pick",
         command=command,
@@ -79,9 +82,12 @@ def _page(laws: Laws, evaluation: Evaluation, command: str) -> str:
         scores=[] if ways is None else scores(ways).to_dict("records"),
         cutoff=CUTOFF,
         counts=PENALTY * CUTOFF,
-        asking=float("nan") if ways is None else evaluation.scenes["pick_seconds"].median(),
-        pays=inf if ways is None else pays_from(evaluation.scenes, ways),
-        missed=[f"{each['scene']}: {each['miss']}." for each in scenes if each["miss"]],
+        count=len(scenes),
+        unmet=int(scenes["best_seconds"].isna().sum()),
+        asking=scenes["pick_seconds"].median(),
+        longest=scenes["pick_seconds"].max(),
+        pays=inf if ways is None else pays_from(scenes, ways),
+        missed=[f"{name}: {why}." for name, why in zip(scenes["scene"], scenes["miss"], strict=True) if why],
         source=laws.source,
     )
 
@@ -161,5 +167,7 @@ def write_stated(folder: Path, runs: pd.DataFrame, command: str) -> Path:
 
 def stated_summary(runs: pd.DataFrame) -> list[str]:
     """What the errors stated are worth, in sentences."""
-    found = judged(runs)
-    return lines_of("pick-stated-summary", **found, target=BOUNDED, share=SHARE, least=LEAST)
+    found, known = judged(runs), int(runs["stated_high"].notna().sum())
+    strata = {stratum: judged(mine)["bounded"] for stratum, mine in runs.groupby("stratum")}
+    limits = {"target": BOUNDED, "share": SHARE, "least": LEAST, "wilson": wilson}
+    return lines_of("pick-stated-summary", **found, known=known, strata=strata, **limits)
