@@ -216,10 +216,8 @@ def _full(scene: Scene, times: np.ndarray, true: Observables) -> dict[tuple[str,
     """Runs in full, by each solver at the loosest tolerance that meets the error; a call gives its seconds."""
     form, found = find_form(full_form(scene)), dict[tuple[str, float], Callable[[], float]]()
     problem = form.problem(scene)
-    ways = dict.fromkeys(FULL_SOLVERS, FULL_TOLERANCES)
-    if find_solver(KNOWING).takes(problem):
-        ways[KNOWING] = KNOWING_TOLERANCES
-    for solver, tolerances in ways.items():
+    knowing = [(KNOWING, KNOWING_TOLERANCES)] if find_solver(KNOWING).takes(problem) else []
+    for solver, tolerances in [*((solver, FULL_TOLERANCES) for solver in FULL_SOLVERS), *knowing]:
         for tolerance in tolerances:
             run = solve(problem, solver, tolerance, times)
             if run.success and errors(scene.ellipsoid, form.observe(scene, run.states), true).slow <= FAST_ERROR:

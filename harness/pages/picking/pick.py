@@ -83,7 +83,7 @@ def _page(laws: Laws, evaluation: Evaluation, command: str) -> str:
         cutoff=CUTOFF,
         counts=PENALTY * CUTOFF,
         count=len(scenes),
-        unmet=int(scenes["best_seconds"].isna().sum()),
+        unmet=len(scenes) - scenes["best_seconds"].count(),
         asking=scenes["pick_seconds"].median(),
         longest=scenes["pick_seconds"].max(),
         pays=inf if ways is None else pays_from(scenes, ways),
@@ -167,7 +167,7 @@ def write_stated(folder: Path, runs: pd.DataFrame, command: str) -> Path:
 
 def stated_summary(runs: pd.DataFrame) -> list[str]:
     """What the errors stated are worth, in sentences."""
-    found, known = judged(runs), int(runs["stated_high"].notna().sum())
+    found, known = judged(runs), runs["stated_high"].count()
     strata = {stratum: judged(mine)["bounded"] for stratum, mine in runs.groupby("stratum")}
     limits = {"target": BOUNDED, "share": SHARE, "least": LEAST, "wilson": wilson}
     return lines_of("pick-stated-summary", **found, known=known, strata=strata, **limits)
