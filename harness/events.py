@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -24,13 +25,18 @@ class Event:
     """A function of a solution of n times that returns n values, to be followed through zero.
 
     It happens only where the function rises if `direction` is positive, where it falls if negative; the solution ends
-    there if it is `terminal`. Any function will do in its place, with SciPy's attributes of these names if need be.
+    there if it is `terminal`, at the n-th time if that is a number. Any function will do in its place, with SciPy's
+    attributes of these names if need be.
     """
 
     name: str
     function: Callable[[Any], np.ndarray]
     direction: float = 0.0
-    terminal: bool = False
+    terminal: bool | int = False
+
+    def ends(self, happened: Any) -> Any:
+        """Where it ends a solution in which it happened like this, as times of one or none."""
+        return happened.t[self.terminal - 1 : self.terminal] if self.terminal else happened.t[:0]
 
 
 EventLike = str | Event | Callable[[Any], Any]
@@ -69,7 +75,7 @@ def as_events(given: Iterable[EventLike] | EventLike) -> list[Event]:
         elif isinstance(what, str):
             found.append(EVENTS[what])
         else:
-            direction, terminal = getattr(what, "direction", 0.0), bool(getattr(what, "terminal", False))
+            direction, terminal = getattr(what, "direction", 0.0), getattr(what, "terminal", None) or False
             found.append(Event(getattr(what, "__name__", repr(what)), what, direction, terminal))
     names = [event.name for event in found]
     if len(set(names)) < len(names):
@@ -110,10 +116,10 @@ def happened(solution: Any, event: Event) -> Any:
 def with_events(solution: SceneSolution, events: Iterable[Event]) -> SceneSolution:
     """The solution with what happened, and no further than to the first event that ends it."""
     found = {event.name: happened(solution, event) for event in events}
-    ends = [found[event.name] for event in events if event.terminal and len(found[event.name].times)]
+    ends = [(time, found[event.name]) for event in events for time in event.ends(found[event.name])]
     if ends:
-        first = min(ends, key=lambda each: each.times[0])
-        end = first(first.times[:1])
+        time, first = min(ends, key=itemgetter(0))
+        end = first(time)
         solution = solution.until(end)
         found = {name: each(each.times[each.times <= end.times[0]]) for name, each in found.items()}
     return replace(solution, events=found)

@@ -82,7 +82,7 @@ def solve_ivp(
     looked_for = [as_events(each)[0] for each in ([events] if callable(events) else events)]
     values = (replace(event, function=partial(_values, event.function, began, d, args)) for event in looked_for)
     happenings = [happened(found, value) for value in values]
-    ends = [each.t[0] for event, each in zip(looked_for, happenings, strict=True) if event.terminal and len(each.t)]
+    ends = [time for event, each in zip(looked_for, happenings, strict=True) for time in event.ends(each)]
     last = min([*ends, found.t[-1]])
     happenings = [each(each.t[each.t <= last]) for each in happenings]
     shown = wanted[wanted - began <= last]

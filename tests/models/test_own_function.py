@@ -133,6 +133,15 @@ def test_solve_ivp_gives_what_scipy_gives(method: str):
             solve_ivp(driven, span, start, method, wrong, args=args)
 
 
+def test_an_event_may_end_a_run_at_its_second_time(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(falls, "terminal", 2)
+    question = (lambda t, y: [y[1], -y[0]]), (0, 20), [1.0, 0.0]
+    ours, theirs = solve_ivp(*question, events=falls, rtol=1e-10), scipys(*question, events=falls, rtol=1e-10)
+    np.testing.assert_allclose(ours.t_events[0], theirs.t_events[0], rtol=1e-3)
+    assert len(ours.t_events[0]) == 2
+    assert ours.status == theirs.status == 1
+
+
 def test_of_scipys_options_those_that_would_change_nothing_are_taken():
     two = [lambda t, y: y[0] - 0.5, lambda t, y: y[0] - 0.25]
     found = solve_ivp(lambda t, y: -y, (0, 2), [1.0], events=two, rtol=1e-10, dense_output=True)
