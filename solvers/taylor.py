@@ -20,10 +20,8 @@ CHUNK = 10_000
 def taylor_integrator(
     factory: Factory, dimension: int, parameters: int, tolerance: float, precision: Precision = "double"
 ) -> Any:
-    """heyoka's integrator of a field, kept for the life of the process; its state, time and parameters are set anew.
-
-    Extended precisions are compiled in compact mode, which costs speed but saves up to half a minute of compilation.
-    """
+    """heyoka's integrator of a field, kept for the life of the process; its state, time and parameters are set anew."""
+    # Extended precisions are compiled in compact mode, which costs speed but saves up to half a minute of compilation.
     heyoka = load_heyoka()
     number = {"double": float, "long double": np.longdouble, "quadruple": heyoka.real128}[precision]
     system, start = traced_system(factory, dimension, parameters), np.zeros(dimension, number)

@@ -126,14 +126,13 @@ def measure_errors(scenes: Sequence[Scene], quiet: bool = False) -> list[HybridE
     rows = []
     for i, scene in enumerate(tqdm(scenes, "errors", leave=False, disable=quiet or None)):
         if scene.time <= LONGEST:
-            true = truth(scene)
-            rows += [_measured(i, scene, error, *true) for error in ERRORS]
+            known = truth(scene)
+            rows += [_measured(i, scene, error, known) for error in ERRORS]
     return rows
 
 
-def _measured(
-    start: int, scene: Scene, error: float, true: Observables, slow_off: float, orientation_off: float
-) -> HybridError:
+def _measured(start: int, scene: Scene, error: float, known: tuple[Observables, float, float]) -> HybridError:
+    true, slow_off, orientation_off = known
     run = plan(scene, Hybrid.name, SOLVER, error / ERROR_PER_TOLERANCE, error, "slow", SAMPLES).run()
     slow = orientation = mirror = nan
     if run.success:

@@ -144,12 +144,10 @@ def robust_fit(
 def bootstrap(
     scenes: Sequence[str], predicted: Callable[[Array], Array], measured: Array, prior: Prior, soft: float
 ) -> dict[str, Any]:
-    """Fit a law, and fit it again to scenes drawn with replacement: its parameters, their intervals, and its stray.
-
-    What one scene says of another is what a prediction is worth: strays are those of the scenes left out, wider where
-    there are few, by Student's t over the normal distribution.
-    Source: Efron and Tibshirani, An Introduction to the Bootstrap, sections 6.2 and 17.7.
-    """
+    """Fit a law, and fit it again to scenes drawn with replacement: its parameters, their intervals, and its stray."""
+    # What one scene says of another is what a prediction is worth: strays are those of the scenes left out, wider where
+    # there are few, by Student's t over the normal distribution. Source: Efron and Tibshirani, An Introduction to the
+    # Bootstrap, sections 6.2 and 17.7.
     group, names = pd.factorize(np.array(scenes))
     count, random = len(names), np.random.default_rng(SEED)
     start = np.array([mean for mean, _ in prior.values()])

@@ -141,9 +141,8 @@ def set_aside(path: Path, to: Path) -> None:
             connection.execute("PRAGMA journal_mode=DELETE")
         except sqlite3.OperationalError as error:
             if "locked" in str(error):
-                raise OSError(
-                    f"{path}: a run is writing it, expected its end, --resume to join it, or another --out"
-                ) from None
+                expected = "expected its end, --resume to join it, or another --out"
+                raise OSError(f"{path}: a run is writing it, {expected}") from None
             raise
     for ending in ("", "-wal", "-shm"):
         beside = path.with_name(path.name + ending)

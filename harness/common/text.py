@@ -64,11 +64,10 @@ def markdown(header: Sequence[str], rows: Sequence[Sequence[Any]], right: Sequen
     cells = [[str(cell) for cell in row] for row in (header, *rows)]
     widths = [max(3, width) for width in _widths(cells)]
 
+    sides = [str.rjust if i in right else str.ljust for i in range(len(widths))]
+
     def line(row: Sequence[str]) -> str:
-        padded = [
-            cell.rjust(w) if i in right else cell.ljust(w) for i, (cell, w) in enumerate(zip(row, widths, strict=True))
-        ]
-        return "| " + " | ".join(padded) + " |"
+        return "| " + " | ".join(side(cell, w) for side, cell, w in zip(sides, row, widths, strict=True)) + " |"
 
     rule = ["-" * (w - 1) + ":" if i in right else "-" * w for i, w in enumerate(widths)]
     return "\n".join([line(cells[0]), line(rule), *(line(row) for row in cells[1:])]) + "\n"

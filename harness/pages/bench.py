@@ -59,7 +59,10 @@ def _figures(runs: pd.DataFrame, scene: str, place: int, folder: Path) -> list[d
             # The figures of the first scene have plain names.
             file = f"{name}-{scene}" if place else name
             save(work_precision_panels(runs, error, f"{scene}: {label}" if scene else label), folder, file)
-            found.append({"name": name, "label": label, "file": file, "winners": _winners(runs, error)})
+            groups = by_stokes(runs)
+            rows = [[short(target), *(_winner(own, target, error) for _, own in groups)] for target in pareto.TARGETS]
+            winners = markdown(["error", *(f"St = {short(stokes)}" for stokes, _ in groups)], rows)
+            found.append({"name": name, "label": label, "file": file, "winners": winners})
     return found
 
 
@@ -73,12 +76,6 @@ def _listed(values: Iterable[Any]) -> str:
     """Different values in their order, of lists each as a : b : c."""
     texts = (" : ".join(map(short, each)) if isinstance(each, list) else each for each in values)
     return ", ".join(dict.fromkeys(each if isinstance(each, str) else short(each) for each in texts))
-
-
-def _winners(table: pd.DataFrame, error: str) -> str:
-    groups = by_stokes(table)
-    rows = [[short(target), *(_winner(runs, target, error) for _, runs in groups)] for target in pareto.TARGETS]
-    return markdown(["error", *(f"St = {short(stokes)}" for stokes, _ in groups)], rows)
 
 
 def _winner(runs: pd.DataFrame, target: float, error: str) -> str:

@@ -71,6 +71,9 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     kept = ({name: record[name] for name in record.keys() - LEFT_OUT if record[name] is not None} for record in records)
     export(kept, folder / "records.jsonl")
     runs, stopped, solvers = _runs(found), limit(table), sorted(set(table["solver"]), key=rank)
+    passed = runs.groupby(["scene", "solver"])["passed"].agg(["sum", "size"])
+    shares = ["✓" if met == taken else f"{met}/{taken}" for met, taken in passed.to_numpy().tolist()]
+    by_scene = pd.Series(shares, passed.index).unstack().fillna("·").loc[runs["scene"].unique(), solvers]
     page = fill(
         "outcomes",
         header=header(study.title, command, records),
@@ -78,7 +81,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         counts=_counts(runs, solvers),
         inaccurate=INACCURATE,
         stopped=stopped,
-        scenes=_by_scene(runs, solvers),
+        scenes=markdown(["scene", *solvers], [[*row] for row in by_scene.itertuples()]),
         hard=[f"{name}: {SCENES[name].summary}" for name in dict(study.scenes) if name in SCENES],
     )
     return write_file(folder / "README.md", page)
@@ -91,15 +94,6 @@ def _counts(runs: Any, solvers: Sequence[str]) -> str:
     share = (100 * found["reached"] / total).sort_values(ascending=False, kind="stable")
     rows = [[name, total[name], f"{each:.0f} %", *found.loc[name]] for name, each in share.items()]
     return markdown(["solver", "runs", "got through", *KINDS], rows, right=range(1, 3 + len(KINDS)))
-
-
-def _by_scene(runs: Any, solvers: Sequence[str]) -> str:
-    shares = runs.groupby(["scene", "solver"])["passed"].agg(_share).unstack().fillna("·")
-    return markdown(["scene", *solvers], [[scene, *shares.loc[scene, solvers]] for scene in runs["scene"].unique()])
-
-
-def _share(passed: Any) -> str:
-    return "✓" if passed.all() else f"{passed.sum()}/{len(passed)}"
 
 
 def limits(records: Sequence[Record]) -> dict[str, float]:

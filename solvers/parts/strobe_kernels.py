@@ -46,10 +46,9 @@ def strobe_kernels(parts: Parts, dimension: int) -> StrobeKernels:
 
 
 def _turn(pieces: Pieces) -> Program:
-    """One turn of the fast angle forth, of the first point, and back, of the second, side by side.
-
-    Each takes so many steps, and two short ones that close it: one of the scheme, and for what it leaves one of Strang.
-    """
+    """One turn of the fast angle forth, of the first point, and back, of the second, side by side."""
+    # Each takes so many steps, and two short ones that close it: one of the scheme, and for what it leaves one of
+    # Strang.
     program = Program("turn", "scheme p forth back points", "steps h", "internal")
     scheme, p, forth, back, points, steps, h = program.arguments
     fast, slow, dimension = pieces.parts.fast, pieces.parts.slow, pieces.dimension

@@ -68,7 +68,11 @@ def findings(study: SecondOrderStudy) -> list[str]:
         },
         away=_estimates(study.orders),
         there=_estimates([row for rows in passages.values() for row in rows]),
-        gains={where: _gains(rows) for where, rows in passages.items()},
+        # How many times smaller than first order's errors are.
+        gains={
+            where: [row.first_order_slow / row.slow for row in rows if row.stokes == GAIN_AT and not row.refused]
+            for where, rows in passages.items()
+        },
         stokes=GAIN_AT,
         passages=passages,
         second=_of_second_order(study.cost),
@@ -87,11 +91,6 @@ def _estimates(rows: Sequence[SecondOrderErrors | Passage]) -> list[list[float]]
     own = [row for row in rows if not isnan(row.slow)]
     pairs = [(row.estimated_slow / row.slow, row.estimated_orientation / row.orientation) for row in own]
     return [sorted(each) for each in zip(*pairs, strict=True)]
-
-
-def _gains(rows: Sequence[Passage]) -> list[float]:
-    """How many times smaller than first order's errors are."""
-    return [row.first_order_slow / row.slow for row in rows if row.stokes == GAIN_AT and not row.refused]
 
 
 def _rows(rows: Sequence[SecondOrderErrors], fitted: Sequence[Slope]) -> list[dict[str, Any]]:
