@@ -13,6 +13,9 @@ Floats = tuple[float, ...]
 Factory = Callable[[Operations], Field]
 Invariant = Callable[[np.ndarray], np.ndarray]
 
+# Tolerance below which rounding makes the error, not the tolerance.
+ROUNDING = 1e-13
+
 
 @dataclass(frozen=True)
 class MassForm:

@@ -10,14 +10,12 @@ import numpy as np
 
 from polhode.models.operations import FLOAT
 from polhode.models.own_function import place_of
-from polhode.models.problem import Course, Piece, Problem
+from polhode.models.problem import ROUNDING, Course, Piece, Problem
 from polhode.models.spent import spent_on
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status, Work
 
 # Growth of an angle, in rad, after which it is wrapped: small against what a tolerance relative to it would lose.
 WRAP_AFTER = 100 * pi
-# Tolerance below which rounding makes the error.
-ROUNDING = 1e-13
 # Times closer than this share of the run count as the same one.
 CLOSE = 1e-12
 

@@ -9,7 +9,7 @@ import numpy as np
 from polhode.models.catalogue import form as find_form, full_form
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.observables import Observables
-from polhode.models.problem import Piece, Problem
+from polhode.models.problem import ROUNDING, Piece, Problem
 from polhode.models.rotation import quaternion_from_matrix
 from polhode.models.scene import Scene, start_from
 from polhode.models.second_order import field as triaxial, spheroid as spheroidal
@@ -26,8 +26,6 @@ ERROR_PER_TOLERANCE, WINDOWS = 100.0, 0.5
 # Error of L and E over the tolerance of the full equations, per radian that a body turns with |L||ω| below I_max, by
 # trial; solvers that err by more are run at tighter tolerances.
 PER_RADIAN = 2e-2
-# Tolerance below which rounding makes the error, not the tolerance.
-ROUNDING = 1e-13
 # Tolerance of averaged pieces, which cost nothing, and those of windows: some solvers compile for each one anew.
 AVERAGED_TOLERANCE, FULL = 1e-12, (1e-8, 1e-9, 1e-10, 1e-11, 1e-12, ROUNDING)
 # A run of so few turns costs less than to look ahead.

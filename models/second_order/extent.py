@@ -11,7 +11,7 @@ import numpy as np
 
 from polhode.models.files import kept
 from polhode.models.second_order import swing
-from polhode.models.second_order.swing import DEPTHS as EVERY, TURNS, Place, coefficients, frame_of, series_for
+from polhode.models.second_order.swing import DEPTHS as EVERY, Place, series_for
 from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
@@ -22,13 +22,13 @@ VERSION = 1
 DEPTHS = EVERY[::2]
 # All c that are 1, then those of k > 0 that are i.
 UNITS = np.concatenate([np.eye(6), 1j * np.eye(6)[:3]])
-# Polhode phases that means are taken over, and what turns about L make of the units: their mean is exact.
+# Polhode phases that means are taken over.
 PHASES = pi / 4 * (np.arange(4) + 0.25)
-_TURNED = UNITS * np.exp(0.25j * pi * np.arange(8)[:, None] * TURNS)[:, None]
-TURNED = np.concatenate([_TURNED.real, _TURNED.imag[..., :3]], axis=2)
-# Pairs of c whose product the mean keeps: those of the same k.
-_K = np.concatenate([TURNS, TURNS[:3]])
-PAIRS = np.nonzero(np.triu(_K[:, None] == _K))
+# A mean over turns about L keeps products of c of the same k: |c₀|², |c₁|², |c₂|², the real and the imaginary part of
+# c₁c₂*, and those of c₃, c₄ and c₅. Of each, two pairs of units that give it, and their shares.
+PAIRS = [0, 1, 2, 1, 7, 3, 4, 5, 3, 3, 4], [0, 1, 2, 2, 2, 3, 4, 5, 4, 5, 5]
+OTHERS = [6, 7, 8, 7, 1, 3, 4, 5, 3, 3, 4], [6, 7, 8, 8, 8, 3, 4, 5, 4, 5, 5]
+SHARES = np.array([[0.5, 0.5, 0.5, 1, 1, 0.5, 0.5, 0.5, 1, 1, 1], [0.5, 0.5, 0.5, 1, -1, 0.5, 0.5, 0.5, 1, 1, 1]])
 # 1/St at which they are taken.
 SLIGHT = 1e-12
 
@@ -36,13 +36,16 @@ SLIGHT = 1e-12
 def extent(ellipsoid: Ellipsoid, longest: bool, momentum: Array, a2: Array) -> Array:
     """Size of the transformation times St at each L, shape (m, 3), and a²: √2 times the root mean square."""
     size, a = np.linalg.norm(momentum, axis=1), np.sqrt(a2)
+    # Along L the flow's x and y are n_x and n_y, so that across it xy* is -n_x n_y - i n_z.
+    x, y, z = momentum.T / size
+    xx, yy, xy = x * x, y * y, -x * y
+    products = (1 - xx) * (1 - yy) / 16, (1 - xx) * yy / 4, xx * (1 - yy) / 4, -xy * xy / 4, xy * z / 4
+    products = *products, xy * xy, z * z, size * size, xy * z, xy * size, z * size
     at = np.clip(np.searchsorted(DEPTHS, a), 1, len(DEPTHS) - 1)
     share = np.clip((a - DEPTHS[at - 1]) / (DEPTHS[at] - DEPTHS[at - 1]), 0, 1)
     squares = squares_for(ellipsoid, longest)
     squares = (1 - share) * squares[:, at - 1] + share * squares[:, at]
-    c = coefficients(frame_of(momentum), size).T
-    c = np.concatenate([np.real(c), np.imag(c[:3])])
-    return np.sqrt(2 * np.sum(squares * c[PAIRS[0]] * c[PAIRS[1]], axis=0)) / size**2
+    return np.sqrt(2 * np.sum(squares * np.array(products), axis=0)) / size**2
 
 
 @lru_cache(maxsize=64)
@@ -53,8 +56,7 @@ def squares_for(ellipsoid: Ellipsoid, longest: bool) -> Array:
     if found is None:
         kept.save(key, found := squares_of(series_for(ellipsoid, longest)))
     squares = found.reshape(len(DEPTHS), len(UNITS), len(UNITS))
-    squares = np.mean(TURNED @ squares[:, None] @ TURNED.swapaxes(1, 2), axis=1)
-    return squares[:, *PAIRS].T * np.where(PAIRS[0] == PAIRS[1], 1, 2)[:, None]
+    return (squares[:, *PAIRS] * SHARES[0] + squares[:, *OTHERS] * SHARES[1]).T
 
 
 def squares_of(series: swing.Series) -> Array:

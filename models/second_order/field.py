@@ -69,15 +69,20 @@ def regular(x: Any, square: Any) -> tuple[Any, Any]:
 
 def series(t: Any, p: Any) -> list[Any]:
     """The Chebyshev series at t."""
-    polynomials = [1 + 0 * t, t]
-    for _ in range(2, NODES):
-        polynomials.append(2 * t * polynomials[-1] - polynomials[-2])
-    found = []
+    found, terms = [], polynomials(t, NODES)
     for first in range(HEAD, HEAD + SERIES * NODES, NODES):
         total = p[first] + p[first + 1] * t
         for k in range(2, NODES):
-            total = total + p[first + k] * polynomials[k]
+            total = total + p[first + k] * terms[k]
         found.append(total)
+    return found
+
+
+def polynomials(t: Any, count: int) -> list[Any]:
+    """The first Chebyshev polynomials at t."""
+    found, twice = [1 + 0 * t, t], 2 * t
+    while len(found) < count:
+        found.append(twice * found[-1] - found[-2])
     return found
 
 

@@ -17,15 +17,16 @@ import numpy as np
 
 from polhode.models.files import kept
 from polhode.models.rotation import cross
+from polhode.models.second_order.field import polynomials
 from polhode.models.second_order.polhodes import Polhodes, SidedBody
-from polhode.models.second_order.tables import MOST, side_of
-from polhode.models.second_order.torus import least_rotation
+from polhode.models.second_order.tables import MOST, level, side_of
+from polhode.models.second_order.torus import carried, least_rotation, turned
 from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
 
 # Changes whenever the numbers of a series do.
-VERSION = 3
+VERSION = 4
 # Chebyshev nodes in a up to that of the tables' end, polhode phases at them, Fourier terms kept.
 NODES, PHASES, TERMS = 40, 96, 25
 _ANGLES = pi * (NODES - 0.5 - np.arange(NODES)) / NODES
@@ -46,23 +47,28 @@ K2 = (RATE > 2) + np.where(RATE < 4, -1, 1) * TURNS[TENSOR]
 UNIT = np.where((TENSOR < 4) == (RATE == 1), 1, 1j)
 FACTOR = np.where((RATE < 3) & (TURNS[TENSOR] > 0), 2, 1) * UNIT
 SOURCE = TENSOR + np.where(RATE < 4, 0, 6)
-# The orders k₁ kept of each harmonic: k₁ + k₂ is even.
+# The orders k₁ kept of each harmonic: k₁ + k₂ is even; those of -k₂ are the opposite ones of k₂.
 HARMONICS = np.arange(-2, 4)
 ORDERS = 2 * np.arange(TERMS)[:, None] - (TERMS - 1) + HARMONICS % 2
 ORDERS = np.take_along_axis(ORDERS, np.argsort(np.abs(ORDERS), axis=0, kind="stable"), axis=0)
-_BOTH = np.stack(np.broadcast_arrays(ORDERS, HARMONICS)).reshape(2, -1).astype(float)
-_MEAN = int(np.flatnonzero(~_BOTH.any(axis=0))[0])
-# What makes the generator: all parts over D, and those of y and L₃ over D². Where each stands among the products of
-# parts with 1/D of all harmonics and 1/D² of those up to 0, real and imaginary; where those of one kind begin.
-_PARTS = np.concatenate([np.arange(len(RATE)), np.arange(len(RATE))[Y], np.arange(len(RATE))[ALONG]])
-_ALL, _FIRST = len(HARMONICS), int(np.sum(HARMONICS <= 0))
-_COLUMNS, _OVER = K2[_PARTS] - HARMONICS[0], _ALL * (np.arange(len(_PARTS)) >= len(RATE))
-_PLACES = 2 * ((_ALL + _FIRST) * _PARTS + _OVER + _COLUMNS)
-_PLACES = np.stack([_PLACES, _PLACES + 1], axis=1).ravel()
-_FACTORS, _SOURCES = FACTOR[_PARTS] * np.where(_OVER, 1, -1j), SOURCE[_PARTS]
+ORDERS *= np.where(HARMONICS < 0, -1, 1)
+# Harmonics k₂ >= 0 alone are summed: at -k₁, -k₂ a mode's 1/D is that at k₁, k₂ conjugate and of the other sign, its
+# 1/D² the conjugate alone.
+SUMMED = ORDERS[:, HARMONICS >= 0]
+_BOTH = np.stack(np.broadcast_arrays(SUMMED, HARMONICS[HARMONICS >= 0])).reshape(2, -1).astype(float)
+# What makes the generator: all parts over D, and those of y and L₃ over D². Where real and imaginary parts stand among
+# the products with 1/D of these harmonics and 1/D² of the lower ones, what they count, where those of one kind begin.
+_PARTS = np.r_[: len(RATE), Y, ALONG]
+_ALL, _FIRST = SUMMED.shape[1], 1 - int(HARMONICS[0])
+_OVER, _MIRRORED = _ALL * (np.arange(len(_PARTS)) >= len(RATE)), K2[_PARTS] < 0
+_REAL = FACTOR[_PARTS] * np.where(_OVER, 1, -1j) * np.where(_MIRRORED & (_OVER == 0), -1, 1)
+_IMAG = 1j * _REAL * np.where(_MIRRORED, -1, 1)
+_PLACES = np.stack([_IMAG.real, _IMAG.imag], axis=1) != 0
+_PLACES = (_PLACES + 2 * ((_ALL + _FIRST) * _PARTS + _OVER + np.abs(K2[_PARTS]))[:, None]).ravel()
+_FACTORS, _SOURCES = (_REAL + _IMAG).view(float), SOURCE[_PARTS]
 _KINDS = [0, 6, 12, 18, 27, 33]
 # Terms are left out below this share of the largest times St: over St they are rounding. Bounds of that share.
-FAINT, LEAST_FAINT, MOST_FAINT = 1e-14, 1e-11, 1e-6
+FAINT, LEAST_FAINT, MOST_FAINT, ROUNDING = 1e-14, 1e-11, 1e-6, 1e-12
 # Change of a divisor over its square above which its series fail; what keeps 1/0 away; for the mean, which has no part.
 CLOSE, TINY, ENDLESS = 0.01, 1e-100, 1e100
 # An allocator that freed 2 MB once keeps smaller blocks (glibc); pages anew cost as much as the arithmetic on them.
@@ -86,9 +92,10 @@ class Place:
     @cached_property
     def shape(self) -> Array:
         """χ and the change of n per y, in body axes, shape (m, 4)."""
-        series, waves = self.series.shape.reshape(NODES, -1), self._waves
-        found = (self._levels @ series).reshape(len(waves), -1, 4).swapaxes(1, 2)
-        return (found @ waves.view(float).reshape(*waves.shape, 2)).reshape(-1, 8)[:, [1, 2, 5, 6]]
+        count = self._needed("shape", PHASES // 2, ROUNDING)
+        found = (self._levels @ self.series.shape[:, : 4 * count]).reshape(-1, count, 4).swapaxes(1, 2)
+        waves = _powers(self.alpha, count).view(float).reshape(-1, count, 2)
+        return (found @ waves).reshape(-1, 8)[:, [1, 2, 5, 6]]
 
     def swing(self, q: Array, size: Array, torque_factor: float) -> tuple[Array, Array]:
         """What the transformation adds in frames Q, shape (m, 3, 3), at |L|: changes of L and turns of R in space."""
@@ -98,7 +105,7 @@ class Place:
     def moved(self, c: Array, size: Array, torque_factor: float) -> Array:
         """The same in the frame of L, shape (m, 3, 2), of the tensors' c."""
         series, m = self.series, len(size)
-        terms = series.needed(float(self.a2.max()) ** 0.5, FAINT / torque_factor)
+        terms = self._needed("rates", TERMS, min(MOST_FAINT, max(LEAST_FAINT, FAINT / torque_factor)))
         found = (self._levels @ series.rates[:, : len(RATE) * terms]).reshape(m, terms, -1)
         nu = self._levels @ series.frequencies
         a, size, (nu1, nu2, rise1, rise2) = _columns(np.sqrt(self.a2)), _columns(size), _columns(nu)
@@ -107,17 +114,22 @@ class Place:
 
         orders = _BOTH[:, : _ALL * terms]
         divisor = nu[:, :2] @ orders
-        divisor[:, _MEAN] = ENDLESS
+        divisor[:, 0] = ENDLESS
         twice, once = tails(divisor, np.reshape(rise, (-1, 1)) * (nu[:, 2:] @ orders))
-        waves = np.concatenate([self._waves[:, : TERMS + 1], self._waves[:, TERMS:0:-1].conj()], axis=1)
-        waves, over = waves[:, ORDERS[:terms]], np.empty((m, terms, _ALL + _FIRST), complex)
+        waves = _powers(self.alpha, terms + 1)
+        waves = np.concatenate([waves, waves[:, :0:-1].conj()], axis=1)[:, SUMMED[:terms]]
+        over = np.empty((m, terms, _ALL + _FIRST), complex)
         np.multiply(once.reshape(waves.shape), waves, out=over[..., :_ALL])
         np.multiply(twice.reshape(waves.shape)[..., :_FIRST], waves[..., :_FIRST], out=over[..., _ALL:])
         products = (found.swapaxes(1, 2) @ over.view(float)).reshape(m, -1)
-        summands = np.take(products, _PLACES, axis=1).view(complex) * _FACTORS
-        summands *= np.exp(-1j * self.shape[:, :1] * HARMONICS)[:, _COLUMNS]
+        summands = (np.take(products, _PLACES, axis=1) * _FACTORS).view(complex)
+        # β = -χ: exp(-ikχ) goes with each c, and what is across L turns once more.
+        c, ahead = c.copy(), np.exp(1j * self.shape[:, :1])
+        c[:, :3] *= ahead
+        c[:, :1] *= ahead
         summands *= np.concatenate([c, c.conj()], axis=1)[:, _SOURCES]
         kinds = np.add.reduceat(summands, _KINDS, axis=1)
+        kinds[:, 3:4] *= ahead.conj()
 
         (u_y, u_a, u_l, _, drawn, growth), across = _columns(np.real(kinds)), _columns(kinds)[3] / size
         (z1, z2, z3), (_, y1, y2, y3) = _columns(self.z), _columns(self.shape)
@@ -138,12 +150,10 @@ class Place:
     def _levels(self) -> Array:
         return _levels(self.a2)
 
-    @cached_property
-    def _waves(self) -> Array:
-        """Powers of exp(iα) from 0 on."""
-        found = np.exp(1j * self.alpha)[:, None].repeat(PHASES // 2, axis=1)
-        found[:, 0] = 1
-        return np.multiply.accumulate(found, axis=1)
+    def _needed(self, name: str, terms: int, faint: float) -> int:
+        """How many of the terms of the series of a name matter up to the largest a."""
+        node = bisect_left(DEPTHS, float(self.a2.max()) ** 0.5)
+        return _needed(self.series, name, terms, faint)[min(NODES - 1, node)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,18 +162,14 @@ class Series:
 
     side: SidedBody
     rates: Array  # of TERMS × parts, those that are imaginary over i
-    shape: Array  # of χ and the change of n per y: factors of sin kα or cos kα, k × 4
+    shape: Array  # of χ and the change of n per y: factors of sin kα or cos kα, of k × 4
     frequencies: Array  # ν₁, ν₂ and their derivatives with respect to y
-
-    def needed(self, a: float, faint: float) -> int:
-        """Terms that matter up to a, fainter ones left out."""
-        return _needed(self, min(MOST_FAINT, max(LEAST_FAINT, faint)))[min(NODES - 1, bisect_left(DEPTHS, a))]
 
 
 @lru_cache(maxsize=64)
-def _needed(series: Series, faint: float) -> list[int]:
-    """Of the rates, terms that matter at each node's a."""
-    sizes = np.abs(_levels(DEPTHS**2) @ series.rates).reshape(NODES, TERMS, -1).max(axis=2)
+def _needed(series: Series, name: str, terms: int, faint: float) -> list[int]:
+    """The same at each node's a: those up to the last one above a share of the largest."""
+    sizes = np.abs(_levels(DEPTHS**2) @ getattr(series, name)).reshape(NODES, terms, -1).max(axis=2)
     return [int(np.flatnonzero(row > faint * row.max())[-1]) + 1 for row in sizes]
 
 
@@ -192,8 +198,15 @@ def tails(x: Array, q: Array) -> tuple[Array, Array]:
 
 def _levels(a2: Array) -> Array:
     """Chebyshev polynomials in a, shape (m, NODES)."""
-    t = 2 * np.sqrt(a2 / MOST) - 1
-    return np.real(np.cos(np.arccos(t if t.max() <= 1 else t + 0j)[:, None] * np.arange(NODES)))
+    (t,) = _columns((2 * np.sqrt(a2 / MOST) - 1)[:, None])
+    return np.array(polynomials(t, NODES)).reshape(NODES, -1).T
+
+
+def _powers(angle: Array, count: int) -> Array:
+    """Powers of exp(i angle) from 0 on, shape (m, count)."""
+    found = np.exp(1j * angle)[:, None].repeat(count, axis=1)
+    found[:, 0] = 1
+    return np.multiply.accumulate(found, axis=1)
 
 
 def coefficients(q: Array, size: Array) -> Array:
@@ -218,10 +231,10 @@ def frame(n: Array, first: Array, turn: Array) -> Array:
     return np.array([(cos * first + sin * second).T, (cos * second - sin * first).T, n.T]).T
 
 
-def frame_of(momentum: Array, turn: float = 0.0) -> Array:
-    """Frames Q of L alone, shape (m, 3, 3), turned about it."""
+def frame_of(momentum: Array) -> Array:
+    """Frames Q of L alone, shape (m, 3, 3)."""
     n = momentum / np.linalg.norm(momentum, axis=1)[:, None]
-    return frame(n, np.eye(3)[np.argmin(np.abs(n), axis=1)], np.array([turn]))
+    return frame(n, np.eye(3)[np.argmin(np.abs(n), axis=1)], np.zeros(1))
 
 
 def modes_at(series: "Series", momentum: Array, a2: Array, k1: Array, k2: Array) -> tuple[Array, Array, Array]:
@@ -254,27 +267,22 @@ def series_for(ellipsoid: Ellipsoid, longest: bool) -> Series:
         found = series_of(side)
         kept.save(key, np.concatenate([found.rates, found.shape, found.frequencies], axis=1))
         return found
-    rows = numbers.reshape(NODES, -1)
-    parts = np.split(rows, [TERMS * len(RATE), -4], axis=1)
+    parts = np.split(numbers.reshape(NODES, -1), [TERMS * len(RATE), -4], axis=1)
     return Series(side, *(np.ascontiguousarray(each) for each in parts))
 
 
 def series_of(side: SidedBody) -> Series:
     """The series of a side."""
-    a = DEPTHS
-    p = Polhodes(side, np.log(np.expm1(a * a)), np.zeros(NODES), PHASES)
+    p = Polhodes(side, level(DEPTHS**2), np.zeros(NODES), PHASES)
     z, dz, yz = p.z, p.along, p.beside.z
-    least = least_rotation(z)
-    cos, sin = np.cos(p.lead)[..., None], np.sin(p.lead)[..., None]
-    rows = cos * least[..., 0, :] - sin * least[..., 1, :], sin * least[..., 0, :] + cos * least[..., 1, :]
-    body = np.stack([*rows, least[..., 2, :]], axis=-2)
+    body = carried(z, p.lead)
     tensors = np.einsum("naik,jil,nalm->jnakm", body, BASIS, body, optimize=True)
     flows = turned(side, tensors)
     tau = side.drag * np.concatenate([flows, (-side.inverse_inertia * z)[None]])
     rate_y = 2 / p.slope[:, None] * np.sum(p.beyond[:, None] * z * tau, axis=-1)
     rate_a = (np.sum(tau * dz, axis=-1) - rate_y * np.sum(yz * dz, axis=-1)) / np.sum(dz * dz, axis=-1)
     lx, ly, lz = np.moveaxis(np.einsum("naik,jnak->jnai", body, tau), -1, 0)
-    scale = a[:, None]
+    scale = DEPTHS[:, None]
     rates = np.stack([scale * rate_y, scale * rate_a, lz, lx + 1j * ly, lx.conj() + 1j * ly.conj()])
     spectrum = np.fft.fft(rates[RATE, TENSOR], axis=-1, norm="forward")
     orders = ORDERS.T[K2 - HARMONICS[0]][:, None] % PHASES
@@ -287,10 +295,3 @@ def series_of(side: SidedBody) -> Series:
     weights[0] /= 2
     values = (picked / UNIT).real.swapaxes(0, 1), shape, frequencies
     return Series(side, *(weights @ each.reshape(NODES, -1) for each in values))
-
-
-def turned(side: SidedBody, tensor: Array) -> Array:
-    """`turning` of a tensor x⊗y in body axes, shape (..., 3, 3)."""
-    s = side.squares
-    pairs = ((1, 2), (2, 0), (0, 1))
-    return np.stack([(s[j] * tensor[..., k, j] - s[k] * tensor[..., j, k]) / (s[j] + s[k]) for j, k in pairs], axis=-1)

@@ -9,8 +9,8 @@ from numpy.polynomial.chebyshev import chebder
 
 from polhode.models.files import kept
 from polhode.models.operations import numpy_operations
-from polhode.models.second_order.averages import MODES, NAMES, SECOND, averages
-from polhode.models.second_order.field import FIRST_SINGULAR, NODES, POLE, POLES, SINGULAR, averaged_rates, regular
+from polhode.models.second_order.averages import FIRST, MODES, NAMES, SECOND, averages
+from polhode.models.second_order.field import NODES, POLE, POLES, SINGULAR, averaged_rates, polynomials, regular
 from polhode.models.second_order.polhodes import SidedBody
 from polhode.models.shape import Ellipsoid
 
@@ -26,7 +26,7 @@ POINTS = 0.5 * MOST * (1 + np.cos(_ANGLES))
 SCALES = dict.fromkeys(NAMES, 3) | dict.fromkeys(("f2", "g2", "r1", "r2", "ea", "eb"), 1)
 SCALES |= {"f0": 0, "g0": 0, "a1": 2, "b1": 2, "p1": 2, "p2": 2, "nu1": -1, "nu2": -1}
 # Where the functions of second order stand among all, which alone have poles.
-_SECOND = slice(FIRST_SINGULAR, FIRST_SINGULAR + SINGULAR)
+_SECOND = slice(len(FIRST), len(FIRST) + SINGULAR)
 # Modes of a smaller share of the torque are no resonances.
 FAINT = 1e-8
 # Averages at a divisor below this share of ν₂ weigh less in the table; so many terms fewer than nodes fit the others.
@@ -173,10 +173,7 @@ def _fitted(values: Array, weight: Array) -> Array:
 
 def evaluated(series: Array, t: Array) -> Array:
     """Chebyshev series, shape (k, n), at t, shape (m,), as an array of shape (k, m)."""
-    polynomials = [np.ones_like(t), t]
-    for _ in range(2, series.shape[1]):
-        polynomials.append(2 * t * polynomials[-1] - polynomials[-2])
-    return series @ np.array(polynomials)
+    return series @ np.array(polynomials(t, series.shape[1]))
 
 
 def per_square(a2: Array) -> Array:

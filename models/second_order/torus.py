@@ -36,14 +36,8 @@ class Torus:
     @cached_property
     def rotation(self) -> Array:
         """S, shape (m, a, b, 3, 3)."""
-        z = self.polhode.z
-        least = least_rotation(z)
         turn = self.precession[:, None, None] + 2 * pi / PRECESSIONS * np.arange(PRECESSIONS)
-        turn = turn + self.polhode.lead[:, :, None]
-        cos, sin = np.cos(turn)[..., None], np.sin(turn)[..., None]
-        first, second = least[:, :, None, 0], least[:, :, None, 1]
-        third = np.broadcast_to(least[:, :, None, 2], (*turn.shape, 3))
-        return np.stack([cos * first - sin * second, sin * first + cos * second, third], axis=-2)
+        return carried(self.polhode.z[:, :, None], turn + self.polhode.lead[:, :, None])
 
     @cached_property
     def perturbation(self) -> Array:
@@ -109,6 +103,14 @@ class Torus:
         return u[..., :3], turned + tilt
 
 
+def carried(z: Array, turn: Array) -> Array:
+    """S, shape (..., 3, 3): the least rotation, then a turn about e₃."""
+    first, second, third = np.moveaxis(least_rotation(z), -2, 0)
+    cos, sin = np.cos(turn)[..., None], np.sin(turn)[..., None]
+    rows = cos * first - sin * second, sin * first + cos * second, third
+    return np.stack(np.broadcast_arrays(*rows), axis=-2)
+
+
 def least_rotation(z: Array) -> Array:
     """Rotations, shape (..., 3, 3), about an axis normal to e₃ that carry z, shape (..., 3), z₃ > -1, to e₃."""
     up = z + _UNITS[2]
@@ -117,9 +119,10 @@ def least_rotation(z: Array) -> Array:
 
 def turning(side: SidedBody, x: Array, y: Array) -> Array:
     """Angular velocity of the flow that drives the body, shape (..., 3), from its x and y in body axes; bilinear."""
-    squares = side.squares
-    spin = [
-        (squares[j] * x[..., k] * y[..., j] - squares[k] * x[..., j] * y[..., k]) / (squares[j] + squares[k])
-        for j, k in ((1, 2), (2, 0), (0, 1))
-    ]
-    return np.stack(spin, axis=-1)
+    return turned(side, x[..., None] * y[..., None, :])
+
+
+def turned(side: SidedBody, tensor: Array) -> Array:
+    """`turning` of a tensor x⊗y in body axes, shape (..., 3, 3)."""
+    s, pairs = side.squares, ((1, 2), (2, 0), (0, 1))
+    return np.stack([(s[j] * tensor[..., k, j] - s[k] * tensor[..., j, k]) / (s[j] + s[k]) for j, k in pairs], axis=-1)
