@@ -237,6 +237,12 @@ SAID = [
     ("docs/scaling.md", r"if (\S+)/St is below the tolerance", largest_model_error, 0.01),
     ("harness/commands/words.md", r"is some (\S+) runs and", runs_of_the_map, 0.05),
 ]
+# Sentences that say how long a command takes, and the page whose head says in how many minutes its runs were made.
+LASTED = [
+    ("README.md", r"\((\S+) minutes on 2 cores\)", "bench/README.md"),
+    ("harness/commands/words.md", r"takes some (\S+) minutes: references", "regimes/README.md"),
+    ("harness/commands/words.md", r"About (\S+) minutes; an interrupted", "solvers/README.md"),
+]
 
 
 @pytest.mark.parametrize(("file", "sentence", "found", "within"), SAID)
@@ -244,3 +250,12 @@ def test_docs_say_what_the_pages_say(file: str, sentence: str, found: Callable[[
     said = re.search(sentence, " ".join((ROOT / file).read_text(encoding="utf-8").split()))
     assert said, sentence
     assert float(said[1].replace("−", "-")) == pytest.approx(found(), rel=within)
+
+
+@pytest.mark.parametrize(("file", "sentence", "page"), LASTED)
+def test_docs_say_how_long_commands_took(file: str, sentence: str, page: str):
+    said = re.search(sentence, " ".join((ROOT / file).read_text(encoding="utf-8").split()))
+    assert said, sentence
+    # References before the first run and pages after the last one come in addition.
+    took = on(page, r"timed runs, made in (\d+) minutes")
+    assert 0.8 * took <= float(said[1]) <= 2 * took + 1

@@ -7,6 +7,7 @@ from contextlib import suppress
 from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,8 @@ from polhode.harness.common.timing import BUSY, HAD, disturbance
 
 PACKAGES = ("polhode", "numpy", "scipy", "llvmlite", "numba", "heyoka", "scikit-sundae", "cyrk", "pandas", "matplotlib")
 ABSENT = "absent"
+# Seconds between two records beyond which a study stood still.
+PAUSE = 600.0
 
 
 def machine() -> dict[str, str | int]:
@@ -57,7 +60,8 @@ def header(title: str, command: str, records: Sequence[Mapping[str, Any]]) -> li
     where = f" on {' and '.join(machines)}" if machines else ""
     disturbed, known = disturbance(records)
     rule = f"had the processor for less than {HAD:.0%} of its time, or the machine took {BUSY:g} × its shortest"
-    said = f" Disturbed by other work: {disturbed} of {known} timed runs (the fastest {rule})." if known else ""
+    runs = f"{known} timed runs{_took(records)}"
+    said = f" Disturbed by other work: {disturbed} of {runs} (the fastest {rule})." if known else ""
     made = f"Made by `{command}`. Do not edit: the next run overwrites this page."
     return [f"# {title}", "", made, "", f"Measured {dates(records)}{where}.{said}", ""]
 
@@ -69,6 +73,14 @@ def dates(records: Sequence[Mapping[str, Any]]) -> str:
         return "on an unknown date"
     span = f"on {days[0]}" if len(days) == 1 else f"from {days[0]} to {days[-1]}"
     return span if all(record.get("date") for record in records) else f"{span}, and on unknown dates"
+
+
+def _took(records: Sequence[Mapping[str, Any]]) -> str:
+    """In how many minutes records were made, from the first to the last, pauses left out; nothing below a minute."""
+    times = sorted(datetime.fromisoformat(record["date"]) for record in records if record.get("date"))
+    gaps = [(later - earlier).total_seconds() for earlier, later in pairwise(times)]
+    minutes = sum(gap for gap in gaps if gap < PAUSE) / 60
+    return f", made in {minutes:.0f} minutes" if minutes >= 1.5 else ""
 
 
 def _place(record: Mapping[str, Any]) -> str:

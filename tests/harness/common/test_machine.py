@@ -14,6 +14,13 @@ def test_dates_of_records():
     assert dates([{}, {"date": None}]) == "on an unknown date"
 
 
+def test_a_page_says_how_long_its_runs_took_without_pauses():
+    times = ("10:00:00", "10:04:00", "10:08:00", "23:00:00", "23:01:00")
+    runs = [{**ONE, "date": f"2026-01-02T{time}Z", "seconds": 1.0, "disturbed": False} for time in times]
+    assert "0 of 5 timed runs, made in 9 minutes (the fastest" in header("", "", runs)[4]
+    assert "0 of 2 timed runs (the fastest" in header("", "", runs[-2:])[4]
+
+
 def test_every_machine_is_named_once():
     text = "\n".join(header("A title", "polhode bench", [ONE, TWO, ONE]))
     assert text.startswith("# A title\n\nMade by `polhode bench`.")
