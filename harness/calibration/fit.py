@@ -33,8 +33,9 @@ Prior = dict[str, tuple[float, float]]
 
 # Fewer scenes than this make no law, and fewer long ones none of their own.
 LEAST_SCENES, LEAST_LONG = 3, 8
-# Fewer runs than this say nothing of a machine's own factor for a method.
-LEAST_RUNS = 3
+# Fewer runs than this say nothing of a machine's own factor for a method; how far errors stray by a form's other solvers
+# counts as much as so many runs.
+LEAST_RUNS, FEW_RUNS = 3, 30
 # Residuals beyond these, in ln(time) and ln(error), are taken for disturbances and pull less.
 SOFT_COST, SOFT_ERROR = 0.15, 1.0
 # Resampled fits, and the quantiles that they give.
@@ -75,6 +76,9 @@ def fit_laws(records: Iterable[Record], source: dict[str, Any], base: Laws | Non
             methods[name] = replace(methods[name], errors=methods[name].errors | errors | kept)
         else:
             methods[name] = MethodLaws(*name, fit_cost(runs), errors, firsts[name], min(run.tolerance for run in runs))
+    usual = tuple(methods.values())
+    for name in samples.keys() - known:
+        methods[name] = replace(methods[name], errors=as_wide_as_alike(methods[name], usual))
     runs = [run for each in samples.values() for run in each]
     counts = {"scenes": _scenes(runs), "records": len(runs)}
     if base:
@@ -227,6 +231,18 @@ def fit_errors(runs: Sequence[Sample], special: Prior) -> dict[str, ErrorLaw]:
             if _scenes(known) >= LEAST_SCENES:
                 laws[name] = fit_error(known, want, special)
     return laws
+
+
+def as_wide_as_alike(law: MethodLaws, others: Sequence[MethodLaws]) -> dict[str, ErrorLaw]:
+    """Laws of a method's errors; those of few runs stray upwards no less than by the form's other solvers."""
+    found = {}
+    for name, each in law.errors.items():
+        alike = [other.errors[name].stray for other in others if other.form == law.form and name in other.errors]
+        usual = float(np.median([stray.high - stray.middle for stray in alike]))
+        upper, share = each.stray.high - each.stray.middle, FEW_RUNS / (FEW_RUNS + each.records)
+        upper += share * max(0.0, usual - upper)
+        found[name] = replace(each, stray=replace(each.stray, high=each.stray.middle + upper))
+    return found
 
 
 def _scenes(runs: Sequence[Sample]) -> int:

@@ -29,7 +29,8 @@ from polhode.solvers.solve import Solution, solve
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 # A difference beyond this share of its largest possible value says nothing but that the tolerance was too loose.
 SATURATED = 0.03
-# A pilot whose error is a smaller share of its tolerance was lucky, or took a handful of steps: others will not be.
+# A pilot whose error is a smaller share of its tolerance was lucky, or took a handful of steps: others will not be, as
+# the next one shows.
 LUCKY = 0.1
 SAMPLES, FEW = 401, 51
 # Rotations and steps of a run: some tenths of a second.
@@ -204,33 +205,42 @@ def follow(form: Form, scene: Scene, tolerance: float, solver: str | None = None
 
 def gains(ellipsoid: Ellipsoid, found: list[tuple[float, Observables]]) -> dict[str, Gain]:
     """Gains of what is wanted from runs at several tolerances, the loosest first."""
-    largest = magnitude(ellipsoid, found[-1][1])
     pairs = [(tolerance, errors(ellipsoid, loose, tight)) for (tolerance, loose), (_, tight) in pairwise(found)]
-    limits = {"slow": SATURATED * max(largest, 1e-300), "orientation": SATURATED * pi}
+    limits = {"slow": SATURATED * max(magnitude(ellipsoid, found[-1][1]), 1e-300), "orientation": SATURATED * pi}
     known = [want for want in limits if getattr(pairs[-1][1], want) is not None]
     # The loosest pair of all is left out: its error follows no law. Of one run, made twice in the same few steps,
     # nothing follows.
     telling = [each for each in pairs[1:] if each[1].slow or each[1].orientation] or pairs[1:][-1:]
-    # Tolerances are relative: errors of a large L are so much larger.
-    sizes = {"slow": max(1.0, largest), "orientation": 1.0}
-    return {want: _first_below(telling, want, limits[want], LUCKY * sizes[want]) for want in known}
+    lucky = _lucky(ellipsoid, found)
+    return {want: _first_below(telling, want, limits[want], lucky[want]) for want in known}
+
+
+def _lucky(ellipsoid: Ellipsoid, found: list[tuple[float, Observables]]) -> dict[str, float]:
+    """Shares of the tolerance below which a pilot was lucky; it is relative: errors of a large L are larger."""
+    return {"slow": LUCKY * max(1.0, magnitude(ellipsoid, found[-1][1])), "orientation": LUCKY}
 
 
 def _first_below(pairs: list[tuple[float, Errors]], name: str, limit: float, lucky: float) -> Gain:
-    known = ((tolerance, getattr(error, name)) for tolerance, error in pairs)
-    below = (Gain(tolerance, max(value, lucky * tolerance)) for tolerance, value in known if value < limit)
-    return next(below, Gain(TOLERANCES[-1], inf))
+    below = [(tolerance, value / tolerance) for tolerance, each in pairs if (value := getattr(each, name)) < limit]
+    if not below:
+        return Gain(TOLERANCES[-1], inf)
+    tolerance, share = below[0]
+    # Where one was lucky the next tighter one need not be.
+    return Gain(tolerance, tolerance * (share if share >= lucky else max(lucky, *(each for _, each in below[:2]))))
 
 
 @lru_cache(maxsize=100)
 def form_ladder(form: Form, scene: Scene) -> list[tuple[float, Observables]]:
-    """Pilot runs of a form at ever tighter tolerances until two of them agree."""
+    """Pilot runs of a form at ever tighter tolerances until two of them agree, and not by luck."""
     found: list[tuple[float, Observables]] = []
     for tolerance in TOLERANCES:
         with suppress(PilotFailedError):
             found.append((tolerance, form.observe(scene, follow(form, scene, tolerance).states)))
-        known = len(found) >= 3 and np.any(found[-1][1].slow != found[-2][1].slow)
-        if known and all(isfinite(gain.error) for gain in gains(scene.ellipsoid, found).values()):
+        if len(found) < 3 or np.all(found[-1][1].slow == found[-2][1].slow):
+            continue
+        own, lucky = gains(scene.ellipsoid, found), _lucky(scene.ellipsoid, found)
+        luck = any(gain.error <= lucky[want] * gain.tolerance for want, gain in own.items())
+        if len(found) >= 3 + luck and all(isfinite(gain.error) for gain in own.values()):
             break
     if len(found) < 2:
         raise PilotFailedError(f"pilot: {form.name!r} by {pilot_solver(scene)!r} ended at no tolerance")

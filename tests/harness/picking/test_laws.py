@@ -8,7 +8,15 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
-from polhode.harness.calibration.fit import fit_cost, fit_error, fit_errors, fit_steps, refit
+from polhode.harness.calibration.fit import (
+    FEW_RUNS,
+    as_wide_as_alike,
+    fit_cost,
+    fit_error,
+    fit_errors,
+    fit_steps,
+    refit,
+)
 from polhode.harness.calibration.samples import Sample
 from polhode.harness.calibration.scenes import HELD_OUT_SEED, TRAINING_SEED, questions
 from polhode.harness.calibration.training import fast_solvers, forms_for, solvers_for, training
@@ -134,6 +142,20 @@ def test_strays_hold_what_they_say():
     assert 0.90 <= np.mean(inside) <= 0.99
 
 
+def test_a_law_of_few_runs_strays_no_less_than_like_ones():
+    """By the median of the form's solvers, as far as it has no runs of its own; it never strays less than it did."""
+    known = load_laws().methods["quaternion", "taylor"]
+    rows = ((10, 1.0), (10, 3.0), (10, 5.0), (10**6, 1.0))
+    laws = [
+        replace(known, errors={"slow": replace(ERROR, records=n, stray=Stray(-2.0, 0.5, high))}) for n, high in rows
+    ]
+    found = [as_wide_as_alike(law, [*laws, replace(known, form="averaged")])["slow"].stray for law in laws]
+    # The median of 0.5, 2.5, 4.5 and 0.5 beyond the middle is 1.5.
+    share = FEW_RUNS / (FEW_RUNS + 10)
+    assert [each.high for each in found] == pytest.approx([1.0 + share * (1.5 - 0.5), 3.0, 5.0, 1.0], rel=1e-4)
+    assert {(each.low, each.middle) for each in found} == {(-2.0, 0.5)}
+
+
 def test_planted_error_law_is_found():
     found = fit_error(planted_runs(), "slow", {})
     assert found.order == pytest.approx(ERROR.order, abs=0.03)
@@ -251,6 +273,20 @@ def test_pilots_of_the_same_single_step_do_not_pass_for_exact():
     assert own.orientation is not None
     assert own.orientation > 1e-5
     assert form_sensitivity(which, pilot(scene))["orientation"].error == pytest.approx(own.orientation, rel=0.5)
+
+
+def test_a_lucky_pilot_is_as_good_as_the_next_one():
+    """Two steps to 1e-6, of hardly any error; at 1e-8, and for other solvers, errors are what they usually are."""
+    which, start = form("averaged-spheroid"), BodyStart((0.5, 0.5, 0.5, 0.5), (0.3, -0.4, 0.5))
+    scene = Scene(Ellipsoid((1.0, 1.0, 0.6)), 4e4, start, 1.3e3)
+    exact = which.observe(scene, laws_pilot.follow(which, scene, 1e-14, "taylor").states)
+    loose, tight = (
+        errors(scene.ellipsoid, which.observe(scene, laws_pilot.follow(which, scene, tolerance).states), exact).slow
+        for tolerance in (1e-6, 1e-8)
+    )
+    gain = laws_pilot.gains(scene.ellipsoid, laws_pilot.form_ladder(which, scene))["slow"]
+    assert loose < laws_pilot.LUCKY * 1e-6
+    assert gain == (1e-6, pytest.approx(100 * tight, rel=0.1))
 
 
 def test_a_form_in_pieces_costs_what_its_windows_do():
