@@ -33,8 +33,8 @@ Prior = dict[str, tuple[float, float]]
 
 # Fewer scenes than this make no law, and fewer long ones none of their own.
 LEAST_SCENES, LEAST_LONG = 3, 8
-# Fewer runs than this say nothing of a machine's own factor for a method; how far errors stray by a form's other solvers
-# counts as much as so many runs.
+# Fewer runs than this say nothing of a machine's own factor for a method; how far errors stray by a form's other
+# solvers counts as much as so many runs.
 LEAST_RUNS, FEW_RUNS = 3, 30
 # Residuals beyond these, in ln(time) and ln(error), are taken for disturbances and pull less.
 SOFT_COST, SOFT_ERROR = 0.15, 1.0
