@@ -77,8 +77,8 @@ def scientific(value: float | None) -> str:
     """An error or another measured size, in two digits: 1.3e-7; a dash where there is none."""
     if value is None or isnan(value):
         return "–"
-    mantissa, exponent = f"{value:.1e}".split("e")
-    return f"{mantissa}e{int(exponent)}"
+    mantissa, _, exponent = f"{value:.1e}".partition("e")
+    return f"{mantissa}e{int(exponent)}" if exponent else mantissa
 
 
 def short(value: float) -> str:

@@ -28,6 +28,7 @@ def test_markdown_without_rows():
     ("value", "text"),
     [
         (1.26e-7, "1.3e-7"),
+        (float("inf"), "inf"),
         (1.0, "1.0e0"),
         (9.96e-10, "1.0e-9"),
         (0.0, "0.0e0"),
