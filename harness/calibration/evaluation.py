@@ -61,7 +61,7 @@ class Evaluation:
         known = self.runs.dropna(subset=["slow_error", "slow_error_high"])
         flags: dict[str, Any] = {
             "met": self.scenes["met"],
-            "cheap": self.scenes["factor"] <= FACTOR,
+            "cheap": self.scenes["factor"].dropna() <= FACTOR,
             # At the pace that the laws were fitted at.
             "predicted": close(self.runs["seconds_at_usual_pace"], self.runs),
             "predicted as timed": close(self.runs["seconds"], self.runs),
@@ -84,14 +84,15 @@ def close(seconds: Any, runs: pd.DataFrame) -> Any:
 def miss(answer: Answer, first: Record, best: Record, met: bool, factor: float) -> str:
     """Why a first choice was none: what the laws said of it, and of the best way; empty if it was a good one."""
     found = answer.recommendation
-    if found is None or not best or (met and factor <= FACTOR):
-        return "" if found or not best else f"refused: {answer.refusal}"
+    if found is None or (met and not factor > FACTOR):
+        return f"refused: {answer.refusal}" if found is None and best else ""
     want, row = answer.question.want, found.ranking[0]
     if not met:
         made = error_of(first, want)
         model = first.get(f"model_{want}_error") or 0.0
         part = "averaging" if model > made / 2 else "the solver"
-        return f"the error, most of it of {part}, is {made / row.error.high:.2g} times its upper end"
+        nobody = "" if best else "; no way measured met the one asked for"
+        return f"the error, most of it of {part}, is {made / row.error.high:.2g} times its upper end{nobody}"
     same = [way for way in found.ranking if (way.form, way.solver) == (best["form"], best["solver"])]
     if not same:
         reasons = {(each.form, each.solver): each.reason for each in found.excluded}
@@ -112,7 +113,8 @@ def judged(answer: Answer, finals: Sequence[Record]) -> Record:
     best = min(good, key=lambda record: record["seconds"], default={})
     error = error_of(first, question.want) if first else inf
     met = error <= question.error if found else not best
-    factor = first.get("seconds", inf) / best["seconds"] if best else 1.0
+    # Nothing to compare with; a refusal is then right.
+    factor = first.get("seconds", inf) / best["seconds"] if best else nan if found else 1.0
     scene = question.scene
     return {
         "scene": question.name,

@@ -50,7 +50,7 @@ def write_pages(folder: Path, laws: Laws, evaluation: Evaluation, command: str) 
 
 def summary(evaluation: Evaluation) -> list[str]:
     """The evaluation in sentences, each with its target."""
-    factors = evaluation.scenes["factor"]
+    factors = evaluation.scenes["factor"].dropna()
     useful = factors[factors < inf]
     ways = [] if evaluation.ways is None else scores(evaluation.ways).to_dict("records")
     return lines_of(
@@ -59,7 +59,8 @@ def summary(evaluation: Evaluation) -> list[str]:
         wilson=wilson,
         scenes=evaluation.scenes,
         shares=evaluation.shares,
-        count=len(factors),
+        count=len(evaluation.scenes),
+        compared=len(factors),
         useful=len(useful),
         dearest=useful.max(),
         runs=len(evaluation.runs),
@@ -97,7 +98,8 @@ def _write_figures(folder: Path, evaluation: Evaluation) -> None:
     scenes: Any = evaluation.scenes
     figure, axes = plt.subplots(figsize=(8.0, 4.2))
     for stratum, mine in scenes.groupby("stratum"):
-        shown = mine[(mine["factor"] < inf) & (mine["error"] > 0)]
+        # Where no way met the error there is nothing to compare with.
+        shown = mine[(mine["factor"].fillna(1.0) < inf) & (mine["error"] > 0)].fillna({"factor": 1.0})
         axes.loglog(shown["error"] / shown["error_asked"], shown["factor"], "o", color=COLOURS[stratum], label=stratum)
     axes.axvline(1.0, color="0.3", linewidth=0.8)
     axes.axhline(FACTOR, color="0.3", linewidth=0.8, linestyle=":")

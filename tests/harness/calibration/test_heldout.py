@@ -49,6 +49,11 @@ def test_held_out_judgement(own_error, own_seconds, met, factor):
     found = judged(told, records)
     assert found["met"] is met
     assert found["factor"] == pytest.approx(factor)
+    # Where no way meets the error an answer has missed it, and is compared with nothing.
+    found = judged(told, [{**record, f"{question.want}_error": 9 * question.error} for record in records])
+    assert (found["met"], found["best_seconds"]) == (False, None)
+    assert pd.isna(found["factor"])
+    assert found["miss"].endswith("times its upper end; no way measured met the one asked for")
 
 
 @pytest.mark.parametrize(("error", "met"), [(0.5, False), (2.0, True)])
