@@ -9,10 +9,8 @@ COVERAGE = 0.95
 
 
 def power_law(x: np.ndarray, y: np.ndarray) -> tuple[float, tuple[float, float], float]:
-    """Exponent of y = c x^exponent by least squares of logarithms, its interval by Student's distribution, and log₁₀ c.
-
-    With two points the interval is infinite.
-    """
+    """Exponent of y = c x^exponent by least squares of logarithms, its interval by Student's t, and log₁₀ c."""
+    # With two points the interval is infinite.
     from scipy import stats
 
     fit = stats.linregress(np.log10(x), np.log10(y))

@@ -213,7 +213,8 @@ class Ensemble:
                 rates = squared_rates(self.ellipsoid, momenta.reshape(-1, 3), rotations.reshape(-1, 3, 3), axis)
                 rates_then[:, some, k] = rates.reshape(self.snapshots, -1, len(RATES))
         statistics.add_orientations(directions_then)
-        statistics.add_rates(rates_then)
+        statistics.rates += rates_then.sum(axis=1)
+        statistics.rates_squares += np.square(rates_then).sum(axis=1)
         statistics.add_slow(self.layout, slow_then)
         for k in range(len(self.attractors)):
             statistics.add_arrivals(k, close[k].T)

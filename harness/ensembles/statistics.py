@@ -98,11 +98,6 @@ class Statistics:
             self.fourth[:, :, k] += product.sum(axis=-1)
             self.fourth_squares[:, :, k] += np.square(product).sum(axis=-1)
 
-    def add_rates(self, rates: np.ndarray) -> None:
-        """Add (ω·p)² and |dp/dt|² of axes p, shape (S, n, A, 2)."""
-        self.rates += rates.sum(axis=1)
-        self.rates_squares += np.square(rates).sum(axis=1)
-
     def add_slow(self, layout: Layout, slow: np.ndarray) -> None:
         """Add slow variables (L_x, L_y, L_z, E) over the largest moment of inertia, shape (S, n, 4)."""
         length = np.linalg.norm(slow[..., :3], axis=-1)

@@ -63,6 +63,8 @@ def pages(measured: Measured, command: str) -> dict[str, str]:
     solvers, spheroid, backends = (frame(getattr(measured, name)) for name in ("solvers", "spheroid", "backends"))
     records = [*measured.solvers, *measured.spheroid, *measured.backends]
     times = costs(by_stokes(solvers), ERRORS)
+    ways = ("quaternion", TAYLOR), ("spheroid-axis", TAYLOR)
+    forms = _ratios(costs(by_stokes(spheroid), FORMS_ERRORS), *ways, FORMS_ERRORS)
     claims, worth = _worth(times)
     calls = [(one, {"extra": 1e6 * one.seconds, "share": one.seconds / one.bare}) for one in measured.overheads]
     page = fill(
@@ -74,7 +76,7 @@ def pages(measured: Measured, command: str) -> dict[str, str]:
         ways=WAYS,
         interpreter=_interpreter(backends),
         crossings=_crossings(solvers, times),
-        forms=_forms(costs(by_stokes(spheroid), FORMS_ERRORS)),
+        forms=_table(["St", *map(short, FORMS_ERRORS)], [[short(stokes), *row] for stokes, row in forms.iterrows()]),
         overheads=[asdict(one) | more | {"allowed": "yes" if one.allowed else "no"} for one, more in calls],
         first_runs=[{"solver": name, "cold": cold, "warm": warm} for name, (cold, warm) in measured.first_runs.items()],
         starts=STARTS,
@@ -157,12 +159,6 @@ def _ratios(times: Any, first: tuple[str, str], second: tuple[str, str], targets
     """Time of one form and solver over that of another, in words: a row for each St, a column for each error."""
     ratios = times[first] / times[second]
     return ratios.map(lambda ratio: "–" if isnan(ratio) else f"{ratio:.2f}").unstack(0)[[*targets]]
-
-
-def _forms(times: Any) -> str:
-    ratios = _ratios(times, ("quaternion", TAYLOR), ("spheroid-axis", TAYLOR), FORMS_ERRORS)
-    rows = [[short(stokes), *row] for stokes, row in ratios.iterrows()]
-    return _table(["St", *map(short, FORMS_ERRORS)], rows)
 
 
 def _times(times: Any) -> dict[float, str]:

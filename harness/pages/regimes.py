@@ -6,7 +6,6 @@ from io import BytesIO
 from math import isnan
 from pathlib import Path
 from statistics import median
-from typing import Any
 
 import pandas as pd
 
@@ -46,7 +45,15 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         times = {scene.stokes: scene.time for scene in scenes}
         save(picture([maps[name, error] for error in ERRORS], times), folder, name)
         axes = scenes[0].ellipsoid.semi_axes
-        particles.append({"name": name, "axes": axes, "methods": _methods(own, name, maps)})
+        # How every method stands on both maps, and whether it wins or ties somewhere, or lies on a front.
+        full, slow = ({row.method: row for row in standings(own, error, maps[name, error])} for error in ERRORS)
+        methods = [
+            {"method": method, "full": full[method], "slow": row}
+            | {"failed": [f"{status.replace('_', ' ')} {number}" for status, number in row.failures.items()]}
+            | {"seen": any(each.won + each.tied + each.front for each in (full[method], row))}
+            for method, row in slow.items()
+        ]
+        particles.append({"name": name, "axes": axes, "methods": methods})
     far = [scene.stokes for _, scene in study.scenes if scene.time >= LONG]
     apart, title = where(runs, runs["stokes"].isin(far)), f"The same over t ≥ {short(LONG)} alone"
     long = profile_lines(apart, folder, "profiles-long", title)
@@ -81,14 +88,3 @@ def sentence(found: Sequence[Cell], what: str) -> str:
     leads = {side: [cell.lead for cell in own if not isnan(cell.lead)] for side, own in won.items()}
     halves = {side: median(own) for side, own in leads.items() if own}
     return fill("regimes-sentence", what=what, won=won, leads=halves, forms=forms.most_common())
-
-
-def _methods(runs: pd.DataFrame, name: str, maps: Maps) -> list[dict[str, Any]]:
-    """How every method stands on both maps, and whether it wins or ties somewhere, or lies on a front."""
-    full, slow = ({row.method: row for row in standings(runs, error, maps[name, error])} for error in ERRORS)
-    return [
-        {"method": method, "full": full[method], "slow": row}
-        | {"failed": [f"{status.replace('_', ' ')} {number}" for status, number in row.failures.items()]}
-        | {"seen": any(each.won + each.tied + each.front for each in (full[method], row))}
-        for method, row in slow.items()
-    ]

@@ -14,11 +14,9 @@ from polhode.models.scene import BodyStart, EulerStart, Scene
 
 
 def field(ops: Operations) -> Field:
-    """Rates of (θ, φ, θ̇, φ̇, ω₃); p = (alpha, beta, I_a/I_e, 8πX_c/I_a, 8πY_c/I_e, Λ).
-
-    From `ultima` in the axes of the line of nodes (ψ = 0), which turn with (θ̇, φ̇ sin θ, φ̇ cos θ) while the body turns
-    with (θ̇, φ̇ sin θ, ω₃), and from `spheroid_wj1`–`spheroid_wj3`. As printed, `fsptho`–`fpsso` have misprints.
-    """
+    """Rates of (θ, φ, θ̇, φ̇, ω₃); p = (alpha, beta, I_a/I_e, 8πX_c/I_a, 8πY_c/I_e, Λ)."""
+    # From `ultima` in the axes of the line of nodes (ψ = 0), which turn with (θ̇, φ̇ sin θ, φ̇ cos θ) while the body turns
+    # with (θ̇, φ̇ sin θ, ω₃), and from `spheroid_wj1`–`spheroid_wj3`. As printed, `fsptho`–`fpsso` have misprints.
     sin, cos, sine = ops.sin, ops.cos, ops.use(guarded_sine)
 
     def rhs(y, p):

@@ -75,11 +75,9 @@ def complete_cel(kc: Long, p: Long, a: Long, b: Long) -> Long:
 
 
 def jacobi(u: LongArray, m1: Long) -> tuple[LongArray, LongArray, LongArray]:
-    """Jacobi functions sn, cn, dn, each shape (n,), of u, shape (n,), given m1 = 1−m in [0, 1].
-
-    Descending Landen transformation in ratios (Bulirsch 1965, `sncndn`), so that cn and dn keep their relative accuracy
-    where they are small; hyperbolic functions at m1 = 0 (DLMF §22.5(ii)).
-    """
+    """Jacobi functions sn, cn, dn, each shape (n,), of u, shape (n,), given m1 = 1−m in [0, 1]."""
+    # Descending Landen transformation in ratios (Bulirsch 1965, `sncndn`), so that cn and dn keep their relative
+    # accuracy where they are small; hyperbolic functions at m1 = 0 (DLMF §22.5(ii)).
     if m1 == 0:
         decay = np.exp(-np.abs(u))
         sech: LongArray = (2 * decay / (1 + decay * decay)).astype(Long)

@@ -48,15 +48,9 @@ class TorqueFree:
         (i1, i2, i3), (w1, w2, w3) = self._exact
         return (i3 - i2) * w2 * w3 == (i1 - i3) * w3 * w1 == (i2 - i1) * w1 * w2 == 0
 
-    @property
-    def period(self) -> float:
-        """Period T of the body angular velocity in t; see `Polhode.periods`."""
-        return self._polhode.periods[0]
-
-    @property
-    def precession_period(self) -> float:
-        """Period T' of the mean precession about L in t; see `Polhode.periods`."""
-        return self._polhode.periods[1]
+    # As `Polhode.periods` says.
+    period = property(lambda top: top._polhode.periods[0], doc="Period T of the body angular velocity in t.")
+    precession_period = property(lambda top: top._polhode.periods[1], doc="T' of the mean precession about L in t.")
 
     def at(self, times: ArrayLike, *, dtype: DTypeLike = np.float64) -> tuple[NDArray, NDArray]:
         """Unit quaternions, shape (n, 4), continuous from the start, and body angular velocities, shape (n, 3).

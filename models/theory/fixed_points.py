@@ -41,24 +41,17 @@ def fixed_points(ellipsoid: Ellipsoid) -> tuple[FixedPoint, ...]:
     if ellipsoid.kind == "sphere":
         momentum = (0.0, 0.0, -ellipsoid.inertia[0] / 2)
         return (FixedPoint("any axis of a sphere", momentum, eigenvalues(ellipsoid, 0)[:3]),)
+    known: list[tuple[Rotation, int, float]]
     if ellipsoid.symmetry_axis is None:
-        return tuple(
-            FixedPoint(
-                rotation,
-                (0.0, 0.0, -ellipsoid.inertia[axis] / 2, ellipsoid.inertia[axis] / 8),
-                eigenvalues(ellipsoid, axis)[: 2 if rotation == "middle axis" else 4],
-            )
-            for axis, rotation in zip(ellipsoid.order, get_args(ByLength), strict=True)
-        )
-    axial, equatorial = ellipsoid.symmetry_axis, (ellipsoid.symmetry_axis + 1) % 3
-    return tuple(
-        FixedPoint(
-            "symmetry axis" if eta else "equatorial axis",
-            (0.0, 0.0, -ellipsoid.inertia[axis] / 2, eta),
-            eigenvalues(ellipsoid, axis),
-        )
-        for axis, eta in ((axial, 0.5), (axial, -0.5), (equatorial, 0.0))
-    )
+        known = [(get_args(ByLength)[i], axis, ellipsoid.inertia[axis] / 8) for i, axis in enumerate(ellipsoid.order)]
+    else:
+        axial, equatorial = ellipsoid.symmetry_axis, (ellipsoid.symmetry_axis + 1) % 3
+        known = [("symmetry axis", axial, 0.5), ("symmetry axis", axial, -0.5), ("equatorial axis", equatorial, 0.0)]
+    found = []
+    for rotation, axis, last in known:
+        rates = eigenvalues(ellipsoid, axis)[: 2 if rotation == "middle axis" else 4]
+        found.append(FixedPoint(rotation, (0.0, 0.0, -ellipsoid.inertia[axis] / 2, last), rates))
+    return tuple(found)
 
 
 def eigenvalues(ellipsoid: Ellipsoid, axis: int) -> tuple[float, float, float, float]:

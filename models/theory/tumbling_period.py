@@ -41,10 +41,8 @@ def tumbling_period(ellipsoid: Ellipsoid, stokes: float, axis: int) -> float:
 
 
 def weak_inertia_period_change(ellipsoid: Ellipsoid, stokes: float, axis: int) -> float:
-    """Leading change of the tumbling period at small St: -4π ε² (a - b)²/(a² + b²), ε = St I/(8πX).
-
-    For a prolate spheroid this is `vivtp`; the period decreases. The next term is of order St⁴.
-    """
+    """Leading change of the tumbling period at small St: -4π ε² (a - b)²/(a² + b²), ε = St I/(8πX)."""
+    # For a prolate spheroid this is `vivtp`; the period decreases. The next term is of order St⁴.
     a, b = (ellipsoid.scaled_axes[(axis + step) % 3] for step in (1, 2))
     return -4 * pi * (stokes / ellipsoid.damping[axis]) ** 2 * (a - b) ** 2 / (a * a + b * b)
 

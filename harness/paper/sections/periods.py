@@ -114,10 +114,8 @@ PLANAR_STOKES = (0.0, 1.0, 10.0, 100.0)
 
 
 def turns(kappa: float, stokes: float, alpha: float) -> bool:
-    """Whether an axis in the plane of the flow u = y x̂ + αx ŷ goes on turning; one with inertia starts at full speed.
-
-    Without inertia its rate is (α - 1)/2 + Λ(1 + α)/2 cos 2χ; with it, it relaxes to this rate.
-    """
+    """Whether an axis in the plane of the flow u = y x̂ + αx ŷ goes on turning; with inertia it starts at full speed."""
+    # Without inertia its rate is (α - 1)/2 + Λ(1 + α)/2 cos 2χ; with it, it relaxes to this rate.
     body = spheroid(kappa)
     slope = (kappa**2 - 1) / (kappa**2 + 1) * (1 + alpha) / 2
 

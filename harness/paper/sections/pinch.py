@@ -82,10 +82,8 @@ def _least_momentum(kappa: float, stokes: float, phi: float, slow_time: float, f
 
 
 def growth_exponent(kappa: float) -> float:
-    """Exponent e with which a small L_y of a prolate spheroid grows like L_z^e on its way to the pinch point.
-
-    There h = cos θ_LO → 1, as Y_c > X_c, and dL_z/dt₂ → -4πX_c: by `lysmain` e = (X_c + Y_c I_a/I_e - 2Y_c)/X_c.
-    """
+    """Exponent e with which a small L_y of a prolate spheroid grows like L_z^e on its way to the pinch point."""
+    # There h = cos θ_LO → 1, as Y_c > X_c, and dL_z/dt₂ → -4πX_c: by `lysmain` e = (X_c + Y_c I_a/I_e - 2Y_c)/X_c.
     axial, equatorial = spheroid(kappa).resistance[2], spheroid(kappa).resistance[0]
     return (axial + equatorial * Spheroid.of(spheroid(kappa)).inertia_ratio - 2 * equatorial) / axial
 
