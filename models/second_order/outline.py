@@ -90,7 +90,7 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
     why[~(path.size > TINY)] = TOO_SLOW
     sound, sudden = why == 0, np.zeros(len(times))
     swing, smaller, third = (np.where(sound, each, 0) for each in (path.swing, path.smaller, path.third))
-    local = swing * smaller * path.scale
+    local = swing * np.hypot(smaller, path.fading) * path.scale
     for each, half in ahead.strong.items():
         why[np.abs(times - each.time) <= half] = len(reasons)
         reasons.append(f"resonance {each.mode}")

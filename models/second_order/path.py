@@ -149,6 +149,13 @@ class Path:
         slow = self.change / np.maximum(self.size, TINY) * self.torque_factor / self.speed
         return np.hypot(MARGIN * self.swing, slow)
 
+    @cached_property
+    def fading(self) -> Array:
+        """How far the transformation changes in a radian, over itself: its next order is so much of it."""
+        with np.errstate(all="ignore"):
+            rate = np.abs(np.gradient(np.log(self.swing), self.times))
+        return np.where(np.isfinite(rate), rate, 0) * self.torque_factor / self.speed
+
     @property
     def third(self) -> Array:
         """|L'| or |E'| of third order over I_max; that of second order may vanish where a body settles."""

@@ -188,6 +188,15 @@ def test_it_bounds_the_energy_of_a_fast_spinner(axes):
     assert 1 < form(NAME).estimate(scene).slow / found.slow < 40
 
 
+@pytest.mark.parametrize("axes", [(0.46, 0.46, 0.33), (0.3, 0.3, 0.17)])
+def test_it_bounds_the_swing_of_a_body_that_settles(axes):
+    """What the transformation leaves out is its own change in a radian, far more than its square."""
+    scene = Scene(Ellipsoid(axes), 1e3, BodyStart((1.0, 0.01, 0.0, 0.0), (0.0, 0.0, -0.5)), 500.0)
+    true = observed(full_form(scene), scene, tolerance=1e-16)
+    found = errors(scene.ellipsoid, observed(NAME, scene, solver="cyrk-dop853", tolerance=1e-14), true)
+    assert 1 < form(NAME).estimate(scene).slow / found.slow < 10
+
+
 @pytest.mark.parametrize("stokes", [200.0, 1e4, 1e8])
 @pytest.mark.parametrize("axes", [(1, 1, 2), (1, 0.5, 1)])
 def test_the_start_is_met(axes, stokes):
