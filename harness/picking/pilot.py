@@ -92,6 +92,15 @@ class Pilot:
         """Whether what was followed shows the slow motion of the whole run."""
         return self.direct or self.twin
 
+    @property
+    def per_radian(self) -> float | None:
+        """What an error of the phase makes of L and E, of a motion that settles and was followed in its beginning."""
+        slow, turned = self.gains["slow"], self.gains.get("orientation")
+        if self.to_the_end or self.rotations > FAST * self.damping_times or not turned or turned.error == inf:
+            return None
+        grown = (self.scene.time / self.followed.time) ** (GROWTH["orientation"] - GROWTH["slow"])
+        return grown * slow.error / slow.tolerance * turned.tolerance / turned.error
+
     @cached_property
     def counted(self) -> Scene:
         """What steps of slow solvers are counted on: a short twin, whose count per rotation is mostly within half."""

@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterable
 from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
-from math import inf, isfinite, pi
+from math import inf, isfinite, log10, pi
 
 from polhode.harness.common.text import short
 from polhode.harness.picking.candidate import SHARE, Candidate
@@ -201,11 +201,19 @@ def _laws(laws: Laws, form: Form, solver: str, found: Pilot, want: str) -> tuple
     if held_back(form, solver, found):
         stability = "explicit: stability, not the tolerance, sets its steps"
         raise UnfitError(f"{stability} over {found.damping_times:.2g} damping times", Stage.STABILITY)
-    at = form_sensitivity(form, found, solver).get(want)
+    sensitive = form_sensitivity(form, found, solver)
+    at = sensitive.get(want)
     errors = law.error_law(want, at) if at else None
     if errors is None or at is None:
         raise UnfitError("no law of the error wanted: not measured often enough", Stage.LAW)
     if at.error == inf:
         chaotic = "the motion magnifies errors beyond all tolerances tried in trial runs: chaotic, or too long"
         raise UnfitError(chaotic, Stage.MOTION)
+    turned, share = sensitive.get("orientation"), found.per_radian if want == "slow" else None
+    phase = law.error_law("orientation", turned) if share and turned else None
+    if turned and share and phase and turned.error < inf:
+        # Once a motion has settled L and E are off by what its phase is, which grows faster than errors of their own.
+        phase = replace(phase, offset=phase.offset + log10(share), floor=phase.floor * share)
+        if phase.predict(turned, at.tolerance).high > errors.predict(at, at.tolerance).high:
+            return law, phase, turned
     return law, errors, at

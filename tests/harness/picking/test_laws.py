@@ -334,6 +334,25 @@ def test_where_a_run_stands_is_known_from_its_pilot_or_from_its_beginning(monkey
     pilot.cache_clear()
 
 
+def test_a_settled_motion_is_off_by_its_phase(monkeypatch):
+    """A run four times as long as what was followed: its pilot shows what a radian of phase makes of L and E."""
+    monkeypatch.setattr(laws_pilot, "MOST_ROTATIONS", 1000.0)
+    scene = replace(named_scene("spheroid"), stokes=1e3, time=5e4)
+    laws_pilot.pilot.cache_clear()
+    found, which = pilot(scene), form("quaternion")
+    laws_pilot.pilot.cache_clear()
+    assert found.per_radian is not None
+    loose, tight = (
+        which.observe(
+            scene, solve(which.problem(scene), "cyrk-vern8", tolerance, np.linspace(0, scene.time, 401)).states
+        )
+        for tolerance in (1e-8, 1e-12)
+    )
+    made = errors(scene.ellipsoid, loose, tight)
+    assert made.orientation is not None
+    assert made.slow == pytest.approx(found.per_radian * made.orientation, rel=0.5)
+
+
 def test_chaos_is_told():
     assert pilot(named_scene("jeffery-chaotic")).gains["slow"].error == inf
 
