@@ -72,7 +72,8 @@ class JefferyOrbit:
         rest = (tau - half_turns * PI).astype(float)
         turns, kappa = half_turns.astype(float), self.aspect_ratio
         sine, cosine = np.sin(rest), np.cos(rest)
-        phi = -(turns * pi + np.arctan2(kappa * sine, cosine))
+        # Of half turns four leave a quaternion as it is.
+        phi = -(np.mod(turns, 4) * pi + np.arctan2(kappa * sine, cosine))
         theta = np.arctan2(s * np.hypot(kappa * sine, cosine), z)
         angles = theta, phi, self._spin(turns, sine, cosine)
         q = np.stack(quaternion_from_euler(angles, numpy_operations()), axis=1)
@@ -85,20 +86,21 @@ class JefferyOrbit:
     def _spin(self, turns: np.ndarray, sine: np.ndarray, cosine: np.ndarray) -> np.ndarray:
         """Spin angle ψ, up to a constant, at τ = turns π + rest with |rest| ≤ π/2."""
         s, z, _ = self._ellipse
-        kappa = self.aspect_ratio
-        n = (1 - kappa) * (1 + kappa)
-        modulus = s * s * n / (z * z + s * s)
-        quarter = _spin_integral(np.array(1.0), np.array(0.0), n, modulus)
-        integral = 2 * turns * quarter + _spin_integral(sine, cosine, n, modulus)
-        return -n * z / (2 * kappa * hypot(z, s)) * integral
+        kappa, size = self.aspect_ratio, hypot(z, s)
+        shape = kappa, (s / size) ** 2, (z / size) ** 2
+        integral = 2 * turns * _spin_integral(np.array(1.0), np.array(0.0), *shape)
+        integral += _spin_integral(sine, cosine, *shape)
+        return -(1 - kappa) * (1 + kappa) * z / (2 * kappa * size) * integral
 
 
-def _spin_integral(sine: np.ndarray, cosine: np.ndarray, n: float, modulus: float) -> np.ndarray:
-    """∫ (cos² - κ² sin²)/((cos² + κ² sin²) √(1 - m sin²)) dτ from 0 to τ, with n = 1 - κ² and m the modulus."""
+def _spin_integral(sine: np.ndarray, cosine: np.ndarray, kappa: float, across: float, along: float) -> np.ndarray:
+    """∫ (cos² - κ² sin²)/(w √(along + across w)) dτ from 0 to τ, with w = cos² + κ² sin² and along + across = 1."""
     from scipy.special import elliprf, elliprj
 
-    x, y, weight = cosine**2, 1 - modulus * sine**2, 1 - n * sine**2
-    return sine * elliprf(x, y, 1.0) - 2 * (1 - n) / 3 * sine**3 * elliprj(x, y, 1.0, weight)
+    # Sums of positive terms alone: a thin disc would lose its digits to a difference.
+    x, weight = cosine**2, cosine**2 + (kappa * sine) ** 2
+    y = along + across * weight
+    return sine * elliprf(x, y, 1.0) - 2 * kappa**2 / 3 * sine**3 * elliprj(x, y, 1.0, weight)
 
 
 def _turned_about_third(q: np.ndarray, given: np.ndarray) -> np.ndarray:

@@ -2,12 +2,15 @@
 
 from math import acosh, inf, pi, sqrt
 
+import mpmath as mp
 import numpy as np
 import pytest
 from observed import observed, orientation_difference, slow_difference
 
 from polhode.harness.picking.choice import simplest
 from polhode.models.catalogue import form
+from polhode.models.forms.jeffery import JefferyOrbit, _spin_integral
+from polhode.models.rotation import matrix_from_quaternion
 from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.taylor import taylor_integrator
@@ -28,6 +31,35 @@ def test_jeffery_orbit_solves_the_field_with_its_spin(axes, angles):
     numerical, exact = observed("jeffery", scene, samples=51), observed("jeffery", scene, solver="exact", samples=51)
     assert orientation_difference(numerical, exact) < 1e-12
     assert slow_difference(scene, numerical, exact) < 1e-12
+
+
+@pytest.mark.parametrize("kappa", [1e-9, 1e-6, 1e-3, 0.5, 30.0])
+def test_spin_of_thin_discs_and_needles_keeps_its_digits(kappa):
+    """The integral over the tangent of the phase, by mpmath; the spin is this over κ."""
+    across, along, sine, cosine = 0.8125, 0.1875, float(np.sin(1.5)), float(np.cos(1.5))
+    k = mp.mpf(kappa)
+
+    def rate(u):
+        w = (1 + (k * u) ** 2) / (1 + u * u)
+        return (1 - (k * u) ** 2) / (1 + (k * u) ** 2) / mp.sqrt(along + across * w) / (1 + u * u)
+
+    with mp.workdps(30):
+        decades, end = [mp.mpf(10) ** i for i in range(-3, 14)], mp.mpf(sine) / mp.mpf(cosine)
+        partial = mp.quad(rate, [0, *(each for each in decades if each < end), end])
+        whole = mp.quad(rate, [0, *decades, mp.inf])
+    assert abs(float(_spin_integral(sine, cosine, kappa, across, along) - partial)) < 1e-15
+    assert abs(float(_spin_integral(1.0, 0.0, kappa, across, along) - whole)) < 1e-15
+
+
+def test_axis_of_a_long_jeffery_orbit():
+    """The phase in 40 digits: 4e7 rad after t = 1e8."""
+    orbit, time = JefferyOrbit(2.0, 1.0, 2, BodyStart((0.6, 0.3, 0.5, 0.2)).quaternion), 1e8
+    px, py, pz = matrix_from_quaternion(np.array(orbit.quaternion))[2].tolist()
+    with mp.workdps(40):
+        s, tau = mp.hypot(px / 2, py), mp.atan2(-mp.mpf(px) / 2, -mp.mpf(py)) + mp.mpf(time) / 2.5
+        axis = np.array([float(each) for each in (-2 * s * mp.sin(tau), -s * mp.cos(tau), mp.mpf(pz))])
+    found = matrix_from_quaternion(orbit.at(np.array([time])))[0, 2]
+    assert np.abs(found - axis / np.linalg.norm(axis)).max() < 3e-10
 
 
 @pytest.mark.parametrize("kappa", [0.01, 0.5, 2.0, 10.0, 100.0])
