@@ -24,6 +24,11 @@ FUNCTIONS = f"sin, cos, tan, sqrt, exp and log of NumPy or math, {BRANCHES}"
 class _Absent:
     """Stands for the time in a function that does not use it."""
 
+    def _used(self, other: Any = None) -> bool:
+        raise TypeError("the time is used")
+
+    __bool__ = __eq__ = _used  # pyright: ignore
+
 
 @dataclass(frozen=True)
 class OwnField:
@@ -32,6 +37,7 @@ class OwnField:
     function: Callable[..., Any]
     timed: bool  # whether it uses t, which then is the state's last component
     t_start: float
+    lines: str = ""  # what it computes, traced when a run began: names that it reads may mean something else later
 
     def __call__(self, ops: Operations) -> Field:
         """Bind the function to a kind of number."""

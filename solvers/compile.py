@@ -5,6 +5,8 @@ Every function here keeps what it compiled, under the field's factory, for the l
 
 import atexit
 from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -13,6 +15,7 @@ import numpy as np
 
 from polhode.models.files.kept import cache_folder
 from polhode.models.operations import FLOAT, Field, Operations, WithRate
+from polhode.models.own_function import OwnField
 from polhode.models.problem import Factory, Problem
 from polhode.models.spent import spent_on
 from polhode.solvers.contract import Backend
@@ -20,7 +23,7 @@ from polhode.solvers.machine_code import kept_code
 from polhode.solvers.machine_code.array_function import array_function
 from polhode.solvers.machine_code.derivatives import trace_jacobian
 from polhode.solvers.machine_code.llvm import MachineCode, compile_file
-from polhode.solvers.machine_code.tracing import OPERATIONS, read, trace, written
+from polhode.solvers.machine_code.tracing import OPERATIONS, FieldError, read, trace, written
 
 _FOLDER = Path(__file__).parent
 Callback = Callable[[np.ndarray, Any, np.ndarray], None]
@@ -37,6 +40,17 @@ def check_field(problem: Problem) -> None:
     parameters = problem.mass_form.parameters if problem.mass_form else problem.parameters
     if parameters is not None:
         trace(problem.field, problem.dimension, len(parameters))
+
+
+def as_it_stands(problem: Problem) -> Problem:
+    """The problem with its own function as of now, which may read names that change from one run to the next."""
+    field = problem.field
+    if isinstance(field, OwnField) and not field.lines:
+        # What no field may do is refused where it is compiled.
+        with suppress(FieldError):
+            lines = trace.__wrapped__(field, problem.dimension, len(problem.parameters or ()))
+            return replace(problem, field=replace(field, lines=lines))
+    return problem
 
 
 @cache

@@ -10,6 +10,7 @@ import numpy as np
 
 from polhode.models.problem import Problem
 from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.compile import as_it_stands
 from polhode.solvers.contract import UNLIMITED, Backend, Jacobian, Record, Settings, Solver, Status, Work
 from polhode.solvers.dense_output import LikeSolveIvp, states_at
 from polhode.solvers.pieces import Run, Stage, wrapped
@@ -141,7 +142,7 @@ def solve(
     Interrupted
         On Ctrl-C, with the finished part.
     """
-    method = find_solver(solver)
+    method, problem = find_solver(solver), as_it_stands(problem)
     settings = method.settings(tolerance, backend, jacobian, count)
     times = _wanted(problem, times)
     run = Run(problem, method, settings, times)
@@ -164,11 +165,9 @@ def solve(
 
 def _wanted(problem: Problem, times: np.ndarray | None) -> np.ndarray:
     """The requested times, checked."""
-    if times is None:
-        return np.array([0.0, problem.end])
-    times = np.ascontiguousarray(times, dtype=float)
-    if times.ndim != 1 or len(times) < 2 or times[0] != 0 or not (times[1:] > times[:-1]).all():
-        raise ValueError(f"times: got {times!r}, expected at least two increasing numbers from 0 on")
+    times = np.ascontiguousarray([0.0, problem.end] if times is None else times, dtype=float)
+    if times.ndim != 1 or len(times) < 2 or times[0] != 0 or not (times[1:] > times[:-1]).all() or times[-1] == inf:
+        raise ValueError(f"times: got {times!r}, expected at least two increasing finite numbers from 0 on")
     return times
 
 

@@ -17,6 +17,13 @@ from polhode.solvers.solve import solve
 NOTHING = None  # A global that is no function stays what it is.
 
 
+RATE = 1.0
+
+
+def decaying(t, y):
+    return -RATE * y
+
+
 def bell(x):
     return np.exp(-x * x)
 
@@ -148,3 +155,17 @@ def test_of_scipys_options_those_that_would_change_nothing_are_taken():
     np.testing.assert_allclose(np.ravel(found.t_events), np.log([2, 4]), rtol=1e-8)
     with pytest.raises(ValueError, match="solve_ivp: got max_step, expected no options of SciPy's but"):
         solve_ivp(lambda t, y: -y, (0, 2), [1.0], max_step=0.1)
+
+
+@pytest.mark.parametrize("name", ["cyrk-dop853", "taylor", "radau", "cvode-bdf"])
+def test_names_of_the_module_mean_what_they_do_when_a_run_begins(name, monkeypatch):
+    problem = Problem.from_function(decaying, [1.0], 1.0)
+    for rate in (1.0, 2.0, 1.0):
+        monkeypatch.setitem(globals(), "RATE", rate)
+        assert solve(problem, name, 1e-9).states[-1, 0] == pytest.approx(math.exp(-rate), abs=1e-6)
+
+
+@pytest.mark.parametrize("f", [lambda t, y: -y if t else y, lambda t, y: -y if t == 0 else y])
+def test_branching_by_time_is_refused(f):
+    with pytest.raises(ValueError, match="cannot compare or branch"):
+        solve_ivp(f, (0, 1), [1.0])
