@@ -100,6 +100,9 @@ def _step_through(stepper: Any, record: Record) -> tuple[Outcome, int]:
     """Step to the end; the outcome, and how many steps were interpolated."""
     times, work = record.times, record.work
     work.steps, interpolated, stalled = 0, 0, 0
+    if not np.isfinite(getattr(stepper, "f", 0.0)).all():
+        # An explicit method would look for a first step without end.
+        return (Status.NON_FINITE, "rates at the start are no numbers"), 0
     while stepper.status == "running":
         before = stepper.t
         try:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from functools import cache
+from threading import get_ident
 from typing import Any, Literal
 
 import numpy as np
@@ -16,11 +17,17 @@ Precision = Literal["double", "long double", "quadruple"]
 CHUNK = 10_000
 
 
-@cache
 def taylor_integrator(
     factory: Factory, dimension: int, parameters: int, tolerance: float, precision: Precision = "double"
 ) -> Any:
-    """heyoka's integrator of a field, kept for the life of the process; its state, time and parameters are set anew."""
+    """heyoka's integrator of a field, kept for its thread; its state, time and parameters are set anew."""
+    return _integrator(get_ident(), factory, dimension, parameters, tolerance, precision)
+
+
+@cache
+def _integrator(
+    thread: int, factory: Factory, dimension: int, parameters: int, tolerance: float, precision: Precision
+) -> Any:
     # Extended precisions are compiled in compact mode, which costs speed but saves up to half a minute of compilation.
     heyoka = load_heyoka()
     number = {"double": float, "long double": np.longdouble, "quadruple": heyoka.real128}[precision]

@@ -10,9 +10,8 @@ from polhode.models.operations import numpy_operations
 from polhode.models.problem import Factory, Problem
 from polhode.solvers.compile import load_heyoka, traced_system
 from polhode.solvers.contract import Status
+from polhode.solvers.machine_code.lanes import REGISTERS
 
-# Two SIMD registers per operation keep the processor's pipelines full; more spill.
-REGISTERS = 2
 # A particle that needs more steps is recorded as failed: a stiff one, at small St, is no case for this method.
 MOST_STEPS = 10_000_000
 

@@ -162,10 +162,8 @@ class Splitting(Solver):
         """Refuse a problem that states no parts."""
         super().check(problem)
         if problem.parts is None:
-            raise SolverNotValidError(
-                f"solver {self.name!r}: {problem.name!r} states no parts with exact flows; "
-                "use form 'spheroid-axis' or solver 'taylor'"
-            )
+            condition = f"{problem.name!r} states no parts with exact flows"
+            raise SolverNotValidError(f"{condition}; use form 'spheroid-axis' or solver 'taylor'", self.name)
 
     def bound(self, problem: Problem, tolerance: float) -> Any:
         """The problem bound to machine code, whose `run` fills a record."""

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from math import pi
 
@@ -17,6 +18,7 @@ from polhode.solvers.catalogue import solver
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, SolverNotValidError, Status
 from polhode.solvers.solve import solve
 from polhode.solvers.sundials.methods import CvodeBdf, Ida
+from polhode.solvers.taylor import taylor_integrator
 
 
 class CvodeCallback(CvodeBdf):
@@ -41,6 +43,10 @@ def square_field(ops: Operations) -> Field:
         return (y[0] * y[0],)
 
     return rhs
+
+
+def root_field(ops: Operations) -> Field:
+    return lambda y, p: (ops.sqrt(y[0]),)
 
 
 def growth_field(ops: Operations) -> Field:
@@ -93,6 +99,13 @@ def test_growth_beyond_double_precision(name: str | Solver):
 
 class OutsideTableError(ValueError):
     """What a field of a user's own may raise."""
+
+
+@pytest.mark.parametrize("name", ["dop853", "rk45", "radau", "cyrk-vern8", "taylor"])
+def test_rates_that_are_no_numbers_end_a_run_at_its_start(name: str):
+    """SciPy's explicit methods would look for a first step without end."""
+    solution = solve(Problem("root", root_field, (-1.0,), 1.0), name, 1e-6)
+    assert (solution.status, len(solution.times)) == (Status.NON_FINITE, 1)
 
 
 def test_an_error_of_the_field_is_not_a_state_that_is_not_finite():
@@ -271,7 +284,7 @@ def test_impossible_tolerances_are_refused(tolerance: float):
         solve(RUN.problem, "taylor", tolerance)
 
 
-@pytest.mark.parametrize("times", [[0.0], [1.0, 2.0], [0.0, 1.0, 1.0], [0.0, np.nan], [[0.0, 1.0]]])
+@pytest.mark.parametrize("times", [[0.0], [1.0, 2.0], [0.0, 1.0, 1.0], [0.0, np.nan], [0.0, np.inf], [[0.0, 1.0]]])
 def test_impossible_times_are_refused(times):
     with pytest.raises(ValueError, match="times: got"):
         solve(RUN.problem, "taylor", 1e-6, np.array(times))
@@ -293,3 +306,10 @@ def test_a_limit_of_steps_holds_for_all_pieces_of_a_run():
         solution = solve(problem, "taylor", 1e-9, times, max_steps=limit)
         assert solution.status is Status.STEP_LIMIT
         assert solution.work.steps == limit
+
+
+def test_threads_do_not_share_an_integrator_that_holds_a_state():
+    given = growth_field, 1, 0, 1e-6
+    with ThreadPoolExecutor(1) as pool:
+        assert pool.submit(taylor_integrator, *given).result() is not taylor_integrator(*given)
+    assert taylor_integrator(*given) is taylor_integrator(*given)
