@@ -144,30 +144,15 @@ def test_a_plug_in_is_in_every_table(installed: Path, tmp_path: Path):
 
     pip = [sys.executable, "-m", "pip", "--python", python]
     run(*pip, "install", "--quiet", "--no-deps", "--no-index", "--no-build-isolation", tree)
-    try:
-        assert '"my-quaternion"' in run(installed / "polhode", "forms", "--json")
-        way = ("--form", "my-quaternion", "--solver", "my-rk23", "--tolerance", "1e-4")
-        assert "11 of 201 rows" in run(installed / "polhode", "solve", "paper", *way)
-        code = (
-            "from polhode.harness.commands.setup import solver_names as names; print(names(None, None, 'my')[0].value)"
-        )
-        assert run(python, "-c", code) == "my-rk23\n"
-        words = (
-            "bench",
-            "--problems",
-            "--quick",
-            "--quiet",
-            "--scene",
-            "my-decay",
-            "--solver",
-            "my-rk23",
-            "--out",
-            "b",
-        )
-        run(installed / "polhode", *words, "--out", "b")
-        assert "| my-decay" in (tmp_path / "b" / "README.md").read_text()
-    finally:
-        run(*pip, "uninstall", "--quiet", "--yes", "polhode-plug-in")
+    # It stays in the fixture's own environment, which goes with the folder.
+    assert '"my-quaternion"' in run(installed / "polhode", "forms", "--json")
+    way = ("--form", "my-quaternion", "--solver", "my-rk23", "--tolerance", "1e-4")
+    assert "11 of 201 rows" in run(installed / "polhode", "solve", "paper", *way)
+    code = "from polhode.harness.commands.setup import solver_names as names; print(names(None, None, 'my')[0].value)"
+    assert run(python, "-c", code) == "my-rk23\n"
+    words = ("bench", "--problems", "--quick", "--quiet", "--scene", "my-decay", "--solver", "my-rk23", "--out", "b")
+    run(installed / "polhode", *words)
+    assert "| my-decay" in (tmp_path / "b" / "README.md").read_text()
 
 
 def test_the_command_is_declared():

@@ -77,8 +77,8 @@ def study(tmp_path: Path) -> Study:
 
 @pytest.fixture
 def no_figures(monkeypatch):
-    for name in ("work_precision_panels", "save"):
-        monkeypatch.setattr(bench, name, lambda *_: None)
+    for name, nothing in (("work_precision_panels", None), ("save", None), ("profile_lines", [])):
+        monkeypatch.setattr(bench, name, lambda *_, nothing=nothing: nothing)
 
 
 def table_below(page: str, heading: str) -> list[list[str]]:
