@@ -60,10 +60,8 @@ class Stretch:
 
 @dataclass(frozen=True)
 class Outline:
-    """A run on its first-order path: `slow` = (L, E), shape (m, 4), at slow `times`, and its stretches."""
+    """The stretches of a run and the kicks on its first-order path."""
 
-    times: Array
-    slow: Array
     stretches: tuple[Stretch, ...]
     kicks: tuple[Kick, ...]
     orientation: float  # estimated error in rad of a run by second order alone, π at most
@@ -122,7 +120,7 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
     if np.isfinite(path.swing).all():
         orientation = min(pi, path.phase(drifting)[-1] + lag[-1] + path.swing.max())
     stretches = tuple(_stretches(path, why, reasons, drifting, passing, lag, weight))
-    return Outline(times, path.slow, stretches, kicks, float(orientation))
+    return Outline(stretches, kicks, float(orientation))
 
 
 @dataclass(frozen=True)
