@@ -40,7 +40,7 @@ for (const table of document.querySelectorAll("table.sort"))
   const choices = heads.flatMap((head, i) => {
     const values = [...new Set(rows.map((row) => row.cells[i].textContent))];
     const fits = values.length > 1 && values.length <= FEW && 2 * values.length <= rows.length
-      && values.every((value) => value.length < SHORT && !/^[\d.<~–-]/.test(value)) && !rows[0].cells[i].classList.contains("r");
+      && values.every((value) => value.length < SHORT && !/^[\d.<~–✓·-]/.test(value)) && !rows[0].cells[i].classList.contains("r");
     if (!fits || !head) return [];
     const select = made("select", { name: head });
     select.setAttribute("aria-label", head);
