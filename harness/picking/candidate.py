@@ -8,7 +8,7 @@ from polhode.harness.common.text import scientific
 from polhode.harness.picking.laws import ErrorLaw, Interval, Load, MethodLaws, Sensitivity
 from polhode.harness.picking.load import load_of
 from polhode.harness.picking.model_error import causes
-from polhode.harness.picking.pilot import Pilot, PilotFailedError
+from polhode.harness.picking.pilot import Pilot, PilotFailedError, averages
 from polhode.harness.picking.recommendation import Way
 from polhode.harness.picking.refusals import Stage, UnfitError, one_digit, one_digit_up, too_far_off, too_tight
 from polhode.models.form import Form
@@ -106,5 +106,6 @@ class Candidate:
             known = f"model error {scientific(self.model.predicted)}" if self.model else error
             return f"averaged: costs the same at every St; {known}"
         if self.found.stiff:
-            return f"implicit: {self.found.damping_times:.2g} damping times would hold an explicit method back"
-        return f"full equations over {self.found.rotations:.3g} rotations; {error}"
+            return f"implicit: {self.found.damping_times:.2g} damping times would hold an explicit method back; {error}"
+        how = "full equations" if not averages(self.form) else "averages where these hold, full equations elsewhere,"
+        return f"{how} over {self.found.rotations:.3g} rotations; {error}"

@@ -93,7 +93,7 @@ class Stray:
 
     def around(self, value: float) -> Interval:
         """The interval around a prediction."""
-        return Interval(value * exp(self.middle), value * exp(self.low), value * exp(self.high))
+        return Interval(*(float(value * exp(each)) for each in (self.middle, self.low, self.high)))
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,7 @@ class NotAttainableError(ValueError):
 
     def __str__(self) -> str:
         """The message: what was asked for and the reason."""
-        return f"error: got {self.error!r}, {self.reason}"
+        return f"error: got {float(self.error)!r}, {self.reason}"
 
 
 def pick(
@@ -87,17 +87,16 @@ def first_way(
 ) -> Way | None:
     """The first row of `pick` that is of this form and this solver, if given; None where it is not known."""
     _check(scene, error, want)
-    # The quaternion form always beats Euler angles, whose pilots would take as long as all others together.
-    forms = [name for name in FORMS if name == form or not (form or _beaten(find_form(name)))]
     solvers = [name for name in SOLVERS if solver in (None, name)]
     with suppress(PilotFailedError, OverflowError):
+        # Of explicit methods the quaternion form always beats Euler angles, whose pilots would take as long as all
+        # others together.
+        known, stiff = map(find_form, FORMS), pilot(scene).stiff
+        beaten = [each.name for each in known if each.angles and each.orientation == "full" and not stiff]
+        forms = [name for name in FORMS if name == form or not (form or name in beaten)]
         ways, _ = _candidates(scene, error, want, samples, load_laws(), forms, solvers)
         return min(ways, key=lambda way: way.seconds.mean, default=None)
     return None
-
-
-def _beaten(form: Form) -> bool:
-    return form.angles and form.orientation == "full"
 
 
 def _least(scene: Scene, found: Pilot, want: str) -> float:
@@ -122,7 +121,7 @@ def _recommended(scene: Scene, error: float, want: str, samples: int, laws: Laws
 
 def _check(scene: Scene, error: float, want: str) -> None:
     if not (isfinite(error) and error > 0):
-        raise ValueError(f"error: got {error!r}, expected a finite positive number")
+        raise ValueError(f"error: got {float(error)!r}, expected a finite positive number")
     if want not in WANTS:
         raise ValueError(f"want: got {want!r}, expected 'slow' or 'orientation'")
     if want == "slow":

@@ -34,6 +34,9 @@ from polhode.solvers.solve import solve
 # Seconds that a run may be expected to take to be tried, if the quickest one expected takes longer as long as that, up
 # to a limit, which is another one where laws alone would refuse the scene; ways that are, and tolerances of each.
 MOST_SECONDS, PATIENT, REFUSED, WAYS, TOLERANCES = 0.02, 0.2, 0.8, 4, 4
+# Errors of stiff runs are foreseen less well, and times too long: even a way that laws promise is tried there, and
+# trials may be expected to take so many times as long.
+STIFF_TRIALS = 4.0
 # How many times as long a yardstick and all together may take, and any run before it is given up.
 YARDSTICK, ALL, OVERRUN = 2.0, 3.0, 8.0
 # A run that takes so many times as long as expected is tried again so much looser: where rounding rules, the errors of
@@ -67,13 +70,15 @@ def with_trials(candidates: Sequence[Candidate], want: str) -> list[Way | Refusa
     found = [*by_law]
     hopeless = _quickest(found) == inf
     limit = REFUSED if hopeless else max(MOST_SECONDS, min(_quickest(found), PATIENT))
+    if candidates and candidates[0].found.stiff:
+        limit = max(limit, min(STIFF_TRIALS * limit, PATIENT))
     trials = Trials(candidates, want, limit, ALL * limit)
     hopes = [(hope, place) for place, each in enumerate(candidates) if (hope := _worth_trying(each, limit))]
     # The quickest ones first, or the surest ones.
     hopes.sort(key=lambda each: each[0].error.predicted if hopeless else each[0].seconds.mean)
     for hope, place in hopes:
-        candidate = candidates[place]
-        if tried == WAYS or hope.seconds.mean >= _quickest(found):
+        candidate, later = candidates[place], hope.seconds.mean - _quickest(found)
+        if tried == WAYS or later > 0 or (later == 0 and not candidate.found.stiff):
             continue
         if candidate.doubtful:
             candidate = replace(candidate, budget=candidate.asked, model=None)
@@ -109,7 +114,8 @@ def _expected(candidate: Candidate) -> Way | Refusal:
 def _worth_trying(candidate: Candidate, limit: float) -> Way | None:
     """The way that is hoped for, if the whole of the scene can be tried soon by a method that may come first."""
     form, found, solver = candidate.form, candidate.found, find_solver(candidate.solver)
-    slow = form.angles or (solver.implicit and not form.averaged and found.damping_times <= SOFT)
+    soft = solver.implicit and not form.averaged and found.damping_times <= SOFT
+    slow = soft or (form.angles and not found.stiff)
     hope = None if slow or solver.closed_form else candidate.hoped()
     return hope if hope and hope.seconds.predicted < limit else None
 

@@ -9,12 +9,14 @@ from polhode.harness.picking import ranking, trials
 from polhode.harness.picking.candidate import LOOSEST, Candidate
 from polhode.harness.picking.laws import Interval, Laws, Load, load_laws
 from polhode.harness.picking.pilot import form_sensitivity, pilot
-from polhode.harness.picking.ranking import DEFAULT_SAMPLES, NotAttainableError, pick
+from polhode.harness.picking.ranking import DEFAULT_SAMPLES, NotAttainableError, first_way, pick
 from polhode.harness.picking.refusals import one_digit
 from polhode.harness.references.errors import errors
 from polhode.harness.references.reference import reference
 from polhode.models.catalogue import form, reference_form
+from polhode.models.scene import BodyStart, Scene
 from polhode.models.scenes import named_scene
+from polhode.models.shape import Ellipsoid
 from polhode.solvers.contract import Status
 from polhode.solvers.solve import solve
 
@@ -267,3 +269,19 @@ def test_runs_that_average_are_foreseen_for_no_solver_that_never_averaged_in_tra
     reasons = {each.solver: each.reason for each in found.excluded if each.form == "hybrid"}
     assert {reasons.get(name) for name in unknown} == {"no law: not measured with pieces that average"}
     assert {"cyrk-dop853", "taylor"} <= {way.solver for way in found.ranking if way.form == "hybrid"}
+
+
+@pytest.mark.parametrize(
+    ("semi_axes", "stokes", "time", "error"),
+    [((1.0, 1.0, 0.1), 8e-4, 60.0, 1e-6), ((1.0, 0.04, 0.07), 3e-4, 130.0, 1e-4)],
+)
+def test_stiff_runs_are_tried_in_angles_too(semi_axes, stokes, time, error):
+    """Where they come first by laws, which a stiff scene may exceed by far."""
+    start = BodyStart((0.2, 0.1, -0.7, 0.7), (-0.5, 1.0, 0.75))
+    scene = Scene(Ellipsoid(semi_axes), stokes, start, time)
+    first = pick(scene, error).ranking[0]
+    chosen = first_way(scene, error, "slow", DEFAULT_SAMPLES)
+    assert chosen
+    assert (chosen.form, chosen.solver, chosen.tolerance) == (first.form, first.solver, first.tolerance)
+    true = seen(scene, "quaternion", "cyrk-radau", 1e-12)
+    assert errors(scene.ellipsoid, seen(scene, first.form, first.solver, first.tolerance), true).slow <= error
