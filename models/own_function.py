@@ -130,9 +130,14 @@ def _own(ops: Operations) -> dict[str, Any]:
     own = {name: getattr(ops, name) for name in ("sin", "cos", "sqrt", "exp", "log")}
     own["tan"] = lambda x: ops.sin(x) / ops.cos(x)
     own["abs"] = own["absolute"] = lambda x: ops.where_positive(x, x, -x)
-    own["maximum"] = lambda a, b: ops.where_positive(a - b, a, b)
-    own["minimum"] = lambda a, b: ops.where_positive(a - b, b, a)
-    own["heaviside"] = lambda x, at_zero: ops.where_positive(x, 1.0, ops.where_positive(-x, 0.0, at_zero))
+
+    def chosen(x: Any, above: Any, below: Any, else_: Any) -> Any:
+        return ops.where_positive(x, above, ops.where_positive(-x, below, else_))
+
+    # What is no number stays none, as in NumPy.
+    own["maximum"] = lambda a, b: chosen(a - b, a, b, 0.5 * (a + b))
+    own["minimum"] = lambda a, b: chosen(a - b, b, a, 0.5 * (a + b))
+    own["heaviside"] = lambda x, at_zero: chosen(x, 1.0, 0.0, at_zero + 0.0 * x)
     return {**arrays, **{name: _each(function) for name, function in own.items()}}
 
 

@@ -169,3 +169,16 @@ def test_names_of_the_module_mean_what_they_do_when_a_run_begins(name, monkeypat
 def test_branching_by_time_is_refused(f):
     with pytest.raises(ValueError, match="cannot compare or branch"):
         solve_ivp(f, (0, 1), [1.0])
+
+
+NO_NUMBERS = [
+    lambda t, y: np.maximum(np.sqrt(y - 0.5), 0.0) - 2.0,
+    lambda t, y: np.minimum(0.0, np.sqrt(y - 0.5)) - 1.0,
+    lambda t, y: np.heaviside(np.sqrt(y - 0.5), 0.0) - 2.0,
+]
+
+
+@pytest.mark.parametrize("f", NO_NUMBERS)
+@pytest.mark.parametrize("name", ["cyrk-dop853", "cvode-bdf"])
+def test_what_is_no_number_is_hidden_by_no_function(f, name):
+    assert not solve(Problem.from_function(f, [1.0], 2.0), name, 1e-6).success
