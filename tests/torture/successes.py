@@ -135,8 +135,8 @@ def counted(rows: list[dict[str, Any]]) -> tuple[str, int]:
         f"- Off by more than {OFF:g} of I_max and {SHARE:.0%} of the largest L or E: {len(off)} before doubt ({by}).",
         f"- Caught: {', '.join(f'{count} by {by}' for by, count in caught.most_common()) or 'none'}.",
         f"- Still called a success: {len(left)}, {len(unstated)} of them without a stated error that says so: "
-        f"{len(unstated) / max(1, len(known)):.1e} of the runs that claim success"
-        + (f" (below {3 / max(1, len(known)):.1e} at 95%)." if not unstated else "."),
+        f"{len(unstated) / max(1, len(known)):.2%} of the runs that claim success"
+        + (f" (below {3 / max(1, len(known)):.2%} at 95%, were all runs independent)." if not unstated else "."),
         f"- An error is stated for {len(bounds)} runs; it is exceeded in {above / max(1, len(bounds)):.1%}.",
         f"- Good runs (error up to {OFF:g}) doubted: {len(good)}.",
     ]
