@@ -1,8 +1,4 @@
 ; Groups of particles, rows of each, steps between two rows; left to itself, LLVM halves the widest registers.
-declare $vector @llvm.sqrt.v${width}f64($vector)
-declare $vector @llvm.sin.v${width}f64($vector)
-declare $vector @llvm.cos.v${width}f64($vector)
-
 define void @function(ptr noalias %states, ptr noalias %constants, i64 %steps, i64 %rows, i64 %groups)
     "prefer-vector-width"="512" {
 start:

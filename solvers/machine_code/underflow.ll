@@ -1,6 +1,4 @@
 ; Sets the control word of x86's floating-point unit and returns the one before.
-declare void @llvm.x86.sse.stmxcsr(ptr)
-declare void @llvm.x86.sse.ldmxcsr(ptr)
 
 define i32 @function(i32 %word) {
 %place = alloca i32

@@ -1,6 +1,0 @@
-declare double @llvm.sin.f64(double)
-declare double @llvm.cos.f64(double)
-declare double @llvm.sqrt.f64(double)
-declare double @llvm.pow.f64(double, double)
-declare double @llvm.log.f64(double)
-declare double @expm1(double)
