@@ -21,6 +21,7 @@ from polhode.harness.common.worker import Failure, KilledFromOutsideError, Worke
 from polhode.harness.pages.figures.work_precision import work_precision
 from polhode.harness.references.extended import extended_run
 from polhode.harness.references.uncertainty import least_known
+from polhode.harness.studies.runner import how_failed
 from polhode.models.problem import Problem
 from polhode.models.problems.catalogue import PROBLEMS
 from polhode.models.problems.classical import Classical
@@ -170,8 +171,8 @@ def run_problems(
             reply = worker.run(measured, case["problem"], case["solver"], *settings.values(), limit=limit)
             if reply.failure is Failure.LOST:
                 raise KilledFromOutsideError(f"{case['problem']} by {case['solver']}: {reply.message}")
-            failed = [{"solver": case["solver"], "tolerance": None, "status": "crashed", "message": reply.message}]
-            rows = reply.value if reply.failure is None else failed
+            nothing = {"solver": case["solver"], "tolerance": None}
+            rows = [nothing | how_failed(reply.failure, reply.message)] if reply.failure else reply.value
             store.put(key, {"problem": case["problem"]}, {"rows": rows, "machine": machine(), "versions": versions()})
     for record in store:
         if record["key"] in wanted:

@@ -110,16 +110,17 @@ class Runner:
         reply = self._worker.run(attempt, case, limit=case.max_seconds + COMPILATION)
         if reply.failure is Failure.LOST:
             return None
-        record = judge(case, *reply.value) if reply.value else _failed(reply.failure, reply.message)
+        failed = how_failed(reply.failure, reply.message) | {"inferred": False}
+        record = judge(case, *reply.value) if reply.value else failed
         if _too_slow(record):
             self._too_slow[_group(case)] = record
         return record
 
 
-def _failed(failure: Failure | None, message: str) -> Record:
-    """Record of a run that took its process with it, or raised."""
+def how_failed(failure: Failure | None, message: str) -> Record:
+    """Status and message of a run that took its process with it, or raised."""
     status = Status.TIME_LIMIT if failure is Failure.KILLED else Status.CRASHED
-    return {"status": str(status), "message": message.strip().splitlines()[-1], "inferred": False}
+    return {"status": str(status), "message": message.strip().rpartition("\n")[2]}
 
 
 def _too_slow(record: Record) -> bool:

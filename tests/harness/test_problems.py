@@ -7,7 +7,7 @@ import pytest
 from commandline import Run
 
 from polhode.harness.common.store import Store
-from polhode.harness.common.worker import KilledFromOutsideError
+from polhode.harness.common.worker import Failure, KilledFromOutsideError, Reply, Worker
 from polhode.harness.work_precision import measured, run_problems
 
 
@@ -45,6 +45,15 @@ def test_a_kill_from_outside_is_not_kept(tmp_path: Path, monkeypatch: pytest.Mon
         with pytest.raises(KilledFromOutsideError, match="lorenz by planted:Victim: crashed with SIGKILL"):
             run_problems(store, ("lorenz",), ("planted:Victim",), quick=True, quiet=True)
         assert not store.keys()
+
+
+def test_a_solver_that_hangs_is_stopped_and_one_that_raises_says_how_in_a_line(tmp_path: Path, monkeypatch):
+    replies = iter([Reply(None, Failure.KILLED, "killed after 9 s", 9.0), Reply(None, Failure.RAISED, "a\nb\n", 1.0)])
+    monkeypatch.setattr(Worker, "run", lambda *_, **__: next(replies))
+    with Store(tmp_path / "store.sqlite") as store:
+        rows = run_problems(store, ("lorenz",), ("taylor", "ida"), quick=True, quiet=True)
+    found = [(row["status"], row["message"]) for row in rows]
+    assert found == [("time_limit", "killed after 9 s"), ("crashed", "b")]
 
 
 def test_the_page(here: Run, folder: Path):
