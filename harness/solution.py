@@ -108,7 +108,7 @@ class SceneSolution(LikeSolveIvp):
         """The pieces, one a line, the first ones if there are many."""
         lines = [
             f"t₂ = {each.begin:.3g} to {each.end:.3g}: {each.reason}"
-            f"{'' if each.averaged else ', full equations'}, error {scientific(each.error)}"
+            f"{'' if each.averaged else ', full equations'}, error below {scientific(each.error)}"
             for each in self.pieces
         ]
         return lines if len(lines) <= most else [*lines[: most - 1], f"{len(lines) - most + 1} pieces more"]

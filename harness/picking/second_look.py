@@ -88,7 +88,8 @@ def run_error(scene: Scene, form: Form, method: Solver, found: Solution, observa
                     model, how = model_errors(form, pilot(scene)), "by trial runs"
                 note = f"{note}; averaging {how}"
                 own = {want: each.plus(off) if each and (off := model[want]) else None for want, each in own.items()}
-        stated = RunError(own["slow"], own["orientation"], note, largest_lz=largest)
+        axis = scene.ellipsoid.symmetry_axis is not None
+        stated = RunError(own["slow"], own["orientation"], note, largest_lz=largest, axis=axis)
     except (UnfitError, PilotFailedError, FormNotValidError) as failure:
         stated = RunError(None, None, str(failure))
     return replace(stated, seconds=perf_counter() - began - (SPENT["compilation"] - before))

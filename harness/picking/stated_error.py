@@ -40,6 +40,7 @@ class RunError:
     seconds: float = 0.0  # what the estimate cost, compilation left out
     advice: str = ""  # what to do about an error asked for that was missed; empty if none was
     largest_lz: float = 0.0  # the whole run's largest |L_z| over I_max; 0 where it is not known
+    axis: bool = False  # whether the orientation is that of a spheroid's symmetry axis
 
     def wanted(self, want: str) -> Interval | None:
         """That of what is wanted."""
@@ -54,7 +55,8 @@ class RunError:
             of_lz = f", {share} % of the largest |L_z|" if share else ""
             parts.append(f"L and E within {scientific(self.slow.high)} of I_max{of_lz}")
         if self.orientation:
-            parts.append(f"orientation within {scientific(self.orientation.high)} rad")
+            of = "symmetry axis" if self.axis else "orientation"
+            parts.append(f"{of} within {scientific(self.orientation.high)} rad")
         if not parts:
             return f"not known: {self.note}"
         return f"{'; '.join(parts)} (estimated; {100 * self.share:g} % of like runs)"
@@ -70,7 +72,8 @@ class RunError:
         else:
             tighter = one_digit(tolerance * error / stated.high / 2)
             what = f"--tolerance {short(tighter)}" if tighter >= TIGHTEST else "nothing: double precision holds no more"
-        advice = f"the error asked for, {short(error)}, {sure}: it is about {scientific(stated.predicted)}; do: {what}"
+        made = f"about {scientific(stated.predicted)}, at most {scientific(stated.high)}"
+        advice = f"the error asked for, {short(error)}, {sure}: it is {made}; do: {what}"
         return replace(self, advice=advice)
 
 

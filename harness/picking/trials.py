@@ -34,9 +34,9 @@ from polhode.solvers.solve import solve
 # Seconds that a run may be expected to take to be tried, if the quickest one expected takes longer as long as that, up
 # to a limit, which is another one where laws alone would refuse the scene; ways that are, and tolerances of each.
 MOST_SECONDS, PATIENT, REFUSED, WAYS, TOLERANCES = 0.02, 0.2, 0.8, 4, 4
-# Errors of stiff runs are foreseen less well, and times too long: even a way that laws promise is tried there, and
-# trials may be expected to take so many times as long.
-STIFF_TRIALS = 4.0
+# Errors of stiff runs are foreseen less well, and times too long: even a way that laws promise is tried there, so
+# many times as many ways are, and trials may be expected to take so many times as long.
+STIFF_WAYS, STIFF_TRIALS = 2, 4.0
 # How many times as long a yardstick and all together may take, and any run before it is given up.
 YARDSTICK, ALL, OVERRUN = 2.0, 3.0, 8.0
 # A run that takes so many times as long as expected is tried again so much looser: where rounding rules, the errors of
@@ -70,15 +70,16 @@ def with_trials(candidates: Sequence[Candidate], want: str) -> list[Way | Refusa
     found = [*by_law]
     hopeless = _quickest(found) == inf
     limit = REFUSED if hopeless else max(MOST_SECONDS, min(_quickest(found), PATIENT))
-    if candidates and candidates[0].found.stiff:
-        limit = max(limit, min(STIFF_TRIALS * limit, PATIENT))
+    stiff, most = bool(candidates) and candidates[0].found.stiff, WAYS
+    if stiff:
+        limit, most = max(limit, min(STIFF_TRIALS * limit, PATIENT)), STIFF_WAYS * WAYS
     trials = Trials(candidates, want, limit, ALL * limit)
     hopes = [(hope, place) for place, each in enumerate(candidates) if (hope := _worth_trying(each, limit))]
     # The quickest ones first, or the surest ones.
     hopes.sort(key=lambda each: each[0].error.predicted if hopeless else each[0].seconds.mean)
     for hope, place in hopes:
         candidate, later = candidates[place], hope.seconds.mean - _quickest(found)
-        if tried == WAYS or later > 0 or (later == 0 and not candidate.found.stiff):
+        if tried == most or later > 0 or (later == 0 and not stiff):
             continue
         if candidate.doubtful:
             candidate = replace(candidate, budget=candidate.asked, model=None)

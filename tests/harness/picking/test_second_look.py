@@ -9,6 +9,7 @@ from commandline import Run
 
 from polhode import solve
 from polhode.harness.api import plan
+from polhode.harness.common.text import scientific
 from polhode.harness.common.timing import with_processor
 from polhode.harness.picking import second_look
 from polhode.harness.picking.second_look import LEAST, SHARE, run_error
@@ -152,6 +153,7 @@ def test_an_error_that_was_missed_has_advice(form, advice):
     loose = replace(what, tolerance=1e-4)
     found = loose.run()
     assert "1e-6, was missed: it is about" in found.error.advice
+    assert f"at most {scientific(found.error.slow.high)}; do: " in found.error.advice
     assert advice in found.error.advice
     assert found.error.advice in repr(found)
     if form == "quaternion":

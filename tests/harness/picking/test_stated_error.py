@@ -23,3 +23,10 @@ def test_a_chaotic_run_is_not_doubted():
     found = solve("jeffery-chaotic", form="jeffery", solver="cyrk-dop853", tolerance=1e-6)
     assert found.error.slow is None or found.error.slow.high > 0.1
     assert found.status is Status.REACHED_END
+
+
+@pytest.mark.parametrize(("scene", "angle"), [("paper", "orientation"), ("spheroid", "symmetry axis")])
+def test_words_say_what_the_angle_is_of(scene, angle):
+    """Of a spheroid that of its axis: how far it has spun about this may be off by more."""
+    found = solve(scene, form="quaternion", solver="cyrk-vern8", tolerance=1e-8)
+    assert f"; {angle} within " in found.error.words()
