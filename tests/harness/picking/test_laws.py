@@ -267,7 +267,7 @@ def test_pilots_of_the_same_single_step_do_not_pass_for_exact():
     which = form("averaged-second-order")
     found, exact = (
         which.observe(scene, laws_pilot.follow(which, scene, *way).states)
-        for way in ((1e-6, "cyrk-vern8"), (1e-14, "taylor"))
+        for way in ((1e-6, "cyrk-vern8"), (1e-13, "cyrk-dop853"))
     )
     own = errors(scene.ellipsoid, found, exact)
     assert own.orientation is not None
