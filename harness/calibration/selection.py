@@ -48,7 +48,7 @@ def runs_of(question: Question, stratum: str, records: Sequence[Record], first: 
 def rules(question: Question) -> dict[str, str]:
     """What simple rules would run: the algorithm's name, and the rule's."""
     scene = question.scene
-    form, _ = simplest(scene, question.want)
+    form = simplest(scene)
     # SciML's: Tsit5, below 1e-6 Vern7, an implicit method where it finds the scene stiff; the error is the tolerance.
     explicit = "cyrk-tsit5" if question.error >= 1e-6 else "cyrk-vern7"
     default = "cyrk-radau" if damping_times(scene) > STIFF else explicit

@@ -136,7 +136,7 @@ def draw(scene: str, out: Path, until: float | None, frames: int) -> None:
         if until is None:
             until = found.time / max(1.0, rotations(found))
         shown = replace(found, time=until)
-        solution = solve(shown, form=simplest(shown, "orientation")[0], error=1e-3, want="orientation", samples=frames)
+        solution = solve(shown, form=simplest(shown), error=1e-3, want="orientation", samples=frames)
         if not solution.success:
             raise RunFailed(f"{solution.form} by {solution.solver}: {solution.status}")
         with PartialFile(out, binary=True) as file:

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 from polhode.harness.common.text import duration, short
 from polhode.harness.picking.candidate import LOOSEST, TIGHTEST
-from polhode.harness.picking.laws import WANTS
 from polhode.harness.picking.ranking import NotAttainableError, first_way, pick
 from polhode.harness.picking.recommendation import Recommendation
 from polhode.models.catalogue import form as find_form, full_form
@@ -21,15 +20,6 @@ SAFETY = 100.0
 PATIENCE = 30.0
 # Tolerances worth asking for: a tighter one is lost in the rounding of double precision, a looser one holds nothing.
 LEAST_TOLERANCE, LARGEST_TOLERANCE = 1e-16, 1.0
-# Why a form is the simplest one.
-REASONS = {
-    "jeffery": "St = 0: the angular velocity follows from the orientation",
-    "euler-top": "St = inf: no torque, solved in closed form at any time",
-    "tumbling": "planar start: a principal axis stays along the vorticity, one angle describes the motion",
-    "quaternion": "triaxial: all of the orientation matters, and no angle of the quaternion form is singular",
-    "spheroid-axis": "spheroid: the spin angle does not matter, and L and the symmetry axis have no singularity",
-    "sphere": "sphere: L obeys a linear equation of its own, whatever the axis beside it does",
-}
 
 
 class Chosen(NamedTuple):
@@ -81,7 +71,7 @@ def choose(
         long = row.seconds.predicted > PATIENCE
         note = f"it is expected to take about {duration(row.seconds.predicted)}; Ctrl-C keeps what is finished"
         return Chosen(row.form, row.solver, tolerance or row.tolerance, note if long else "")
-    form = form or simplest(scene, "slow")[0]
+    form = form or simplest(scene)
     solver = solver or _first_solver(find_form(form).problem(scene))
     if tolerance:
         return Chosen(form, solver, tolerance)
@@ -90,18 +80,15 @@ def choose(
     return Chosen(form, solver, min(LOOSEST, max(TIGHTEST, error / SAFETY)), note)
 
 
-def simplest(scene: Scene, want: str) -> tuple[str, str]:
-    """The full form of the fewest equations that answers a question about a scene, and why, in words."""
-    if want not in WANTS:
-        raise ValueError(f"want: got {want!r}, expected 'slow' or 'orientation'")
+def simplest(scene: Scene) -> str:
+    """The full form of the fewest equations that takes a scene."""
     name = "euler-top" if isinf(scene.stokes) else full_form(scene)
     if name in ("quaternion", "spheroid-axis"):
         with suppress(FormNotValidError):
             find_form("tumbling").check(scene)
             name = "tumbling"
     find_form(name).check(scene)
-    sphere = name == "spheroid-axis" and scene.ellipsoid.kind == "sphere"
-    return name, REASONS["sphere" if sphere else name]
+    return name
 
 
 def check_tolerance(tolerance: float) -> None:

@@ -54,7 +54,7 @@ def motion(scene: Scene) -> dict[str, Any]:
     try:
         samples = int(min(max(PER_ROTATION * rotations(scene), FEWEST), MOST))
         # In the simplest form that has an axis, far more accurate than a screen shows.
-        name = simplest(scene, "orientation")[0]
+        name = simplest(scene)
         problem = form(name).problem(scene)
         solver = "exact" if problem.closed_form else "ida" if problem.parameters is None else "taylor"
         solution = solve(scene, form=name, solver=solver, tolerance=TOLERANCE, samples=samples)
