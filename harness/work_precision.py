@@ -96,7 +96,7 @@ class WorkPrecision:
                     row = self._measure(method, tolerance, exact)
                     known = row["error"] is not None and row["error"] > least_known(uncertainty)
                     rows.append({**row, "uncertainty": uncertainty, "known": known})
-                    if row["status"] == "time_limit":
+                    if row["status"] == Status.TIME_LIMIT:
                         break
         return pd.DataFrame(rows)
 

@@ -13,6 +13,7 @@ import pandas as pd
 from polhode.harness.analysis.frames import frame, rows_of
 from polhode.harness.common.store import Record, Store, read_export
 from polhode.harness.references.uncertainty import least_known, uncertainty_of
+from polhode.solvers.contract import Status
 
 # What makes two records the same case, whatever the versions they were made with.
 IDENTITY = ["scene_name", "stokes", "scene.time", "form", "solver", "tolerance", "samples", "backend", "jacobian"]
@@ -76,11 +77,11 @@ def _sentinel(rows: Mapping[Any, Record]) -> float:
 
 def _changes(before: Record, after: Record, drift: float, slower: float, less_accurate: float) -> list[Record]:
     """What got worse in one case."""
-    if before["status"] == "reached_end" != after["status"]:
+    if before["status"] == Status.REACHED_END != after["status"]:
         # One that came near its time limit before may miss it by chance.
         near = before["counted_seconds"] * slower * drift > after["max_seconds"]
         change = {"what": "status", "before": before["status"], "after": after["status"]}
-        return [] if near and after["status"] == "time_limit" else [change]
+        return [] if near and after["status"] == Status.TIME_LIMIT else [change]
     changes = []
     if before.get("seconds") is not None and after.get("seconds") is not None:
         # How many times as long the sentinel took beside the case itself, where that compares.

@@ -99,7 +99,8 @@ def cheapest(
     runs: pd.DataFrame, target: float, error: str = "slow_error"
 ) -> tuple[dict[Any, Any], tuple[Method, ...]] | None:
     """The cheapest run of one scene whose error meets `target`, and the other methods within the tie; None if none."""
-    good = runs.query(f"status == 'reached_end' and {error} <= @target and seconds.notna()").sort_values(by=["seconds"])
+    reached = runs["status"] == Status.REACHED_END
+    good = where(runs, reached & (runs[error] <= target) & runs["seconds"].notna()).sort_values(by=["seconds"])
     if good.empty:
         return None
     near = where(good, good["seconds"] <= TIE * good.iloc[0]["seconds"])

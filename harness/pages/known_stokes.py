@@ -24,6 +24,7 @@ from polhode.models.catalogue import form as find_form
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
+from polhode.solvers.contract import Status
 from polhode.solvers.solve import solve
 
 ERRORS = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
@@ -83,7 +84,7 @@ def _stroboscopic(study: Study, table: pd.DataFrame, folder: Path) -> list[str]:
     """What averaging takes for tight errors of both kinds, and over how long a run."""
     slow, orientation, _ = REACHED
     runs = where(table, (table["scene_name"] == "spheroid") & (table["stokes"] == STOKES))
-    done = where(runs, runs["seconds"].notna() & (runs["status"] == "reached_end"))
+    done = where(runs, runs["seconds"].notna() & (runs["status"] == Status.REACHED_END))
     good: Any = where(done, (done["slow_error"] <= slow) & (done["orientation_error"] <= orientation))
     best = good.groupby("solver")["seconds"].min().sort_values().to_dict()
     name = next((each for each in best if each not in OWN), None)

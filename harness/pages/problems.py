@@ -15,6 +15,7 @@ from polhode.harness.common.text import duration, in_two_digits, markdown, short
 from polhode.harness.pages.figures.work_precision import panels, profiles, save, sentence
 from polhode.harness.pages.tables import fill
 from polhode.models.problems.catalogue import PROBLEMS
+from polhode.solvers.contract import Status
 
 TARGETS, PROFILED = (1e-3, 1e-6, 1e-9), 1e-6
 
@@ -51,7 +52,7 @@ def page(kept: pd.DataFrame, top: list[str]) -> str:
     times, names = _times(runs), [name for name in PROBLEMS if name in set(runs["problem"])]
     fastest = [[name, *(_winner(times.loc[target, name]) for target in TARGETS)] for name in names]
     status = runs["status"].astype(str)
-    failed = where(runs, (status != "reached_end") & (status != "time_limit")).to_dict("records")
+    failed = where(runs, (status != Status.REACHED_END) & (status != Status.TIME_LIMIT)).to_dict("records")
     return fill(
         "problems",
         header=top,

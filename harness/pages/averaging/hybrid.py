@@ -14,6 +14,7 @@ from polhode.harness.common.machine import header
 from polhode.harness.pages.figures.averaging import errors_and_speed
 from polhode.harness.pages.figures.work_precision import save
 from polhode.harness.pages.tables import fill, lines_of
+from polhode.solvers.contract import Status
 
 
 def write_page(study: Study, folder: Path, command: str) -> None:
@@ -46,7 +47,7 @@ def findings(study: Study) -> list[str]:
         "hybrid-findings",
         form=hybrid,
         starts=len({row.start for row in rows}),
-        reached=sum(row.status == "reached_end" for row in rows),
+        reached=sum(row.status == Status.REACHED_END for row in rows),
         runs=runs,
         stated=stated,
         ratios=stated["over"][stated["slow"] > 0],

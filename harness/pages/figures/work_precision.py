@@ -25,8 +25,8 @@ from polhode.harness.common.files import PartialFile
 from polhode.harness.pages.figures.style import GREY, is_averaged, looks, power
 from polhode.harness.pages.tables import fill
 from polhode.harness.references.uncertainty import KNOWN, known
+from polhode.solvers.contract import Status
 
-REACHED = "reached_end"
 # The band under the Pareto front.
 FRONT, FRONT_NAME = "#F7EFA6", "Pareto front"
 # Names longer than this, in letters, break at the comma.
@@ -69,7 +69,8 @@ def work_precision(axes: Axes, runs: pd.DataFrame, error: str = "slow_error") ->
     done = where(runs, runs["seconds"].notna() & runs[error].notna())
     forms = [str(form) for form in dict.fromkeys(done["form"])]
     full = [form for form in forms if not is_averaged(form)]
-    front = pareto_front(where(done, done["form"].isin(full) & known(done, error) & (done["status"] == REACHED)), error)
+    reached = done["status"] == Status.REACHED_END
+    front = pareto_front(where(done, done["form"].isin(full) & known(done, error) & reached), error)
     if len(front):
         band = {"color": FRONT, "solid_capstyle": "round", "solid_joinstyle": "round", "zorder": 0.5}
         axes.plot(*_points(front, error), linewidth=7, label=FRONT_NAME, **band)
@@ -125,7 +126,7 @@ def _averaged(axes: Axes, runs: pd.DataFrame, form: str, error: str) -> None:
 def _without_result(axes: Axes, runs: pd.DataFrame) -> None:
     """A hollow marker above the upper edge for each run without a result, at its tolerance, side by side."""
     figure: Any = axes.figure
-    failed: Any = where(runs, runs["status"] != REACHED)
+    failed: Any = where(runs, runs["status"] != Status.REACHED_END)
     # Those beyond the errors that are drawn stand at the edge.
     places = failed["tolerance"].astype(float).clip(*(sorted(axes.get_xlim()) if axes.lines else ()))
     for tolerance, own in failed.groupby(places):
