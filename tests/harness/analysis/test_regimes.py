@@ -97,13 +97,14 @@ def test_nobody_wins_where_the_reference_cannot_tell(table: pd.DataFrame):
 
 def test_the_sentence_names_each_side(table: pd.DataFrame):
     words = sentence(cells(table, "slow_error"), "slow")
-    assert re.search(r"^slow: implicit solvers win \d+ cells at St = 0.001 \(0 ties, × [\d.e]+\); explicit", words)
+    lead = r"\(by [\d.e]+ × in the median, 0 ties\)"
+    assert re.search(rf"^slow: implicit solvers win \d+ cells at St = 0.001 {lead}; explicit", words)
     assert "from St = 1000 to 1e6" in words
     assert "averaged forms win 4 cells at St = 1e6" in words
     assert "Cells by form: quaternion 29." in words
     assert "implicit solvers never win; explicit" in sentence([], "slow")
     tied = next(cell for cell in cells(table, "slow_error") if cell.tied)
-    assert "explicit solvers win 1 cell at St = 1000 (1 tie, ×" in sentence([tied], "slow")
+    assert "explicit solvers win 1 cell at St = 1000 (by 1.1 × in the median, 1 tie)" in sentence([tied], "slow")
 
 
 def test_every_cell_is_drawn_in_its_winners_colour(table: pd.DataFrame):
