@@ -11,6 +11,7 @@ from typing import Annotated, Any, NamedTuple
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 from tqdm import tqdm
 
+from polhode.harness.common.files import dumps
 from polhode.harness.common.machine import machine
 from polhode.harness.common.store import Record, Store
 from polhode.harness.ensembles.engines import Engine
@@ -118,6 +119,16 @@ def gather(ensemble: Ensemble, store: Store) -> Statistics:
             raise ValueError(f"{store.path}: task {task.index} is missing, expected a finished sweep; --resume")
         total.merge(Statistics.from_record(record["statistics"], task.ensemble.layout))
     return total
+
+
+def surroundings(sweep: Sweep, store: Store) -> list[Record]:
+    """Days, machines and versions of a sweep's tasks, each once."""
+    wanted, found = {task.key for task in sweep.tasks()}, dict[str, Record]()
+    for record in store:
+        if record["key"] in wanted:
+            own = {name: record[name] for name in ("machine", "versions")} | {"date": record["date"][:10]}
+            found[dumps(own)] = own
+    return [*found.values()]
 
 
 def read_sweep(path: Path | None) -> Sweep:

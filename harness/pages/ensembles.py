@@ -17,14 +17,14 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from polhode.harness.common.files import PartialFile, write_file
-from polhode.harness.common.machine import header, here
+from polhode.harness.common.machine import header
 from polhode.harness.common.store import Store
 from polhode.harness.common.text import short
 from polhode.harness.ensembles import summary
 from polhode.harness.ensembles.ensemble import Ensemble
 from polhode.harness.ensembles.statistics import RATES, SECOND, SLOW_NAMES, Statistics
 from polhode.harness.ensembles.summary import arrived, means, snapshot_times
-from polhode.harness.ensembles.sweep import NO_TIMES, Sweep, gather
+from polhode.harness.ensembles.sweep import NO_TIMES, Sweep, gather, surroundings
 from polhode.harness.pages.figures.style import power
 from polhode.harness.pages.figures.work_precision import save
 from polhode.harness.pages.tables import fill
@@ -67,14 +67,15 @@ def write_results(sweep: Sweep, store: Store, folder: Path) -> tuple[Path, list[
                         written[name].writerow(row)
             pictures.append((f"shape-{len(pictures) + 1}", _shape(ensembles[-1])))
             save(picture(found), folder, pictures[-1][0])
-    write_file(folder / "README.md", _page(sweep, ensembles, [name for name in FILES if name in written], pictures))
+    top = header(sweep.title, "polhode sweep", surroundings(sweep, store))
+    write_file(folder / "README.md", _page(top, ensembles, [name for name in FILES if name in written], pictures))
     for name in FILES.keys() - written.keys():
         # Of a run by an earlier version.
         (folder / name).unlink(missing_ok=True)
     return folder / "README.md", ensembles
 
 
-def _page(sweep: Sweep, ensembles: list[dict[str, Any]], names: list[str], pictures: list[tuple[str, str]]) -> str:
+def _page(top: list[str], ensembles: list[dict[str, Any]], names: list[str], pictures: list[tuple[str, str]]) -> str:
     rows = [
         row
         | {"shape": _shape(row), "failed": sum(row["failures"].values())}
@@ -86,7 +87,7 @@ def _page(sweep: Sweep, ensembles: list[dict[str, Any]], names: list[str], pictu
     settled = groupby((row for row in rows if row["shares"]), key=_shape)
     return fill(
         "sweep",
-        header=header(sweep.title, "polhode sweep", [here()]),
+        header=top,
         rows=rows,
         settled=[(shape, list(same)) for shape, same in settled],
         pictures=pictures,

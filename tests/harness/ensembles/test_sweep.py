@@ -398,7 +398,7 @@ def test_memory_does_not_grow_with_the_tasks_of_a_store(tmp_path: Path, monkeypa
         with Store(folder / "store.sqlite") as store:
             store._connection.execute("PRAGMA synchronous = OFF")
             for task in sweep.tasks():
-                store.put(task.key, {}, record)
+                store.put(task.key, task.content, record)
             tracemalloc.start()
             assert run_sweep(sweep, store, serial, quiet=True).found == 20 * count
             rows = write_results(sweep, store, folder)[1]
@@ -409,6 +409,16 @@ def test_memory_does_not_grow_with_the_tasks_of_a_store(tmp_path: Path, monkeypa
         assert len((folder / "arrivals.csv").read_text().splitlines()) == 1 + 11 * count
     # The keys that a run looks up are held and a row of each ensemble, nothing of the tasks.
     assert peaks[2] - peaks[1] < 100_000
+
+
+def test_a_page_says_when_and_where_its_tasks_ran(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    where = {"processor": "abacus", "cores": 1, "system": "wood", "python": "3.11"}
+    monkeypatch.setattr("polhode.harness.common.store.now", lambda: "2020-02-03T04:05:06Z")
+    monkeypatch.setattr("polhode.harness.ensembles.sweep.machine", lambda: where)
+    page_of(AVERAGED, tmp_path)
+    monkeypatch.undo()
+    # Taken up on another day and machine, where nothing is left to do.
+    assert "Measured on 2020-02-03 on abacus, 1 cores, wood, Python 3.11 (" in page_of(AVERAGED, tmp_path)
 
 
 def test_averaged_equations_leave_no_empty_file_of_moments(tmp_path: Path):
