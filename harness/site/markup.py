@@ -60,7 +60,7 @@ def notation(text: str) -> str:
     text = re.sub(r"(?<![A-Za-z_])([A-Z])_(max|min|[a-z]{1,2}\d?|\d)(?![a-z])", r"\1<sub>\2</sub>", text)
     text = re.sub(r"\b\d{4}-\d\d-\d\d\b", r"<span class=n>\g<0></span>", text)
     text = re.sub(r"\bL([xyz])\b", r"L<sub>\1</sub>", text)
-    return re.sub(r"(?<=\w)\^(?:\(([^()]*)\)|([-−]\w+(?:/\d+)?|\w+))", r"<sup>\1\2</sup>", text)
+    return re.sub(r"(?<=\w)\^(?:\(([^()]*)\)|([-−]\w+(?:[/.]\d+)?|\w+(?:\.\d+)?))", r"<sup>\1\2</sup>", text)
 
 
 def _number(found: re.Match[str]) -> str:

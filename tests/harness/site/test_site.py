@@ -261,6 +261,7 @@ def test_damaged_files_are_named(tmp_path: Path):
         ("to 3e-07 at St = 1e+06", "to <span class=n>3e-7</span> at St = <span class=n>1e6</span>"),
         ("1.7e+02, -1.5e-09", "170, <span class=n>-1.5e-9</span>"),
         ("1.234e+02", "<span class=n>1.234e2</span>"),
+        ("St^-1.98 to St^2.01.", "St<sup>-1.98</sup> to St<sup>2.01</sup>."),
         ("O(St^-1/2), St^(-0.549)", "O(St<sup>-1/2</sup>), St<sup>-0.549</sup>"),
         ("L_z0/I_max, L_xy of St* and I_e", "L<sub>z0</sub>/I<sub>max</sub>, L<sub>xy</sub> of St* and I<sub>e</sub>"),
         ("8πX_c, 2I_e", "8πX<sub>c</sub>, 2I<sub>e</sub>"),
