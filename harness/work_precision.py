@@ -27,7 +27,7 @@ from polhode.models.problems.catalogue import PROBLEMS
 from polhode.models.problems.classical import Classical
 from polhode.models.registry import hint
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
-from polhode.solvers.compile import check_field
+from polhode.solvers.compile import as_it_stands, check_field
 from polhode.solvers.contract import Solver, Status
 from polhode.solvers.solve import Solution, solve
 
@@ -67,6 +67,9 @@ class WorkPrecision:
     max_seconds: float = 10.0
     quiet: bool = False
     classical: Classical | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "problem", as_it_stands(self.problem))
 
     @cached_property
     def reference(self) -> tuple[np.ndarray, float]:

@@ -112,3 +112,18 @@ def test_ctrl_c_is_no_crash():
 def test_what_is_no_solver_is_refused_in_a_line(solvers, words: str):
     with pytest.raises(ValueError, match=words):
         _ = WorkPrecision(PROBLEM, solvers=solvers, tolerances=(1e-6,), quiet=True).frame
+
+
+RATE = 1.0
+
+
+def decaying(t, y):
+    return -RATE * y
+
+
+def test_runs_and_reference_are_of_the_function_as_it_stands(monkeypatch):
+    problem = Problem.from_function(decaying, [1.0], 1.0)
+    for rate in (1.0, 2.0):
+        monkeypatch.setitem(globals(), "RATE", rate)
+        frame = WorkPrecision(problem, ["cyrk-vern8"], [1e-8], 5, quiet=True).frame
+        assert frame["error"].max() < 1e-6
