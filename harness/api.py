@@ -2,7 +2,9 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from operator import is_
 from os import PathLike, fspath
+from typing import Any
 
 import numpy as np
 
@@ -194,12 +196,28 @@ def pick(scene: SceneLike, error: float = 1e-6, want: str = "slow", samples: int
     >>> best = pick("paper", error=1e-6).ranking[0]
     """
     _check_samples(samples)
-    return recommend(as_scene(scene), error, want, samples)
+    return recommend(as_scene(scene), float(error), want, samples)
 
 
 def as_scene(scene: SceneLike) -> Scene:
     """The scene itself, that of a file, or the built-in one of that name; ValueError if there is none."""
-    return scene if isinstance(scene, Scene) else find_scene(fspath(scene))
+    if isinstance(scene, Scene):
+        return _in_doubles(scene)
+    if isinstance(scene, str | PathLike):
+        return find_scene(fspath(scene))
+    raise ValueError(f"scene: got {scene!r}, expected a Scene, a file or a built-in scene's name")
+
+
+def _in_doubles(given: Any) -> Any:
+    """A scene, or a part of it, in Python numbers: NumPy's may be of single precision, its arrays have no hash."""
+    if hasattr(given, "__dataclass_fields__"):
+        parts = {name: getattr(given, name) for name in given.__dataclass_fields__}
+        others = {name: own for name, part in parts.items() if (own := _in_doubles(part)) is not part}
+        return replace(given, **others) if others else given
+    if np.ndim(given):
+        own = tuple(map(_in_doubles, given))
+        return given if given.__class__ is tuple and all(map(is_, own, given)) else own
+    return given if isinstance(given, float | int) else float(given)
 
 
 def _check_samples(samples: int) -> None:

@@ -13,6 +13,7 @@ import pytest
 from commandline import SCENE, Run
 
 from polhode import Ellipsoid, EulerStart, Scene, SceneSolution, WorkPrecision, pick, solve
+from polhode.harness.api import as_scene
 from polhode.harness.pages.figures.motion import slow_variables
 from polhode.harness.pages.figures.style import GREY
 from polhode.harness.pages.figures.work_precision import UNKNOWN
@@ -197,3 +198,24 @@ def test_a_printed_solution_is_short():
     assert "  solver: cyrk-vern8 at tolerance 1e-8" in lines
     assert "  rows: 11, t = 0 to 500" in lines
     assert len(lines) < 10
+
+
+@pytest.mark.parametrize("kind", [list, np.array, lambda each: tuple(np.float32(each))])
+def test_scenes_of_lists_arrays_and_single_precision_are_solved_in_doubles(kind):
+    """As data from a file of particles are; numbers that single precision holds, so that the motion is the same."""
+    axes, angles, rates, stokes, time = (1.0, 0.75, 0.5), (1.0, 0.5, 0.0), (1.0, 1.0, -1.0), 7.0, 50.0
+    own = Scene(Ellipsoid(axes), stokes, EulerStart(angles, rates), time)
+    start = EulerStart(kind(angles), kind(rates))
+    like = Scene(Ellipsoid(kind(axes)), np.float32(stokes), start, np.float32(time))
+    runs = [
+        solve(each, form="quaternion", solver="cyrk-vern8", tolerance=1e-12, estimate=False) for each in (own, like)
+    ]
+    assert np.array_equal(runs[0].states, runs[1].states)
+    assert pick(like).ranking == pick(own).ranking
+    assert as_scene(own) is own
+
+
+@pytest.mark.parametrize("given", [None, 3, {"stokes": 10.0}])
+def test_what_is_no_scene_is_refused_in_one_line(given):
+    with pytest.raises(ValueError, match="expected a Scene, a file or a built-in scene's name"):
+        solve(given)
