@@ -1,13 +1,14 @@
 """The page of the classical test problems: profiles over all, work and precision of each."""
 
 from collections.abc import Sequence
+from math import inf
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from polhode.harness.analysis.frames import where
-from polhode.harness.analysis.pareto import costs
+from polhode.harness.analysis.pareto import TIE, costs
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record
@@ -58,6 +59,7 @@ def page(kept: pd.DataFrame, top: list[str]) -> str:
         header=top,
         sentence=sentence(_profiled(times)),
         profiled=PROFILED,
+        tie=100 * (TIE - 1),
         fastest=markdown(["problem", *(f"fastest at {short(target)}" for target in TARGETS)], fastest),
         sources={name: PROBLEMS[name].source for name in names},
         failed=failed,
@@ -68,6 +70,6 @@ def _winner(times: Any) -> str:
     ranked = sorted((seconds, solver) for solver, seconds in times.dropna().items())
     if not ranked:
         return "–"
-    (best, first), *others = ranked
-    lead = f", by {in_two_digits(others[0][0] / best)} before {others[0][1]}" if others else ""
-    return f"{first}: {duration(best)}{lead}"
+    (best, first), (next_best, second) = [*ranked, (inf, "")][:2]
+    lead = f", {in_two_digits(next_best / best)} × as fast as {second}" if next_best > TIE * best else f" = {second}"
+    return f"{first}: {duration(best)}{lead if second else ''}"
