@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from functools import cache
 from math import inf, log
+from threading import get_ident
 from typing import Any
 
 import numpy as np
@@ -67,8 +68,13 @@ def growth(problem: Problem, intervals: int = INTERVALS) -> Growth:
     return Growth(times, logarithm)
 
 
-@cache
 def tangent_integrator(factory: Factory, dimension: int, parameters: int) -> Any:
     """An integrator of a field of so many variables and parameters, and of a tangent vector behind them."""
+    return _integrator(get_ident(), factory, dimension, parameters)
+
+
+@cache
+def _integrator(thread: int, factory: Factory, dimension: int, parameters: int) -> Any:
+    # Threads have one each, as it holds a state.
     system = tangent_system(factory, dimension, parameters)
     return load_heyoka().taylor_adaptive(system, [0.0] * len(system), tol=TOLERANCE, compact_mode=True)

@@ -1,5 +1,6 @@
 """Chaos told from order, and what it leaves of a reference."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from math import exp, inf, log
 
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 
 from polhode.harness.references import reference as module
-from polhode.harness.references.chaos import Growth, growth
+from polhode.harness.references.chaos import Growth, growth, tangent_integrator
 from polhode.harness.references.errors import errors, statistics_distance
 from polhode.models.catalogue import form as find_form
 from polhode.models.operations import Field, Operations
@@ -56,6 +57,11 @@ def test_regular_motion_is_not_called_chaotic(name: str, form: str):
     found = growth(find_form(form).problem(scene))
     assert not found.chaotic
     assert found.meaningful_until() == inf
+
+
+def test_threads_do_not_share_an_integrator_that_holds_a_state():
+    with ThreadPoolExecutor(1) as pool:
+        assert pool.submit(tangent_integrator, saddle, 2, 1).result() is not tangent_integrator(saddle, 2, 1)
 
 
 def test_growth_agrees_with_two_neighbouring_trajectories():
