@@ -35,8 +35,6 @@ WAYS |= {"first run": "{first_run_seconds:time}"}
 @as_json
 def pick(scene: str, error: float, want: str, samples: int, why: bool, everything: bool, as_json: bool) -> None:
     """Rank the ways to run SCENE: form, solver and tolerance, with predicted error, time and their 95 % intervals."""
-    if want == "statistics":
-        raise BadInput("--want: got 'statistics', expected 'slow' or 'orientation': one run has no statistics")
     from polhode.harness.common.progress import Progress
 
     with bad_input(), Progress() as progress:

@@ -10,7 +10,6 @@ from polhode.harness.picking.ranking import NotAttainableError, first_way, pick
 from polhode.harness.picking.recommendation import Recommendation
 from polhode.models.catalogue import form as find_form, full_form
 from polhode.models.form import FormNotValidError
-from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 
@@ -72,7 +71,11 @@ def choose(
         note = f"it is expected to take about {duration(row.seconds.predicted)}; Ctrl-C keeps what is finished"
         return Chosen(row.form, row.solver, tolerance or row.tolerance, note if long else "")
     form = form or simplest(scene)
-    solver = solver or _first_solver(find_form(form).problem(scene))
+    if not solver:
+        # The closed form where there is one, else the first solver that can be run and takes the problem.
+        problem = find_form(form).problem(scene)
+        able = [name for name in SOLVERS if find_solver(name).available and find_solver(name).takes(problem)]
+        solver = "exact" if problem.closed_form is not None else (able or [*SOLVERS])[0]
     if tolerance:
         return Chosen(form, solver, tolerance)
     unknown = f"{form} by {solver} runs all the same, but the error {short(error)} is {refusal}"
@@ -96,14 +99,6 @@ def check_tolerance(tolerance: float) -> None:
     if not LEAST_TOLERANCE <= tolerance <= LARGEST_TOLERANCE:
         expected = f"a number from {LEAST_TOLERANCE:g}, the rounding of double precision, to {LARGEST_TOLERANCE:g}"
         raise ValueError(f"tolerance: got {tolerance!r}, expected {expected}")
-
-
-def _first_solver(problem: Problem) -> str:
-    """The closed form where there is one, else the first solver that can be run and takes the problem."""
-    if problem.closed_form is not None:
-        return "exact"
-    able = [name for name in SOLVERS if find_solver(name).available and find_solver(name).takes(problem)]
-    return (able or [*SOLVERS])[0]
 
 
 def _note(found: Recommendation, form: str, solver: str, error: float) -> str:
