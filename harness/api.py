@@ -173,7 +173,7 @@ def solve(
 
 
 def pick(scene: SceneLike, error: float = 1e-6, want: str = "slow", samples: int = 201) -> Recommendation:
-    """What to run for a scene, and what it will cost (`polhode.harness.picking.ranking.pick`).
+    """What to run for a scene, and what it will cost.
 
     Parameters
     ----------
@@ -188,7 +188,13 @@ def pick(scene: SceneLike, error: float = 1e-6, want: str = "slow", samples: int
     Returns
     -------
     Recommendation
-        Its `ranking` goes from the cheapest way to the dearest.
+        Its `ranking` goes from the cheapest way to the dearest, and is not empty.
+
+    Raises
+    ------
+    ValueError
+        In one line, the value and what was expected; `polhode.harness.picking.ranking.NotAttainableError` if the error
+        is below what double precision, or every method, can hold.
 
     Examples
     --------

@@ -41,31 +41,7 @@ class NotAttainableError(ValueError):
 def pick(
     scene: Scene, error: float, want: str = "slow", samples: int = DEFAULT_SAMPLES, laws: Laws | None = None
 ) -> Recommendation:
-    """Rank the ways to run a scene.
-
-    Parameters
-    ----------
-    scene : Scene
-    error : float
-        Largest error allowed along the run: of L and E over I_max, or of the orientation in rad.
-    want : {"slow", "orientation"}
-    samples : int
-        Equispaced times of the output, which cost time too.
-    laws : Laws, optional
-        By default those of this machine, else those that come with the package.
-
-    Returns
-    -------
-    Recommendation
-        Its ranking is not empty.
-
-    Raises
-    ------
-    NotAttainableError
-        If the error is below what double precision, or every method, can hold.
-    ValueError
-        If the error or `want` is out of range, or the scene has no orientation to want.
-    """
+    """What `polhode.harness.api.pick` answers, by laws of one's own if given; NotAttainableError if no way will do."""
     _check(scene, error, want)
     try:
         return _recommended(scene, error, want, samples, laws) if laws else _remembered(scene, error, want, samples)
