@@ -37,6 +37,8 @@ MOST_SECONDS, PATIENT, REFUSED, WAYS, TOLERANCES = 0.02, 0.2, 0.8, 4, 4
 # Errors of stiff runs are foreseen less well, and times too long: even a way that laws promise is tried there, so
 # many times as many ways are, and trials may be expected to take so many times as long.
 STIFF_WAYS, STIFF_TRIALS = 2, 4.0
+# Seconds that a method may take to compile to be tried, or to be a yardstick.
+COMPILED = 1.0
 # How many times as long a yardstick and all together may take, and any run before it is given up.
 YARDSTICK, ALL, OVERRUN = 2.0, 3.0, 8.0
 # A run that takes so many times as long as expected is tried again so much looser: where rounding rules, the errors of
@@ -73,7 +75,7 @@ def with_trials(candidates: Sequence[Candidate], want: str) -> list[Way | Refusa
     stiff, most = bool(candidates) and candidates[0].found.stiff, WAYS
     if stiff:
         limit, most = max(limit, min(STIFF_TRIALS * limit, PATIENT)), STIFF_WAYS * WAYS
-    trials = Trials(candidates, want, limit, ALL * limit)
+    trials = Trials([each for each in candidates if _soon_compiled(each)], want, limit, ALL * limit)
     hopes = [(hope, place) for place, each in enumerate(candidates) if (hope := _worth_trying(each, limit))]
     # The quickest ones first, or the surest ones.
     hopes.sort(key=lambda each: each[0].error.predicted if hopeless else each[0].seconds.mean)
@@ -117,8 +119,12 @@ def _worth_trying(candidate: Candidate, limit: float) -> Way | None:
     form, found, solver = candidate.form, candidate.found, find_solver(candidate.solver)
     soft = solver.implicit and not form.averaged and found.damping_times <= SOFT
     slow = soft or (form.angles and not found.stiff)
-    hope = None if slow or solver.closed_form else candidate.hoped()
+    hope = candidate.hoped() if _soon_compiled(candidate) and not (slow or solver.closed_form) else None
     return hope if hope and hope.seconds.predicted < limit else None
+
+
+def _soon_compiled(candidate: Candidate) -> bool:
+    return candidate.laws.compile_seconds < COMPILED
 
 
 class Run(NamedTuple):

