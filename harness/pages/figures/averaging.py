@@ -46,7 +46,7 @@ def against_stokes(panels: Mapping[str, Sequence[Line]], label: str) -> Figure:
 
 
 def errors_and_speed(runs: Any, speeds: Any) -> Figure:
-    """Of the form `hybrid`: errors against those asked for; how many times as fast as the best full solution."""
+    """Of the form `hybrid`: errors against those asked for; speed against two full solvers."""
     figure, (left, right) = plt.subplots(1, 2, figsize=SIZE, layout="constrained")
     draw = np.random.default_rng(0)
     for stokes, own in runs.groupby("stokes"):
@@ -62,7 +62,7 @@ def errors_and_speed(runs: Any, speeds: Any) -> Figure:
         right.loglog(stokes, own["gain"], marker, markersize=5, alpha=0.7, label=name)
     right.axhline(1.0, color="black", linewidth=1.5)
     right.set_xlabel("Stokes number St (spread sideways)", fontsize=11)
-    right.set_ylabel("times as fast as the best of cyrk-vern8 and taylor", fontsize=11)
+    right.set_ylabel("times as fast as cyrk-vern8 or taylor", fontsize=11)
     for axes in (left, right):
         # Within the panel it would hide the largest errors.
         axes.legend(fontsize=9, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False)
