@@ -125,7 +125,7 @@ def test_a_yardstick_of_the_same_averaged_form_is_as_good_where_averaging_takes_
 def test_a_way_over_many_periods_is_held_against_its_own_tighter_run(monkeypatch):
     """Where all others would take long."""
     scene, error, want = replace(named_scene("spheroid"), stokes=1e6, time=2e5), 1e-4, "orientation"
-    monkeypatch.setattr(trials, "YARDSTICK", 0.35)
+    monkeypatch.setattr(trials, "YARDSTICK", 0.9)
     way = pick(scene, error, want, laws=load_laws()).ranking[0]
     assert way.solver in (many := ("splitting", "stroboscopic"))
     assert SAID in way.reason
