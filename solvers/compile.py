@@ -9,6 +9,7 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from threading import local
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,17 @@ Callback = Callable[[np.ndarray, Any, np.ndarray], None]
 def plain_field(factory: Factory) -> Field:
     """The field in plain Python, over floats."""
     return factory(FLOAT)
+
+
+class KeptForThread(local):
+    """A function whose results are kept for the thread that asks: heyoka's integrators hold a run's state."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self.kept = cache(function)
+
+    def __call__(self, *arguments: Any) -> Any:
+        """What is kept for the arguments, made where there is nothing."""
+        return self.kept(*arguments)
 
 
 def check_field(problem: Problem) -> None:

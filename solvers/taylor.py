@@ -1,14 +1,12 @@
 """Taylor's method by heyoka: machine code, arbitrary order, dense output from the steps' own series."""
 
 from collections.abc import Callable
-from functools import cache
-from threading import get_ident
 from typing import Any, Literal
 
 import numpy as np
 
 from polhode.models.problem import Factory, Problem
-from polhode.solvers.compile import load_heyoka, parameter_array, traced_system
+from polhode.solvers.compile import KeptForThread, load_heyoka, parameter_array, traced_system
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status
 
 Precision = Literal["double", "long double", "quadruple"]
@@ -17,17 +15,11 @@ Precision = Literal["double", "long double", "quadruple"]
 CHUNK = 10_000
 
 
+@KeptForThread
 def taylor_integrator(
     factory: Factory, dimension: int, parameters: int, tolerance: float, precision: Precision = "double"
 ) -> Any:
     """heyoka's integrator of a field, kept for its thread; its state, time and parameters are set anew."""
-    return _integrator(get_ident(), factory, dimension, parameters, tolerance, precision)
-
-
-@cache
-def _integrator(
-    thread: int, factory: Factory, dimension: int, parameters: int, tolerance: float, precision: Precision
-) -> Any:
     # Extended precisions are compiled in compact mode, which costs speed but saves up to half a minute of compilation.
     heyoka = load_heyoka()
     number = {"double": float, "long double": np.longdouble, "quadruple": heyoka.real128}[precision]

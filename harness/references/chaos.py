@@ -1,15 +1,13 @@
 """Chaos: how fast neighbouring solutions part, from the variational equations, and what that leaves to compare."""
 
 from dataclasses import dataclass
-from functools import cache
 from math import inf, log
-from threading import get_ident
 from typing import Any
 
 import numpy as np
 
 from polhode.models.problem import Factory, Problem
-from polhode.solvers.compile import load_heyoka, parameter_array, tangent_system
+from polhode.solvers.compile import KeptForThread, load_heyoka, parameter_array, tangent_system
 
 TOLERANCE = 1e-12
 # The tangent is brought back to unit length after each of so many intervals, and its growth written down.
@@ -68,13 +66,8 @@ def growth(problem: Problem, intervals: int = INTERVALS) -> Growth:
     return Growth(times, logarithm)
 
 
+@KeptForThread
 def tangent_integrator(factory: Factory, dimension: int, parameters: int) -> Any:
     """An integrator of a field of so many variables and parameters, and of a tangent vector behind them."""
-    return _integrator(get_ident(), factory, dimension, parameters)
-
-
-@cache
-def _integrator(thread: int, factory: Factory, dimension: int, parameters: int) -> Any:
-    # Threads have one each, as it holds a state.
     system = tangent_system(factory, dimension, parameters)
     return load_heyoka().taylor_adaptive(system, [0.0] * len(system), tol=TOLERANCE, compact_mode=True)
