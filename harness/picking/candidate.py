@@ -8,7 +8,7 @@ from polhode.harness.common.text import scientific
 from polhode.harness.picking.laws import ErrorLaw, Interval, Load, MethodLaws, Sensitivity
 from polhode.harness.picking.load import load_of
 from polhode.harness.picking.model_error import causes
-from polhode.harness.picking.pilot import Pilot, PilotFailedError, averages
+from polhode.harness.picking.pilot import InPieces, Pilot, PilotFailedError, averages
 from polhode.harness.picking.recommendation import Way
 from polhode.harness.picking.refusals import Stage, UnfitError, one_digit, one_digit_up, too_far_off, too_tight
 from polhode.models.form import Form
@@ -52,6 +52,11 @@ class Candidate:
     def doubtful(self) -> bool:
         """Whether the model error may be too large: a trial against the full equations shows."""
         return self.budget < SHARE * self.asked
+
+    @property
+    def states_its_error(self) -> bool:
+        """Whether a run says itself what it errs by."""
+        return isinstance(self.form, InPieces) and find_solver(self.solver).wears > 0
 
     def worse(self, factor: float) -> "Candidate":
         """The same, whose errors at every tolerance are so many times what its law says."""

@@ -17,7 +17,7 @@ from polhode.harness.picking.laws import EPS, Interval
 from polhode.harness.picking.model_error import model_errors, own_estimate
 from polhode.harness.picking.pilot import SATURATED, PilotFailedError, pilot
 from polhode.harness.picking.refusals import UnfitError
-from polhode.harness.picking.stated_error import TIGHTEST, RunError
+from polhode.harness.picking.stated_error import STATED_OVER, TIGHTEST, RunError, said_by_pieces
 from polhode.harness.references.errors import body_angular_velocity, magnitude, orientation_difference
 from polhode.harness.references.rotations import damping_times, is_stiff
 from polhode.models.catalogue import form as find_form, full_form, reference_form
@@ -51,9 +51,6 @@ LOOSEST, ORDER, LOW_ORDER = 1e-2, 8, 1e-6
 # Upper ends over the middle: of a tighter look, of a looser one, and of a looser one by an implicit method, whose
 # errors follow its tolerance less closely; of a tighter look at the beginning of a run.
 CERTAIN, SCALED, LOOSELY, BEGUN = 1.5, 6.0, 20.0, 5.0
-# What the pieces of a run state over its error, in the median of random starts: 8.9 for an error asked for of 1e-6, 13
-# for 1e-8, 6.3 for 1e-4 (`polhode accuracy --order hybrid`).
-STATED_OVER = 8.0
 # Output times that a look compares, at most, and of forms whose states cost more to observe than to follow.
 MOST_TIMES, FEW_TIMES = 501, 51
 # Rounding along a run, in eps of what is measured, and how it grows with the rotations (`laws.ErrorLaw`).
@@ -98,16 +95,10 @@ def run_error(scene: Scene, form: Form, method: Solver, found: Solution, observa
 def _stated(scene: Scene, form: Form, found: Solution, observables: Observables) -> tuple[Estimates, str]:
     """Errors of a run of several pieces as these state them: bounds, that most of them keep to by far."""
     own = _estimates(scene, form, observables, (0.0, 0.0, 0.0), Look(found.method, 1.0, 0.0, 1.0))
-    for want, bound in _bounds(found).items():
+    for want, bound in said_by_pieces(found).items():
         if rounding := own[want]:
             own[want] = rounding.plus(Interval(bound / STATED_OVER, 0.0, bound))
     return own, "what its pieces state"
-
-
-def _bounds(found: Solution) -> dict[str, float]:
-    """Errors that a run's pieces state."""
-    angle = sum(each.angle for each in found.stages)
-    return {"slow": sum(each.error for each in found.stages), "orientation": min(pi, angle)}
 
 
 def _solver_error(
@@ -146,7 +137,7 @@ def _solver_error(
                 break
             # Pieces that both runs average differ by nothing.
             if found.stages and (look.larger > 1 or any(each.averaged for each in run.stages)):
-                bounds = _bounds(found)
+                bounds = said_by_pieces(found)
                 own = {want: each and replace(each, high=max(each.high, bounds[want])) for want, each in own.items()}
             note = f"a second run by {look.solver.name} at {look.tolerance:.0e}"
             return own, note + (f" over the first {look.share:.0%}" if look.share < 1 else "")

@@ -1,6 +1,7 @@
 """The error that a run states, and whether a success is to be believed."""
 
 from dataclasses import dataclass, replace
+from math import pi
 
 import numpy as np
 
@@ -25,6 +26,8 @@ OFF, SHARE = 0.1, 0.01
 # Tolerances of the sharp runs. They agree if the distance between them is this share of the run's distance from them:
 # those of a chaotic motion do not, and say nothing.
 SHARP, AGREE = (1e-10, 1e-12), 0.1
+# What the pieces of a run state over its error, in the median of random starts (`polhode accuracy --order hybrid`).
+STATED_OVER = 8.0
 # Seconds that a sharp run may take at least, and over those of the run, where its stated error is large or not known.
 SUSPECTED, UNSTATED = (2.0, 20.0), (0.25, 4.0)
 
@@ -78,6 +81,12 @@ class RunError:
 
 
 UNKNOWN = RunError(None, None, "not asked for")
+
+
+def said_by_pieces(found: Solution) -> dict[str, float]:
+    """Errors that a run's pieces state."""
+    angle = sum(each.angle for each in found.stages)
+    return {"slow": sum(each.error for each in found.stages), "orientation": min(pi, angle)}
 
 
 def doubt(scene: Scene, form: Form, found: Solution, observables: Observables, stated: RunError) -> str:

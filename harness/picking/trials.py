@@ -21,6 +21,7 @@ from polhode.harness.picking.laws import Interval
 from polhode.harness.picking.pilot import InPieces, PilotFailedError, averages, pilot_solver
 from polhode.harness.picking.recommendation import Way
 from polhode.harness.picking.refusals import Refusal, Stage, UnfitError, one_digit
+from polhode.harness.picking.stated_error import STATED_OVER, said_by_pieces
 from polhode.harness.references.errors import errors
 from polhode.harness.references.rotations import STIFF
 from polhode.models.catalogue import full_form, reference_form
@@ -53,17 +54,23 @@ APART, OWN = 8.0, 0.01
 # steps and rounds in another way, if a trial is closer to it.
 UNSURE, MET, AIM, WORTH, FAR = 0.1, 0.75, 0.55, 2.0, 1e3
 UNLIKE, UNLIKE_MET = ("CyRK", "heyoka", "polhode"), 0.4
+# What the pieces of a run state is an upper end: one far tighter is a yardstick if it is this share of the error asked
+# for. Where that shows nothing, trials are taken at their pieces' word.
+STATED = 0.5
 # Damping times up to which no implicit method is tried.
 SOFT = STIFF / 10
 NOTHING, SHOWN = Interval(0.0, 0.0, 0.0), "a trial run errs by"
 
 
 class Yardstick(NamedTuple):
-    """What a run close to the true one gave, and the share of its budget that a trial may be off from it."""
+    """What a run close to the true one gave, if any, and the share of its budget that a trial may be off from it."""
 
-    true: Observables
+    true: Observables | None
     met: float
     tightest: float = 0.0  # tolerance of a trial that steps in another way
+
+
+AT_WORD = Yardstick(None, 1.0)
 
 
 def with_trials(candidates: Sequence[Candidate], want: str) -> list[Way | Refusal]:
@@ -90,6 +97,8 @@ def with_trials(candidates: Sequence[Candidate], want: str) -> list[Way | Refusa
             known = len(trials.misses)
             with suppress(PilotFailedError, UnfitError):
                 shown = trials.tried(candidate, hope.tolerance, by_law[place], yardstick, others)
+                if not shown and yardstick.tightest and candidate.states_its_error:
+                    shown = trials.tried(candidate, hope.tolerance, by_law[place], AT_WORD, others)
             found[place] = shown or found[place]
             if shown:
                 settled.add(place)
@@ -133,6 +142,7 @@ class Run(NamedTuple):
     status: Status
     work: Work | None
     seen: Observables | None
+    stated: dict[str, float]  # what its pieces say of its errors
 
 
 @dataclass
@@ -159,7 +169,7 @@ class Trials:
             run = self.run(candidate, tolerance, seconds) if wanted else None
             if run is None:
                 break
-            error = self.error(candidate, run, yardstick.true)
+            error = run.stated[self.want] if yardstick.true is None else self.error(candidate, run, yardstick.true)
             if error == 0 < yardstick.tightest:
                 # The same run, made twice.
                 break
@@ -181,7 +191,10 @@ class Trials:
         if best:
             unsure = UNSURE * candidate.budget if yardstick.met == MET else candidate.budget - made
             own = Interval(made, max(0.0, made - unsure), made + unsure)
-            return candidate.way(best, own, f"{SHOWN} {scientific(made)}", counted)
+            words = f"{SHOWN} {scientific(made)}"
+            if yardstick.true is None:
+                own, words = Interval(made / STATED_OVER, 0.0, made), f"{words} at most, as its pieces state"
+            return candidate.way(best, own, words, counted)
         # Of rounding, which another yardstick shows as well, nothing follows for other tolerances.
         if yardstick.met == MET and least < inf and not candidate.form.averaged:
             self.misses.append((candidate, missed, least))
@@ -198,17 +211,19 @@ class Trials:
         # In pieces the tolerance means the same by every solver, so that the law is the candidate's own.
         alike = [each for each in self.misses if each[0].form.name == candidate.form.name]
         own = candidate if isinstance(candidate.form, InPieces) else None
-        return max((least / AIM / _high(own or tried, at) for tried, at, least in alike), default=1.0)
+        ways = ((own or tried, at, least) for tried, at, least in alike)
+        return max((least / AIM / way.law.predict(way.at, at).high for way, at, least in ways), default=1.0)
 
     def yardstick(self, candidate: Candidate) -> Yardstick | None:
         """A run close to the true one, of the same averaged form, a full one or one in pieces; None if none is."""
         for each, way, met in self._yardsticks(candidate):
             seconds = way.seconds.predicted
             run = self.run(each, way.tolerance, seconds) if seconds < YARDSTICK * self.limit else None
-            if run and run.seen:
+            sure = each is not candidate or not run or run.stated[self.want] <= STATED * candidate.budget
+            if run and run.seen and sure:
                 alike = met == UNLIKE_MET and each.solver == candidate.solver
                 return Yardstick(run.seen, met, APART * way.tolerance if alike else 0.0)
-        return None
+        return AT_WORD if candidate.states_its_error else None
 
     def _yardsticks(self, candidate: Candidate) -> Iterator[tuple[Candidate, Way, float]]:
         scene, same = candidate.found.scene, bool(candidate.model)
@@ -236,7 +251,8 @@ class Trials:
         ):
             ways = sorted(((each, way) for each, way in rows if way), key=first)
             yield from ((each, way, UNLIKE_MET) for each, way in ways)
-        own = candidate.hoped() if find_solver(candidate.solver).many_periods else None
+        alone = find_solver(candidate.solver).many_periods or candidate.states_its_error
+        own = candidate.hoped() if alone else None
         if own and (way := candidate.by_law(one_digit(OWN * own.tolerance))) and way.tolerance >= candidate.tightest:
             yield candidate, way, UNLIKE_MET
 
@@ -259,10 +275,6 @@ class Trials:
         return inf if error is None else error
 
 
-def _high(candidate: Candidate, tolerance: float) -> float:
-    return candidate.law.predict(candidate.at, tolerance).high
-
-
 def _hopes(candidates: Sequence[Candidate], budget: float) -> Iterator[tuple[Candidate, Way | None]]:
     for each in candidates:
         yield each, replace(each, budget=budget).hoped(lucky=False)
@@ -278,4 +290,5 @@ def _run(form: Form, scene: Scene, tolerance: float, solver: str, samples: int, 
     problem = form.problem(scene)
     run = solve(problem, solver, tolerance, np.linspace(0.0, problem.end, samples), max_seconds=seconds)
     seen = form.observe(scene, run.states) if run.success else None
-    return Run(run.status, None if isinstance(form, InPieces) else run.work, seen)
+    stated = said_by_pieces(run) if run.success else {"slow": inf, "orientation": inf}
+    return Run(run.status, None if isinstance(form, InPieces) else run.work, seen, stated)
