@@ -23,6 +23,8 @@ Jacobian = Literal["exact", "difference"]
 
 # More steps than any run takes.
 UNLIMITED = 10**9
+# Seconds before a deadline from which on it is looked at so many times as often.
+NEAR, OFTEN = 0.05, 16
 
 # What a choice needs besides the solver's own library; module and package are of one name.
 _NEEDS = {"compiled": "llvmlite", "numba": "llvmlite", "exact": "llvmlite"}
@@ -128,6 +130,10 @@ class Record:
     def start(self) -> np.ndarray:
         """State at the first time."""
         return self.rows[0]
+
+    def chunk(self, usual: int) -> int:
+        """Steps until the deadline is looked at again: fewer if it is near."""
+        return usual if self.deadline - perf_counter() > NEAR else max(1, usual // OFTEN)
 
     @property
     def expired(self) -> bool:

@@ -183,7 +183,7 @@ def _run(call: Call, record: Record) -> Outcome:
     while True:
         wanted = record.times[record.filled :]
         with FlushedToZero():
-            result = call(time, end, state, wanted, min(CHUNK, record.max_steps - steps))
+            result = call(time, end, state, wanted, min(record.chunk(CHUNK), record.max_steps - steps))
         try:
             size, code = library.c_get_size(result), library.c_get_status(result)
             steps += library.c_get_steps(result)

@@ -34,7 +34,7 @@ def propagate(integrator: Any, record: Record) -> Outcome:
     number, work = integrator.state.dtype, record.work
     steps, grid = 0, record.times.astype(number, copy=False)
     while True:
-        result = integrator.propagate_grid(grid, max_steps=min(CHUNK, record.max_steps - steps))
+        result = integrator.propagate_grid(grid, max_steps=min(record.chunk(CHUNK), record.max_steps - steps))
         reason, steps = result[0], steps + result[3]
         work.steps = steps
         rows = result[-1][1:]

@@ -93,7 +93,7 @@ class Split:
                 own[At.UNTIL] = next((mark for mark in marks if mark > now), inf)
                 # Ever wider, so that a rate that goes to and fro asks for few plans.
                 law, width = plan.law((rate / width, rate * width)), width * WIDER
-            limit = min(CHUNK, record.max_steps - int(own[At.STEPS]))
+            limit = min(record.chunk(CHUNK), record.max_steps - int(own[At.STEPS]))
             code = self.advance(law, state, own, times, rows, limit=limit)
             record.put(rows[record.filled : int(own[At.FILLED])])
             work.steps, record.now = int(own[At.STEPS]), float(now_of(own))

@@ -116,7 +116,7 @@ def integrator(memory: Memory, count: bool) -> Integrator:
         work, report, steps = record.work, memory.report, 0
         while True:
             with FlushedToZero():
-                code = memory.advance(record, min(steps + CHUNK, record.max_steps))
+                code = memory.advance(record, min(steps + record.chunk(CHUNK), record.max_steps))
             before, record.now = record.now, float(report.view(float)[2])
             _, work.steps, _, calls, linear, errors, failures, work.jacobians, work.factorizations = report.tolist()
             steps, work.rejected = work.steps, errors + failures

@@ -5,6 +5,7 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from math import pi
+from time import perf_counter
 
 import numpy as np
 import pytest
@@ -313,3 +314,9 @@ def test_threads_do_not_share_an_integrator_that_holds_a_state():
     with ThreadPoolExecutor(1) as pool:
         assert pool.submit(taylor_integrator, *given).result() is not taylor_integrator(*given)
     assert taylor_integrator(*given) is taylor_integrator(*given)
+
+
+@pytest.mark.parametrize(("left", "usual", "steps"), [(60.0, 1600, 1600), (0.01, 1600, 100), (-1.0, 10, 1)])
+def test_a_deadline_is_looked_at_more_often_when_it_is_near(left: float, usual: int, steps: int):
+    record = Record(np.zeros(2), np.zeros((2, 1)), deadline=perf_counter() + left)
+    assert record.chunk(usual) == steps
