@@ -20,8 +20,9 @@ from polhode.harness.common.timing import time_runs, within
 from polhode.harness.common.worker import Failure, KilledFromOutsideError, Worker
 from polhode.harness.pages.figures.work_precision import work_precision
 from polhode.harness.references.extended import extended_run
+from polhode.harness.references.reference import LONG_DOUBLE, SAFETY
 from polhode.harness.references.uncertainty import least_known
-from polhode.harness.studies.runner import how_failed
+from polhode.harness.studies.runner import COMPILATION, how_failed
 from polhode.models.problem import Problem
 from polhode.models.problems.catalogue import PROBLEMS
 from polhode.models.problems.classical import Classical
@@ -31,9 +32,7 @@ from polhode.solvers.compile import as_it_stands, check_field
 from polhode.solvers.contract import Solver, Status
 from polhode.solvers.solve import Solution, solve
 
-SAFETY = 10.0
-# Of the classical problems: seconds for compilation, beyond the runs, and tolerances.
-COMPILATION = 60.0
+# Of the classical problems.
 TOLERANCES, QUICK = tuple(10.0**-k for k in range(3, 13)), (1e-4, 1e-7, 1e-10)
 
 
@@ -77,8 +76,8 @@ class WorkPrecision:
         if self.classical:
             # What the end is worth is part of the test problem.
             return np.array([self.problem.start, self.classical.reference]), 0.0
-        states = extended_run(self.problem, self.times, "long double", 1e-19)
-        return states, SAFETY * self.error_of(extended_run(self.problem, self.times, "long double", 1e-17), states)
+        states, loose = (extended_run(self.problem, self.times, *how) for how in LONG_DOUBLE)
+        return states, SAFETY * self.error_of(loose, states)
 
     @property
     def times(self) -> np.ndarray:

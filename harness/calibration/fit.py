@@ -4,6 +4,7 @@ import tomllib
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from itertools import chain
 from math import exp, log
 from pathlib import Path
 from typing import Any
@@ -99,13 +100,12 @@ def refit(laws: Laws, records: Iterable[Record]) -> Laws:
             ratios.setdefault((law.form, law.solver), []).append(ratio)
     if not ratios:
         return laws
-    # A method's own factor is the median of measured over predicted, or that of all if it has few records.
-    usual = float(np.median([ratio for each in ratios.values() for ratio in each]))
-    methods = {}
+    # A method's own factor is the median of measured over predicted; with few records that of its solver, or of all.
+    every, methods = [*chain(*ratios.values())], {}
     for name, law in laws.methods.items():
-        own = ratios.get(name, [])
-        factor = float(np.median(own)) if len(own) >= LEAST_RUNS else usual
-        methods[name] = replace(law, cost=replace(law.cost, scale=law.cost.scale * factor))
+        alike = [ratio for (_, solver), each in ratios.items() if solver == law.solver for ratio in each]
+        known = next(each for each in (ratios.get(name, []), alike, every) if len(each) >= LEAST_RUNS or each is every)
+        methods[name] = replace(law, cost=replace(law.cost, scale=law.cost.scale * float(np.median(known))))
     here = {"machine": pace.machine or laws.source.get("machine"), "sentinel_seconds": pace.sentinel}
     return Laws(methods, {**laws.source, **here, "refitted": sum(map(len, ratios.values()))})
 

@@ -27,6 +27,7 @@ SHOWN = 2
 SCENES = {"scene": "scene_name", "semi-axes": "scene.shape.semi_axes", "St": "stokes"}
 SCENES |= {"t": "scene.time", "samples": "samples", "forms": "form"}
 NOTHING = "No run gave a result: how each ended stands in runs.csv."
+FULL_ALONE = "No form measured averages: the tables show the cheapest ways through the full equations."
 # St further apart than this leave open where between them averaging begins to pay.
 GAP = 10.0 * (1 + 1e-9)
 
@@ -40,7 +41,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     page = fill(
         "bench",
         header=header(study.title, command, records),
-        verdict=[*verdict(runs), *averaged_costs(runs)] or [NOTHING],
+        verdict=[*verdict(runs), *averaged_costs(runs)] or [FULL_ALONE if len(runs["seconds"].dropna()) else NOTHING],
         tie=100 * (pareto.TIE - 1),
         scenes=[(scene, _figures(own, scene, i, folder)) for i, (scene, own) in enumerate(by_scene(runs))],
         profiles=profile_lines(runs, folder),

@@ -69,3 +69,4 @@ def test_the_page(here: Run, folder: Path):
     assert refused.returncode == 2
     assert "got 'keppler' (did you mean 'kepler'?), expected one of hires" in refused.stderr
     assert here("bench", "--problems", "--form", "quaternion").returncode == 2
+    assert here("bench", "--problems", "--page-only", "--out", folder / "other").returncode == 2

@@ -6,22 +6,29 @@ import pytest
 
 from polhode.harness.cli import RunFailed
 from polhode.harness.commands._study_options import FEW, steady, stored
-from polhode.harness.common.machine import header
+from polhode.harness.common.machine import header, machine
 from polhode.harness.common.store import Store
 
 STEADY, DISTURBED = {"disturbed": False}, {"disturbed": True}
 PLACE = {"machine": {"processor": "One", "cores": 2, "system": "Linux", "python": "3.11"}, "versions": {}}
 
 
-def test_disturbed_times_replace_no_earlier_page_unless_told_to(tmp_path: Path):
+def test_disturbed_times_replace_no_earlier_page_of_this_machine_unless_told_to(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
     page, records = tmp_path / "README.md", [DISTURBED] * FEW + [STEADY] * FEW
-    assert not steady(records, page, anyway=False)
-    page.touch()
+    for earlier in (None, "Measured on another machine."):
+        if earlier:
+            page.write_text(earlier)
+        steady(records, page, anyway=False)
+        assert f"disturbed {FEW} of {2 * FEW} timed runs" in capsys.readouterr().err
+    page.write_text(f"Measured on {machine()['processor']}.")
     with pytest.raises(RunFailed, match=f"README.md: stays as it is, .* disturbed {FEW} of {2 * FEW} timed runs"):
         steady(records, page, anyway=False)
-    assert not steady(records, page, anyway=True)
-    assert steady([DISTURBED] * 5 + [STEADY] * 95, page, anyway=False)
-    assert steady([{"status": "reached_end"}], page, anyway=False)
+    steady(records, page, anyway=True)
+    steady([DISTURBED] * 5 + [STEADY] * 95, page, anyway=False)
+    steady([{"status": "reached_end"}], page, anyway=False)
+    assert not capsys.readouterr().err
 
 
 def test_a_page_says_how_many_times_were_disturbed():
