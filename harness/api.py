@@ -2,13 +2,14 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from numbers import Integral
 from operator import is_
 from os import PathLike, fspath
 from typing import Any
 
 import numpy as np
 
-from polhode.harness.events import EventLike, as_events, with_events
+from polhode.harness.events import Event, EventLike, as_events, with_events
 from polhode.harness.picking.choice import check_tolerance, choose
 from polhode.harness.picking.ranking import pick as recommend
 from polhode.harness.picking.recommendation import Recommendation
@@ -44,6 +45,7 @@ class Plan:
     problem: Problem
     times: np.ndarray  # Of the output, in units of the inverse shear rate.
     note: str  # Why the error asked for may not be met; empty where it will be.
+    long: str  # How long the run will take, if long.
     asked: tuple[float, str] | None = None  # Error and what it is of, where they chose the tolerance.
     estimate: bool = True  # Whether a second look estimates the error.
 
@@ -52,8 +54,8 @@ class Plan:
         """Those of the run: of the output, after the start."""
         return self.times if self.times[0] == 0 else np.concatenate([[0.0], self.times])
 
-    def run(self, watch: Callable[[Record], None] | None = None) -> SceneSolution:
-        """Solve the problem; raises `polhode.solvers.solve.Interrupted` on Ctrl-C."""
+    def run(self, watch: Callable[[Record], None] | None = None, events: Sequence[Event] = ()) -> SceneSolution:
+        """Solve the problem, and look for events; raises `polhode.solvers.solve.Interrupted` on Ctrl-C."""
         times = self._times / self.scene.time * self.problem.end
         with spent_on("integration"):
             found = run(self.problem, self.solver, self.tolerance, times, watch=watch)
@@ -66,6 +68,8 @@ class Plan:
             if self.asked:
                 seen = seen.asked(*self.asked, self.form, self.scene, self.tolerance)
             solution = replace(solution, error=seen)
+        # Before the first time of the output, too.
+        solution = with_events(solution, events) if events else solution
         return solution if self.times[0] == 0 else solution.rows(slice(1, None))
 
     def observed(self, found: Solution) -> SceneSolution:
@@ -106,7 +110,7 @@ def plan(
     method.check(problem)
     check_field(problem)
     asked = None if tolerance else (error, want)
-    return Plan(what, equations, method, choice.tolerance, problem, wanted, choice.note, asked, estimate)
+    return Plan(what, equations, method, choice.tolerance, problem, wanted, choice.note, choice.long, asked, estimate)
 
 
 def solve(
@@ -168,8 +172,7 @@ def solve(
     <Status.REACHED_END: 'reached_end'>
     """
     wanted = as_events(events)
-    solution = plan(scene, form, solver, tolerance, error, want, samples, estimate, times).run()
-    return with_events(solution, wanted) if wanted else solution
+    return plan(scene, form, solver, tolerance, error, want, samples, estimate, times).run(events=wanted)
 
 
 def pick(scene: SceneLike, error: float = 1e-6, want: str = "slow", samples: int = 201) -> Recommendation:
@@ -227,8 +230,8 @@ def _in_doubles(given: Any) -> Any:
 
 
 def _check_samples(samples: int) -> None:
-    if not 2 <= samples <= MOST_SAMPLES:
-        raise ValueError(f"samples: got {samples}, expected a number from 2 to {MOST_SAMPLES}")
+    if not (isinstance(samples, Integral) and 2 <= samples <= MOST_SAMPLES):
+        raise ValueError(f"samples: got {samples!r}, expected a whole number from 2 to {MOST_SAMPLES}")
 
 
 def _checked_times(times: Sequence[float] | np.ndarray, scene: Scene) -> np.ndarray:

@@ -121,7 +121,7 @@ def with_events(solution: SceneSolution, events: Iterable[Event]) -> SceneSoluti
         time, first = min(ends, key=itemgetter(0))
         end = first(time)
         solution = solution.until(end)
-        found = {name: each(each.times[each.times <= end.times[0]]) for name, each in found.items()}
+        found = {name: each.rows(each.times <= end.times[0]) for name, each in found.items()}
     return replace(solution, events=found)
 
 
@@ -129,5 +129,5 @@ def _looks(solution: Any) -> np.ndarray:
     """The solution's times and equispaced ones between each two of them."""
     rows = len(solution.times) - 1
     wanted = max(LOOKS_PER_ROW * rows, LOOKS_PER_STEP * (solution.work.steps or rows))
-    between = -(-min(wanted, MOST_LOOKS) // max(rows, 1))
+    between = max(1, -(-min(wanted, MOST_LOOKS) // max(rows, 1)))
     return np.interp(np.arange(rows * between + 1) / between, np.arange(rows + 1), solution.times)

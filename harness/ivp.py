@@ -26,8 +26,8 @@ def solve_ivp(
     method: str | Solver = "cyrk-dop853",
     t_eval: Sequence[float] | np.ndarray | None = None,
     *,
-    events: Sequence[Callable[..., float]] | Callable[..., float] = (),
-    args: Sequence[float] = (),
+    events: Sequence[Callable[..., float]] | Callable[..., float] | None = None,
+    args: Sequence[float] | None = None,
     rtol: float = 1e-6,
     dense_output: bool = True,
     **others: Any,
@@ -68,7 +68,7 @@ def solve_ivp(
     if others:
         taken = "t_eval, events, args, rtol, dense_output"
         raise ValueError(f"solve_ivp: got {', '.join(others)}, expected no options of SciPy's but {taken}")
-    began = float(t_span[0])
+    began, args = float(t_span[0]), () if args is None else args
     problem = Problem.from_function(fun, y0, t_span[1], args, t_start=began)
     check_field(problem)
     d = len(y0)
@@ -79,12 +79,13 @@ def solve_ivp(
     times = np.unique(np.concatenate([[0.0], wanted - began, [problem.end]]))
     found = solve(problem, method, rtol, times, count=True)
     # Events are counted here, so that their names may be the same.
-    looked_for = [as_events(each)[0] for each in ([events] if callable(events) else events)]
+    looked_for = [as_events(each)[0] for each in ([events] if callable(events) else events or ())]
     values = (replace(event, function=partial(_values, event.function, began, d, args)) for event in looked_for)
     happenings = [happened(found, value) for value in values]
     ends = [time for event, each in zip(looked_for, happenings, strict=True) for time in event.ends(each)]
     last = min([*ends, found.t[-1]])
-    happenings = [each(each.t[each.t <= last]) for each in happenings]
+    kept = ((each, each.t <= last) for each in happenings)
+    happenings = [replace(each, times=each.t[until], states=each.states[until]) for each, until in kept]
     shown = wanted[wanted - began <= last]
     return OptimizeResult(
         t=shown,

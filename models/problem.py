@@ -172,7 +172,8 @@ class Problem:
             In one line, what is wrong with f or the numbers, and what was expected.
         """
         start, field = own_field(f, y0, (t_start, t_end), parameters)
-        return cls(name or f.__name__, field, start, float(t_end - t_start), tuple(map(float, parameters)))
+        name = name or getattr(f, "__name__", "f")
+        return cls(name, field, start, float(t_end - t_start), tuple(map(float, parameters)))
 
     @property
     def dimension(self) -> int:

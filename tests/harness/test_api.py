@@ -117,7 +117,8 @@ def test_failure_is_a_status_with_the_rows_so_far():
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"samples": 1}, "samples: got 1, expected a number from 2 to"),
+        ({"samples": 1}, "samples: got 1, expected a whole number from 2 to"),
+        ({"samples": 2.5}, "samples: got 2.5, expected a whole number from 2 to"),
         ({"form": "quaternoin"}, "form: got 'quaternoin' .did you mean 'quaternion'.., expected one of"),
         ({"tolerance": -1.0}, "tolerance: got -1.0, expected a number from 1e-16"),
         ({"tolerance": 1e-300}, "tolerance: got 1e-300, expected a number from 1e-16"),

@@ -119,8 +119,27 @@ def test_a_terminal_event_is_the_end():
 
 
 def test_events_that_do_not_happen_are_empty():
-    solution = solve("paper", form="quaternion", solver="cyrk-vern8", tolerance=1e-9, events=lambda s: s.energy - 100)
-    assert [len(each.t) for each in solution.events.values()] == [0]
+    never, end = Event("never", lambda s: s.energy - 100), replace(EVENTS["lz"], terminal=True)
+    for events in ([never], [never, end]):
+        solution = solve("paper", form="quaternion", solver="cyrk-vern8", tolerance=1e-9, events=events)
+        assert [len(each.t) for each in solution.events.values()] == [0, 1][: len(events)]
+
+
+def test_events_before_the_first_time_of_the_output_are_found():
+    way = {"form": "quaternion", "solver": "cyrk-vern8", "tolerance": 1e-13, "estimate": False}
+    whole, late = (solve("paper", events=["separatrix", "lz"], times=times, **way) for times in (None, [400.0, 500.0]))
+    assert late.times.tolist() == [400, 500]
+    for name, each in whole.events.items():
+        np.testing.assert_allclose(late.events[name].times, each.times, rtol=1e-9)
+        assert each.times[-1] < 400
+    ended = solve("paper", events=replace(EVENTS["lz"], terminal=True), times=[400.0, 500.0], **way)
+    assert ended.times.tolist() == ended.events["lz"].times.tolist() == pytest.approx(whole.events["lz"].times)
+
+
+def test_of_a_run_that_fails_at_once_nothing_happens():
+    failed = run(Problem("root", lambda ops: lambda y, p: (ops.sqrt(y[0]),), (-1.0,), 1.0), "cyrk-vern8", 1e-8)
+    assert (failed.status, len(failed.t)) == ("non_finite", 1)
+    assert len(happened(failed, Event("y", lambda each: each.y[0])).t) == 0
 
 
 @pytest.mark.parametrize(

@@ -152,9 +152,23 @@ def test_an_event_may_end_a_run_at_its_second_time(monkeypatch: pytest.MonkeyPat
 def test_of_scipys_options_those_that_would_change_nothing_are_taken():
     two = [lambda t, y: y[0] - 0.5, lambda t, y: y[0] - 0.25]
     found = solve_ivp(lambda t, y: -y, (0, 2), [1.0], events=two, rtol=1e-10, dense_output=True)
+    assert solve_ivp(lambda t, y: -y, (0, 2), [1.0], events=None, args=None).t_events == []
     np.testing.assert_allclose(np.ravel(found.t_events), np.log([2, 4]), rtol=1e-8)
     with pytest.raises(ValueError, match="solve_ivp: got max_step, expected no options of SciPy's but"):
         solve_ivp(lambda t, y: -y, (0, 2), [1.0], max_step=0.1)
+
+
+@pytest.mark.parametrize("terminal", [False, True])
+def test_an_event_that_does_not_happen_has_no_times(terminal: bool):
+    def half(t, y):
+        return y[0] - 0.5
+
+    half.terminal = terminal  # pyright: ignore
+    question = (lambda t, y: -y), (0, 2), [1.0]
+    ours = solve_ivp(*question, events=[half, lambda t, y: y[0] + 1], rtol=1e-10)
+    theirs = scipys(*question, events=[half, lambda t, y: y[0] + 1], rtol=1e-10)
+    assert [len(each) for each in ours.t_events] == [len(each) for each in theirs.t_events] == [1, 0]
+    assert [len(each) for each in ours.y_events] == [len(each) for each in theirs.y_events]
 
 
 @pytest.mark.parametrize("name", ["cyrk-dop853", "taylor", "radau", "cvode-bdf"])

@@ -161,8 +161,8 @@ def test_chaos_is_unattainable():
         (["paper", "--error", "1e-18"], "not attainable"),
         (["sphere", "--want", "orientation"], "for a sphere, which has none"),
         (["nowhere"], "got 'nowhere', expected a file"),
-        (["paper", "--samples", "1"], "samples: got 1, expected a number from 2 to 10000000"),
-        (["paper", "--samples", "1000000000"], "samples: got 1000000000, expected a number from 2 to 10000000"),
+        (["paper", "--samples", "1"], "samples: got 1, expected a whole number from 2 to 10000000"),
+        (["paper", "--samples", "1000000000"], "samples: got 1000000000, expected a whole number from 2 to 10000000"),
     ],
 )
 def test_bad_input_is_one_line(words, complaint, capsys):
