@@ -12,7 +12,7 @@ from polhode.models.flow import jeffery_angular_velocity, shares
 from polhode.models.observables import Observables, angular_velocity, completed, observe_body, observe_slow
 from polhode.models.operations import FLOAT
 from polhode.models.rotation import Quaternion, Triple
-from polhode.models.shape import Ellipsoid
+from polhode.models.shape import Ellipsoid, require_numbers
 
 # Bounds within which nothing that is computed of a scene, such as L²E, leaves the range of floating-point numbers.
 LARGEST = 1e30
@@ -73,13 +73,13 @@ class SlowStart:
 
     def __post_init__(self) -> None:
         _require_finite("start.angular_momentum", self.angular_momentum, 3)
+        require_numbers("start.energy", self.energy)
         if not 0 <= self.energy <= MOST:
             raise ValueError(f"start.energy: got {self.energy!r}, expected a number from 0 to {MOST:g}")
 
 
 def _require_finite(name: str, numbers: tuple[float, ...], length: int) -> None:
-    if len(numbers) != length:
-        raise ValueError(f"{name}: got {len(numbers)} numbers, expected {length}")
+    require_numbers(name, numbers, length)
     if not all(abs(number) <= LARGEST for number in numbers):
         raise ValueError(f"{name}: got {list(numbers)}, expected finite numbers of at most {LARGEST:g}")
 
@@ -116,6 +116,8 @@ class Scene:
     time: float
 
     def __post_init__(self) -> None:
+        require_numbers("stokes", self.stokes)
+        require_numbers("time", self.time)
         if not (self.stokes == 0 or LEAST <= self.stokes <= inf):
             raise ValueError(f"stokes: got {self.stokes!r}, expected 0 or a number from {LEAST:g} to inf")
         if not LEAST <= self.time < inf:

@@ -1,9 +1,11 @@
 """The shape of the particle: semi-axes, moments of inertia, rotational resistance."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from math import isfinite, pi, sqrt
-from typing import Literal
+from numbers import Real
+from typing import Any, Literal
 
 Kind = Literal["sphere", "prolate", "oblate", "triaxial"]
 Triple = tuple[float, float, float]
@@ -12,6 +14,13 @@ Triple = tuple[float, float, float]
 LEAST_RATIO = 1e-70
 # Distances from the mean, relative to it, below which the series of `carlson_rd` holds to double precision.
 CARLSON_SPREAD = 1 / 400
+
+
+def require_numbers(name: str, given: Any, count: int = 0) -> None:
+    """Raise ValueError unless these are so many real numbers or, without a count, this is one."""
+    found = [given] if not count else [*given] if isinstance(given, Iterable) else []
+    if len(found) != max(1, count) or not all(isinstance(each, Real) for each in found):
+        raise ValueError(f"{name}: got {given!r}, expected {f'{count} numbers' if count else 'a number'}")
 
 
 @dataclass(frozen=True)
@@ -35,8 +44,7 @@ class Ellipsoid:
     semi_axes: Triple
 
     def __post_init__(self) -> None:
-        if len(self.semi_axes) != 3:
-            raise ValueError(f"semi_axes: got {len(self.semi_axes)} numbers, expected 3")
+        require_numbers("semi_axes", self.semi_axes, 3)
         for length in self.semi_axes:
             if not (isfinite(length) and length > 0):
                 raise ValueError(f"semi_axes: got {length!r}, expected finite positive numbers")
