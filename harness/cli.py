@@ -162,10 +162,6 @@ def _terminated(number: int, frame: FrameType | None) -> None:
         raise KeyboardInterrupt
 
 
-def _note(message: Warning | str, *where: object) -> None:
-    click.echo(f"note: {message}", err=True)
-
-
 def _forget_output() -> None:
     """Let what was not written go nowhere, so that the interpreter does not try again at its end."""
     with suppress(OSError, ValueError):
@@ -179,7 +175,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     # Extreme input overflows; what comes of it is a status of the run.
     warnings.filterwarnings("ignore", category=RuntimeWarning)
     warnings.filterwarnings("always", category=Question)
-    warnings.showwarning = _note
+    warnings.showwarning = lambda message, *where, **more: click.echo(f"note: {message}", err=True)
     code, said = 1, ""
     try:
         result = polhode.main(args=arguments, prog_name="polhode", standalone_mode=False)

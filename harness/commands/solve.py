@@ -56,6 +56,8 @@ def solve(
     with Progress(quiet) as progress:
         with bad_input():
             target = PartialFile(out, binary=_as_parquet(out)) if out else None
+            if restart:
+                PartialFile(restart)
             progress.begin("choosing")
             with spent_on("import"):
                 from polhode.harness.api import plan
@@ -92,7 +94,7 @@ def _notes(what: "Plan", tolerance: float | None) -> list[str]:
     """What the user should know: that the error will not be met, or has no say, and what stays empty."""
     asked = click.get_current_context().get_parameter_source("error") is not ParameterSource.DEFAULT
     notes = ["the --tolerance given governs the run: --error is only for choosing one"] * (asked and bool(tolerance))
-    notes += [what.note] * bool(what.note)
+    notes += filter(None, (what.note, what.long))
     known = what.form.known_axes(what.scene)
     if len(known) < 3:
         words = "the symmetry axis alone" if known else "no orientation"

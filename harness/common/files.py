@@ -46,12 +46,14 @@ class PartialFile:
     def open(self) -> IO[Any]:
         """Open the file, if it is not open yet; raises OSError if it cannot be written."""
         if self._file is None:
-            if self.atomic:
-                self._file = open(self._private, "x" + self._binary, **self._how)  # noqa: SIM115
-            else:
-                # By its number, standard output is what the caller redirected it to, and goes on from there.
-                where, ours = (1, False) if self.path in STANDARD_OUTPUT else (self.path, True)
-                self._file = open(where, "w" + self._binary, closefd=ours, **self._how)  # noqa: SIM115
+            # By its number, standard output is what the caller redirected it to, and goes on from there.
+            where = self._private if self.atomic else 1 if self.path in STANDARD_OUTPUT else self.path
+            how = ("x" if self.atomic else "w") + self._binary
+            try:
+                self._file = open(where, how, closefd=where != 1, **self._how)  # noqa: SIM115
+            except OSError as error:
+                error.filename = str(self.path)
+                raise
         return self._file
 
     def __enter__(self) -> IO[Any]:

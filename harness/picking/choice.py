@@ -27,7 +27,8 @@ class Chosen(NamedTuple):
     form: str
     solver: str
     tolerance: float
-    note: str = ""  # that the error asked for will not be met, or may not be, or that the run will be long
+    note: str = ""  # that the error asked for will not be met, or may not be
+    long: str = ""  # that the run will be long
 
 
 def choose(
@@ -67,9 +68,9 @@ def choose(
         rows = found.ranking if found else ()
         row = next((each for each in rows if form in (None, each.form) and solver in (None, each.solver)), None)
     if row:
-        long = row.seconds.predicted > PATIENCE
-        note = f"it is expected to take about {duration(row.seconds.predicted)}; Ctrl-C keeps what is finished"
-        return Chosen(row.form, row.solver, tolerance or row.tolerance, note if long else "")
+        seconds = row.seconds.predicted
+        long = f"it is expected to take about {duration(seconds)}; Ctrl-C keeps what is finished"
+        return Chosen(row.form, row.solver, tolerance or row.tolerance, long=long if seconds > PATIENCE else "")
     form = form or simplest(scene)
     if not solver:
         # The closed form where there is one, else the first solver that can be run and takes the problem.

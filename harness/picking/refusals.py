@@ -64,7 +64,7 @@ def why_nothing(refusals: Sequence[Refusal], largest: float = inf) -> str:
     best = min(last, key=lambda refusal: refusal.least)
     # To ask for an error larger than what it is of would be to ask for nothing.
     if largest <= best.least < inf:
-        why = f"errors grow to the size of what they are of: {best.reason}"
+        why = f"errors grow as large as the motion itself: {best.reason}"
     elif best.least < inf:
         why = f"expected at least {rounded_up(best.least)} ({best.form} by {best.solver}): {best.reason}"
     else:

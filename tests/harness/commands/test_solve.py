@@ -326,3 +326,18 @@ def test_omega_parquet_and_a_scene_to_go_on(here: Run, tmp_path: Path):
     if find_spec("pyarrow") is None:
         refused = here("solve", "paper", *way, "--out", "a.parquet")
         assert (refused.returncode, "expected pyarrow installed" in refused.stderr) == (2, True)
+
+
+def test_an_error_that_was_missed_is_said_of_a_run_expected_to_be_long_too(here: Run, tmp_path: Path):
+    (tmp_path / "scene.toml").write_text(scene_text(1e-20, 20.0), encoding="utf-8")
+    done = here("solve", "scene.toml")
+    assert done.returncode == 0
+    assert "note: it is expected to take about" in done.stderr
+    assert "the error asked for, 1e-6, was missed" in done.stderr.splitlines()[-1]
+
+
+def test_a_scene_to_go_on_in_no_folder_is_refused_before_the_run(here: Run, tmp_path: Path):
+    done = here("solve", "paper", *GIVEN, "--restart", "none/next.toml")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "polhode: none: no such folder, expected an existing one\n"
+    assert not list(tmp_path.iterdir())

@@ -100,7 +100,7 @@ def test_where_no_form_takes_the_start_that_is_the_reason():
         (
             1e12,
             "orientation",
-            "errors grow to the size of what they are of: rounding along the run leaves errors up to",
+            "errors grow as large as the motion itself: rounding along the run leaves errors up to",
         ),
         (1e300, "slow", "the run of 1e300 inverse shear rates is too long"),
     ],
