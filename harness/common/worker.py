@@ -68,7 +68,7 @@ class Worker(AbstractContextManager["Worker"]):
         return None if self._process is None else self._process.pid
 
     def run(self, function: Callable[..., Any], *arguments: Any, limit: float) -> Reply:
-        """Call a function in the process, and reply whatever happens; Ctrl-C alone kills the process and is raised."""
+        """Call a function in the process; whatever happens is a reply, but Ctrl-C and a process that cannot start."""
         # It should stop by itself within `limit` seconds; it is killed at twice that and a little grace.
         reply = self._once(function, arguments, limit)
         for _ in range(ATTEMPTS - 1):

@@ -1,1 +1,1 @@
-"""Many particles: starts, statistics, sweeps, engines; imports `solvers.ensembles` and `common`."""
+"""Many particles: starts, statistics, sweeps, engines; imports `solvers.ensembles` and `studies`."""

@@ -26,7 +26,6 @@ from polhode.models.shape import Ellipsoid
 
 # Written into every record: side by side, tasks slow each other down.
 NO_TIMES = "no times: tasks may run side by side"
-DEFAULT_TOLERANCE = 1e-6
 
 
 class SweepTable(BaseModel):
@@ -42,14 +41,14 @@ class SweepTable(BaseModel):
     start: Starts = Starts()
     equations: Equations | None = None
     tolerance: Positive | None = None
-    # Their ranges and defaults are those of `Ensemble`.
-    particles: int = 0
-    block: int = 0
-    seed: int = 0
-    samples: int = 0
-    snapshots: int = 0
-    bins: int = 0
-    radius: float = 0.0
+    # `Ensemble` checks their ranges.
+    particles: int = Ensemble.particles
+    block: int = Ensemble.block
+    seed: int = Ensemble.seed
+    samples: int = Ensemble.samples
+    snapshots: int = Ensemble.snapshots
+    bins: int = Ensemble.bins
+    radius: float = Ensemble.radius
 
     @model_validator(mode="after")
     def _one_duration(self) -> "SweepTable":
@@ -150,8 +149,8 @@ def _ensemble(table: SweepTable, shape: list[float], stokes: float) -> Ensemble:
     if time in (0, inf):
         raise ValueError(f"slow_time: got {table.slow_time!r} at stokes = {stokes:g}, expected time")
     a, b, c = shape
-    own = table.model_dump(include={*BOUNDS, "radius"}, exclude_unset=True)
-    equations, tolerance = table.equations or "full", table.tolerance or DEFAULT_TOLERANCE
+    own = table.model_dump(include={*BOUNDS, "radius"})
+    equations, tolerance = table.equations or "full", table.tolerance or Ensemble.tolerance
     # Where averaging is good enough it is the cheaper by far: its cost does not grow with St.
     if not table.equations and AVERAGING / tolerance <= stokes < inf and table.start.motion != "rest":
         equations, tolerance = "averaged", tolerance / ERROR_OVER_TOLERANCE

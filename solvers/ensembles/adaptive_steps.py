@@ -4,8 +4,8 @@ A Taylor series would be the wrong method here: on L² = 2EI₂, which every run
 long-axis side crosses, the averaged field is continuous but not Lipschitz, no series converges, and the step shrinks to
 nothing; a Runge–Kutta step goes across.
 
-A tried step is a map of the row (y, rates of y, `BEND`, time, next step). Where `BEND` vanishes, dense output is the
-cubic through the two states and rates of a step.
+A tried step is a map of the row (y, rates of y, its bend, time, next step). Where the bend, the change of y by `BENDS`,
+vanishes, dense output is the cubic through the two states and rates of a step.
 """
 
 import tomllib

@@ -1,14 +1,12 @@
 """Full forms for many particles at once: heyoka's Taylor integrator with one particle in each SIMD lane."""
 
-from functools import cache
-from threading import get_ident
 from typing import Any
 
 import numpy as np
 
 from polhode.models.operations import numpy_operations
 from polhode.models.problem import Factory, Problem
-from polhode.solvers.compile import load_heyoka, traced_system
+from polhode.solvers.compile import KeptForThread, load_heyoka, traced_system
 from polhode.solvers.contract import Status
 from polhode.solvers.machine_code.lanes import REGISTERS
 
@@ -23,7 +21,7 @@ def run_batches(problem: Problem, starts: np.ndarray, times: np.ndarray, toleran
     components, whose angles would need wrapping; the times increase from 0 to the end; the tolerance is heyoka's `tol`.
     """
     parameters = np.array(problem.parameters, dtype=float)
-    integrator = _integrator(get_ident(), problem.field, problem.dimension, len(parameters), tolerance)
+    integrator = _integrator(problem.field, problem.dimension, len(parameters), tolerance)
     lanes = integrator.batch_size
     integrator.pars[:] = parameters[:, None]
     grid = np.repeat(times[:, None], lanes, axis=1)
@@ -64,9 +62,8 @@ def _status(outcome: Any) -> str:
     return str(Status[statuses.get(outcome, "STEP_UNDERFLOW")])
 
 
-@cache
-def _integrator(thread: int, factory: Factory, dimension: int, parameters: int, tolerance: float) -> Any:
-    """The integrator of a thread: integrators hold a state, and engines may run tasks in threads."""
+@KeptForThread
+def _integrator(factory: Factory, dimension: int, parameters: int, tolerance: float) -> Any:
     heyoka = load_heyoka()
     lanes = REGISTERS * heyoka.recommended_simd_size()
     system = traced_system(factory, dimension, parameters)

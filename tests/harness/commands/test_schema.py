@@ -8,10 +8,13 @@ from typing import Any
 import pytest
 from commandline import Run
 
+from polhode.harness.ensembles.ensemble import BOUNDS, Ensemble
+from polhode.harness.ensembles.sweep import parse_sweep
 from polhode.models.files.scene_file import scene_table
 from polhode.models.scenes import SCENES
 
 ROOT = Path(__file__).parents[3]
+SWEEP = {"name": "a", "title": "b", "shapes": [[1.0, 1.0, 2.0]], "stokes": 10.0, "time": 1.0}
 
 
 def complaints(value: Any, schema: dict[str, Any], defs: dict[str, Any], where: str = "") -> list[str]:
@@ -54,10 +57,17 @@ def test_files_that_come_with_polhode_fit_their_schema(kind: str, here: Run):
     files = {
         "scene": [scene_table(each.scene) for each in SCENES.values()],
         "study": [tomllib.loads(path.read_text()) for path in (ROOT / "harness" / "studies").glob("*.toml")],
-        "sweep": [{"name": "a", "title": "b", "shapes": [[1.0, 1.0, 2.0]], "stokes": 10.0, "time": 1.0}],
+        "sweep": [SWEEP],
     }[kind]
     assert files
     for content in files:
         assert complaints(content, schema, schema.get("$defs", {})) == []
     wrong = {**files[0], "stoke": 1.0}
     assert any("stoke is unknown" in line for line in complaints(wrong, schema, schema["$defs"]))
+
+
+def test_defaults_of_a_sweep_are_those_that_are_taken(here: Run):
+    fields = json.loads(here("schema", "sweep").stdout)["properties"]
+    (ensemble,) = parse_sweep(SWEEP).ensembles
+    for name in (*BOUNDS, "radius"):
+        assert fields[name]["default"] == getattr(ensemble, name) == getattr(Ensemble, name)
