@@ -42,9 +42,8 @@ def statements(rows: Sequence[AveragingErrors]) -> list[str]:
         second = [law for law in own if law.family == family and law not in first]
         promised.append((f"Second order, {title}", 2, second))
     known = [(*each, [law for law in each[2] if not isnan(law.order)]) for each in promised]
-    each = [(name, law) for name in VARIABLES for law in laws(rows, name) if first_order(law.form)]
-    slower = [f"{name} of {law.subject} ({law.order:.2f})" for name, law in each if law.shown[1] < 1]
-    return lines_of("accuracy-findings", good=good, promised=known, slower=slower, points=LEAST_POINTS)
+    single = [(name, law) for name in VARIABLES for law in laws(rows, name) if first_order(law.form)]
+    return lines_of("accuracy-findings", good=good, promised=known, single=single, points=LEAST_POINTS)
 
 
 def as_text(study: PaperStudy) -> str:

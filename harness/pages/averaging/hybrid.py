@@ -10,11 +10,11 @@ from polhode.harness.averaging import hybrid
 from polhode.harness.averaging.data import write_study
 from polhode.harness.averaging.hybrid import HybridError, Speed, Study
 from polhode.harness.common.files import write_file
+from polhode.harness.common.fits import wilson
 from polhode.harness.common.machine import header
 from polhode.harness.pages.figures.averaging import errors_and_speed
 from polhode.harness.pages.figures.work_precision import save
 from polhode.harness.pages.tables import fill, lines_of
-from polhode.solvers.contract import Status
 
 
 def write_page(study: Study, folder: Path, command: str) -> None:
@@ -39,16 +39,15 @@ def page(study: Study, command: str) -> str:
 
 def findings(study: Study) -> list[str]:
     """What was found, in sentences."""
-    rows, runs, speeds = study.errors, _judged(study.errors), _compared(study.speed)
+    runs, speeds = _judged(study.errors), _compared(study.speed)
     gains = speeds.dropna(subset=["gain"]).groupby("stokes")
     times = 1e3 * speeds.loc[speeds["new_shape"] > 0, ["new_shape", "known_shape"]]
     stated = runs.dropna(subset=["estimated"])
     return lines_of(
         "hybrid-findings",
         form=hybrid,
-        starts=len({row.start for row in rows}),
-        reached=sum(row.status == Status.REACHED_END for row in rows),
         runs=runs,
+        wilson=wilson,
         stated=stated,
         ratios=stated["over"][stated["slow"] > 0],
         settled=runs["mirror"].dropna(),

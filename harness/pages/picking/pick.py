@@ -116,15 +116,15 @@ def _write_figures(folder: Path, evaluation: Evaluation) -> None:
 
     runs: Any = evaluation.runs
     figure, (left, right) = plt.subplots(1, 2, figsize=(8.0, 4.0))
-    panels = (left, "seconds", "seconds_at_usual_pace", "s", FACTOR), (right, "slow_error", "slow_error", "I_max", 10.0)
-    for axes, what, measured, unit, band in panels:
+    times = left, "times", "seconds", "seconds_at_usual_pace", "s", FACTOR
+    errors = right, "slow errors", "slow_error", "slow_error", "$I_{max}$", 10.0
+    for axes, name, what, measured, unit, band in (times, errors):
         known = runs[(runs[measured] > 0) & (runs[f"{what}_predicted"] > 0)]
         predicted, ratio = known[f"{what}_predicted"], known[measured] / known[f"{what}_predicted"]
         axes.loglog(predicted, ratio, ".", markersize=2, alpha=0.4, color="#0072B2", rasterized=True)
         for line, style in ((1.0, "-"), (band, ":"), (1 / band, ":")):
             axes.axhline(line, color="0.2", linewidth=0.9, linestyle=style)
         within = np.mean(np.abs(np.log(ratio)) <= np.log(band)) if len(ratio) else 1.0
-        name = "times" if what == "seconds" else "slow errors"
         axes.set(title=f"{within:.0%} of {name} within {band:g} ×")
         axes.set(xlabel=f"predicted, {unit}", ylabel="measured over predicted")
     figure.tight_layout()

@@ -1,1 +1,1 @@
-"""One module or folder per section of the paper; imports `paper`."""
+"""The claims of each section of the paper, a file for each, and what computes for them; imports `paper`."""
