@@ -1,1 +1,1 @@
-"""Numbers from records: fronts, winners, the regime map, two runs compared; imports `studies`."""
+"""Numbers from records: fronts, winners, the regime map, two runs compared; imports `references`."""

@@ -139,7 +139,7 @@ def write_study(study: Any, folder: Path) -> None:
 
 
 def read_study(kind: type[Study], folder: Path) -> Study:
-    """Read what `write_study` wrote; raises ValueError where that is missing."""
+    """Read what `write_study` wrote; raises ValueError where a table is missing, OSError where `timed.json` is."""
     rows = _tables(kind).items()
     tables = {name: read_table(folder / f"{name}.csv", row, _COLUMNS.get(row, ())) for name, row in rows}
     made: Any = kind

@@ -1,1 +1,1 @@
-"""Measuring and fitting the laws, and the held-out test of `pick`; imports `picking`."""
+"""Measuring and fitting the laws, and the held-out test of `pick`; imports `api`."""

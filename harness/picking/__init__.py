@@ -1,1 +1,1 @@
-"""Cost laws, trial runs and ranking: what `pick` does; imports `analysis`."""
+"""Cost laws, trial runs and ranking: what `pick` does; imports `references`."""

@@ -82,8 +82,8 @@ def rotations(scene: Scene) -> float:
     """Number of rotations N = ∫|ω| dt/2π of a scene, within two per cent, in milliseconds.
 
     From the averaged slow variables where they are valid and N is large, else from a loose run that integrates |ω|
-    along. Of a chaotic scene N is known no better than the scene itself. Raises ValueError if the start has no
-    orientation and the averaged equations do not apply.
+    along. Of a chaotic scene N is known no better than the scene itself. Raises ValueError if that run fails, or if the
+    start has no orientation and the averaged equations do not apply.
     """
     slow_start = isinstance(scene.start, SlowStart)
     if (slow_start or _averages_well(scene)) and (turned := _averaged_angle(scene)) is not None:

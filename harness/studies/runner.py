@@ -15,7 +15,7 @@ from polhode.harness.studies.study import Study
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Backend, Jacobian, Status
 
-# Seconds that a first run may spend on compilation, beyond its time limit, before it is killed.
+# Seconds that a first run may spend on compilation, beyond its time limit; at twice their sum it is killed.
 COMPILATION = 60.0
 # A stopped run that was further off than this had gone wrong: a tighter tolerance may well be faster.
 SANE_ERROR = 1.0

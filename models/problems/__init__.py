@@ -1,1 +1,1 @@
-"""Classical test problems with published solutions, one file per family."""
+"""Classical test problems with published solutions: a table of `problems.toml` for each."""
