@@ -20,7 +20,7 @@ from polhode.harness.picking.candidate import LOOSEST, Candidate
 from polhode.harness.picking.laws import Interval
 from polhode.harness.picking.pilot import InPieces, PilotFailedError, averages, pilot_solver
 from polhode.harness.picking.recommendation import Way
-from polhode.harness.picking.refusals import Refusal, Stage, UnfitError, one_digit
+from polhode.harness.picking.refusals import Refusal, Stage, UnfitError, one_digit, one_digit_up
 from polhode.harness.picking.stated_error import STATED_OVER, said_by_pieces
 from polhode.harness.references.errors import errors
 from polhode.harness.references.rotations import STIFF
@@ -84,9 +84,11 @@ def with_trials(candidates: Sequence[Candidate], want: str) -> list[Way | Refusa
         limit, most = max(limit, min(STIFF_TRIALS * limit, PATIENT)), STIFF_WAYS * WAYS
     trials = Trials([each for each in candidates if _soon_compiled(each)], want, limit, ALL * limit)
     hopes = [(hope, place) for place, each in enumerate(candidates) if (hope := _worth_trying(each, limit))]
-    # The quickest ones first, or the surest ones.
-    hopes.sort(key=lambda each: each[0].error.predicted if hopeless else each[0].seconds.mean)
-    for hope, place in hopes:
+    while hopes:
+        # The surest ones first until one will do, then the quickest ones.
+        sure = _quickest(found) == inf
+        hopes.sort(key=lambda each: each[0].error.predicted if sure else each[0].seconds.mean)
+        hope, place = hopes.pop(0)
         candidate, later = candidates[place], hope.seconds.mean - _quickest(found)
         if tried == most or later > 0 or (later == 0 and not stiff):
             continue
@@ -185,8 +187,8 @@ class Trials:
             aimed = tolerance * (LOOSER if late == tolerance else min(FAR, max(1 / FAR, step)))
             if not max(late, best) < aimed < missed:
                 aimed = sqrt(max(late, best) * missed) if missed < inf else best
-            tolerance = one_digit(min(LOOSEST, aimed))
-            if tolerance < max(WORTH * max(late, best), candidate.tightest, yardstick.tightest):
+            tolerance = one_digit(min(LOOSEST, max(aimed, yardstick.tightest)))
+            if not max(WORTH * max(late, best), candidate.tightest) <= tolerance < missed:
                 break
         if best:
             unsure = UNSURE * candidate.budget if yardstick.met == MET else candidate.budget - made
@@ -222,7 +224,9 @@ class Trials:
             sure = each is not candidate or not run or run.stated[self.want] <= STATED * candidate.budget
             if run and run.seen and sure:
                 alike = met == UNLIKE_MET and each.solver == candidate.solver
-                return Yardstick(run.seen, met, APART * way.tolerance if alike else 0.0)
+                # As tight as errors are twice those of the tighter run.
+                apart = 2 ** (1 / each.law.order) if each is candidate else APART
+                return Yardstick(run.seen, met, one_digit_up(apart * way.tolerance) if alike else 0.0)
         return AT_WORD if candidate.states_its_error else None
 
     def _yardsticks(self, candidate: Candidate) -> Iterator[tuple[Candidate, Way, float]]:

@@ -157,6 +157,23 @@ def test_a_run_in_pieces_is_held_against_its_own_tighter_one_or_taken_at_its_wor
     assert way.error.low <= errors(scene.ellipsoid, own, close).slow <= way.error.high <= error
 
 
+@pytest.mark.parametrize(
+    ("seed", "place"), [pytest.param(6152, 1, id="hoped-for-misses"), pytest.param(6153, 10, id="surer-ways-first")]
+)
+def test_rounding_that_laws_foresee_and_runs_do_not_make_costs_nothing(seed, place, monkeypatch):
+    """Splitting is ten times as quick as what laws do not refuse."""
+    monkeypatch.setattr(trials, "OVERRUN", 1e3)
+    asked = questions(seed, place + 1, "long")[place]
+    way = pick(asked.scene, asked.error, asked.want, laws=load_laws()).ranking[0]
+    assert way.solver == "splitting"
+    assert SAID in way.reason
+    own, exact = (
+        seen(asked.scene, way.form, *how) for how in ((way.solver, way.tolerance), ("splitting-extended", 1e-12))
+    )
+    assert way.error.low <= getattr(errors(asked.scene.ellipsoid, own, exact), asked.want) <= way.error.high
+    assert way.error.high <= asked.error * (1 + 1e-9)
+
+
 def test_what_laws_refuse_near_double_precision_is_answered_if_two_runs_agree(monkeypatch):
     scene, error = named_scene("paper"), 2e-13
     first = pick(scene, error, "orientation", laws=load_laws()).ranking[0]
