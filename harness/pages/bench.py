@@ -1,6 +1,8 @@
 """The page of the main job: table, figures, who wins in sentences, all from the records."""
 
 from collections.abc import Iterable, Sequence
+from functools import partial
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -101,8 +103,10 @@ def when_averaged_wins(records: pd.DataFrame, target: float) -> str | None:
 
 def verdict(records: pd.DataFrame, targets: Sequence[float] = pareto.TARGETS) -> list[str]:
     """Where averaged forms win, in sentences, scene by scene."""
-    scenes = [(scene, runs) for scene, runs in by_scene(records) if pareto.averaged_forms(runs)]
-    wins = [(scene, {target: when_averaged_wins(runs, target) for target in targets}) for scene, runs in scenes]
+    wins = []
+    for scene, runs in by_scene(records):
+        if pareto.averaged_forms(runs):
+            wins += [(scene, words, [*own]) for words, own in groupby(targets, partial(when_averaged_wins, runs))]
     return lines_of("bench-verdict", wins=wins)
 
 
