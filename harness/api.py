@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from polhode.harness.events import Event, EventLike, as_events, with_events
-from polhode.harness.picking.choice import check_tolerance, choose
+from polhode.harness.ivp import increasing
+from polhode.harness.picking.choice import choose
 from polhode.harness.picking.ranking import pick as recommend
 from polhode.harness.picking.recommendation import Recommendation
 from polhode.harness.picking.second_look import run_error
@@ -92,10 +93,10 @@ def plan(
     """What `solve` will run; arguments and refusals as there, in one place for Python and the command line."""
     what = as_scene(scene)
     _check_samples(samples)
-    wanted = np.linspace(0.0, what.time, samples) if times is None else _checked_times(times, what)
+    wanted = np.linspace(0.0, what.time, samples) if times is None else increasing("times", times, 0.0, what.time)
+    if not wanted[-1]:
+        raise ValueError(f"times: got {times!r:.60}, expected one after the start")
     what = replace(what, time=float(wanted[-1]))
-    if tolerance is not None:
-        check_tolerance(tolerance)
     # What is plainly wrong is refused before anything is tried.
     if form is not None:
         find_form(form).check(what)
@@ -205,7 +206,7 @@ def pick(scene: SceneLike, error: float = 1e-6, want: str = "slow", samples: int
     >>> best = pick("paper", error=1e-6).ranking[0]
     """
     _check_samples(samples)
-    return recommend(as_scene(scene), float(error), want, samples)
+    return recommend(as_scene(scene), error, want, samples)
 
 
 def as_scene(scene: SceneLike) -> Scene:
@@ -232,14 +233,6 @@ def _in_doubles(given: Any) -> Any:
 def _check_samples(samples: int) -> None:
     if not (isinstance(samples, Integral) and 2 <= samples <= MOST_SAMPLES):
         raise ValueError(f"samples: got {samples!r}, expected a whole number from 2 to {MOST_SAMPLES}")
-
-
-def _checked_times(times: Sequence[float] | np.ndarray, scene: Scene) -> np.ndarray:
-    wanted = np.array(times, dtype=float)
-    increasing = wanted.ndim == 1 and wanted.size and wanted[0] >= 0 and (np.diff(wanted) > 0).all()
-    if not (increasing and 0 < wanted[-1] <= scene.time):
-        raise ValueError(f"times: got {times!r:.60}, expected increasing numbers from 0 to {scene.time:g}")
-    return wanted
 
 
 def _name(thing: str | Form | Solver | None) -> str | None:

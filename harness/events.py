@@ -30,7 +30,7 @@ class Event:
     """
 
     name: str
-    function: Callable[[Any], np.ndarray]
+    function: Callable[[Any], Any]
     direction: float = 0.0
     terminal: bool | int = False
 
@@ -66,14 +66,14 @@ EVENTS = {event.name: event for event in _KNOWN}
 def as_events(given: Iterable[EventLike] | EventLike) -> list[Event]:
     """Events by name, as functions or as `Event`; raises ValueError if a name is unknown or stands there twice."""
     found = []
-    for what in [given] if isinstance(given, str | Event) or callable(given) else given:
-        if isinstance(what, str) and what not in EVENTS:
-            expected = f"one of {', '.join(EVENTS)}, or a function{hint(what, EVENTS)}"
-            raise ValueError(f"events: got {what!r}, expected {expected}")
+    for what in given if isinstance(given, Iterable) and not isinstance(given, str) else [given]:
         if isinstance(what, Event):
             found.append(what)
-        elif isinstance(what, str):
+        elif isinstance(what, str) and what in EVENTS:
             found.append(EVENTS[what])
+        elif isinstance(what, str) or not callable(what):
+            expected = f"one of {', '.join(EVENTS)}, or a function{hint(str(what), EVENTS)}"
+            raise ValueError(f"events: got {what!r}, expected {expected}")
         else:
             direction, terminal = getattr(what, "direction", 0.0), getattr(what, "terminal", None) or False
             found.append(Event(getattr(what, "__name__", repr(what)), what, direction, terminal))

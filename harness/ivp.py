@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from polhode.harness.common.text import in_full
 from polhode.harness.events import as_events, happened
 from polhode.models.problem import Problem
 from polhode.solvers.compile import check_field
@@ -72,10 +73,7 @@ def solve_ivp(
     problem = Problem.from_function(fun, y0, t_span[1], args, t_start=began)
     check_field(problem)
     d = len(y0)
-    wanted = np.linspace(*t_span, SAMPLES) if t_eval is None else np.array(t_eval, dtype=float)
-    increasing = wanted.ndim == 1 and wanted.size and (np.diff(wanted) > 0).all()
-    if not (increasing and began <= wanted[0] and wanted[-1] <= t_span[1]):
-        raise ValueError(f"t_eval: got {t_eval!r:.60}, expected increasing times from {began!r} to {t_span[1]!r}")
+    wanted = np.linspace(*t_span, SAMPLES) if t_eval is None else increasing("t_eval", t_eval, *t_span)
     times = np.unique(np.concatenate([[0.0], wanted - began, [problem.end]]))
     found = solve(problem, method, rtol, times, count=True)
     # Events are counted here, so that their names may be the same.
@@ -99,6 +97,19 @@ def solve_ivp(
         message="a terminal event happened" if ends else found.message or found.status.meaning,
         success=found.success or bool(ends),
     )
+
+
+def increasing(name: str, given: Any, begin: float, end: float) -> np.ndarray:
+    """Times as an array; ValueError unless they are increasing numbers within a run."""
+    try:
+        found = np.array(given)
+        times = found.astype(float) if found.dtype.kind in "biufO" else np.empty(0)
+    except (TypeError, ValueError, OverflowError):
+        times = np.empty(0)
+    if not (times.ndim == 1 and times.size and (np.diff(times) > 0).all() and begin <= times[0] and times[-1] <= end):
+        expected = f"increasing numbers from {in_full(begin)} to {in_full(end)}"
+        raise ValueError(f"{name}: got {given!r:.60}, expected {expected}")
+    return times
 
 
 def _values(event: Callable[..., Any], began: float, d: int, args: Sequence[float], found: Solution) -> np.ndarray:

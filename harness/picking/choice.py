@@ -1,16 +1,17 @@
 """What to run for a scene where the user leaves something open: what `pick` puts first among what is left."""
 
 from contextlib import suppress
-from math import isfinite, isinf
+from math import isinf
 from typing import NamedTuple
 
 from polhode.harness.common.text import duration, short
 from polhode.harness.picking.candidate import LOOSEST, TIGHTEST
-from polhode.harness.picking.ranking import NotAttainableError, first_way, pick
+from polhode.harness.picking.ranking import NotAttainableError, check_asked, first_way, pick
 from polhode.harness.picking.recommendation import Recommendation
 from polhode.models.catalogue import form as find_form, full_form
 from polhode.models.form import FormNotValidError
 from polhode.models.scene import Scene
+from polhode.models.shape import require_numbers
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 
 # Where `pick` knows no law for what the user insists on: errors stay below so many tolerances on ordinary scenes.
@@ -47,9 +48,9 @@ def choose(
     that takes it and a hundredth of the error. Raises NotAttainableError if nothing is given and no run meets the
     error, ValueError if a number is out of range or the orientation is wanted of a form that gives none.
     """
-    for name, value in (("error", error), ("tolerance", tolerance)):
-        if value is not None and not (isfinite(value) and value > 0):
-            raise ValueError(f"{name}: got {value!r}, expected a finite positive number")
+    check_asked(error, want)
+    if tolerance is not None:
+        check_tolerance(tolerance)
     if form and want == "orientation" and find_form(form).orientation_of(scene) == "none":
         got = f"got 'orientation' for form {form!r}, which gives none"
         raise ValueError(f"want: {got}, expected 'slow' or another form")
@@ -97,6 +98,7 @@ def simplest(scene: Scene) -> str:
 
 def check_tolerance(tolerance: float) -> None:
     """Raise ValueError for a tolerance that is of no use in double precision."""
+    require_numbers("tolerance", tolerance)
     if not LEAST_TOLERANCE <= tolerance <= LARGEST_TOLERANCE:
         expected = f"a number from {LEAST_TOLERANCE:g}, the rounding of double precision, to {LARGEST_TOLERANCE:g}"
         raise ValueError(f"tolerance: got {tolerance!r}, expected {expected}")

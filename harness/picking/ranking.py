@@ -20,6 +20,7 @@ from polhode.models.catalogue import FORMS, form as find_form
 from polhode.models.form import Form, FormNotValidError
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene, SlowStart
+from polhode.models.shape import require_numbers
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import SolverNotValidError
 
@@ -43,6 +44,7 @@ def pick(
 ) -> Recommendation:
     """What `polhode.harness.api.pick` answers, by laws of one's own if given; NotAttainableError if no way will do."""
     _check(scene, error, want)
+    error = float(error)
     try:
         return _recommended(scene, error, want, samples, laws) if laws else _remembered(scene, error, want, samples)
     except PilotFailedError as failure:
@@ -95,11 +97,17 @@ def _recommended(scene: Scene, error: float, want: str, samples: int, laws: Laws
     return Recommendation(want, error, found.rotations, found.damping_times, tuple(ways), excluded)
 
 
-def _check(scene: Scene, error: float, want: str) -> None:
+def check_asked(error: float, want: str) -> None:
+    """Raise ValueError for an error that is no positive number, or one of a thing unknown."""
+    require_numbers("error", error)
     if not (isfinite(error) and error > 0):
         raise ValueError(f"error: got {float(error)!r}, expected a finite positive number")
     if want not in WANTS:
         raise ValueError(f"want: got {want!r}, expected 'slow' or 'orientation'")
+
+
+def _check(scene: Scene, error: float, want: str) -> None:
+    check_asked(error, want)
     if want == "slow":
         _check_representable(error, attainable(scene.ellipsoid, scene.initial))
     elif isinstance(scene.start, SlowStart):

@@ -123,6 +123,19 @@ def test_failure_is_a_status_with_the_rows_so_far():
         ({"tolerance": -1.0}, "tolerance: got -1.0, expected a number from 1e-16"),
         ({"tolerance": 1e-300}, "tolerance: got 1e-300, expected a number from 1e-16"),
         ({"form": "spheroid-axis"}, "use 'quaternion'"),
+        # Checked even where form, solver and tolerance leave nothing open.
+        ({"want": "foo"}, "^want: got 'foo', expected 'slow' or 'orientation'$"),
+        ({"error": "1e-6"}, "^error: got '1e-6', expected a number"),
+        ({"tolerance": "1e-8"}, "^tolerance: got '1e-8', expected a number"),
+        ({"tolerance": [1e-8]}, r"^tolerance: got \[1e-08\], expected a number"),
+        ({"tolerance": None, "error": None}, "^error: got None, expected a number"),
+        ({"times": "now"}, "^times: got 'now', expected increasing numbers from 0 to 500$"),
+        ({"times": [0.0, None, 1.0]}, r"^times: got \[0.0, None, 1.0\], expected increasing numbers"),
+        ({"times": [0.0, "1"]}, r"^times: got \[0.0, '1'\], expected increasing numbers"),
+        ({"times": [0.0, [1.0, 2.0]]}, r"^times: got \[0.0, \[1.0, 2.0\]\], expected increasing numbers"),
+        ({"events": None}, "^events: got None, expected one of separatrix, lz, settled, or a function$"),
+        ({"events": [3]}, "^events: got 3, expected one of separatrix"),
+        ({"events": [["lz"]]}, r"^events: got \['lz'\], expected one of separatrix"),
     ],
 )
 def test_refusals_name_value_and_expectation(change: dict, words: str):
@@ -214,6 +227,13 @@ def test_scenes_of_lists_arrays_and_single_precision_are_solved_in_doubles(kind)
     assert np.array_equal(runs[0].states, runs[1].states)
     assert pick(like).ranking == pick(own).ranking
     assert as_scene(own) is own
+
+
+def test_an_error_to_pick_for_is_a_number():
+    for error in (None, "1e-6", [1e-6]):
+        with pytest.raises(ValueError, match=r"^error: got .*, expected a number"):
+            pick("paper", error)  # pyright: ignore
+    assert pick("paper", np.float32(1e-6)).error == float(np.float32(1e-6))  # pyright: ignore
 
 
 @pytest.mark.parametrize("given", [None, 3, {"stokes": 10.0}])
