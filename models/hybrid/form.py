@@ -13,6 +13,8 @@ from polhode.models.scene import Scene, Start, StartAt
 
 # Pieces of a run that are planned ahead.
 MOST_PIECES = 100
+# Times beyond which double precision tells no inverse shear rates apart, and so no windows of some turns.
+LONGEST = 2.0**52
 
 
 class Hybrid(Form):
@@ -29,11 +31,14 @@ class Hybrid(Form):
     orientation = "full"
 
     def check(self, scene: Scene) -> None:
-        """Refuse spheres, St = 0 and inf, and starts without orientation."""
+        """Refuse spheres, St = 0 and inf, starts without orientation, and times without end."""
         if scene.ellipsoid.kind == "sphere":
             raise self.refuse("a sphere has no symmetry axis, and L obeys a linear equation", full_form(scene))
         self.require_slow_motion(scene, rest=True)
         self.require_orientation(scene)
+        if scene.time > LONGEST:
+            long = f"the run of {scene.time:g} inverse shear rates is too long"
+            raise self.refuse(f"{long}, expected at most {LONGEST:.1e}", "")
 
     def problem(self, scene: Scene) -> Problem:
         """Initial value problem in time t: that of the full equations, and its course."""

@@ -240,6 +240,15 @@ def test_it_refuses_what_it_does_not_describe():
             Hybrid().check(scene)
 
 
+@pytest.mark.parametrize("time", [1e16, 1e300])
+def test_runs_whose_windows_times_cannot_tell_apart_are_refused(time: float):
+    """Such a run would not end: its pieces would not even begin to move."""
+    with pytest.raises(
+        FormNotValidError, match=r"^form 'hybrid': the run of 1e\+\d+ inverse shear rates is too long, "
+    ):
+        Hybrid().problem(replace(CROSSING, time=time))
+
+
 LENGTH = st.floats(0.15, 1.0)
 REAL = st.floats(-3.0, 3.0)
 
