@@ -156,11 +156,8 @@ def run_problems(
     store: Store, names: Sequence[str] = (), solvers: Sequence[str] = (), *, quick: bool = False, quiet: bool = False
 ) -> list[Record]:
     """Measure what the store lacks; return the rows of all, each with problem, machine, versions and date."""
-    for name in names:
-        if name not in PROBLEMS:
-            raise ValueError(f"scene: got {name!r}{hint(name, PROBLEMS)}, expected one of {', '.join(PROBLEMS)}")
     settings = {"tolerances": QUICK if quick else TOLERANCES, "max_seconds": 0.3 if quick else 3.0}
-    pairs = [(name, solver) for name in names or PROBLEMS for solver in solvers or SOLVERS if _takes(name, solver)]
+    pairs = pairs_of(names, solvers)
     cases = ({"problem": name, "solver": solver, **settings, "versions": versions()} for name, solver in pairs)
     wanted = {digest(case): case for case in cases}
     known, found = store.keys(), []
@@ -183,6 +180,14 @@ def run_problems(
     return found
 
 
-def _takes(name: str, solver: str) -> bool:
-    one, method = PROBLEMS[name], find_solver(solver)
-    return method.available and solver not in one.hopeless and method.takes(one.problem)
+def pairs_of(names: Sequence[str], solvers: Sequence[str]) -> list[tuple[str, str]]:
+    """Problems, all unless some are named, each with every solver that takes it; raises ValueError by other names."""
+    for name in names:
+        if name not in PROBLEMS:
+            raise ValueError(f"scene: got {name!r}{hint(name, PROBLEMS)}, expected one of {', '.join(PROBLEMS)}")
+
+    def takes(solver: str, one: Classical) -> bool:
+        method = find_solver(solver)
+        return method.available and solver not in one.hopeless and method.takes(one.problem)
+
+    return [(name, each) for name in names or PROBLEMS for each in solvers or SOLVERS if takes(each, PROBLEMS[name])]

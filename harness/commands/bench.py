@@ -13,6 +13,7 @@ import click
 from polhode.harness.cli import BadInput, RunFailed, bad_input, command
 from polhode.harness.commands import _study_options as options
 from polhode.harness.commands._study_options import Wanted, command_line, steady, stored
+from polhode.harness.common.files import dumps, make_folder
 
 if TYPE_CHECKING:
     from polhode.harness.common.store import Store
@@ -64,12 +65,14 @@ def bench(wanted: Wanted, problems: bool, page_only: bool) -> None:
 
 def _problems(wanted: Wanted, page_only: bool) -> None:
     from polhode.harness.pages.problems import write_page
-    from polhode.harness.work_precision import run_problems
+    from polhode.harness.work_precision import pairs_of, run_problems
 
     if wanted.study_file or wanted.filters["forms"] or wanted.filters["tags"] or page_only:
         raise BadInput("--problems: got a study, --form, --tag or --page-only, expected --scene and --solver at most")
-    folder, some = wanted.out or Path("reports/problems"), (wanted.filters[name] for name in ("scenes", "solvers"))
-    with stored(folder, wanted.resume) as store, bad_input():
+    folder, some = wanted.out or Path("reports/problems"), (wanted.filters["scenes"], wanted.filters["solvers"])
+    with bad_input():
+        pairs_of(*some)
+    with stored(folder, wanted.resume) as store:
         rows = run_problems(store, *some, quick=wanted.quick, quiet=wanted.quiet)
     click.echo(f"{write_page(rows, folder, command_line())}")
 
@@ -157,7 +160,7 @@ def paper(
         return
     report = (lambda _: None) if quiet else partial(click.echo, err=True)
     with bad_input():
-        out.mkdir(parents=True, exist_ok=True)
+        make_folder(out)
     failed = run(items, out, report, grid=Grid.REDUCED if quick else Grid.FULL, force=force, redraw=redraw)
     if failed:
         raise RunFailed(f"failed: {', '.join(failed)}")
@@ -180,7 +183,6 @@ def accuracy(
     from polhode.harness.averaging.hybrid import Study as HybridStudy, measure as measure_hybrid
     from polhode.harness.averaging.measure import measure_all
     from polhode.harness.averaging.second_order import measure_study
-    from polhode.harness.common.files import dumps
     from polhode.harness.pages.averaging import first_order, hybrid, second_order
     from polhode.harness.references.reference import ReferenceFailedError
 
@@ -195,7 +197,7 @@ def accuracy(
             fitting = next(each for each, parts in PARTS.items() if part in parts)
             raise ValueError(f"--part: got --order {order}, expected --order {fitting} for {part!r}")
         found: Any = read_study(kinds[order], out) if part or page_only else None
-        out.mkdir(parents=True, exist_ok=True)
+        make_folder(out)
     try:
         found = found if page_only else measures[order](found, part or "", quick=quick, quiet=quiet)
     except ReferenceFailedError as error:
@@ -248,7 +250,7 @@ def throughput(out: Path) -> None:
     from polhode.harness.pages.ensembles import write_page
 
     with bad_input():
-        out.mkdir(parents=True, exist_ok=True)
+        make_folder(out)
     click.echo(f"{write_page(measure(), out)}")
 
 

@@ -88,6 +88,14 @@ class PartialFile:
                     _expect(self.path)
 
 
+def make_folder(folder: Path) -> None:
+    """Make a folder if there is none; raises OSError if no page can be written in it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    trial = PartialFile(folder / "README.md")
+    trial.open().close()
+    trial._private.unlink(missing_ok=True)
+
+
 def write_file(path: Path, content: str | bytes, *, summed: bool = False) -> Path:
     """Write a whole file at once, its folder too, and return its path; a failure leaves nothing behind."""
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -68,5 +68,7 @@ def test_the_page(here: Run, folder: Path):
     refused = here("bench", "--problems", "--scene", "keppler", "--out", folder / "other")
     assert refused.returncode == 2
     assert "got 'keppler' (did you mean 'kepler'?), expected one of hires" in refused.stderr
+    assert here("bench", "--problems", "--solver", "rk4", "--out", folder / "other").returncode == 2
+    assert not (folder / "other").exists()
     assert here("bench", "--problems", "--form", "quaternion").returncode == 2
     assert here("bench", "--problems", "--page-only", "--out", folder / "other").returncode == 2
