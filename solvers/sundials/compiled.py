@@ -8,6 +8,7 @@ from where it stands: deadlines and Ctrl-C are looked at there, over the very sa
 import ctypes
 from collections.abc import Callable
 from functools import cache
+from math import ulp
 from pathlib import Path
 from typing import Any
 from weakref import finalize
@@ -117,7 +118,7 @@ def integrator(memory: Memory, count: bool) -> Integrator:
         while True:
             with FlushedToZero():
                 code = memory.advance(record, min(steps + record.chunk(CHUNK), record.max_steps))
-            before, record.now = record.now, float(report.view(float)[2])
+            before, begun, record.now = record.now, steps, float(report.view(float)[2])
             _, work.steps, _, calls, linear, errors, failures, work.jacobians, work.factorizations = report.tolist()
             steps, work.rejected = work.steps, errors + failures
             work.rhs_calls = calls + linear if count else None
@@ -126,7 +127,8 @@ def integrator(memory: Memory, count: bool) -> Integrator:
             if code != TOO_MUCH_WORK:
                 status, words = FAILURES.get(code, (Status.NON_FINITE, f"code {code}"))
                 return status, f"{words} at t = {record.now!r}"
-            if steps < record.max_steps and record.now == before:
+            # Steps below the spacing of numbers move the time now and then.
+            if steps < record.max_steps and record.now - before <= (steps - begun) * ulp(record.now):
                 return Status.STEP_UNDERFLOW, f"stalled at t = {record.now!r}"
             if stopped := record.stopped:
                 return stopped

@@ -124,6 +124,17 @@ def test_a_stall_ends_without_a_word(name: str, capfd: pytest.CaptureFixture[str
     assert tuple(capfd.readouterr()) == ("", "")
 
 
+def steep(ops: Operations) -> Field:
+    return lambda y, p: (1 / ops.sqrt(1 - y[1]), 1.0)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_steps_that_move_the_time_by_less_than_its_spacing_are_a_stall(name: str):
+    """Beyond t = 1, where the rate is infinite and then no number, a million steps advance it by 1e-11."""
+    solution = solve(Problem("steep", steep, (10.0, 0.0), 10.0), name, 1e-2, max_seconds=20.0)
+    assert (solution.status, solution.message[:15]) == (Status.STEP_UNDERFLOW, "stalled at t = ")
+
+
 def test_a_library_unknown_is_left_alone(monkeypatch: pytest.MonkeyPatch):
     for prefix in ("CVode", "IDA"):
         assert load_sundials(prefix) is not None
