@@ -5,10 +5,11 @@ import inspect
 import math
 import os
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from traceback import FrameSummary, extract_tb
-from types import FunctionType, ModuleType
+from types import CellType, FunctionType, MethodType, ModuleType
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,9 @@ from polhode.models.operations import FLOAT, Field, Operations
 LIBRARIES = (np, math)
 # What a function may use, and what it does instead of branching.
 BRANCHES = "np.heaviside, np.maximum, np.minimum or np.abs"
-FUNCTIONS = f"sin, cos, tan, sqrt, exp and log of NumPy or math, {BRANCHES}"
+FUNCTIONS = (
+    f"sin, cos, tan, sqrt, exp and log of NumPy or math, {BRANCHES}, in f or what it names, not in methods called"
+)
 
 
 class _Absent:
@@ -41,7 +44,8 @@ class OwnField:
 
     def __call__(self, ops: Operations) -> Field:
         """Bind the function to a kind of number."""
-        function = self.function if ops is FLOAT else _rebound(self.function, _own(ops), {})
+        target = self.function.__call__ if isinstance(self.function.__call__, MethodType) else self.function
+        function = self.function if ops is FLOAT else _rebound(target, _replacements(_own(ops)))
 
         def rhs(y, p):
             state = [y[i] for i in range(len(y) - self.timed)]
@@ -162,21 +166,31 @@ class _Library:
         return self._own[name] if name in self._own else getattr(self._module, name)
 
 
-def _rebound(function: Any, own: dict[str, Any], done: dict[Any, Any]) -> Any:
-    """A function, and the functions of its module that it calls, with other functions for those of the libraries."""
-    if not isinstance(function, FunctionType):
-        return function
+def _replacements(own: dict[str, Any]) -> dict[int, Any]:
+    """What stands in the place of the libraries and their functions, by the identity of these."""
     pairs = ((library, name) for library in LIBRARIES for name in own if hasattr(library, name))
-    theirs = {id(getattr(library, name)): own[name] for library, name in pairs}
-    names: dict[str, Any] = {"__builtins__": builtins}
-    made = FunctionType(function.__code__, names, function.__name__, function.__defaults__, function.__closure__)
-    made.__kwdefaults__ = function.__kwdefaults__
-    done[function] = made
-    for name, value in function.__globals__.items():
-        if isinstance(value, ModuleType) and value in LIBRARIES:
-            names[name] = _Library(value, own)
-        elif isinstance(value, FunctionType) and name in function.__code__.co_names:
-            names[name] = done.get(value) or _rebound(value, own, done)
-        else:
-            names.setdefault(name, theirs.get(id(value), value))
+    functions = {id(getattr(library, name)): own[name] for library, name in pairs}
+    return functions | {id(library): _Library(library, own) for library in LIBRARIES}
+
+
+def _rebound(value: Any, known: dict[int, Any]) -> Any:
+    """A function, method or `partial`, and the functions that it names, with others in the place of those known."""
+    if id(value) in known:
+        return known[id(value)]
+    if isinstance(value, MethodType):
+        return MethodType(_rebound(value.__func__, known), value.__self__)
+    if isinstance(value, partial):
+        return partial(_rebound(value.func, known), *value.args, **value.keywords)
+    if not isinstance(value, FunctionType):
+        return value
+    names, cells = {"__builtins__": builtins}, tuple(CellType() for _ in value.__closure__ or ())
+    defaults = tuple(_rebound(each, known) for each in value.__defaults__ or ())
+    made = known[id(value)] = FunctionType(value.__code__, names, value.__name__, defaults, cells)
+    made.__kwdefaults__ = value.__kwdefaults__
+    for cell, their in zip(cells, value.__closure__ or (), strict=True):
+        with suppress(ValueError):  # Nothing is in it yet.
+            cell.cell_contents = _rebound(their.cell_contents, known)
+    for name, each in value.__globals__.items():
+        used = name in value.__code__.co_names
+        names.setdefault(name, _rebound(each, known) if used else known.get(id(each), each))
     return made

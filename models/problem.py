@@ -155,7 +155,7 @@ class Problem:
         ----------
         f : callable
             Returns the rates, one per component. It may use arithmetic, the functions sin, cos, tan, sqrt, exp and log
-            of NumPy or `math`, and functions of its module that do no more; it may not compare numbers. If it uses t,
+            of NumPy or `math`, and functions that it names and do no more; it may not compare numbers. If it uses t,
             time becomes one more component of the state, the last one.
         y0 : sequence of float
         t_end : float

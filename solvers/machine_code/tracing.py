@@ -8,6 +8,7 @@ the meaning; the compiler may change nothing else.
 
 import inspect
 import math
+import re
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import cache, partial
@@ -196,6 +197,6 @@ def _located(own: bool) -> Iterator[None]:
         words = str(error)
         if own and isinstance(error, _RefusedError):
             words = error.in_function
-        elif "__array_ufunc__" in words or "bad operand type for abs" in words:
+        elif re.search("__array_ufunc__|bad operand type for abs|no callable .* method", words):
             words = f"a field cannot use this function; use {FUNCTIONS if own else 'those of ops'}"
         raise FieldError(f"{where}{words}{line}") from error

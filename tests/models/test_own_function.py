@@ -2,6 +2,7 @@
 
 import math
 import pickle
+from functools import partial
 from math import sin
 
 import numpy as np
@@ -196,3 +197,47 @@ NO_NUMBERS = [
 @pytest.mark.parametrize("name", ["cyrk-dop853", "cvode-bdf"])
 def test_what_is_no_number_is_hidden_by_no_function(f, name):
     assert not solve(Problem.from_function(f, [1.0], 2.0), name, 1e-6).success
+
+
+class Damped:
+    """Its methods use a library's functions, and so do functions made where it is."""
+
+    rate = 0.5
+
+    def rhs(self, t, y):
+        return -self.rate * np.exp(-y)
+
+    def __call__(self, t, y):
+        return [-self.rate * math.exp(-y[0])]
+
+    def through_itself(self, t, y):
+        return self.rhs(t, y)
+
+
+def closed_over():
+    from numpy import exp
+
+    def helper(x, e=exp):
+        return e(-x)
+
+    def again(t, y, n=2):
+        return -Damped.rate * helper(y) if n == 0 else again(t, y, n - 1)
+
+    return again
+
+
+def with_rate(t, y, rate):
+    return -rate * np.exp(-y)
+
+
+@pytest.mark.parametrize("name", ["taylor", "radau", "ida"])
+@pytest.mark.parametrize("f", [Damped().rhs, Damped(), closed_over(), partial(with_rate, rate=Damped.rate)])
+def test_methods_and_closures_are_functions_too(f, name: str):
+    """The solution of y' = -exp(-y)/2 is ln(e - t/2)."""
+    solution = solve(Problem.from_function(f, [1.0], 1.0), name, 1e-9)
+    assert solution.states[-1, 0] == pytest.approx(math.log(math.e - 0.5), abs=1e-7)
+
+
+def test_functions_that_a_method_calls_are_refused_with_the_reason():
+    with pytest.raises(ValueError, match=r"py:\d+: a field cannot use this.*not in methods called: return -self.rate"):
+        check_field(Problem.from_function(Damped().through_itself, [1.0], 1.0))
