@@ -47,6 +47,8 @@ def pick(scene: str, error: float, want: str, samples: int, why: bool, everythin
         measured = f"laws were fitted to runs of {min(SAMPLES)} to {max(SAMPLES)} samples"
         click.echo(f"note: the {measured}; times for {samples} are extrapolated", err=True)
     if as_json:
+        if found.outside:
+            click.echo(f"note: {found.outside}", err=True)
         names = ("want", "error", "ranking", "excluded")
         click.echo(json.dumps({name: value for name, value in asdict(found).items() if name in names}))
         return

@@ -12,7 +12,7 @@ from polhode.harness.picking.laws import EPS, WANTS, ErrorLaw, Interval, Laws, M
 from polhode.harness.picking.load import held_back
 from polhode.harness.picking.model_error import causes, check_averaging, model_errors, own_estimate
 from polhode.harness.picking.pilot import Pilot, PilotFailedError, averages, form_sensitivity, pilot
-from polhode.harness.picking.recommendation import Excluded, Recommendation, Way
+from polhode.harness.picking.recommendation import Excluded, Recommendation, Way, outside_of_fit
 from polhode.harness.picking.refusals import Refusal, Stage, UnfitError, rounded_up, too_far_off, why_nothing
 from polhode.harness.picking.trials import with_trials
 from polhode.harness.references.errors import attainable
@@ -94,7 +94,8 @@ def _recommended(scene: Scene, error: float, want: str, samples: int, laws: Laws
     if len(tied) > 1:
         same = "no significant difference in time"
         ways = [replace(way, tied=True, reason=f"{same}; {way.reason}") if way in tied else way for way in ways]
-    return Recommendation(want, error, found.rotations, found.damping_times, tuple(ways), excluded)
+    size = found.rotations, found.damping_times
+    return Recommendation(want, error, *size, tuple(ways), excluded, outside_of_fit(scene))
 
 
 def check_asked(error: float, want: str) -> None:

@@ -3,18 +3,20 @@
 import json
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
+from commandline import SCENE
 
-from polhode.harness.calibration.scenes import SAMPLES as MEASURED
+from polhode.harness.calibration.scenes import SAMPLES as MEASURED, STRATA, TRAINING_SEED, questions
 from polhode.harness.cli import main
 from polhode.harness.commands.pick import FEW, pick_page
 from polhode.harness.common.text import short
 from polhode.harness.picking.candidate import LOOSEST, TIGHTEST
 from polhode.harness.picking.laws import Interval
 from polhode.harness.picking.ranking import NotAttainableError, pick
-from polhode.harness.picking.recommendation import Recommendation, Way
+from polhode.harness.picking.recommendation import Recommendation, Way, outside_of_fit
 from polhode.harness.picking.refusals import one_digit
 from polhode.harness.references.errors import errors
 from polhode.models.catalogue import FORMS, form
@@ -237,6 +239,27 @@ def test_times_beyond_the_measured_samples_are_said_to_be_extrapolated(samples, 
     with pytest.raises(SystemExit):
         main(["pick", "paper", "--error", "1e-3", "--samples", str(samples), *options])
     assert ("extrapolated" in capsys.readouterr().err) is noted
+
+
+@pytest.mark.parametrize("change", [{"stokes": 1e-20}, {"ellipsoid": Ellipsoid((1.0, 0.8, 1e-12))}])
+def test_scenes_that_laws_were_not_fitted_to_are_named(change: dict):
+    for stratum in STRATA:
+        assert not any(outside_of_fit(each.scene) for each in questions(TRAINING_SEED, 300, stratum))
+    scene, words = replace(named_scene("paper"), time=1.0), "Laws were fitted to St from 1e-4 to 1e8 and semi-axes of"
+    assert words not in repr(pick(scene, 1e-4))
+    found = pick(replace(scene, **change), 1e-4)
+    assert words in repr(found)
+    assert words in pick_page(found, everything=False)
+
+
+def test_that_is_said_beside_json_too(capsys, tmp_path: Path):
+    text = SCENE.replace("1000.0", "1e-20").replace("slow_time = 0.5", "time = 1.0")
+    (tmp_path / "far.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(SystemExit):
+        main(["pick", str(tmp_path / "far.toml"), "--json"])
+    said = capsys.readouterr()
+    assert said.err.startswith("note: Laws were fitted to St from 1e-4")
+    assert "ranking" in json.loads(said.out)
 
 
 @pytest.mark.parametrize(
