@@ -53,7 +53,9 @@ class BodyStart:
         _require_finite("start.quaternion", self.quaternion, 4)
         norm = hypot(*self.quaternion)
         if not (isfinite(norm) and norm > 0):
-            raise ValueError(f"start.quaternion: got {list(self.quaternion)}, expected four numbers, not all zero")
+            raise ValueError(
+                f"start.quaternion: got {[*map(float, self.quaternion)]}, expected four numbers, not all zero"
+            )
         if norm != 1.0:
             q0, q1, q2, q3 = (component / norm for component in self.quaternion)
             object.__setattr__(self, "quaternion", (q0, q1, q2, q3))
@@ -75,13 +77,13 @@ class SlowStart:
         _require_finite("start.angular_momentum", self.angular_momentum, 3)
         require_numbers("start.energy", self.energy)
         if not 0 <= self.energy <= MOST:
-            raise ValueError(f"start.energy: got {self.energy!r}, expected a number from 0 to {MOST:g}")
+            raise ValueError(f"start.energy: got {self.energy}, expected a number from 0 to {MOST:g}")
 
 
 def _require_finite(name: str, numbers: tuple[float, ...], length: int) -> None:
     require_numbers(name, numbers, length)
     if not all(abs(number) <= LARGEST for number in numbers):
-        raise ValueError(f"{name}: got {list(numbers)}, expected finite numbers of at most {LARGEST:g}")
+        raise ValueError(f"{name}: got {[*map(float, numbers)]}, expected finite numbers of at most {LARGEST:g}")
 
 
 # L² / 2E may lie outside by roundoff.
@@ -119,16 +121,16 @@ class Scene:
         require_numbers("stokes", self.stokes)
         require_numbers("time", self.time)
         if not (self.stokes == 0 or LEAST <= self.stokes <= inf):
-            raise ValueError(f"stokes: got {self.stokes!r}, expected 0 or a number from {LEAST:g} to inf")
+            raise ValueError(f"stokes: got {self.stokes}, expected 0 or a number from {LEAST:g} to inf")
         if not LEAST <= self.time < inf:
-            raise ValueError(f"time: got {self.time!r}, expected a finite number from {LEAST:g} on")
+            raise ValueError(f"time: got {self.time}, expected a finite number from {LEAST:g} on")
         if isinstance(self.start, SlowStart):
             # Of any rotation L² / 2E lies between the extreme moments of inertia.
             momentum, twice_energy = hypot(*self.start.angular_momentum), 2 * self.start.energy
             low, high = min(self.ellipsoid.inertia), max(self.ellipsoid.inertia)
             ratio = momentum / twice_energy * momentum if twice_energy > 0 else inf
             if not low * (1 - SLACK) <= ratio <= high * (1 + SLACK) and (momentum, twice_energy) != (0, 0):
-                raise ValueError(f"start: got L² / 2E = {ratio!r}, expected a value from {low!r} to {high!r}")
+                raise ValueError(f"start: got L² / 2E = {ratio}, expected a value from {low} to {high}")
 
     @property
     def slow_time(self) -> float:

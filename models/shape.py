@@ -1,6 +1,7 @@
 """The shape of the particle: semi-axes, moments of inertia, rotational resistance."""
 
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from math import isfinite, pi, sqrt
@@ -17,10 +18,13 @@ CARLSON_SPREAD = 1 / 400
 
 
 def require_numbers(name: str, given: Any, count: int = 0) -> None:
-    """Raise ValueError unless these are so many real numbers or, without a count, this is one."""
+    """Raise ValueError unless these are so many real numbers of double precision or, without a count, this is one."""
     found = [given] if not count else [*given] if isinstance(given, Iterable) else []
-    if len(found) != max(1, count) or not all(isinstance(each, Real) for each in found):
-        raise ValueError(f"{name}: got {given!r}, expected {f'{count} numbers' if count else 'a number'}")
+    with suppress(OverflowError):
+        if len([float(each) for each in found if isinstance(each, Real)]) == len(found) == max(1, count):
+            return
+    expected = f"{count} numbers" if count else "a number"
+    raise ValueError(f"{name}: got {given!r:.60}, expected {expected} of double precision")
 
 
 @dataclass(frozen=True)
@@ -47,7 +51,7 @@ class Ellipsoid:
         require_numbers("semi_axes", self.semi_axes, 3)
         for length in self.semi_axes:
             if not (isfinite(length) and length > 0):
-                raise ValueError(f"semi_axes: got {length!r}, expected finite positive numbers")
+                raise ValueError(f"semi_axes: got {length}, expected finite positive numbers")
         ratio = min(self.semi_axes) / max(self.semi_axes)
         if ratio < LEAST_RATIO:
             raise ValueError(f"semi_axes: got shortest / longest = {ratio:g}, expected at least {LEAST_RATIO:g}")
@@ -90,7 +94,9 @@ class Ellipsoid:
         if len(set(self.semi_axes)) == 1:
             return 1.0
         if self.symmetry_axis is None:
-            raise ValueError(f"semi_axes: {self.semi_axes} are those of a triaxial ellipsoid, expected a spheroid")
+            raise ValueError(
+                f"semi_axes: {(*map(float, self.semi_axes),)} are those of a triaxial ellipsoid, expected a spheroid"
+            )
         axial = self.semi_axes[self.symmetry_axis]
         equatorial = self.semi_axes[(self.symmetry_axis + 1) % 3]
         return axial / equatorial

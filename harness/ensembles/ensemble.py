@@ -67,7 +67,7 @@ class Ensemble:
     seed: int = 1
     equations: Equations = "full"  # in the fewest variables without angles; "averaged" ones; form "hybrid"
     # For full equations the error of `equal_steps.plan`, for hybrid ones that of L and E over the largest moment of
-    # inertia, which 97.5 % of the particles keep, for averaged ones the tolerance of `run_adaptive`.
+    # inertia, meant for 97.5 % of the particles, for averaged ones the tolerance of `run_adaptive`.
     tolerance: float = 1e-6
     block: int = 10_000  # particles of one task
     samples: int = 101  # equispaced times at which arrival is looked for, start and end included

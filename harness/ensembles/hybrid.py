@@ -26,7 +26,7 @@ from polhode.solvers.solve import solve
 SOLVER = "cyrk-vern8"
 # Error asked for times St from which on phases are drawn: the median error of averaging is some 14/St.
 OPEN = 10.0
-# Particles that run both ways, out of so many, and the share that may miss the error: form `hybrid` keeps 97.5 %.
+# Particles that run both ways, out of so many, and the share of all that may miss the error.
 SAMPLE, POOL, MISSED = 64, 4096, 0.025
 # Full equations last until |L| is so many times the least; in the time of one run of form `hybrid`, so long, by trial.
 CLEAR, FULL = 1.25, 3e5

@@ -101,7 +101,7 @@ def check_tolerance(tolerance: float) -> None:
     require_numbers("tolerance", tolerance)
     if not LEAST_TOLERANCE <= tolerance <= LARGEST_TOLERANCE:
         expected = f"a number from {LEAST_TOLERANCE:g}, the rounding of double precision, to {LARGEST_TOLERANCE:g}"
-        raise ValueError(f"tolerance: got {tolerance!r}, expected {expected}")
+        raise ValueError(f"tolerance: got {tolerance}, expected {expected}")
 
 
 def _note(found: Recommendation, form: str, solver: str, error: float) -> str:

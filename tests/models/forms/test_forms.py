@@ -194,6 +194,8 @@ REFUSED = [
     ("euler-top", SPHEROID, 10.0, START, "St = 10 is finite", "quaternion"),
     ("euler-top", SPHEROID, 0.0, START, "St = 0 is finite", "jeffery"),
     ("averaged", SPHEROID, 10.0, START, "are equal", "averaged-spheroid"),
+    ("averaged", Ellipsoid((*np.array([1.0, 1, 2]),)), 10.0, START, "of [1.0, 1.0, 2.0] are", "averaged-spheroid"),
+    ("averaged-spheroid", Ellipsoid((*np.array([1.0, 2, 3]),)), 10.0, START, "axes [1.0, 2.0, 3.0] are", "averaged"),
     ("averaged", Ellipsoid(TRIAXIAL), 0.0, START, "St = 0", "jeffery"),
     ("averaged", Ellipsoid(TRIAXIAL), inf, START, "St = inf", "euler-top"),
     ("averaged", Ellipsoid(TRIAXIAL), 10.0, EulerStart((1.0, 0.0, 0.0)), "L = 0", "quaternion"),
