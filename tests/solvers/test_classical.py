@@ -6,6 +6,7 @@ from math import cos, sin
 
 import numpy as np
 import pytest
+from _pytest.mark.structures import ParameterSet
 from scipy.optimize import brentq
 
 from oracle.accepting import accepting
@@ -21,6 +22,8 @@ IMPLICIT = tuple(name for name in SOLVERS if solver(name).implicit)
 MULTISTEP = ("bdf", "lsoda", "cvode-adams", "cvode-bdf", "ida", "cyrk-lsoda", "cyrk-bdf")
 # SciPy's implicit methods take long where steps are many; CyRK's are the same in machine code.
 SLOW = dict.fromkeys(("oregonator", "oscillators", "lorenz", "pleiades", "kepler", "arenstorf"), ("radau", "bdf"))
+# Thousands of steps by the interpreter's pace, of problems that all their compiled twins solve.
+LONG = {"stiff-van-der-pol": ("radau", "bdf"), "van-der-pol": ("radau",), "oscillators": ("rk45",), "hires": ("rk45",)}
 SETTLING = ("robertson", "oregonator", "e5")
 
 TOLERANCE = 1e-9
@@ -62,9 +65,9 @@ DIGITS = {
 }
 
 
-def cases() -> list[tuple[str, str]]:
+def cases() -> list[ParameterSet]:
     return [
-        (problem, name)
+        pytest.param(problem, name, marks=[pytest.mark.slow] * (name in LONG.get(problem, ())))
         for problem in CLASSICAL
         for name in accepting(CLASSICAL[problem].problem)
         if name not in (*CLASSICAL[problem].hopeless, *SLOW.get(problem, ()))

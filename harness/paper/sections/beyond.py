@@ -126,7 +126,7 @@ def compute_jumps(grid: Grid) -> Computed:
     slow_times = np.linspace(0.0, SLOW_TIME, 2001)
     averaged = averaged_run(Scene(ELLIPSOID, 1.0, PAPER_START, SLOW_TIME), slow_times).slow
     crossing = slow_times[np.argmax(above_middle(averaged))]
-    starts = [same_slow_start(PAPER_START, generator) for _ in range(grid.of(128, 64))]
+    starts = [same_slow_start(PAPER_START, generator) for _ in range(grid.of(128, 48))]
     for stokes in grid.of((1e4, 3e4, 1e5, 3e5, 1e6), (1e4, 3e4, 3e5, 1e6)):
         scenes = [Scene(ELLIPSOID, stokes, start, stokes * SLOW_TIME) for start in starts]
         off = np.array([full_run(own, stokes * slow_times, 1e-11, solver=FAST).slow - averaged for own in scenes])

@@ -11,7 +11,11 @@ from polhode.harness.paper.item import Grid, Word
 from polhode.harness.paper.sections.planes import outside
 from polhode.harness.paper.store import read, write
 
-ITEMS = pytest.mark.parametrize("item", items(), ids=[item.name for item in items()])
+# Sections of prolate bodies, one with a layer of chaos and one without, run the code of those of oblate ones.
+SLOW = ("poincare-flat", "poincare-fat-oblate")
+ITEMS = pytest.mark.parametrize(
+    "item", [pytest.param(item, id=item.name, marks=[pytest.mark.slow] * (item.name in SLOW)) for item in items()]
+)
 
 
 @pytest.fixture(scope="module")

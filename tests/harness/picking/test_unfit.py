@@ -36,7 +36,7 @@ def from_l_and_e() -> Scene:
     ("scene", "error", "want", "why"),
     [
         (named_scene("spheroid"), 1e-14, "orientation", "rounding along the run"),
-        (named_scene("needle"), 1e-14, "slow", "rounding along the run"),
+        pytest.param(named_scene("needle"), 1e-14, "slow", "rounding along the run", marks=pytest.mark.slow),
         (from_l_and_e(), 1e-7, "slow", "model error"),
     ],
     ids=["spheroid", "needle", "averaged alone"],

@@ -100,7 +100,7 @@ def test_theta_phase_is_the_periodic_part_of_the_third_kind(m1, n):
     m, exact_n = 1 - precise(m1), precise(n)
     k, third = mp.ellipk(m), mp.ellippi(-exact_n, m)
     factor = mp.sqrt((1 + exact_n) * (exact_n + m) / exact_n)
-    u = grid(m1)[1:-1]
+    u = grid(m1)[1:-1:4]
     values = theta4_phase(u, rounded(1 - exact(m1)), m1, n)
     for argument, value in zip(u, values, strict=True):
         sn, cn = (mp.ellipfun(name, precise(argument), m=m) for name in ("sn", "cn"))

@@ -52,5 +52,5 @@ def least_momentum(kappa, stokes):
 
 def test_misprint_width_of_the_pinch_point():
     """κ = 3: |L| falls far more slowly with St than St^−½."""
-    exponent = log(least_momentum(3.0, 6e4) / least_momentum(3.0, 1e4)) / log(6)
+    exponent = log(least_momentum(3.0, 3e4) / least_momentum(3.0, 5e3)) / log(6)
     assert_misprint(-0.5, -1 / (1 - growth(3.0)), exponent, tolerance=0.1, gap=0.2)
