@@ -138,7 +138,7 @@ def _without_result(axes: Axes, runs: pd.DataFrame) -> None:
 
 def name_lines(axes: Axes) -> None:
     """Write each line's name beside the panel, near where it ends; pale lines become grey, without markers or names."""
-    axes.figure.canvas.draw()
+    axes.get_ylim()  # Limits that follow from the data are set once they are asked for.
     # In points, which a picture's resolution does not change.
     scale = axes.figure.dpi / 72
     ends = []
