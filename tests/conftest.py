@@ -1,5 +1,6 @@
 """What every test needs."""
 
+import gc
 import os
 import signal
 import sys
@@ -17,3 +18,9 @@ sys.dont_write_bytecode = False
 if "POLHODE_CACHE" not in os.environ:
     _cache = tempfile.TemporaryDirectory(prefix="polhode-tests-", ignore_cleanup_errors=True)
     os.environ["POLHODE_CACHE"] = _cache.name
+
+
+def pytest_collection_finish() -> None:
+    """Leave all that is imported and collected by now out of every later search for garbage."""
+    gc.collect()
+    gc.freeze()

@@ -23,13 +23,25 @@ def tolerances_of(run: Run, name: str) -> np.ndarray:
     return TOLERANCES[:5:2] if name in SHORTENED else TOLERANCES
 
 
+def waits(run: Run, name: str) -> bool:
+    """Whether a case is for all tests alone: compilation of the longest field, which others make for other solvers."""
+    return run.form == SLOW_TO_COMPILE and name in ("taylor", "ida")
+
+
 def takes_too_long(run: Run, name: str) -> bool:
     """The longest scene by Python's pace, of a form that shorter ones have too."""
     return name in SHORTENED[:2] and run.scene == "triaxial" and run.form != "averaged"
 
 
-@pytest.mark.parametrize("name", [name for name in SOLVERS if name != "exact"])
-@pytest.mark.parametrize("run", runs(), ids=str)
+@pytest.mark.parametrize(
+    ("run", "name"),
+    [
+        pytest.param(run, name, id=f"{run}-{name}", marks=[pytest.mark.slow] * waits(run, name))
+        for run in runs()
+        for name in SOLVERS
+        if name != "exact"
+    ],
+)
 def test_error_follows_the_tolerance(run: Run, name: str):
     if takes_too_long(run, name):
         pytest.skip("the compiled twin does")

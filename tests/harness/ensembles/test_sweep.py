@@ -131,7 +131,7 @@ def test_a_killed_worker_and_a_killed_run_cost_nothing(
     assert refused.stderr == (
         "polhode: out/store.sqlite: exists, expected --resume to go on with it, or another --out\n"
     )
-    done = here("sweep", "sweep.toml", "--out", "out", "--resume", "--quiet", "--workers", "2")
+    done = here("sweep", "sweep.toml", "--out", "out", "--resume", "--quiet", "--workers", "1")
     assert (done.returncode, done.stdout, done.stderr) == (0, "out/README.md\n", "")
     assert rows(path) == undisturbed
     for pid in workers:
@@ -386,9 +386,15 @@ def page_of(text: str, folder: Path) -> str:
         return write_results(sweep, store, folder)[0].read_text(encoding="utf-8")
 
 
-def test_memory_does_not_grow_with_the_tasks_of_a_store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pages without their pictures, which take longer than all else."""
     for name in ("save", "picture"):
         monkeypatch.setattr(f"polhode.harness.pages.ensembles.{name}", lambda *_: None)
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_memory_does_not_grow_with_the_tasks_of_a_store(tmp_path: Path):
     one = {**tomllib.loads(AVERAGED), "block": 1, "samples": 11, "snapshots": 11, "bins": 8}
     record = perform(Task(parse_sweep(one).ensembles[0], 0))
     peaks = []
@@ -411,16 +417,18 @@ def test_memory_does_not_grow_with_the_tasks_of_a_store(tmp_path: Path, monkeypa
     assert peaks[2] - peaks[1] < 100_000
 
 
-def test_a_page_says_when_and_where_its_tasks_ran(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+@pytest.mark.usefixtures("undrawn")
+def test_a_page_says_when_and_where_its_tasks_ran(tmp_path: Path):
     where = {"processor": "abacus", "cores": 1, "system": "wood", "python": "3.11"}
-    monkeypatch.setattr("polhode.harness.common.store.now", lambda: "2020-02-03T04:05:06Z")
-    monkeypatch.setattr("polhode.harness.ensembles.sweep.machine", lambda: where)
-    page_of(AVERAGED, tmp_path)
-    monkeypatch.undo()
+    with pytest.MonkeyPatch.context() as then:
+        then.setattr("polhode.harness.common.store.now", lambda: "2020-02-03T04:05:06Z")
+        then.setattr("polhode.harness.ensembles.sweep.machine", lambda: where)
+        page_of(AVERAGED, tmp_path)
     # Taken up on another day and machine, where nothing is left to do.
     assert "Measured on 2020-02-03 on abacus, 1 cores, wood, Python 3.11 (" in page_of(AVERAGED, tmp_path)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_averaged_equations_leave_no_empty_file_of_moments(tmp_path: Path):
     (tmp_path / "moments.csv").write_text("\r\n")
     page = page_of(AVERAGED, tmp_path)
