@@ -5,6 +5,9 @@ import os
 import signal
 import sys
 import tempfile
+from time import process_time
+
+import pytest
 
 # A shell that starts the tests in the background makes them deaf to Ctrl-C, and with them every process they start.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -24,3 +27,21 @@ def pytest_collection_finish() -> None:
     """Leave all that is imported and collected by now out of every later search for garbage."""
     gc.collect()
     gc.freeze()
+
+
+# Modules that read the clock for limits of time and for what runs have spent.
+CLOCKS = ("solvers.contract", "solvers.solve", "solvers.pieces", "models.spent")
+
+
+@pytest.fixture
+def processor_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Limits of time are those of this process alone, whatever else the machine does."""
+    for name in CLOCKS:
+        monkeypatch.setattr(f"polhode.{name}.perf_counter", process_time)
+
+
+@pytest.fixture
+def swift_machine(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on a machine far faster, with nothing beside this process: limits of time stop no run that is meant."""
+    for name in (*CLOCKS, "harness.picking.second_look"):
+        monkeypatch.setattr(f"polhode.{name}.perf_counter", lambda: process_time() / 10)

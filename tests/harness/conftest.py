@@ -72,14 +72,14 @@ def site_pages(tmp_path_factory: pytest.TempPathFactory, site_reports: Path) -> 
 
 
 @pytest.fixture(scope="module")
-def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, list[subprocess.Popen], Path]]:
-    """Address of a scheduler on the loopback, its two workers' processes, and the folder that they know it from."""
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, list[subprocess.Popen]]]:
+    """Address of a scheduler on the loopback, and its two workers' processes."""
     pytest.importorskip("distributed")
     folder = tmp_path_factory.mktemp("dask")
     scheduler = dask_scheduler(folder)
     workers = [dask_worker(folder) for _ in range(2)]
     try:
-        yield contact(folder), workers, folder
+        yield contact(folder), workers
     finally:
         for process in (*workers, scheduler):
             process.kill()

@@ -52,6 +52,17 @@ def spin(job: Job) -> int:
     return job.number
 
 
+def meet(job: Job, seconds: float = 60.0) -> int:
+    """Wait until the other job of a pair has begun too."""
+    assert job.folder is not None
+    (job.folder / job.key).touch()
+    end = time.monotonic() + seconds
+    while not (job.folder / f"job-{job.number ^ 1}").exists():
+        assert time.monotonic() < end, "alone"
+        time.sleep(0.005)
+    return job.number
+
+
 def die_once(job: Job) -> int:
     """Kill the own process on the first attempt at every third job."""
     assert job.folder is not None

@@ -102,6 +102,7 @@ def test_the_others_refuse_what_has_no_explicit_form(name: str):
     assert solver("ida").check(problem) is None
 
 
+@pytest.mark.usefixtures("processor_clock")
 def test_ida_keeps_its_rows_at_a_time_limit():
     problem = replace(form("quaternion").problem(NO_INERTIA), end=1e6)
     times = np.concatenate([[0.0, 1.0], np.linspace(10, 1e6, 100)])

@@ -330,6 +330,7 @@ def test_step_limit_keeps_the_rows_before_it(name: str):
     assert solve(each, name, TOLERANCE, times, max_steps=steps - 1).status is Status.STEP_LIMIT
 
 
+@pytest.mark.usefixtures("processor_clock")
 @pytest.mark.parametrize("name", NAMES)
 def test_time_limit_keeps_the_rows_before_it(name: str):
     each = problem(1e4, 1e9)

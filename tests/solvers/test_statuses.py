@@ -147,6 +147,7 @@ def test_messages_count_the_steps_of_all_pieces(name: str | Solver):
     assert (solution.work.steps, solution.message) == (limit, f"{limit} steps")
 
 
+@pytest.mark.usefixtures("processor_clock")
 @pytest.mark.parametrize("name", WAYS)
 def test_time_limit_keeps_the_rows_before_it(name: str | Solver):
     long = replace(RUN.problem, end=1e7)

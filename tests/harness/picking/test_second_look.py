@@ -21,6 +21,7 @@ from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Work
 from polhode.solvers.solve import solve as run
 
+pytestmark = pytest.mark.usefixtures("swift_machine")
 TIGHT = {"form": "quaternion", "solver": "cyrk-vern8", "tolerance": 1e-15, "estimate": False}
 
 
@@ -175,8 +176,9 @@ def test_what_a_table_comes_from_goes_with_it(here: Run, tmp_path):
     assert "error:" not in here("solve", "paper", "--samples", 11, "--no-estimate").stderr
 
 
-def test_a_look_costs_little():
+def test_a_look_costs_little(monkeypatch):
     """In processor time, and the least of a few: what else runs here says nothing of it."""
+    monkeypatch.undo()
     what = plan("paper", "quaternion", "lsoda", 1e-8, 1e-6, "slow", 201)
     times = np.linspace(0, what.problem.end, 201)
     found = run(what.problem, "lsoda", 1e-8, times)

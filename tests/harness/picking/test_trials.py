@@ -21,6 +21,7 @@ from polhode.models.shape import Ellipsoid
 from polhode.solvers.contract import Status
 from polhode.solvers.solve import solve
 
+pytestmark = pytest.mark.usefixtures("swift_machine")
 WAY = ("form", "solver", "tolerance")
 SAID = "a trial run errs by"
 
