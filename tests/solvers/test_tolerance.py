@@ -16,8 +16,8 @@ FLOOR = 2e-12
 
 
 def tolerances_of(run: Run, name: str) -> np.ndarray:
-    """All of them; three by Python's pace; two where heyoka compiles anew for each, but for one field."""
-    if name == "taylor" and run.form != "quaternion":
+    """All of them; three by Python's pace; two where heyoka compiles anew for each, but for two short fields."""
+    if name == "taylor" and run.form not in ("quaternion", "jeffery"):
         # The longest field takes a second at low orders, twice that at higher ones.
         return TOLERANCES[:3:2] if run.form == SLOW_TO_COMPILE else TOLERANCES[:5:4]
     return TOLERANCES[:5:2] if name in SHORTENED else TOLERANCES
