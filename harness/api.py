@@ -237,6 +237,4 @@ def _check_samples(samples: int) -> None:
 
 def _name(thing: str | Form | Solver | None) -> str | None:
     """A catalogue name, or ``"module:class"`` for an object."""
-    if thing is None or isinstance(thing, str):
-        return thing
-    return f"{type(thing).__module__}:{type(thing).__qualname__}"
+    return thing if thing is None or isinstance(thing, str) else f"{type(thing).__module__}:{type(thing).__qualname__}"

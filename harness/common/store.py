@@ -212,8 +212,7 @@ def read_table(path: Path, kind: type[Entry], columns: Sequence[str] = ()) -> li
     if head != expected:
         raise ValueError(f"{path}: got the columns {', '.join(head)}, expected {', '.join(expected)}")
     hints = get_type_hints(kind).values()
-    rows = map(iter, lines)
-    return [kind(*(_value(hint, row) for hint in hints)) for row in rows]
+    return [kind(*(_value(hint, row) for hint in hints)) for row in map(iter, lines)]
 
 
 def _value(hint: Any, cells: Iterator[str]) -> Any:

@@ -71,8 +71,7 @@ def _figures(runs: pd.DataFrame, scene: str, place: int, folder: Path) -> list[d
 
 def _scenes(runs: pd.DataFrame) -> list[list[str]]:
     """Semi-axes, St, duration, samples and forms of each scene."""
-    groups = runs.groupby("scene_name", sort=False)
-    return [[_listed(own[column]) for column in SCENES.values()] for _, own in groups]
+    return [[_listed(own[column]) for column in SCENES.values()] for _, own in runs.groupby("scene_name", sort=False)]
 
 
 def _listed(values: Iterable[Any]) -> str:

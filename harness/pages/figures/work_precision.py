@@ -167,8 +167,7 @@ def name_lines(axes: Axes) -> None:
 
 def work_precision_panels(records: pd.DataFrame, error: str, label: str) -> Figure:
     """One panel of `work_precision` per St, on the same axes."""
-    groups = [(f"St = {power(stokes)}", runs) for stokes, runs in by_stokes(records)]
-    return panels(groups, error, label)
+    return panels([(f"St = {power(stokes)}", runs) for stokes, runs in by_stokes(records)], error, label)
 
 
 def panels(groups: Sequence[tuple[str, pd.DataFrame]], error: str, label: str, *, alike: bool = True) -> Figure:
