@@ -119,7 +119,7 @@ def duration(seconds: float | None) -> str:
     # What rounds to 1000 of a unit is 1.0 of the next.
     size, unit = next((each for each in UNITS if seconds >= 0.9995 * each[0]), UNITS[-1])
     value = seconds / size
-    return f"{value:.0f} {unit}" if value >= 9.95 else f"{value:.1f} {unit}"
+    return f"{scientific(value) if value >= PLAIN_BELOW else f'{value:.{int(value < 9.95)}f}'} {unit}"
 
 
 # Formats of fields beside Python's own.
