@@ -49,6 +49,7 @@ class Plan:
     long: str  # How long the run will take, if long.
     asked: tuple[float, str] | None = None  # Error and what it is of, where they chose the tolerance.
     estimate: bool = True  # Whether a second look estimates the error.
+    max_seconds: float = float("inf")
 
     @property
     def _times(self) -> np.ndarray:
@@ -59,7 +60,7 @@ class Plan:
         """Solve the problem, and look for events; raises `polhode.solvers.solve.Interrupted` on Ctrl-C."""
         times = self._times / self.scene.time * self.problem.end
         with spent_on("integration"):
-            found = run(self.problem, self.solver, self.tolerance, times, watch=watch)
+            found = run(self.problem, self.solver, self.tolerance, times, watch=watch, max_seconds=self.max_seconds)
         solution = self.observed(found)
         if self.estimate:
             with spent_on("error"):

@@ -30,3 +30,11 @@ def test_a_run_is_measured_once_and_its_statement_holds(tmp_path, monkeypatch):
     assert all(line.endswith(" – |") for line in page.splitlines() if line.startswith("| both"))
     assert len(first) + len(first.attrs["left_out"]) == 2
     assert len((tmp_path / "stated.csv").read_text(encoding="utf-8").splitlines()) == 1 + len(first)
+
+
+def test_a_run_that_takes_too_long_is_left_out(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "_ways", lambda known, tolerance: [("quaternion", "rk45")])
+    monkeypatch.setattr(module, "REFERENCE_SECONDS", 1e-6)
+    monkeypatch.setattr(module, "no_reference", lambda question: "")
+    with Store(tmp_path / "stated.sqlite") as store:
+        assert stated(store, 6, 2, quiet=True).attrs["left_out"] == ["time_limit"] * 2
