@@ -100,8 +100,8 @@ def miss(answer: Answer, first: Record, best: Record, met: bool, factor: float) 
     off = row.seconds.predicted / first["seconds"], same[0].seconds.predicted / best["seconds"]
     looser = best["tolerance"] / same[0].tolerance
     return (
-        f"the first was predicted at {off[0]:.2g} and the best at {off[1]:.2g} times its time, "
-        f"at a tolerance {looser:.2g} times as loose as the one foreseen"
+        f"predicted over measured time is {off[0]:.2g} for the first choice and {off[1]:.2g} for the best way, "
+        f"which met the error at {looser:.3g} times the tolerance foreseen"
     )
 
 

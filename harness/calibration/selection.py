@@ -54,7 +54,7 @@ def rules(question: Question) -> dict[str, str]:
     default = "cyrk-radau" if damping_times(scene) > STIFF else explicit
     return {
         f"{form}/taylor/-1": "taylor at a tenth of the error",
-        f"{form}/cyrk-lsoda/-2": "LSODA at a hundredth of it",
+        f"{form}/cyrk-lsoda/-2": "LSODA at a hundredth of the error",
         f"{form}/{default}/+0": "SciML's default",
     }
 

@@ -36,7 +36,7 @@ LOST, KNOWN = 0.1, 10.0
 def stated(store: Store, seed: int, count: int, quiet: bool = False) -> pd.DataFrame:
     """Errors stated and true ones of `count` scenes, each run in a random way; in `attrs` why others were left out."""
     rows = []
-    wanted = [(stratum, each) for stratum in STRATA for each in questions(seed, count // 2, stratum)]
+    wanted = [(stratum, each) for stratum in STRATA for each in questions(seed, -(-count // 2), stratum)]
     for index, (stratum, question) in enumerate(tqdm(wanted, disable=quiet or None, desc="errors stated", leave=False)):
         content = {"question": question.name, "seed": seed, "schema": 2}
         key = digest({"stated": content})
@@ -61,7 +61,7 @@ def _row(question: Question, random: np.random.Generator) -> Record:
     name, solver = ways[random.integers(len(ways))]
     solution = _run(question, name, solver, tolerance)
     if not solution.success:
-        return {"left_out": str(solution.status)}
+        return {"left_out": str(solution.status).replace("_", " ")}
     full = reference(scene, reference_form(scene), question.samples, REFERENCE_SECONDS)
     n = full.meaningful
     true = errors(scene.ellipsoid, solution.observables.first(n), full.observables.first(n))

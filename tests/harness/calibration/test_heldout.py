@@ -176,8 +176,8 @@ def test_a_miss_has_its_reason():
     barred = a_record(question, "radau", 1e-6, 1.0, 0.5 * question.error)
     assert judged(told, [first])["miss"] == ""
     reason = judged(told, [first, quick])["miss"]
-    assert "predicted at 0.25 and the best at 1 times its time" in reason
-    assert "1e+03 times as loose" in reason
+    assert "is 0.25 for the first choice and 1 for the best way" in reason
+    assert "at 1e+03 times the tolerance foreseen" in reason
     assert judged(told, [first, barred])["miss"] == "the best was excluded: no law"
     wrong = {**first, f"{question.want}_error": 3 * question.error}
     assert judged(told, [wrong, quick])["miss"] == "the error, most of it of the solver, is 3 times its upper end"

@@ -67,7 +67,7 @@ def test_ways_are_named_by_powers_of_ten_from_the_error():
     assert (found["quaternion/taylor/-1"]["seconds"], found["quaternion/taylor/-1"]["met"]) == (2.0, True)
     rule = "taylor at a tenth of the error"
     assert found[rule] == {**found["quaternion/taylor/-1"], "algorithm": rule}
-    assert found["LSODA at a hundredth of it"]["met"] is False
+    assert found["LSODA at a hundredth of the error"]["met"] is False
     assert not any("/" in name for name in rules(question).values())
     assert found[PICK]["met"] is True
     assert "quaternion/cyrk-vern7/+0" in rules(question)

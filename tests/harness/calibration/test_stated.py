@@ -37,4 +37,4 @@ def test_a_run_that_takes_too_long_is_left_out(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "REFERENCE_SECONDS", 1e-6)
     monkeypatch.setattr(module, "no_reference", lambda question: "")
     with Store(tmp_path / "stated.sqlite") as store:
-        assert stated(store, 6, 2, quiet=True).attrs["left_out"] == ["time_limit"] * 2
+        assert stated(store, 6, 2, quiet=True).attrs["left_out"] == ["time limit"] * 2
