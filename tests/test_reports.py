@@ -24,7 +24,6 @@ from polhode.harness.pages.outcomes import limit, sentences
 from polhode.harness.pages.picking.pick import stated_summary, summary
 from polhode.harness.pages.regimes import ERRORS, read_cells, sentence
 from polhode.harness.paper import claims, store
-from polhode.harness.paper.item import Grid
 from polhode.harness.paper.pages import write_pages
 from polhode.harness.studies.cost import FirstRun, Overhead
 from polhode.harness.studies.study import read_study as read_study_file
@@ -133,7 +132,7 @@ def test_pages_on_the_paper_follow_from_the_data(tmp_path: Path, monkeypatch: py
     names = [path.name for path in (REPORTS / "paper").glob("*.md")]
     for section in claims.sections():
         (tmp_path / section.name).symlink_to(REPORTS / "paper" / section.name)
-    write_pages(tmp_path, claims.sections(), Grid.FULL)
+    write_pages(tmp_path, claims.sections())
     for name in names:
         made = re.sub("Made by older code.*\n\n", "", (tmp_path / name).read_text(encoding="utf-8"))
         assert made == text(f"paper/{name}"), name

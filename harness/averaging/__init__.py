@@ -1,1 +1,1 @@
-"""How good averaging is, to first and second order: one study; imports `api`."""
+"""How good averaging is, to first and second order: three studies; imports `api`."""

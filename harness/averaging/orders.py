@@ -58,8 +58,7 @@ class Law:
         if len(stokes) < LEAST_POINTS:
             return nan, (nan, nan)
         exponent, (low, high), _ = power_law(stokes, error)
-        width = (high - low) / 2
-        return -exponent, (-exponent - width, -exponent + width)
+        return -exponent, (-high, -low)
 
     order = property(lambda law: law.fit[0], doc="Fitted order in 1/St.")
     order_interval = property(lambda law: law.fit[1], doc="95 % confidence interval of the order.")
@@ -77,7 +76,8 @@ class Law:
             return float(stokes[0]), "at most"
         i = above[-1]
         if i + 1 == len(stokes):
-            return float(stokes[-1] * (error[-1] / target) ** (1 / self.order)), "extrapolated"
+            further = (error[-1] / target) ** (1 / self.order) if self.order > 0 else nan
+            return float(stokes[-1] * further), "extrapolated"
         x, y = np.log10(stokes[i : i + 2]), np.log10(error[i : i + 2])
         return float(10 ** np.interp(-log10(target), -y, x)), "measured"
 

@@ -16,20 +16,20 @@ from polhode.harness.paper.item import Grid, Item, Number, Section, Word
 NOTICE = "Made by `polhode paper`. Do not edit: the next run overwrites this page."
 
 
-def write_pages(folder: Path, sections: Sequence[Section], grid: Grid) -> None:
+def write_pages(folder: Path, sections: Sequence[Section]) -> None:
     """Write the index and the pages of all sections from the data in the folder, whenever they were made."""
     found = {item.name: store.judged(folder / own.name, item) for own in sections for item in own.items}
     for section in sections:
         parts = [_described(section, item, found[item.name]) for item in section.items]
         write_file(folder / f"{section.name}.md", "\n".join([f"# {section.title}\n\n{NOTICE}\n", *parts]))
-    write_file(folder / "README.md", _index(sections, found, grid))
+    write_file(folder / "README.md", _index(sections, found))
 
 
 def _described(section: Section, item: Item, found: store.Judged) -> str:
     """What the page of a section says of an item."""
     if isinstance(found, str):
         return f"## {item.title}\n\n**Claim.** {item.claim}\n\n{found}: `polhode paper {item.name}`.\n"
-    data, verdict, _ = found
+    data, verdict, *_ = found
     files = [f"[{name or 'data'}]({section.name}/{store.file_name(item, name)})" for name in data]
     rows = [_cells(number.what, measured(number), allowed(number)) for number in verdict.numbers]
     numbers = markdown(["measured", "value", "verdict holds for"], rows)
@@ -63,11 +63,12 @@ def _digits(value: float, count: int = 4) -> str:
     return short(float(f"{value:.{count}g}"))
 
 
-def _index(sections: Sequence[Section], found: Mapping[str, store.Judged], grid: Grid) -> str:
+def _index(sections: Sequence[Section], found: Mapping[str, store.Judged]) -> str:
     known = {name: content for name, content in found.items() if not isinstance(content, str)}
     words = Counter(content[1].word for content in known.values())
     stale = [name for name, content in known.items() if not content[2]]
-    remarks = "**Made on the reduced grid: a look, not a result.**\n\n" if grid is not Grid.FULL else ""
+    coarse = [name for name, content in known.items() if content[3] is not Grid.FULL]
+    remarks = f"**Made on the reduced grid, a look, not a result: {', '.join(coarse)}.**\n\n" if coarse else ""
     if stale:
         remarks += f"Made by older code, to be computed again: {', '.join(stale)}.\n\n"
     rows = [_index_row(section, item, found[item.name]) for section in sections for item in section.items]
@@ -119,6 +120,6 @@ def run(
             continue
         how = "   kept " if kept else f"{perf_counter() - start:6.1f} s"
         report(f"[{number:2}/{len(items)}] {item.name:28} {how}  {word}")
-    write_pages(folder, sections(), grid)
+    write_pages(folder, sections())
     report(f"{perf_counter() - began:.0f} s; index: {folder / 'README.md'}")
     return failed

@@ -22,7 +22,7 @@ LIBRARIES = ("numpy", "scipy", "heyoka", "cyrk")
 # What the expressions and the computation of an item may end with.
 FAILURES = (ArithmeticError, AttributeError, LookupError, NameError, RuntimeError, TypeError, ValueError)
 NO_DATA = "Not computed yet"
-Judged = tuple[Data, Verdict, bool] | str
+Judged = tuple[Data, Verdict, bool, Grid] | str
 
 
 def content_key(item: Item, grid: Grid) -> str:
@@ -95,12 +95,12 @@ def read(folder: Path, item: Item) -> tuple[Data, bool, Grid] | None:
 
 
 def judged(folder: Path, item: Item) -> Judged:
-    """The item's data, its verdict, and whether today's code made them; or, in words, why there is no verdict."""
+    """The item's data, verdict, whether today's code made them, and their grid; or, in words, why there is none."""
     found = read(folder, item)
     if found is None:
         return NO_DATA
     try:
-        return found[0], item.verdict(found[0]), found[1]
+        return found[0], item.verdict(found[0]), *found[1:]
     except FAILURES as error:
         # Older code kept other columns, or other rows.
         return f"The verdict failed ({type(error).__name__}: {error})" if found[1] else NO_DATA

@@ -77,7 +77,7 @@ const polhode = (() => {
     }
   }
 
-  // Draws spec into the figure, and draws again when its width changes. Returns { update(spec), place(x, y), svg }.
+  // Draws spec into the figure, and draws again when its width changes. Returns { update(spec), place(x, y) }.
   function chart(figure, spec) {
     const holder = html("div", { className: "plot" });
     figure.insertBefore(holder, figure.querySelector("figcaption"));
@@ -124,12 +124,9 @@ const polhode = (() => {
       label(spec.y.label, { transform: `translate(13 ${(top + bottom) / 2}) rotate(-90)`, "text-anchor": "middle" }, svg);
       for (const line of spec.lines || []) path(svg, line.points, x, y, { stroke: line.color, class: "line",
         "stroke-dasharray": line.dash || "", "stroke-width": line.width || 1 });
-      for (const rule of spec.rules || []) {
-        const along = rule.x === undefined, at = along ? y.clamp(rule.y) : x.clamp(rule.x);
-        if (!(along ? y.inside(rule.y) : x.inside(rule.x))) continue;
-        node("line", { stroke: rule.color || "#bbb", "stroke-dasharray": "2 3", "stroke-width": rule.color ? 1.4 : 1,
-          ...(along ? { x1: MARGIN.left, x2: width - MARGIN.right, y1: at, y2: at } : { x1: at, x2: at, y1: top, y2: bottom }) }, svg);
-      }
+      for (const rule of (spec.rules || []).filter((rule) => x.inside(rule.x)))
+        node("line", { stroke: rule.color, "stroke-dasharray": "2 3", "stroke-width": 1.4,
+          x1: x.clamp(rule.x), x2: x.clamp(rule.x), y1: top, y2: bottom }, svg);
     }
 
     function path(svg, points, x, y, attributes) {

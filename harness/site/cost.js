@@ -207,6 +207,4 @@
     if (rows.some((row) => row[3] !== "reached_end" && row[column.inferred]))
       html("p", { className: "note", textContent: "Not tried: at a looser tolerance the same form and solver gave no result already." }, place);
   }
-
-  refresh();
 })();

@@ -144,7 +144,6 @@
       pen.stroke();
     };
     for (const x of [-1.25, 1.25]) {
-      draw([x, -1.25, 0], [x, -1.25, 0]);
       const line = [project([x, -1.25, 0]), project([x, 1.25, 0])];
       pen.beginPath();
       pen.moveTo(line[0][0] * R, -line[0][1] * R);

@@ -170,7 +170,7 @@ def misfits(critical: Table, side: float) -> tuple[float, float]:
 
 
 def compute_space(grid: Grid) -> Computed:
-    """One slow trajectory with L_x = 0 throughout and one with L_y = 0, and the fixed points."""
+    """One slow trajectory with L_x = 0 throughout and one with L_y = 0."""
     slow_times = graded(1.0, grid.of(401, 101))
     for zero in (1, 0):
         slow = np.array([0.0, 0.0, -0.2, planes.energy_at(ELLIPSOID, 1.0, 0.7)])

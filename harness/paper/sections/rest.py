@@ -79,7 +79,7 @@ class Sphere:
     stokes: float = 1e3
 
     def compute(self, grid: Grid) -> Computed:
-        """Path of z', its distance from the vorticity axis, and the turning rate over that of Jeffery's orbit."""
+        """Path of z', and its gyroscopic over its viscous terms."""
         times = np.linspace(0.0, self.time, grid.of(4001, 2001))
         run = full_run(Scene(self.ellipsoid, self.stokes, self.start, self.time), times)
         # Gyroscopic over viscous terms of `govg`, in order of magnitude: L²/I_min over the torque at rest.

@@ -102,6 +102,11 @@ def test_an_error_that_is_not_met_yet_is_not_met_before():
     assert law.needed(0.9e-4)[0] > 1e6
 
 
+def test_nothing_is_known_of_an_error_that_grows():
+    law = Law("x", "ellipsoid", "averaged", (1e3, 1e4, 1e5, 1e6), (1e-3, 2e-3, 4e-3, 8e-3), (0.5,) * 4)
+    assert np.isnan(law.needed(1e-3)[0])
+
+
 def test_errors_within_the_references_uncertainty_are_left_out():
     measured = rows({1e2: 1e-1, 1e3: 1e-2, 1e4: 1e-3, 1e5: 5e-4}, uncertainty=1e-4)
     (law,) = laws(measured)

@@ -261,7 +261,7 @@ def test_command_makes_a_page_with_small_figures(tmp_path):
     for part in ("**Claim.**", "**Verdict: confirmed.**", "symmetric-top.png", "`polhode paper symmetric-top`"):
         assert part in page
     index = (tmp_path / "README.md").read_text()
-    assert "Made on the reduced grid: a look, not a result." in index
+    assert "Made on the reduced grid, a look, not a result: " in index
     assert "[symmetric-top](limits.md#trajectory-of-a-symmetric-euler-top)" in index
     assert all(f"- *{word}*: " in index for word in Word)
 
