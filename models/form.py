@@ -1,6 +1,7 @@
 """What every form of the equations of motion offers, whoever wrote it."""
 
 from abc import ABC, abstractmethod
+from math import inf
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -82,17 +83,20 @@ class Form(ABC):
     def require_orientation(self, scene: Scene) -> EulerStart | BodyStart:
         """The scene's start; raises FormNotValidError if it gives L and E alone."""
         if isinstance(scene.start, SlowStart):
-            raise self.refuse("the start gives L and E but no orientation", averaged_form(scene))
+            averages = 0 < scene.stokes < inf and any(scene.start.angular_momentum)
+            raise self.refuse("the start gives L and E but no orientation", averaged_form(scene) if averages else "")
         return scene.start
 
     def require_slow_motion(self, scene: Scene, rest: bool = False) -> None:
         """Raise FormNotValidError at St = 0 and inf, and unless `rest` at L = 0, where there is nothing to average."""
+        # No form follows a start without orientation where none averages.
+        slow = isinstance(scene.start, SlowStart)
         if scene.stokes == 0:
-            raise self.refuse("St = 0 has no slow variables", "jeffery")
+            raise self.refuse("St = 0 has no slow variables", "" if slow else "jeffery")
         if scene.torque_factor == 0:
-            raise self.refuse("at St = inf the slow variables are constant", "euler-top")
+            raise self.refuse("at St = inf the slow variables are constant", "" if slow else "euler-top")
         if not rest and not np.any(scene.initial.angular_momentum):
-            raise self.refuse("the start has L = 0, where averaging does not apply", full_form(scene))
+            raise self.refuse("the start has L = 0, where averaging does not apply", "" if slow else full_form(scene))
 
     def slow_problem(
         self, scene: Scene, field: Factory, start: Floats, parameters: Floats, invariant: Invariant | None = None

@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from traceback import FrameSummary, extract_tb
-from types import CellType, FunctionType, MethodType, ModuleType
+from types import CellType, CodeType, FunctionType, MethodType, ModuleType
 from typing import Any
 
 import numpy as np
@@ -186,11 +186,15 @@ def _rebound(value: Any, known: dict[int, Any]) -> Any:
     names, cells = {"__builtins__": builtins}, tuple(CellType() for _ in value.__closure__ or ())
     defaults = tuple(_rebound(each, known) for each in value.__defaults__ or ())
     made = known[id(value)] = FunctionType(value.__code__, names, value.__name__, defaults, cells)
-    made.__kwdefaults__ = value.__kwdefaults__
+    made.__kwdefaults__ = {name: _rebound(each, known) for name, each in (value.__kwdefaults__ or {}).items()}
     for cell, their in zip(cells, value.__closure__ or (), strict=True):
         with suppress(ValueError):  # Nothing is in it yet.
             cell.cell_contents = _rebound(their.cell_contents, known)
+    # Comprehensions and functions within it have code of their own.
+    codes = [value.__code__]
+    for code in codes:
+        codes += [each for each in code.co_consts if isinstance(each, CodeType)]
+    used = {name for code in codes for name in code.co_names}
     for name, each in value.__globals__.items():
-        used = name in value.__code__.co_names
-        names.setdefault(name, _rebound(each, known) if used else known.get(id(each), each))
+        names.setdefault(name, _rebound(each, known) if name in used else known.get(id(each), each))
     return made

@@ -81,25 +81,9 @@ class Ellipsoid:
         """Which symmetry the shape has, by exact comparison of the semi-axes."""
         if len(set(self.semi_axes)) == 1:
             return "sphere"
-        if self.symmetry_axis is None:
+        if (axis := self.symmetry_axis) is None:
             return "triaxial"
-        return "prolate" if self.aspect_ratio > 1 else "oblate"
-
-    @property
-    def aspect_ratio(self) -> float:
-        """Aspect ratio kappa = (axial length) / (equatorial length) of a spheroid; 1 for a sphere.
-
-        ValueError for a triaxial ellipsoid, which has two.
-        """
-        if len(set(self.semi_axes)) == 1:
-            return 1.0
-        if self.symmetry_axis is None:
-            raise ValueError(
-                f"semi_axes: {(*map(float, self.semi_axes),)} are those of a triaxial ellipsoid, expected a spheroid"
-            )
-        axial = self.semi_axes[self.symmetry_axis]
-        equatorial = self.semi_axes[(self.symmetry_axis + 1) % 3]
-        return axial / equatorial
+        return "prolate" if self.semi_axes[axis] > self.semi_axes[axis - 1] else "oblate"
 
     @cached_property
     def inertia(self) -> Triple:

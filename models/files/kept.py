@@ -18,7 +18,7 @@ def cache_folder(library: str = "") -> Path:
     own = os.environ.get(CACHE_VARIABLE)
     if own:
         return Path(own, library).absolute()
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache", library or "polhode")
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache", library or "polhode").absolute()
 
 
 def load(key: str) -> np.ndarray | None:

@@ -1,1 +1,1 @@
-"""The form averaged to second order and its tables; imports `models`, `forms` and `free_top`."""
+"""The form averaged to second order and its tables; imports `models` and `forms`."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache, partial
 from math import hypot
 
@@ -15,7 +15,7 @@ from polhode.models.observables import Observables
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 from polhode.models.second_order import field as triaxial, run as triaxial_run, spheroid as spheroidal
-from polhode.models.second_order.outline import outline
+from polhode.models.second_order.outline import Outline, outline
 
 # The slow start x solves x = z - u(x)/St; each pass gains a factor of the correction's size.
 START_PASSES = 60
@@ -24,14 +24,6 @@ START_CLOSE = 1e-15
 STOPS = (0.98, 0.9)
 # Above this estimated slow error, over I_max, the expansion in 1/St means nothing.
 MEANINGLESS = 1.0
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """Estimated model errors of a run: `slow`, of L and E over I_max, and `orientation`, in rad and π at most."""
-
-    slow: float
-    orientation: float
 
 
 class SecondOrder(Form):
@@ -65,7 +57,7 @@ class SecondOrder(Form):
             self._entry(scene)
         elif _started(scene) is None:
             raise self.refuse(f"St = {scene.stokes:g} is too small for the start's |L|", full_form(scene))
-        if not found.error < MEANINGLESS:
+        if not found.slow < MEANINGLESS:
             raise self.refuse(f"St = {scene.stokes:g} is too small for this run", full_form(scene))
 
     def orientation_of(self, scene: Scene) -> Orientation:
@@ -88,11 +80,10 @@ class SecondOrder(Form):
         exact = spheroidal.exact(Spheroid.of(scene.ellipsoid), scene.torque_factor, states)
         return find_form(full_form(scene)).observe(scene, exact)
 
-    def estimate(self, scene: Scene) -> Estimate:
-        """Largest model errors over the run, slow and orientation, from the size of the expansion's next term."""
+    def estimate(self, scene: Scene) -> Outline:
+        """Largest model errors over the run, `slow` and `orientation`, from the size of the expansion's next term."""
         self.check(scene)
-        found = outline(scene)
-        return Estimate(found.error, found.orientation)
+        return outline(scene)
 
     def reach(self, scene: Scene) -> float:
         """Slow time to which the form follows a scene: its end, or short of its first window."""

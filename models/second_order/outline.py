@@ -67,8 +67,8 @@ class Outline:
     orientation: float  # estimated error in rad of a run by second order alone, π at most
 
     @property
-    def error(self) -> float:
-        """Estimated slow error of a run by second order alone: inf if it cannot be followed."""
+    def slow(self) -> float:
+        """Estimated slow error, over I_max, of a run by second order alone: inf if it cannot be followed."""
         return sum(each.error for each in self.stretches) if all(s.second_order for s in self.stretches) else inf
 
 

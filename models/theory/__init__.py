@@ -1,1 +1,1 @@
-"""Closed results that forms, tests and the paper's pages use; imports `models`, `forms` and `free_top`."""
+"""Closed results that ensembles, events, tests and the paper's pages use; imports `models` and `forms`."""

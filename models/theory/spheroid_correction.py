@@ -40,8 +40,6 @@ class CorrectedSpheroid(Form):
     """
 
     name = "averaged-spheroid-corrected"
-    summary = "averaged spheroid with L along the vorticity, and the first-order correction of L_z"
-    valid_for = "spheroids at large finite St with L along the vorticity; no orientation; corrects L_z and E alone"
     state = ("Lz/Ie", "eta", "phase")
     orientation = "none"
     averaged = True

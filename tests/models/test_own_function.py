@@ -48,6 +48,10 @@ def bent(t, y, k):
     return k * -y + y / k - np.abs(k - y) + np.minimum(force, 0.4)
 
 
+def one_by_one(t, y, *, decay=np.exp):
+    return [-decay(-each) * bell(each) for each in y] + [sum(bell(each) * RATE for each in y) * 0.1]
+
+
 def accepting(problem: Problem) -> list[str]:
     found = []
     for name in SOLVERS:
@@ -122,6 +126,15 @@ def falls(t, y, *args):
 falls.direction, falls.terminal = -1, True  # pyright: ignore
 
 
+def test_what_comprehensions_lambdas_and_keywords_name_is_compiled_too():
+    def of_two(t, y):
+        return one_by_one(t, y[:1])
+
+    ours = solve_ivp(of_two, (0.0, 2.0), [1.0, 0.0], "cyrk-dop853", rtol=1e-10)
+    theirs = scipys(of_two, (0.0, 2.0), [1.0, 0.0], "DOP853", rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(ours.y[:, -1], theirs.y[:, -1], atol=1e-8)
+
+
 @pytest.mark.parametrize("method", ["taylor", "cyrk-dop853", "radau"])
 def test_solve_ivp_gives_what_scipy_gives(method: str):
     span, start, args = (0.5, 8.0), [1.0, 0.5], (1.0, 0.3)
@@ -139,6 +152,8 @@ def test_solve_ivp_gives_what_scipy_gives(method: str):
     for wrong in ([0.0, 1.0], [1.0, 9.0], [1.0, 9.0, 2.0], [2.0, 1.0], [1.0, 1.0], []):
         with pytest.raises(ValueError, match="t_eval: got"):
             solve_ivp(driven, span, start, method, wrong, args=args)
+    with pytest.raises(ValueError, match="too many values"):
+        solve_ivp(driven, (0, 10, 20), start, method, args=args)
 
 
 def test_an_event_may_end_a_run_at_its_second_time(monkeypatch: pytest.MonkeyPatch):

@@ -217,6 +217,17 @@ def test_refusal_names_the_condition_and_a_form_that_accepts(name, ellipsoid, st
     form(instead).check(scene)
 
 
+@pytest.mark.parametrize("stokes", [0.0, 10.0, inf])
+@pytest.mark.parametrize("name", ["quaternion", "euler-angles", "averaged"])
+def test_without_orientation_and_without_averages_no_form_is_named(name: str, stokes: float):
+    start = SlowStart((0.0, 0.0, 0.0), 0.0) if stokes == 10 else SLOW
+    scene = Scene(Ellipsoid(TRIAXIAL), stokes, start, 1.0)
+    with pytest.raises(FormNotValidError) as refusal:
+        form(name).check(scene)
+    if refusal.value.instead:
+        form(refusal.value.instead).check(scene)
+
+
 @pytest.mark.parametrize("name", FORMS)
 def test_form_says_what_it_is(name):
     equations = form(name)
