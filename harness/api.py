@@ -1,6 +1,6 @@
 """What Python users call, and the command `solve` with them: a scene, a plan, a solution."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from numbers import Integral
 from operator import is_
@@ -17,16 +17,16 @@ from polhode.harness.picking.recommendation import Recommendation
 from polhode.harness.picking.second_look import run_error
 from polhode.harness.picking.stated_error import doubt
 from polhode.harness.solution import SceneSolution
-from polhode.models.catalogue import form as find_form
+from polhode.models.catalogue import FORMS, form as find_form
 from polhode.models.form import Form
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 from polhode.models.scenes import find_scene
 from polhode.models.spent import spent_on
-from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.compile import check_field
 from polhode.solvers.contract import Record, Solver, Status
-from polhode.solvers.solve import Solution, solve as run
+from polhode.solvers.solve import Interrupted, Solution, solve as run
 
 SceneLike = Scene | str | PathLike[str]
 FormLike = str | Form | None
@@ -61,6 +61,14 @@ class Plan:
         times = self._times / self.scene.time * self.problem.end
         with spent_on("integration"):
             found = run(self.problem, self.solver, self.tolerance, times, watch=watch, max_seconds=self.max_seconds)
+        try:
+            return self._judged(found, events)
+        except KeyboardInterrupt:
+            # Not what a second look had of a run of its own.
+            raise Interrupted(found) from None
+
+    def _judged(self, found: Solution, events: Sequence[Event]) -> SceneSolution:
+        """The solution with its error and what happened."""
         solution = self.observed(found)
         if self.estimate:
             with spent_on("error"):
@@ -72,7 +80,7 @@ class Plan:
             solution = replace(solution, error=seen)
         # Before the first time of the output, too.
         solution = with_events(solution, events) if events else solution
-        return solution if self.times[0] == 0 else solution.rows(slice(1, None))
+        return solution if self.times[0] == 0 or len(solution.times) == 1 else solution.rows(slice(1, None))
 
     def observed(self, found: Solution) -> SceneSolution:
         """The motion of the scene that a solution of the problem stands for."""
@@ -104,7 +112,7 @@ def plan(
     if solver is not None:
         find_solver(solver)
     with spent_on("pilots"):
-        choice = choose(what, _name(form), _name(solver), tolerance, error, want, len(wanted))
+        choice = choose(what, _name(form, FORMS), _name(solver, SOLVERS), tolerance, error, want, len(wanted))
     equations, method = find_form(form or choice.form), find_solver(solver or choice.solver)
     problem = equations.problem(what)
     if not method.available:
@@ -236,6 +244,9 @@ def _check_samples(samples: int) -> None:
         raise ValueError(f"samples: got {samples!r}, expected a whole number from 2 to {MOST_SAMPLES}")
 
 
-def _name(thing: str | Form | Solver | None) -> str | None:
-    """A catalogue name, or ``"module:class"`` for an object."""
-    return thing if thing is None or isinstance(thing, str) else f"{type(thing).__module__}:{type(thing).__qualname__}"
+def _name(thing: FormLike | SolverLike, known: Mapping[str, str]) -> str | None:
+    """A catalogue name, or ``"module:class"`` for an object of another class."""
+    if thing is None or isinstance(thing, str):
+        return thing
+    target = f"{type(thing).__module__}:{type(thing).__qualname__}"
+    return next((name for name, each in known.items() if each == target), target)

@@ -106,7 +106,7 @@ def happened(solution: Any, event: Event) -> Any:
 
     sign, times = np.sign(values), []
     rising = np.where(sign[1:] != 0, sign[1:], -sign[:-1])
-    passed = (sign[1:] != sign[:-1]) & (sign[:-1] != 0) & (event.direction * rising >= 0)
+    passed = (sign[1:] != sign[:-1]) & (np.abs(sign[:-1]) == 1) & (event.direction * rising >= 0)
     for i in np.flatnonzero(passed).tolist():
         low, high = looked.times[i : i + 2].tolist()
         times.append(high if values[i + 1] == 0 else brentq(value, low, high, xtol=1e-300, rtol=RTOL))

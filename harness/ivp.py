@@ -69,11 +69,11 @@ def solve_ivp(
     if others:
         taken = "t_eval, events, args, rtol, dense_output"
         raise ValueError(f"solve_ivp: got {', '.join(others)}, expected no options of SciPy's but {taken}")
-    began, args = float(t_span[0]), () if args is None else args
-    problem = Problem.from_function(fun, y0, t_span[1], args, t_start=began)
+    (began, end), args = map(float, t_span), () if args is None else args
+    problem = Problem.from_function(fun, y0, end, args, t_start=began)
     check_field(problem)
     d = len(y0)
-    wanted = np.linspace(*t_span, SAMPLES) if t_eval is None else increasing("t_eval", t_eval, *t_span)
+    wanted = np.linspace(began, end, SAMPLES) if t_eval is None else increasing("t_eval", t_eval, began, end)
     times = np.unique(np.concatenate([[0.0], wanted - began, [problem.end]]))
     found = solve(problem, method, rtol, times, count=True)
     # Events are counted here, so that their names may be the same.

@@ -236,7 +236,7 @@ class Solver(ABC):
         if not (isfinite(tolerance) and tolerance > 0):
             raise SolverNotValidError(f"tolerance: got {tolerance!r}, expected a finite positive number")
         chosen = self._choose("jacobian", jacobian, self.jacobians) if self.jacobians or jacobian else "difference"
-        return Settings(tolerance, self._choose("backend", backend, self.backends), chosen, count)
+        return Settings(float(tolerance), self._choose("backend", backend, self.backends), chosen, count)
 
     def lacks(self, choice: str) -> str | None:
         """What a back end or Jacobian needs that is not there."""

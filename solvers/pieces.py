@@ -1,6 +1,7 @@
 """A run on its way, piece by piece: what is solved next, where its rows go, what is kept of a piece cut short."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import pi
 from time import perf_counter
@@ -157,9 +158,10 @@ def wrapped(problem: Problem, times: np.ndarray) -> Course:
     """The course of a run of one problem, in pieces between which its angles are wrapped."""
     if not problem.periodic or problem.parameters is None:
         return lambda time, state, tolerance: Piece(problem, float(times[-1]))
-    columns = list(problem.periodic)
-    rates = problem.field(FLOAT)(problem.start, problem.parameters)
-    most = WRAP_AFTER / max(1.0, *(abs(rates[i]) for i in columns))
+    columns, most = list(problem.periodic), WRAP_AFTER
+    with suppress(ArithmeticError, ValueError):
+        rates = problem.field(FLOAT)(problem.start, problem.parameters)
+        most = WRAP_AFTER / max(1.0, *(abs(rates[i]) for i in columns))
 
     def wrap(states: np.ndarray) -> np.ndarray:
         states[1:, columns] %= 2 * pi

@@ -111,7 +111,7 @@ def refit(laws: Laws, records: Iterable[Record]) -> Laws:
 
 
 def with_first_runs(laws: Laws) -> Laws:
-    """The same laws with this machine's first runs, if they end, of each form on the first scene that it takes."""
+    """The same laws with this machine's first runs, if they end, of each form on the scene that compiles most."""
     examples: dict[str, Scene] = {}
     for form in dict.fromkeys(form for form, _ in laws.methods):
         for each in sorted(SCENES.values(), key=lambda each: _compiles_most(each.scene)):

@@ -58,7 +58,8 @@ def bench(wanted: Wanted, problems: bool, page_only: bool) -> None:
     page = write_page(study, records, folder, command_line())
     calm = [each for each in records if not each.get("disturbed")]
     if 2 * len(calm) > len(records) and not (wanted.study_file or wanted.quick or any(wanted.filters.values())):
-        refit(load_laws(), calm).save(own_laws_path())
+        with bad_input():
+            refit(load_laws(), calm).save(own_laws_path())
         click.echo(f"{own_laws_path()}: the times of `polhode pick`, fitted to this machine", err=True)
     click.echo(f"{page}")
 

@@ -131,7 +131,7 @@ def _run(what: "Plan", target: PartialFile | None, progress: Progress, omega: bo
             progress.begin("writing")
             if file:
                 with spent_on("output"):
-                    if target and _as_parquet(target.path):
+                    if "b" in file.mode:
                         solution.frame(omega).to_parquet(file)
                     else:
                         write_csv(file, solution.table(omega), progress.advance)

@@ -34,7 +34,8 @@ class PartialFile:
             raise IsADirectoryError(21, "is a folder, expected a file name", str(path))
         if not path.parent.is_dir():
             raise FileNotFoundError(2, "no such folder, expected an existing one", str(path.parent))
-        device = path in STANDARD_OUTPUT or path.absolute().parts[1] in ("dev", "proc")
+        top, *under = path.absolute().parts[1:3]
+        device = path in STANDARD_OUTPUT or (top in ("dev", "proc") and under != ["shm"])
         self.path = path.resolve() if path.is_symlink() and not device else path
         self.atomic = not device and (self.path.is_file() or not self.path.exists())
         self.partial = self.path.with_name(self.path.name + ".partial") if self.atomic else self.path
@@ -77,15 +78,18 @@ class PartialFile:
             file.flush()
             if self.atomic and failure is None:
                 os.fsync(file.fileno())
-                kept = self.path
                 if self._summed:
                     _expect(self.path, self._private)
+                kept = self.path
         finally:
-            file.close()
-            if self.atomic:
-                os.replace(self._private, kept)
-                if self._summed and kept is self.path:
-                    _expect(self.path)
+            try:
+                # Fails once more where the disk is full.
+                file.close()
+            finally:
+                if self.atomic:
+                    os.replace(self._private, kept)
+                    if self._summed and kept is self.path:
+                        _expect(self.path)
 
 
 def make_folder(folder: Path) -> None:

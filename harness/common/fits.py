@@ -31,6 +31,6 @@ def mean_interval(values: np.ndarray) -> tuple[float, float, float]:
 def wilson(count: int, total: int) -> tuple[float, float]:
     """Wilson's score interval of a share (J. Am. Stat. Assoc. 22 (1927) 209), which holds at 0 and 1."""
     z = NormalDist().inv_cdf((1 + COVERAGE) / 2)
-    middle, width = count + z**2 / 2, z * sqrt(count * (total - count) / total + z**2 / 4)
+    middle, width = count + z**2 / 2, z * sqrt(count * (total - count) / max(1, total) + z**2 / 4)
     # At 0 and 1 rounding is left.
     return max(0.0, (middle - width) / (total + z**2)), min(1.0, (middle + width) / (total + z**2))

@@ -212,6 +212,9 @@ def read_table(path: Path, kind: type[Entry], columns: Sequence[str] = ()) -> li
     if head != expected:
         raise ValueError(f"{path}: got the columns {', '.join(head)}, expected {', '.join(expected)}")
     hints = get_type_hints(kind).values()
+    cells = sum(len(get_args(hint)) or 1 for hint in hints)
+    if any(len(line) != cells for line in lines):
+        raise ValueError(f"{path}: got rows of other lengths, expected {cells} cells in each")
     return [kind(*(_value(hint, row) for hint in hints)) for row in map(iter, lines)]
 
 

@@ -41,7 +41,7 @@ def means(statistics: Statistics, name: str) -> tuple[np.ndarray, np.ndarray]:
 
 def fraction(count: int, of: int) -> Estimate:
     """A fraction with its interval."""
-    return Estimate(count / of, *wilson(count, of)) if of else Estimate(None, 0.0, 1.0)
+    return Estimate(count / of if of else None, *wilson(count, of))
 
 
 def arrived(statistics: Statistics, attractor: int) -> list[Estimate]:

@@ -22,7 +22,7 @@ from polhode.harness.common.timing import Patience, collector_off, sentinel
 from polhode.harness.common.worker import Worker
 from polhode.harness.ensembles.engines import processes, serial
 from polhode.harness.ensembles.ensemble import SAMPLE, Ensemble, Task, run_task
-from polhode.harness.ensembles.hybrid import run_full
+from polhode.harness.ensembles.hybrid import ERROR_OVER_TOLERANCE, run_full
 from polhode.harness.ensembles.starts import Starts
 from polhode.models.catalogue import form as find_form
 from polhode.models.shape import Ellipsoid
@@ -109,7 +109,7 @@ def long_runs(particles: int = 20_000, known: int = SETTINGS.long_known) -> list
     times = np.linspace(0.0, scene.time, samples)
     states, _ = run_full(scene, _starts(hybrid, known), times, SETTINGS.long_error / 1000)
     exact = full.observe(scene, states.reshape(samples * known, -1)).slow.reshape(samples, known, 4)
-    for ensemble in (replace(hybrid, equations="averaged", tolerance=SETTINGS.long_error / 1e4), hybrid):
+    for ensemble in (replace(hybrid, equations="averaged", tolerance=hybrid.tolerance / ERROR_OVER_TOLERANCE), hybrid):
         form, starts, many = find_form(ensemble.form), _starts(ensemble, known), _starts(ensemble, particles, seed=2)
         times = np.linspace(0.0, ensemble.problem.end, samples)
         began = process_time()

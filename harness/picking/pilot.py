@@ -202,10 +202,10 @@ def samples_of(form: Form) -> int:
     return FEW if form.averaged and hasattr(form, "estimate") else SAMPLES
 
 
-def follow(form: Form, scene: Scene, tolerance: float, solver: str | None = None, samples: int = 0) -> Solution:
+def follow(form: Form, scene: Scene, tolerance: float, solver: str | None = None) -> Solution:
     """One pilot run of a form, by the scene's pilot solver or another one; raises PilotFailedError if it fails."""
     problem, solver = form.problem(scene), solver or pilot_solver(scene)
-    times = np.linspace(0.0, problem.end, samples or samples_of(form))
+    times = np.linspace(0.0, problem.end, samples_of(form))
     run = solve(problem, solver, tolerance, times, max_steps=MOST_STEPS)
     if not run.success:
         raise PilotFailedError(f"pilot: {form.name!r} by {solver!r} ended with {run.status.value}")

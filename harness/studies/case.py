@@ -15,7 +15,6 @@ from polhode.harness.references.errors import Errors, errors, statistics_distanc
 from polhode.harness.references.extended import ReferenceFailedError
 from polhode.harness.references.reference import Reference, reference
 from polhode.harness.references.rotations import rotations
-from polhode.harness.studies.cost import rhs_seconds
 from polhode.models.catalogue import form as find_form, reference_form
 from polhode.models.files.scene_file import scene_table
 from polhode.models.observables import Observables
@@ -31,7 +30,6 @@ SCHEMA = 2
 ROTATIONS_PER_STEP = 20.0
 # Below this St a stiff method may well step over rotations that the particle no longer makes by itself.
 OSCILLATORY_FROM = 1.0
-_RHS_SECONDS: dict[tuple[str, Backend], float] = {}
 
 
 @dataclass(frozen=True)
@@ -118,7 +116,6 @@ def attempt(case: Case) -> tuple[Record, np.ndarray]:
         "counted_seconds": solution.seconds,
         "reached": float(solution.times[-1] / solution.problem.end),
         "work": asdict(solution.work),
-        "rhs_seconds": _rhs_seconds(case),
     }
     return record | ({"disturbed": True} if disturbed else {}), solution.states
 
@@ -175,18 +172,6 @@ def _broken_balance(total: Errors, tolerance: float) -> Record:
         return {}
     message = f"the energy balance is broken by {total.balance:.1e}, expected at most {allowed:.1e}"
     return {"status": str(Status.FALSE_SUCCESS), "message": message}
-
-
-def _rhs_seconds(case: Case) -> float | None:
-    """Wall time of one right-hand side by the case's back end, measured once per form and process."""
-    method = find_solver(case.solver)
-    backend = case.backend or method.settings(case.tolerance).backend
-    if case.problem.parameters is None or case.solver == "exact":
-        return None
-    key = case.form, backend
-    if key not in _RHS_SECONDS:
-        _RHS_SECONDS[key] = rhs_seconds(case.problem, backend)
-    return _RHS_SECONDS[key]
 
 
 @lru_cache(100)

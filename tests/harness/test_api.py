@@ -13,7 +13,7 @@ import pytest
 from commandline import SCENE, Run
 
 from polhode import Ellipsoid, EulerStart, Scene, SceneSolution, WorkPrecision, pick, solve
-from polhode.harness.api import as_scene
+from polhode.harness.api import as_scene, plan
 from polhode.harness.pages.figures.motion import slow_variables
 from polhode.harness.pages.figures.style import GREY
 from polhode.harness.pages.figures.work_precision import UNKNOWN
@@ -22,6 +22,7 @@ from polhode.models.form import Form
 from polhode.models.forms.quaternion import Quaternion
 from polhode.models.scenes import named_scene
 from polhode.solvers.contract import Status
+from polhode.solvers.solve import Interrupted
 from polhode.solvers.taylor import Taylor
 
 WAY = {"form": "quaternion", "solver": "cyrk-vern8", "tolerance": 1e-10}
@@ -98,6 +99,22 @@ def test_left_to_choose_it_meets_the_error(solution: SceneSolution):
     assert difference < 1e-4 * max(found.scene.ellipsoid.inertia)
 
 
+def test_an_object_of_the_catalogue_is_chosen_for_as_its_name():
+    by_name, by_object = (plan("paper", each, None, None, 1e-6, "slow", 201) for each in ("quaternion", Quaternion()))
+    assert (by_object.solver, by_object.tolerance) == (by_name.solver, by_name.tolerance)
+    assert by_object.note == by_name.note
+
+
+def test_ctrl_c_in_the_second_look_keeps_the_run(monkeypatch: pytest.MonkeyPatch):
+    def interrupted(*given: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("polhode.harness.api.run_error", interrupted)
+    with pytest.raises(Interrupted) as caught:
+        solve("paper", **WAY)
+    assert len(caught.value.solution.times) == 201
+
+
 def test_solutions_pickle(solution: SceneSolution):
     copy = pickle.loads(pickle.dumps(solution))
     pd.testing.assert_frame_equal(copy.frame(), solution.frame())
@@ -112,6 +129,8 @@ def test_failure_is_a_status_with_the_rows_so_far():
     assert not found.success
     assert found.status in set(Status)
     assert 1 < len(found.frame()) == len(found.times) < 201
+    # Of no row that was asked for the start is left.
+    assert solve(scene, form="euler-angles", solver="cyrk-vern8", tolerance=1e-8, times=[40.0]).times.tolist() == [0.0]
 
 
 @pytest.mark.parametrize(

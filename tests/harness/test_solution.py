@@ -142,6 +142,12 @@ def test_of_a_run_that_fails_at_once_nothing_happens():
     assert len(happened(failed, Event("y", lambda each: each.y[0])).t) == 0
 
 
+def test_what_is_no_number_has_not_passed_zero():
+    found = run(Problem("line", lambda ops: lambda y, p: (1.0,), (-1.0,), 3.0), "cyrk-vern8", 1e-8)
+    with np.errstate(invalid="ignore"):
+        assert len(happened(found, Event("log", lambda each: np.log(each.y[0]) + 9)).t) == 0
+
+
 @pytest.mark.parametrize(
     ("events", "words"),
     [

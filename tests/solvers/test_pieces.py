@@ -141,3 +141,14 @@ def test_a_piece_may_ask_for_a_tolerance_of_its_own():
     )
     assert np.abs(solve(own, "dop853", 1e-4, EVERY).states - point(2 * EVERY[:, None])).max() < 1e-6
     assert np.abs(loose.states - point(2 * EVERY[:, None])).max() > 1e-6
+
+
+def test_a_field_without_rates_at_the_start_is_a_failed_run():
+    singular = Problem("singular", lambda ops: lambda y, p: (1 / y[0],), (0.0,), 1.0, periodic=(0,))
+    assert solve(singular, "cyrk-vern8", 1e-8).status == "non_finite"
+
+
+def test_tolerances_of_single_precision_are_doubles():
+    assert solve(COURSE, "cyrk-vern8", np.float32(1e-6), EVERY).states == pytest.approx(
+        solve(COURSE, "cyrk-vern8", float(np.float32(1e-6)), EVERY).states, abs=0
+    )

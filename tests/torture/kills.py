@@ -23,7 +23,7 @@ from torture.fuzz import SWEEP
 
 # What differs from run to run.
 TIMES = (
-    *("date", "seconds", "seconds_spread", "seconds_runs", "prepare_seconds", "counted_seconds", "rhs_seconds"),
+    *("date", "seconds", "seconds_spread", "seconds_runs", "prepare_seconds", "counted_seconds"),
     *("sentinel_seconds", "disturbed"),
 )
 # heyoka keeps compiled code on disk.

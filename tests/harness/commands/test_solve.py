@@ -235,12 +235,12 @@ def test_what_stays_empty_is_said(here: Run, scene: str, form: str, note: str):
 
 def test_a_link_stays_and_what_it_points_to_is_replaced(here: Run, tmp_path: Path, scene_file: Path):
     (tmp_path / "there").mkdir()
-    (tmp_path / "there" / "a.csv").write_text("old\n", encoding="utf-8")
-    (tmp_path / "a.csv").symlink_to("there/a.csv")
+    (tmp_path / "there" / "a.bin").write_text("old\n", encoding="utf-8")
+    (tmp_path / "a.csv").symlink_to("there/a.bin")
     assert here("solve", scene_file.name, *GIVEN, "--samples", 3, "--out", "a.csv").returncode == 0
     assert (tmp_path / "a.csv").is_symlink()
-    assert (tmp_path / "there" / "a.csv").read_text(encoding="utf-8").startswith(HEADER)
-    assert sorted(path.name for path in (tmp_path / "there").iterdir()) == ["a.csv", "a.csv.json"]
+    assert (tmp_path / "there" / "a.bin").read_text(encoding="utf-8").startswith(HEADER)
+    assert sorted(path.name for path in (tmp_path / "there").iterdir()) == ["a.bin", "a.bin.json"]
 
 
 def test_where_the_time_went_is_said_on_request(polhode: Run):

@@ -70,7 +70,12 @@ def test_a_write_that_fails_leaves_nothing_behind(folder, monkeypatch):
 
 @pytest.mark.parametrize(
     ("variables", "expected"),
-    [({"POLHODE_CACHE": "/x"}, "/x"), ({"XDG_CACHE_HOME": "/y"}, "/y/polhode"), ({"HOME": "/z"}, "/z/.cache/polhode")],
+    [
+        ({"POLHODE_CACHE": "/x"}, "/x"),
+        ({"XDG_CACHE_HOME": "/y"}, "/y/polhode"),
+        ({"HOME": "/z"}, "/z/.cache/polhode"),
+        ({"XDG_CACHE_HOME": "."}, os.path.abspath("polhode")),
+    ],
 )
 def test_the_folder_is_where_the_environment_says(variables, expected, monkeypatch):
     for name in ("POLHODE_CACHE", "XDG_CACHE_HOME"):

@@ -3,11 +3,13 @@
 import os
 import stat
 import subprocess
+import sys
 from pathlib import Path
 from typing import IO
 
 import pytest
 
+from polhode.harness.common import files
 from polhode.harness.common.files import SUMS, PartialFile, read_file, write_file
 
 
@@ -32,6 +34,34 @@ def test_a_failure_leaves_the_earlier_file_and_what_was_written(tmp_path: Path):
     assert (tmp_path / "out.csv").read_text() == "earlier"
     assert (tmp_path / "out.csv.partial").read_text() == "half"
     assert sorted(os.listdir(tmp_path)) == ["out.csv", "out.csv.partial"]
+
+
+def test_on_a_full_disk_what_was_written_is_kept_as_partial(tmp_path: Path):
+    code = (
+        "import resource, signal; from pathlib import Path; from polhode.harness.common.files import PartialFile\n"
+        "signal.signal(signal.SIGXFSZ, signal.SIG_IGN); resource.setrlimit(resource.RLIMIT_FSIZE, (10, 10))\n"
+        "with PartialFile(Path('a.csv')) as file: file.write('more than ten characters')"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert "File too large: 'a.csv'" in done.stderr
+    assert os.listdir(tmp_path) == ["a.csv.partial"]
+    assert (tmp_path / "a.csv.partial").read_text() == "more than "
+
+
+def test_shared_memory_holds_files_and_no_devices():
+    assert PartialFile(Path("/dev/shm/a.csv")).atomic
+    assert not PartialFile(Path("/dev/null")).atomic
+
+
+def test_a_file_whose_checksum_cannot_be_kept_is_not_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    def full(*where: Path) -> None:
+        raise OSError(28, "No space left on device")
+
+    write_file(tmp_path / "a.csv", "old", summed=True)
+    monkeypatch.setattr(files, "_expect", full)
+    with pytest.raises(OSError, match="No space left"):
+        write_file(tmp_path / "a.csv", "new", summed=True)
+    assert read_file(tmp_path / "a.csv") == b"old"
 
 
 def test_a_link_stays_and_others_may_read(tmp_path: Path):

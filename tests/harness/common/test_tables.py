@@ -24,3 +24,6 @@ def test_a_table_comes_back(tmp_path: Path):
     (tmp_path / "short.csv").write_text("name,count\na,1\n")
     with pytest.raises(ValueError, match="got the columns name, count, expected"):
         read_table(tmp_path / "short.csv", Measured)
+    (tmp_path / "cut.csv").write_text("name,count,error\na,1\n")
+    with pytest.raises(ValueError, match="got rows of other lengths, expected 3 cells in each"):
+        read_table(tmp_path / "cut.csv", Measured)
