@@ -38,7 +38,7 @@ def stated(store: Store, seed: int, count: int, quiet: bool = False) -> pd.DataF
     rows = []
     wanted = [(stratum, each) for stratum in STRATA for each in questions(seed, -(-count // 2), stratum)]
     for index, (stratum, question) in enumerate(tqdm(wanted, disable=quiet or None, desc="errors stated", leave=False)):
-        content = {"question": question.name, "seed": seed, "schema": 2}
+        content = {"question": question.name, "seed": seed, "count": count, "schema": 3}
         key = digest({"stated": content})
         row = store.result(key)
         if row is None:
