@@ -89,7 +89,7 @@ def examine() -> dict[str, Any]:
 def _laws() -> str:
     """Whose cost laws `pick` uses: laws of another version are passed over, unreadable ones are named."""
     from polhode.harness.common.files import read_file
-    from polhode.harness.picking.laws import OtherSchemaError, own_laws_path, parse_laws
+    from polhode.harness.picking.laws import OtherSchemaError, load_laws, own_laws_path, parse_laws
 
     own = own_laws_path()
     if not own.is_file():
@@ -100,6 +100,8 @@ def _laws() -> str:
         return f"those of the package; passed over, since of another version: {own}"
     except (OSError, ValueError) as error:
         return f"cannot be read ({error}), remove them to use those of the package: {own}"
+    if load_laws.__wrapped__().source != source:
+        return f"those of the package; passed over, since rescaled from other ones: {own}"
     if "refitted" in source:
         return f"times rescaled by {source['refitted']} runs of this machine: {own}"
     return f"fitted on this machine: {own}"

@@ -70,6 +70,8 @@ def test_laws_are_named_for_what_they_are(monkeypatch: pytest.MonkeyPatch, tmp_p
     assert examine()["laws"] == f"fitted on this machine: {own}"
     replace(laws, source={**fitted, "refitted": 412}).save(own)
     assert examine()["laws"] == f"times rescaled by 412 runs of this machine: {own}"
+    replace(laws, source={**fitted, "refitted": 412, "scenes": 1}).save(own)
+    assert examine()["laws"] == f"those of the package; passed over, since rescaled from other ones: {own}"
     (tmp_path / SUMS).unlink()
     own.write_text('{"schema": "of another version"}', encoding="utf-8")
     assert examine()["laws"] == f"those of the package; passed over, since of another version: {own}"
