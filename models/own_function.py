@@ -180,7 +180,8 @@ def _rebound(value: Any, known: dict[int, Any]) -> Any:
     if isinstance(value, MethodType):
         return MethodType(_rebound(value.__func__, known), value.__self__)
     if isinstance(value, partial):
-        return partial(_rebound(value.func, known), *value.args, **value.keywords)
+        named = {name: _rebound(each, known) for name, each in value.keywords.items()}
+        return partial(_rebound(value.func, known), *(_rebound(each, known) for each in value.args), **named)
     if not isinstance(value, FunctionType):
         return value
     names, cells = {"__builtins__": builtins}, tuple(CellType() for _ in value.__closure__ or ())

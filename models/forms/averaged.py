@@ -115,11 +115,11 @@ class Averaged(Form):
 
     def check(self, scene: Scene) -> None:
         """Refuse equal axes, St = 0 and inf, L = 0, and rotation about the middle axis, where nothing is averaged."""
+        self.require_slow_motion(scene)
         if scene.ellipsoid.kind != "triaxial":
             raise self.refuse(
                 f"two semi-axes of {[*map(float, scene.ellipsoid.semi_axes)]} are equal", "averaged-spheroid"
             )
-        self.require_slow_motion(scene)
         in_body = scene.initial.rotation[0] @ scene.initial.angular_momentum[0]
         in_body = in_body / np.abs(in_body).max()
         shares = in_body**2 / np.sum(in_body**2)

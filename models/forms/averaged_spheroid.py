@@ -63,8 +63,8 @@ class AveragedSpheroid(Form):
     averaged = True
 
     def check(self, scene: Scene) -> None:
-        require_spheroid(self, scene, "averaged")
         self.require_slow_motion(scene)
+        require_spheroid(self, scene, "averaged")
 
     def problem(self, scene: Scene) -> Problem:
         self.check(scene)

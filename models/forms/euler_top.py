@@ -25,9 +25,9 @@ class EulerTop(Quaternion):
     valid_for = "St = inf, every ellipsoid; closed form (solver 'exact')"
 
     def check(self, scene: Scene) -> None:
+        self.require_orientation(scene)
         if scene.torque_factor > 0:
             raise self.refuse(f"St = {scene.stokes:g} is finite", reference_form(scene))
-        self.require_orientation(scene)
 
     def problem(self, scene: Scene) -> Problem:
         self.check(scene)

@@ -137,9 +137,9 @@ class Jeffery(Form):
     orientation = "full"
 
     def check(self, scene: Scene) -> None:
+        self.require_orientation(scene)
         if scene.stokes > 0:
             raise self.refuse(f"St = {scene.stokes:g} is not 0", "quaternion")
-        self.require_orientation(scene)
 
     def problem(self, scene: Scene) -> Problem:
         self.check(scene)

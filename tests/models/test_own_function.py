@@ -49,7 +49,12 @@ def bent(t, y, k):
 
 
 def one_by_one(t, y, *, decay=np.exp):
-    return [-decay(-each) * bell(each) for each in y] + [sum(bell(each) * RATE for each in y) * 0.1]
+    rate = lambda each: -decay(-each) * bell(each)  # noqa: E731
+    return [rate(each) for each in y] + [sum(bell(each) * RATE for each in y) * 0.1]
+
+
+def by_name(t, y, of, also):
+    return [-of(each) + also(each) for each in y]
 
 
 def accepting(problem: Problem) -> list[str]:
@@ -133,6 +138,9 @@ def test_what_comprehensions_lambdas_and_keywords_name_is_compiled_too():
     ours = solve_ivp(of_two, (0.0, 2.0), [1.0, 0.0], "cyrk-dop853", rtol=1e-10)
     theirs = scipys(of_two, (0.0, 2.0), [1.0, 0.0], "DOP853", rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(ours.y[:, -1], theirs.y[:, -1], atol=1e-8)
+    given = solve_ivp(partial(by_name, of=np.sin, also=bell), (0.0, 2.0), [1.0], "cyrk-dop853", rtol=1e-10)
+    theirs = scipys(partial(by_name, of=np.sin, also=bell), (0.0, 2.0), [1.0], "DOP853", rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(given.y[:, -1], theirs.y[:, -1], atol=1e-8)
 
 
 @pytest.mark.parametrize("method", ["taylor", "cyrk-dop853", "radau"])
