@@ -49,7 +49,7 @@ class Plan:
     long: str  # How long the run will take, if long.
     asked: tuple[float, str] | None = None  # Error and what it is of, where they chose the tolerance.
     estimate: bool = True  # Whether a second look estimates the error.
-    max_seconds: float = float("inf")
+    max_seconds: float = float("inf")  # Limit of the run itself, without the second look.
 
     @property
     def _times(self) -> np.ndarray:
@@ -173,7 +173,7 @@ def solve(
         In one line, the value and what was expected; also if form or solver do not accept the scene, or the solver's
         library is not installed.
     polhode.solvers.solve.Interrupted
-        On Ctrl-C.
+        On Ctrl-C; its `solution` is what is finished, in the form's own states and time.
 
     Examples
     --------

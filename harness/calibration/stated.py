@@ -13,12 +13,14 @@ from polhode.harness.calibration.scenes import STRATA, Question, questions
 from polhode.harness.calibration.training import REFERENCE_SECONDS, fast_solvers, methods_for
 from polhode.harness.common.files import digest
 from polhode.harness.common.store import Record, Store
+from polhode.harness.common.timing import within
 from polhode.harness.picking.pilot import Pilot, pilot
 from polhode.harness.picking.second_look import LEAST, SHARE
 from polhode.harness.references.errors import errors
 from polhode.harness.references.reference import reference
 from polhode.models.catalogue import form as find_form, reference_form
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
+from polhode.solvers.contract import Status
 
 # Rotations up to which solvers with Python in the loop are run.
 ASIDE_ROTATIONS = 300.0
@@ -99,9 +101,14 @@ def _ways(known: Pilot, tolerance: float) -> list[tuple[str, str]]:
 def _run(question: Question, name: str, solver: str, tolerance: float) -> SceneSolution:
     """The run with everything compiled, of a few that whose second look was the least disturbed."""
     chosen = plan(question.scene, name, solver, tolerance, 1e-6, "slow", question.samples)
-    what = replace(chosen, max_seconds=REFERENCE_SECONDS)
-    first = what.run()
-    runs = [what.run() for _ in range(TIMED if first.seconds < SHORT else 1)]
+
+    def run(seconds: float) -> SceneSolution:
+        return replace(chosen, max_seconds=seconds).run()
+
+    first, _ = within(REFERENCE_SECONDS, run, lambda found: found.status is Status.TIME_LIMIT)
+    if not first.success:
+        return first
+    runs = [chosen.run() for _ in range(TIMED if first.seconds < SHORT else 1)]
     return min(runs, key=lambda run: run.error.seconds)
 
 

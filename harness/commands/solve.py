@@ -127,7 +127,9 @@ def _run(what: "Plan", target: PartialFile | None, progress: Progress, omega: bo
             try:
                 solution = what.run(watch)
             except Interrupted as interruption:
-                solution, how = what.observed(interruption.solution), "interrupted"
+                solution = what.observed(interruption.solution)
+                # Where every row is there its error alone is missing.
+                how = "interrupted" * (len(solution.times) < len(what.times))
             progress.begin("writing")
             if file:
                 with spent_on("output"):

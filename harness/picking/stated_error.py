@@ -80,7 +80,7 @@ class RunError:
         return replace(self, advice=advice)
 
 
-UNKNOWN = RunError(None, None, "not asked for")
+UNKNOWN = RunError(None, None, "not estimated")
 
 
 def said_by_pieces(found: Solution) -> dict[str, float]:

@@ -11,9 +11,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from commandline import SCENE, SCRIPT, Run
 from scipy.spatial.transform import Rotation
 
+from polhode.harness.commands.solve import solve
 from polhode.harness.references.errors import errors
 from polhode.harness.references.reference import reference
 from polhode.models.files.scene_file import parse_scene, read_scene
@@ -281,6 +283,18 @@ def test_a_failed_run_leaves_its_rows_as_partial(here: Run, scene_file: Path, tm
     assert line.startswith(("polhode: non_finite", "polhode: step_underflow"))
     assert np.isfinite(rows).all()
     assert (tmp_path / "out.csv").read_text(encoding="utf-8") == "earlier"
+
+
+def test_ctrl_c_in_the_second_look_keeps_the_whole_run(scene_file: Path, monkeypatch: pytest.MonkeyPatch):
+    def interrupted(*given: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("polhode.harness.api.run_error", interrupted)
+    out = scene_file.with_name("out.csv")
+    found = CliRunner().invoke(solve, [str(scene_file), *map(str, GIVEN), "--samples", "11", "--out", str(out)])
+    assert found.exit_code == 0, found.output
+    assert len(Table(out).numbers) == 11
+    assert "error: not known: not estimated" in found.stderr
 
 
 @pytest.mark.parametrize("solver", ["taylor", "cyrk-vern8"])
