@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import inf
 from numbers import Integral
 from operator import is_
 from os import PathLike, fspath
@@ -49,7 +50,7 @@ class Plan:
     long: str  # How long the run will take, if long.
     asked: tuple[float, str] | None = None  # Error and what it is of, where they chose the tolerance.
     estimate: bool = True  # Whether a second look estimates the error.
-    max_seconds: float = float("inf")  # Limit of the run itself, without the second look.
+    max_seconds: float = inf  # Limit of the run itself, without the second look.
 
     @property
     def _times(self) -> np.ndarray:

@@ -75,21 +75,19 @@ class PartialFile:
         """Give the file its name, that of a partial one if the block failed."""
         file, kept = self.open(), self.partial
         try:
-            file.flush()
-            if self.atomic and failure is None:
-                os.fsync(file.fileno())
-                if self._summed:
-                    _expect(self.path, self._private)
-                kept = self.path
+            # Where the disk is full, closing fails as flushing did.
+            with file:
+                file.flush()
+                if self.atomic and failure is None:
+                    os.fsync(file.fileno())
+                    if self._summed:
+                        _expect(self.path, self._private)
+                    kept = self.path
         finally:
-            try:
-                # Fails once more where the disk is full.
-                file.close()
-            finally:
-                if self.atomic:
-                    os.replace(self._private, kept)
-                    if self._summed and kept is self.path:
-                        _expect(self.path)
+            if self.atomic:
+                os.replace(self._private, kept)
+                if self._summed and kept is self.path:
+                    _expect(self.path)
 
 
 def make_folder(folder: Path) -> None:
