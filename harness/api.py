@@ -1,6 +1,6 @@
 """What Python users call, and the command `solve` with them: a scene, a plan, a solution."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 from numbers import Integral
@@ -113,7 +113,7 @@ def plan(
     if solver is not None:
         find_solver(solver)
     with spent_on("pilots"):
-        choice = choose(what, _name(form, FORMS), _name(solver, SOLVERS), tolerance, error, want, len(wanted))
+        choice = choose(what, FORMS.name_of(form), SOLVERS.name_of(solver), tolerance, error, want, len(wanted))
     equations, method = find_form(form or choice.form), find_solver(solver or choice.solver)
     problem = equations.problem(what)
     if not method.available:
@@ -243,11 +243,3 @@ def _in_doubles(given: Any) -> Any:
 def _check_samples(samples: int) -> None:
     if not (isinstance(samples, Integral) and 2 <= samples <= MOST_SAMPLES):
         raise ValueError(f"samples: got {samples!r}, expected a whole number from 2 to {MOST_SAMPLES}")
-
-
-def _name(thing: FormLike | SolverLike, known: Mapping[str, str]) -> str | None:
-    """A catalogue name, or ``"module:class"`` for an object of another class."""
-    if thing is None or isinstance(thing, str):
-        return thing
-    target = f"{type(thing).__module__}:{type(thing).__qualname__}"
-    return next((name for name, each in known.items() if each == target), target)

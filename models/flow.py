@@ -5,7 +5,7 @@ from math import pi
 
 import numpy as np
 
-from polhode.models.operations import Operations, numpy_operations
+from polhode.models.operations import ARRAYS, Operations
 from polhode.models.shape import Ellipsoid
 
 
@@ -31,7 +31,7 @@ def jeffery_angular_velocity(ops: Operations) -> Callable:
 def jeffery_spin(ellipsoid: Ellipsoid, rotation: np.ndarray) -> np.ndarray:
     """Jeffery's angular velocity in body axes, shape (n, 3), of matrices t_ij, shape (n, 3, 3)."""
     flow, gradient = rotation[:, :, 0].T, rotation[:, :, 1].T
-    return np.stack(jeffery_angular_velocity(numpy_operations())(flow, gradient, shares(ellipsoid)), axis=1)
+    return np.stack(jeffery_angular_velocity(ARRAYS)(flow, gradient, shares(ellipsoid)), axis=1)
 
 
 def dissipation(ellipsoid: Ellipsoid, rotation: np.ndarray, angular_velocity: np.ndarray) -> np.ndarray:

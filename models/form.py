@@ -89,14 +89,16 @@ class Form(ABC):
 
     def require_slow_motion(self, scene: Scene, rest: bool = False) -> None:
         """Raise FormNotValidError at St = 0 and inf, and unless `rest` at L = 0, where there is nothing to average."""
-        # No form follows a start without orientation where none averages.
-        slow = isinstance(scene.start, SlowStart)
         if scene.stokes == 0:
-            raise self.refuse("St = 0 has no slow variables", "" if slow else "jeffery")
-        if scene.torque_factor == 0:
-            raise self.refuse("at St = inf the slow variables are constant", "" if slow else "euler-top")
-        if not rest and not np.any(scene.initial.angular_momentum):
-            raise self.refuse("the start has L = 0, where averaging does not apply", "" if slow else full_form(scene))
+            why, instead = "St = 0 has no slow variables", "jeffery"
+        elif scene.torque_factor == 0:
+            why, instead = "at St = inf the slow variables are constant", "euler-top"
+        elif not rest and not np.any(scene.initial.angular_momentum):
+            why, instead = "the start has L = 0, where averaging does not apply", full_form(scene)
+        else:
+            return
+        # No form follows a start without orientation where none averages.
+        raise self.refuse(why, "" if isinstance(scene.start, SlowStart) else instead)
 
     def slow_problem(
         self, scene: Scene, field: Factory, start: Floats, parameters: Floats, invariant: Invariant | None = None

@@ -30,11 +30,7 @@ class Observables:
         """Slow variables (L_x, L_y, L_z, E), shape (n, 4)."""
         return np.column_stack([self.angular_momentum, self.energy])
 
-    def first(self, samples: int) -> "Observables":
-        """The first samples alone."""
-        return self.at(slice(samples))
-
-    def at(self, rows: slice | np.ndarray) -> "Observables":
+    def __getitem__(self, rows: slice | np.ndarray) -> "Observables":
         """Those at some of the times."""
         return Observables(self.angular_momentum[rows], self.energy[rows], self.rotation[rows])
 

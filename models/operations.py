@@ -53,8 +53,5 @@ class WithRate:
 
 
 FLOAT = Operations(math.sin, math.cos, math.sqrt, lambda x, a, b: a if x > 0 else b)
-
-
-def numpy_operations() -> Operations:
-    """Elementwise operations on arrays, to evaluate a field at many states at once."""
-    return Operations(np.sin, np.cos, np.sqrt, lambda x, a, b: np.where(x > 0, a, b), np.expm1, np.exp, np.log)
+# Elementwise, to evaluate a field at many states at once.
+ARRAYS = Operations(np.sin, np.cos, np.sqrt, lambda x, a, b: np.where(x > 0, a, b), np.expm1, np.exp, np.log)

@@ -66,6 +66,13 @@ class Catalogue(dict[str, str], Generic[T]):
             self._made[name] = self._class(name)()
         return self._made[name]
 
+    def name_of(self, thing: str | T | None) -> str | None:
+        """The catalogue name of an object, ``"module:class"`` of another class' one, names and None as they are."""
+        if thing is None or isinstance(thing, str):
+            return thing
+        target = f"{type(thing).__module__}:{type(thing).__qualname__}"
+        return next((name for name, each in self.items() if each == target), target)
+
     def _class(self, name: str) -> type[T]:
         if ":" not in self.get(name, name).strip(":"):
             raise NotFoundError(self.kind, name, f"one of {', '.join(self)}", hint(name, self))

@@ -66,7 +66,7 @@ def _row(question: Question, random: np.random.Generator) -> Record:
         return {"left_out": str(solution.status).replace("_", " ")}
     full = reference(scene, reference_form(scene), question.samples, REFERENCE_SECONDS)
     n = full.meaningful
-    true = errors(scene.ellipsoid, solution.observables.first(n), full.observables.first(n))
+    true = errors(scene.ellipsoid, solution.observables[:n], full.observables[:n])
     unknown = {"slow": full.slow_uncertainty, "orientation": full.orientation_uncertainty}
     want = "slow" if solution.error.orientation is None else question.want
     stated = solution.error.wanted(want)

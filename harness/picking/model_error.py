@@ -116,7 +116,7 @@ def _measured(form: Form, pilot: Pilot) -> dict[str, Interval | None]:
 
 def _thinned(seen: Observables, form: Form) -> Observables:
     """Observables at the times of a form's pilot alone."""
-    return seen.at(slice(None, None, (len(seen.energy) - 1) // (samples_of(form) - 1)))
+    return seen[:: (len(seen.energy) - 1) // (samples_of(form) - 1)]
 
 
 def _interval(want: str, near: Errors, far: Errors, gap: float) -> Interval | None:

@@ -127,7 +127,7 @@ class Pilot:
         if self.to_the_end:
             last = len(self.observables.energy) - 1
             row = min(ceil(share * last), last)
-            return start_from(self.scene.ellipsoid, self.observables.at(slice(row, row + 1)))
+            return start_from(self.scene.ellipsoid, self.observables[row : row + 1])
         if share * self.rotations > MOST_ROTATIONS:
             return None
         return _end_of(replace(self.scene, time=time))

@@ -130,7 +130,7 @@ def _solver_error(
         run = solve(problem, each.solver, each.tolerance, times, max_seconds=STOPPED * limit, max_steps=most)
         look = _believed(each, found, run) if problem is found.problem else each
         if run.success and look.larger != 1:
-            here = observables.at(seen)
+            here = observables[seen]
             own = _estimates(scene, form, here, _apart(scene, look, here, equations.observe(scene, run.states)), look)
             # Rounding alone: the look took the very same steps.
             if look.share < 1 and (slow := own["slow"]) and slow.high > 2 * BEGUN * slow.predicted:
@@ -244,7 +244,7 @@ def _apart(scene: Scene, look: Look, here: Observables, there: Observables) -> A
     # The error of the run's own phase, which grows as that of the look did.
     last = len(angle) - 1
     phase = look.certainty / look.larger * angle[lost] * (last / lost) ** GROWTH["orientation"]
-    swayed = min(1.0, phase) * _sway(scene, here.at(slice(min(lost, last // 2), None, 1 + last // 100)))
+    swayed = min(1.0, phase) * _sway(scene, here[min(lost, last // 2) :: 1 + last // 100])
     return slow, float(np.max(angle)), min(slow, swayed)
 
 

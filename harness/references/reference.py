@@ -160,8 +160,8 @@ def _compute(scene: Scene, form: Form, problem: Problem, samples: int, deadline:
     kept = samples
     if largest > SUSPICIOUS and (grown := growth(problem, min(2000, samples - 1))).chaotic:
         kept = max(2, int(np.searchsorted(times, grown.meaningful_until(), side="right")))
-    own = errors(scene.ellipsoid, loose.first(kept), tight.first(kept))
-    early = [errors(scene.ellipsoid, other.first(kept), tight.first(kept)) for other in moved]
+    own = errors(scene.ellipsoid, loose[:kept], tight[:kept])
+    early = [errors(scene.ellipsoid, other[:kept], tight[:kept]) for other in moved]
     slow = max(SAFETY * own.slow, *(each.slow for each in early))
     orientation = None
     if own.orientation is not None:

@@ -117,7 +117,7 @@ def _torque_free(solution: SceneSolution, axis: int) -> list[list[float]]:
     """Paths of the axis without torque, each starting at one of `MOMENTS` equispaced samples."""
     ellipsoid, paths = solution.scene.ellipsoid, []
     for k in np.linspace(0, len(solution.times) - 1, MOMENTS).astype(int).tolist():
-        moment = solution.observables.at(slice(k, k + 1))
+        moment = solution.observables[k : k + 1]
         size = float(np.linalg.norm(moment.angular_momentum))
         if size == 0:
             # At rest it stays where it is.

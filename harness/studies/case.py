@@ -141,10 +141,10 @@ def judge(case: Case, record: Record, states: np.ndarray) -> Record:
             exact, record = None, {**record, "reference_failed": str(error)}
     found = form.observe(case.scene, states)
     if record["status"] != Status.REACHED_END:
-        so_far = errors(ellipsoid, found, full.observables.first(len(states)))
+        so_far = errors(ellipsoid, found, full.observables[: len(states)])
         return {**record, "slow_error_so_far": so_far.slow}
     n = full.meaningful
-    truth, early = full.observables.first(n), found.first(n)
+    truth, early = full.observables[:n], found[:n]
     total = errors(ellipsoid, early, truth, case.scene if n == case.samples else None)
     distance = None if n == case.samples else statistics_distance(ellipsoid, found, full.observables)
     return (
@@ -207,7 +207,7 @@ def _parted(
         return dict.fromkeys(names)
     values = total.slow, total.orientation, 0.0, 0.0
     if exact is not full:
-        own_truth = exact.observables.first(len(truth.slow))
+        own_truth = exact.observables[: len(truth.slow)]
         own, model = (errors(case.scene.ellipsoid, *pair) for pair in ((found, own_truth), (own_truth, truth)))
         values = own.slow, own.orientation, model.slow, model.orientation
     return dict(zip(names, values, strict=True)) | {"solver_slow_uncertainty": exact.slow_uncertainty}

@@ -7,7 +7,7 @@ import numpy as np
 from polhode.models.form import Form
 from polhode.models.forms.motion import angular_acceleration, body_parameters, full_problem
 from polhode.models.observables import Observables, observe_body
-from polhode.models.operations import Field, Operations, numpy_operations
+from polhode.models.operations import ARRAYS, Field, Operations
 from polhode.models.problem import Problem
 from polhode.models.rotation import angular_velocity_from_euler, euler_rates_from_angular_velocity, matrix_from_euler
 from polhode.models.scene import EulerStart, Scene
@@ -95,5 +95,5 @@ class EulerAngles(Form):
         return full_problem(self, scene, field, start, inertial, shape, periodic=(1, 2))
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
-        omega = angular_velocity_from_euler(states[:, :3].T, states[:, 3:].T, numpy_operations())
+        omega = angular_velocity_from_euler(states[:, :3].T, states[:, 3:].T, ARRAYS)
         return observe_body(scene.ellipsoid, matrix_from_euler(states[:, :3]), np.stack(omega, axis=1))

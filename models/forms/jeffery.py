@@ -13,7 +13,7 @@ from polhode.models.forms.motion import directions, norm_drift, quaternion_rates
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.free_top.elliptic import PI
 from polhode.models.observables import Observables, observe_body
-from polhode.models.operations import Field, Operations, WithRate, numpy_operations
+from polhode.models.operations import ARRAYS, Field, Operations, WithRate
 from polhode.models.problem import Problem
 from polhode.models.rotation import Quaternion, make_third, matrix_from_quaternion, quaternion_from_euler
 from polhode.models.scene import Scene
@@ -76,7 +76,7 @@ class JefferyOrbit:
         phi = -(np.mod(turns, 4) * pi + np.arctan2(kappa * sine, cosine))
         theta = np.arctan2(s * np.hypot(kappa * sine, cosine), z)
         angles = theta, phi, self._spin(turns, sine, cosine)
-        q = np.stack(quaternion_from_euler(angles, numpy_operations()), axis=1)
+        q = np.stack(quaternion_from_euler(angles, ARRAYS), axis=1)
         given = np.array(make_third(self.quaternion, self.axis))
         q = _turned_about_third(q, given)[1:]
         if self.axis == 2:

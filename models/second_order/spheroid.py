@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from polhode.models.forms.spheroid import Spheroid
-from polhode.models.operations import Field, Operations, numpy_operations
+from polhode.models.operations import ARRAYS, Field, Operations
 from polhode.models.second_order.field import averaged_rates
 
 Polynomial = tuple[float, ...]
@@ -208,7 +208,7 @@ def orders(spheroid: Spheroid, torque_factor: float, slow: np.ndarray) -> tuple[
     change, tilt, _ = generator(spheroid, momentum, axis, np.cos(TURNS), np.sin(TURNS))
     relative = np.sqrt(dot(change, change) / square) + np.sqrt(dot(tilt, tilt))
     second = (0.0,) * FIRST + parameters(spheroid, torque_factor)[FIRST:]
-    growth, rise, *across = slow_rates(numpy_operations())(np.sqrt(square), n, h2, second)
+    growth, rise, *across = slow_rates(ARRAYS)(np.sqrt(square), n, h2, second)
     moved = np.sqrt(square * growth * growth + dot(across, across))
     powered = square * np.abs(growth * (1 + flattening * h2) + flattening * h2 * (1 - h2) * rise)
     return torque_factor * relative.max(axis=0), np.maximum(moved, powered) / max(1.0, spheroid.inertia_ratio)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebder
 
 from polhode.models.files import kept
-from polhode.models.operations import numpy_operations
+from polhode.models.operations import ARRAYS
 from polhode.models.second_order.averages import FIRST, MODES, NAMES, SECOND, averages
 from polhode.models.second_order.field import NODES, POLE, POLES, SINGULAR, averaged_rates, polynomials, regular
 from polhode.models.second_order.polhodes import SidedBody
@@ -17,7 +17,7 @@ from polhode.models.shape import Ellipsoid
 Array = np.ndarray
 
 # Changes whenever the numbers of a table do.
-VERSION = 2
+VERSION = 3
 # Tables reach from a² = 0 to here: 1 - x = 0.0025.
 MOST = 6.0
 _ANGLES = pi * (np.arange(NODES) + 0.5) / NODES
@@ -46,7 +46,6 @@ class Table:
     series: Array  # Chebyshev coefficients, a row per function, in the order of `NAMES`; y' as (a²)'/a²
     poles: Array  # a row per pole: its a², dD/da² over l, residues of second and of first order of the functions
     resonances: Array  # a row per resonance: k₁, k₂, a², dD/da² over l, |P_k| of L' at l = 0 and its gain per l
-    residual: float  # relative misfit of the closed structure, largest over the nodes
 
     @cached_property
     def turning(self) -> Array:
@@ -93,16 +92,15 @@ def table(ellipsoid: Ellipsoid, longest: bool) -> Table:
     if numbers is None:
         found = made(side_of(ellipsoid, longest))
         arrays = found.series, found.poles, found.resonances
-        kept.save(key, np.concatenate([[found.residual], *(each.ravel() for each in arrays)]))
+        kept.save(key, np.concatenate([each.ravel() for each in arrays]))
         return found
-    residual, *parts = np.split(numbers, np.cumsum([1, len(NAMES) * NODES, POLES * POLE]))
-    series, poles, resonances = (each.reshape(-1, n) for each, n in zip(parts, (NODES, POLE, 6), strict=True))
-    return Table(series, poles, resonances, float(residual[0]))
+    parts = np.split(numbers, np.cumsum([len(NAMES) * NODES, POLES * POLE]))
+    return Table(*(each.reshape(-1, n) for each, n in zip(parts, (NODES, POLE, 6), strict=True)))
 
 
 def made(side: SidedBody) -> Table:
     """The table of a side, not kept."""
-    found, residual, strengths = averages(side, level(POINTS))
+    found, _, strengths = averages(side, level(POINTS))
     for name in ("g0", "g2", "b1", "b2"):
         found[name] = found[name] * per_square(POINTS)
     series = series_of(np.stack([found[name] for name in NAMES]))
@@ -122,7 +120,7 @@ def made(side: SidedBody) -> Table:
     largest = poles[np.argsort(-np.abs(poles[:, 2:]).max(axis=1, initial=0))][:POLES]
     chosen[: len(largest)] = largest
     inside = (resonances[:, 2] > 0) & (resonances[:, 2] < MOST)
-    return Table(series, chosen, resonances[inside], residual)
+    return Table(series, chosen, resonances[inside])
 
 
 def _resonances(rates: Array, points: Array, strengths: Array) -> Array:
@@ -213,7 +211,7 @@ def second(found: Table, unit: float, slow: Array, a2: Array, steep: Array) -> A
     values = values / np.array([unit ** SCALES[name] for name in SECOND])[:, None]
     momentum, energy = slow[:, :3], slow[:, 3]
     size = np.linalg.norm(momentum, axis=1)
-    n, first, rates = (momentum / size[:, None]).T, [np.zeros(len(size))] * 2, averaged_rates(numpy_operations())
+    n, first, rates = (momentum / size[:, None]).T, [np.zeros(len(size))] * 2, averaged_rates(ARRAYS)
     growth, rise, *across = rates(size, n, (*first, *values[:2]), (*first, *values[2:4]), first, values[4:])
     moved = np.linalg.norm(growth[:, None] * momentum + np.stack(across, axis=1), axis=1)
     return np.maximum(moved, np.abs(2 * growth * energy + 0.5 * unit * size**2 * steep * rise))

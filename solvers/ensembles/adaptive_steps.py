@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from polhode.models.operations import numpy_operations
+from polhode.models.operations import ARRAYS
 from polhode.models.problem import Factory, Problem
 from polhode.solvers.contract import Status
 from polhode.solvers.ensembles.methods import Array, change, moved
@@ -55,7 +55,7 @@ def run_adaptive(problem: Problem, starts: Array, times: Array, tolerance: float
     code, fill = _stepper(problem.field, d, len(parameters)), _filler(d, width())
     constants = np.array([tolerance, end, *parameters])
     with np.errstate(all="ignore"):
-        rates = np.stack(np.broadcast_arrays(*problem.field(numpy_operations())(starts.T, parameters)), axis=1)
+        rates = np.stack(np.broadcast_arrays(*problem.field(ARRAYS)(starts.T, parameters)), axis=1)
         pace = np.nanmedian(np.abs(rates).max(axis=1) / np.abs(starts).max(axis=1))
     most = MOST_STEPS * tolerance**-0.2 + STEPS_PER_RELAXATION * end * float(pace)
     fresh = np.column_stack([starts, rates, np.zeros((n, d + 1)), np.full(n, FIRST_STEP * end)])

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polhode.models.operations import numpy_operations
+from polhode.models.operations import ARRAYS
 from polhode.models.problem import Problem
 from polhode.solvers.contract import Status
 from polhode.solvers.ensembles.methods import RUNGE_KUTTA, Array, Method, method, names
@@ -120,7 +120,7 @@ def _in_pieces(times: Array) -> tuple[Array, int]:
 
 def _first_steps(problem: Problem, sample: Array, times: Array) -> int:
     """Steps between two times that are a fair guess."""
-    rates = problem.field(numpy_operations())(sample.T, np.array(problem.parameters))
+    rates = problem.field(ARRAYS)(sample.T, np.array(problem.parameters))
     length = ANGLE / max(0.5, *(float(np.max(np.abs(rate))) for rate in rates))
     if problem.parts is not None and (strength := problem.parts.strength(problem.parameters or ())) > 0:
         length = min(length, RELAXATION / strength)

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from polhode.models.operations import numpy_operations
+from polhode.models.operations import ARRAYS
 from polhode.models.problem import Factory, Problem
 from polhode.solvers.compile import KeptForThread, load_heyoka, traced_system
 from polhode.solvers.contract import Status
@@ -52,7 +52,7 @@ def _propagate(integrator: Any, starts: np.ndarray, grid: np.ndarray) -> np.ndar
 def _speed(problem: Problem, starts: np.ndarray, parameters: np.ndarray) -> np.ndarray:
     """Square of the state's rate of change at the start, shape (n,)."""
     with np.errstate(all="ignore"):
-        rates = problem.field(numpy_operations())(starts.T, parameters)
+        rates = problem.field(ARRAYS)(starts.T, parameters)
         return sum((np.square(rate) for rate in rates), start=np.zeros(len(starts)))
 
 

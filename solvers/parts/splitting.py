@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from polhode.models.operations import FLOAT, numpy_operations
+from polhode.models.operations import ARRAYS, FLOAT
 from polhode.models.problem import Parts, Problem
 from polhode.solvers.compile import parameter_array
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, SolverNotValidError, Status
@@ -118,7 +118,7 @@ class Split:
         left = record.times[1:] - record.times[0]
         left -= np.floor(left * rate / (2 * pi)) * (2 * pi / rate) if rate > 0 else 0.0
         state, pieces = tuple(record.start), int(2 * pi / self.parts.reach) + 1
-        ops = numpy_operations()
+        ops = ARRAYS
         flow, constants = self.parts.fast.flow(ops), self.parts.fast.constants(self.p, left / pieces, ops)
         for _ in range(pieces):
             state = flow(state, constants)

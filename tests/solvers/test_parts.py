@@ -19,7 +19,7 @@ from oracle.classical import CLASSICAL
 from oracle.runs import SCENES, Run
 from polhode.models.catalogue import form
 from polhode.models.forms.spheroid_axis import PARTS, field
-from polhode.models.operations import FLOAT, numpy_operations
+from polhode.models.operations import ARRAYS, FLOAT
 from polhode.models.problem import Problem
 from polhode.models.scene import BodyStart, EulerStart, Scene
 from polhode.models.scenes import named_scene
@@ -112,7 +112,7 @@ def test_flows_of_many_states_at_once():
     states = np.array([any_state(seed)[0] for seed in range(5)])
     for part in (PARTS.fast, PARTS.slow):
         constants = part.constants(PARAMETERS, 0.4)
-        together = np.array(part.flow(numpy_operations())(states.T, constants)).T
+        together = np.array(part.flow(ARRAYS)(states.T, constants)).T
         assert together == pytest.approx(np.array([part.flow(FLOAT)(state, constants) for state in states]), abs=1e-15)
 
 

@@ -101,5 +101,5 @@ def test_chaos_bounds_what_a_reference_says_of_trajectories(tmp_path, monkeypatc
     assert whole.orientation > 1
     distance = statistics_distance(scene.ellipsoid, found, known.observables)
     assert distance < 4 * known.statistics_uncertainty
-    tumbling = statistics_distance(scene.ellipsoid, known.observables.first(60), known.observables)
+    tumbling = statistics_distance(scene.ellipsoid, known.observables[:60], known.observables)
     assert tumbling > 2 * distance

@@ -140,7 +140,7 @@ def test_distributions_agree_whatever_the_order_and_differ_by_the_shift(run: Obs
 
 def test_different_numbers_of_samples_are_refused(run: Observables):
     with pytest.raises(ValueError, match="samples: got 500, expected 501"):
-        errors(TRIAXIAL, run.first(500), run)
+        errors(TRIAXIAL, run[:500], run)
 
 
 def test_symmetric_bodies_may_turn_about_their_axis():

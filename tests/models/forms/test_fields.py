@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from polhode.models.catalogue import FORMS, form
-from polhode.models.operations import FLOAT, Operations, numpy_operations
+from polhode.models.operations import ARRAYS, FLOAT, Operations
 from polhode.models.scene import BodyStart, EulerStart, Scene
 from polhode.models.shape import Ellipsoid
 from polhode.models.theory.spheroid_correction import CorrectedSpheroid
@@ -50,7 +50,7 @@ def test_every_kind_of_number_gives_the_same_rates(problem):
     assert plain.shape == states.shape
     scale = np.max(np.abs(plain), axis=0) + 1e-3 * np.max(np.abs(plain))
 
-    arrays = problem.field(numpy_operations())(states.T, parameters)
+    arrays = problem.field(ARRAYS)(states.T, parameters)
     assert np.all(np.abs(np.array([np.broadcast_to(row, 8) for row in arrays]).T - plain) < 1e-14 * scale)
 
     compiled = compiled_callback(problem.field, problem.dimension, len(parameters))
