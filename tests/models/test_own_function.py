@@ -110,6 +110,9 @@ def test_arrays_and_branches_are_numpys_in_machine_code_and_for_taylor():
 def test_errors_are_in_the_users_words(f, y0, parameters, words):
     with pytest.raises(ValueError, match=words):
         Problem.from_function(f, y0, 1.0, parameters)
+
+
+def test_an_end_before_the_start_is_refused():
     with pytest.raises(ValueError, match="t_end: got -1"):
         Problem.from_function(matrix, [1.0, 2.0], -1.0, (1.0,))
 

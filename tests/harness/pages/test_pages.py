@@ -11,19 +11,10 @@ import pytest
 
 from polhode.harness.commands.pick import FEW, pick_page
 from polhode.harness.common import text
-from polhode.harness.common.text import aligned, on_terminal, short
+from polhode.harness.common.text import aligned, on_terminal
 from polhode.harness.picking.laws import Interval
 from polhode.harness.picking.recommendation import Excluded, Recommendation, Way
 from polhode.solvers.catalogue import SOLVERS
-
-
-@pytest.mark.parametrize(
-    ("value", "expected"),
-    [(1e-8, "1e-8"), (7e-13, "7e-13"), (1e8, "1e8"), (2.5e-7, "2.5e-7"), (0.001, "0.001"), (1000.0, "1000")],
-)
-def test_short_numbers_are_the_numbers(value: float, expected: str):
-    assert short(value) == expected
-    assert float(short(value)) == value
 
 
 ROWS = [["averaged", "L and E alone, first order in the inverse Stokes number"], ["quaternion", "no singularity"]]
