@@ -16,7 +16,6 @@ from polhode.harness.picking.laws import Interval
 from polhode.harness.picking.recommendation import Excluded, Recommendation, Way
 from polhode.solvers.catalogue import SOLVERS
 
-
 ROWS = [["averaged", "L and E alone, first order in the inverse Stokes number"], ["quaternion", "no singularity"]]
 
 
