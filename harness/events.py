@@ -67,11 +67,10 @@ def as_events(given: Iterable[EventLike] | EventLike) -> list[Event]:
     """Events by name, as functions or as `Event`; raises ValueError if a name is unknown or stands there twice."""
     found = []
     for what in given if isinstance(given, Iterable) and not isinstance(given, str) else [given]:
+        what = EVENTS.get(what, what) if isinstance(what, str) else what
         if isinstance(what, Event):
             found.append(what)
-        elif isinstance(what, str) and what in EVENTS:
-            found.append(EVENTS[what])
-        elif isinstance(what, str) or not callable(what):
+        elif not callable(what):
             expected = f"one of {', '.join(EVENTS)}, or a function{hint(str(what), EVENTS)}"
             raise ValueError(f"events: got {what!r}, expected {expected}")
         else:

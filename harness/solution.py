@@ -123,15 +123,12 @@ class SceneSolution(LikeSolveIvp):
     states = property(attrgetter("run.states"), doc="The form's own variables, (n, d); `equations.state` names them.")
     angular_momentum = property(attrgetter("observables.angular_momentum"), doc="L in space axes, (n, 3), without St.")
     energy = property(attrgetter("observables.energy"), doc="E, shape (n,), without St.")
-    rotation = property(
-        attrgetter("observables.rotation"), doc="(n, 3, 3), row i: body axis i in space; NaN if unknown."
-    )
+    rotation = property(attrgetter("observables.rotation"), doc="(n, 3, 3), rows: body axes in space; NaN if unknown.")
 
     @property
     def slow_times(self) -> np.ndarray:
         """t₂ = t/St, shape (n,): NaN at St = 0, 0 at St = inf."""
-        stokes = self.scene.stokes
-        return np.full_like(self.times, nan if stokes == 0 else 0.0) if stokes in (0, np.inf) else self.times / stokes
+        return np.full_like(self.times, nan) if self.scene.stokes == 0 else self.times / self.scene.stokes
 
     @property
     def angular_velocity(self) -> np.ndarray:

@@ -122,9 +122,8 @@ class WorkPrecision:
         if isinstance(self.solvers, str):
             raise ValueError(f"solvers: got {self.solvers!r}, expected a sequence: [{self.solvers!r}]")
         methods = [find_solver(name) for name in self.solvers or SOLVERS]
-        if self.solvers is not None:
-            return methods
-        return [method for method in methods if method.available and method.takes(self.problem)]
+        named = self.solvers is not None
+        return [each for each in methods if named or (each.available and each.takes(self.problem))]
 
     def _measure(self, method: Solver, tolerance: float, exact: np.ndarray) -> dict[str, Any]:
         def run(limit: float = self.max_seconds, *, count: bool = False) -> Solution:

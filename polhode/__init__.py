@@ -26,34 +26,13 @@ if TYPE_CHECKING:
 
     __version__: str
 
-__all__ = [
-    "BodyStart",
-    "Ellipsoid",
-    "EulerStart",
-    "Problem",
-    "Scene",
-    "SceneSolution",
-    "SlowStart",
-    "WorkPrecision",
-    "__version__",
-    "pick",
-    "solve",
-    "solve_ivp",
-]
+__all__ = ["BodyStart", "Ellipsoid", "EulerStart", "Problem", "Scene", "SceneSolution", "SlowStart", "WorkPrecision"]
+__all__ += ["__version__", "pick", "solve", "solve_ivp"]
 
-_HOMES = {
-    "solve": "harness.api",
-    "solve_ivp": "harness.ivp",
-    "pick": "harness.api",
-    "SceneSolution": "harness.solution",
-    "WorkPrecision": "harness.work_precision",
-    "Scene": "models.scene",
-    "EulerStart": "models.scene",
-    "BodyStart": "models.scene",
-    "SlowStart": "models.scene",
-    "Ellipsoid": "models.shape",
-    "Problem": "models.problem",
-}
+_HOMES = {"pick": "harness.api", "solve": "harness.api", "solve_ivp": "harness.ivp"}
+_HOMES |= {"SceneSolution": "harness.solution", "WorkPrecision": "harness.work_precision"}
+_HOMES |= {"Ellipsoid": "models.shape", "Problem": "models.problem"}
+_HOMES |= dict.fromkeys(("BodyStart", "EulerStart", "Scene", "SlowStart"), "models.scene")
 
 
 def __getattr__(name: str) -> Any:

@@ -1,6 +1,6 @@
 """The held-out test, run: `pick` asked about scenes that no law was fitted on, and what it said measured."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from math import inf
 from time import perf_counter
@@ -10,7 +10,7 @@ import pandas as pd
 from polhode.harness.calibration.evaluation import Answer, Evaluation, error_of, judged, predicted_runs
 from polhode.harness.calibration.scenes import STRATA, Question, Stratum, questions
 from polhode.harness.calibration.selection import CUTOFF, decade, rules, runs_of
-from polhode.harness.calibration.training import REFERENCE_SECONDS, batches_of, methods_for, study
+from polhode.harness.calibration.training import REFERENCE_SECONDS, methods_for, study
 from polhode.harness.common.store import Record, Store
 from polhode.harness.picking.laws import Laws
 from polhode.harness.picking.pilot import PilotFailedError, form_ladder, pilot
@@ -44,7 +44,8 @@ def evaluate(store: Store, laws: Laws, count: int, quiet: bool, seed: int, seeds
             drawn = affordable(each, -(-count // 2), stratum, left_out)
             answers += [ask(question, laws, stratum) for question in drawn]
     runner = Runner(store, quiet)
-    records = runner.run_batches("held-out", batches_of(each for answer in answers for each in studies(answer)))
+    batches = [batch for answer in answers for part in studies(answer) for batch in part.batches()]
+    records = runner.run_batches("held-out", batches)
     last = runner.run_batches("finals", [finalists(answer, records) for answer in answers])
     judgements, ways = [], []
     for answer in answers:
@@ -98,13 +99,13 @@ def ask(question: Question, laws: Laws, stratum: Stratum = "short") -> Answer:
     return Answer(question, found, refusal, stratum, perf_counter() - began - (SPENT["compilation"] - compiling))
 
 
-def studies(answer: Answer) -> list[Study]:
+def studies(answer: Answer) -> Iterator[Study]:
     """What is measured of a held-out scene: the first choice, and every fast method at tolerances by tens."""
     question = answer.question
-    known, parts, most = pilot(question.scene), [], inf
+    known, most = pilot(question.scene), inf
     if answer.recommendation is not None:
         first = answer.recommendation.ranking[0]
-        parts.append(study(question, first.form, [first.solver], (first.tolerance,), known.rotations))
+        yield study(question, first.form, [first.solver], (first.tolerance,), known.rotations)
         # What takes much longer than the first choice, counting included, is not the best.
         most = max(SHORTEST_LIMIT, CUTOFF * first.seconds.high)
     wanted: dict[tuple[int, str], list[str]] = {}
@@ -117,8 +118,7 @@ def studies(answer: Answer) -> list[Study]:
         wanted[place] = list(dict.fromkeys([*wanted.get(place, []), solver]))
     for (power, form), solvers in sorted(wanted.items(), key=lambda each: -each[0][0]):
         part = study(question, form, solvers, (float(f"1e{power}"),), known.rotations)
-        parts.append(replace(part, max_seconds=min(most, part.max_seconds)))
-    return parts
+        yield replace(part, max_seconds=min(most, part.max_seconds))
 
 
 def finalists(answer: Answer, records: Sequence[Record]) -> list[Case]:

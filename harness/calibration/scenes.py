@@ -102,8 +102,7 @@ def _semi_axes(random: np.random.Generator) -> Triple:
         "oblate": (1.0, 1.0, short),
         "sphere": (1.0, 1.0, 1.0),
     }[str(family)]
-    a, b, c = (float(axes[i]) for i in random.permutation(3))
-    return a, b, c
+    return tuple(random.permutation(axes).tolist())
 
 
 def _stokes(random: np.random.Generator) -> float:

@@ -111,8 +111,7 @@ def pays_from(scenes: Any, runs: Any) -> float:
 def features(question: Question) -> tuple[float, ...]:
     """What is known of a scene before anything is run; 0 and inf as St count as 1e-10 and 1e10."""
     scene = question.scene
-    _, middle, short = sorted(scene.ellipsoid.semi_axes, reverse=True)
-    longest = max(scene.ellipsoid.semi_axes)
+    longest, middle, short = sorted(scene.ellipsoid.semi_axes, reverse=True)
     stokes = min(max(scene.stokes, 1e-10), 1e10)
     speed = float(np.linalg.norm(scene.angular_velocity))
     numbers = log10(stokes), log10(scene.time), middle / longest, short / longest, speed, log10(question.error)

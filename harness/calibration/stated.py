@@ -67,7 +67,6 @@ def _row(question: Question, random: np.random.Generator) -> Record:
     full = reference(scene, reference_form(scene), question.samples, REFERENCE_SECONDS)
     n = full.meaningful
     true = errors(scene.ellipsoid, solution.observables[:n], full.observables[:n])
-    unknown = {"slow": full.slow_uncertainty, "orientation": full.orientation_uncertainty}
     want = "slow" if solution.error.orientation is None else question.want
     stated = solution.error.wanted(want)
     return {
@@ -78,7 +77,7 @@ def _row(question: Question, random: np.random.Generator) -> Record:
         "rotations": known.rotations,
         "want": want,
         "error": getattr(true, want),
-        "uncertainty": unknown[want],
+        "uncertainty": getattr(full, f"{want}_uncertainty"),
         "stated": stated and stated.predicted,
         "stated_high": stated and stated.high,
         "seconds": solution.seconds,

@@ -1,6 +1,6 @@
 """What is measured to fit the laws: random scenes, by every form that accepts them and every solver, as studies."""
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterator
 from contextlib import suppress
 from dataclasses import replace
 from math import log10
@@ -113,11 +113,10 @@ def studies(question: Question, index: int, stratum: Stratum = "short") -> Itera
             yield study(question, name, chosen, (tolerance,), rotations)
     if stratum == "long":
         return
-    plain, slow = [name for name in forms_for(scene, rotations) if not find_form(name).angles], []
-    if index % ASIDE_EVERY == 0 and rotations < ASIDE_ROTATIONS:
-        slow = plain
-    elif index % ASIDE_AVERAGED_EVERY == 0:
-        slow = [name for name in plain if find_form(name).averaged]
+    every = index % ASIDE_EVERY == 0 and rotations < ASIDE_ROTATIONS
+    averaged = index % ASIDE_AVERAGED_EVERY == 0
+    plain = [name for name in forms_for(scene, rotations) if not find_form(name).angles]
+    slow = [name for name in plain if every or (averaged and find_form(name).averaged)]
     stiff = damping_times(scene) > MOST_EXPLICIT / 10
     aside = [name for name in SOLVERS if name not in fast_solvers() and not (stiff and not find_solver(name).implicit)]
     tolerances = tuple(float(random.choice(choices)) for choices in LADDER[:2])
@@ -141,21 +140,16 @@ def study(question: Question, form: str, solvers: list[str], tolerances: tuple[f
     )
 
 
-def batches_of(studies: Iterable[Study]) -> list[list[Case]]:
-    """Cases of several studies in batches, those of a batch measured in turns."""
-    return [batch for study in studies for batch in study.batches()]
-
-
 def training(count: int = TRAINING_SCENES, base: Laws | None = None) -> list[list[Case]]:
     """All that is measured of the training scenes, or what laws lack of it, and of half as many long ones."""
-    parts: list[Study] = []
+    batches: list[list[Case]] = []
     for stratum, scenes in zip(STRATA, (count, count // LONG_SHARE), strict=True):
         for index, question in enumerate(questions(TRAINING_SEED, scenes, stratum)):
             for each in studies(question, index, stratum):
                 known = base if stratum == "short" else None
                 solvers = (name for name in each.solvers if known is None or lacking(known, each.forms[0], name))
-                parts.append(replace(each, solvers=tuple(solvers)))
-    return batches_of(parts)
+                batches += replace(each, solvers=tuple(solvers)).batches()
+    return batches
 
 
 def without(store: Store, base: Laws | None, names: Collection[str]) -> Laws | None:

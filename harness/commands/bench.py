@@ -162,8 +162,7 @@ def paper(
     report = (lambda _: None) if quiet else partial(click.echo, err=True)
     with bad_input():
         make_folder(out)
-    failed = run(items, out, report, grid=Grid.REDUCED if quick else Grid.FULL, force=force, redraw=redraw)
-    if failed:
+    if failed := run(items, out, report, grid=Grid.REDUCED if quick else Grid.FULL, force=force, redraw=redraw):
         raise RunFailed(f"failed: {', '.join(failed)}")
     click.echo(f"{out / 'README.md'}")
 

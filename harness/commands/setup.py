@@ -13,7 +13,7 @@ from click.shell_completion import CompletionItem, get_completion_class
 
 from polhode.harness.cli import BadInput, RunFailed, bad_input, command
 from polhode.harness.commands._study_options import FOLDER, as_json, quiet
-from polhode.harness.common.text import duration, fitting, on_terminal
+from polhode.harness.common.text import aligned, duration, fitting, on_terminal
 from polhode.models.registry import imported
 
 REPORTS, HERE = Path("reports"), Path(__file__).parent
@@ -201,7 +201,6 @@ def compare(before: Path, after: Path, slower: float, less_accurate: float, as_j
     from polhode.harness.analysis.comparison import compare as compare_runs, read_runs
     from polhode.harness.analysis.frames import rows_of
     from polhode.harness.common.files import dumps
-    from polhode.harness.common.text import aligned
 
     with bad_input():
         tables = read_runs(before), read_runs(after)

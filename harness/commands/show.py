@@ -133,9 +133,7 @@ def draw(scene: str, out: Path, until: float | None, frames: int) -> None:
         found = find_scene(scene)
         if found.ellipsoid.kind == "sphere":
             raise ValueError(f"SCENE: got {scene!r}, a sphere, expected a particle with an orientation to be seen")
-        if until is None:
-            until = found.time / max(1.0, rotations(found))
-        shown = replace(found, time=until)
+        shown = replace(found, time=found.time / max(1.0, rotations(found)) if until is None else until)
         solution = solve(shown, form=simplest(shown), error=1e-3, want="orientation", samples=frames)
         if not solution.success:
             raise RunFailed(f"{solution.form} by {solution.solver}: {solution.status}")

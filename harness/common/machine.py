@@ -40,8 +40,7 @@ def package_version(package: str) -> str:
 
 def versions() -> dict[str, str]:
     """Versions of the packages that a result depends on; missing ones are left out."""
-    found = {package: package_version(package) for package in PACKAGES}
-    return {package: number for package, number in found.items() if number != ABSENT}
+    return {package: number for package in PACKAGES if (number := package_version(package)) != ABSENT}
 
 
 def now() -> str:

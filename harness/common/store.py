@@ -113,10 +113,8 @@ class Store(AbstractContextManager["Store"]):
     def _sound(self, row: tuple[str, ...]) -> tuple[str, ...]:
         """The row, whose digest is that of its content."""
         if digest(row[:4]) != row[4]:
-            raise DamagedStoreError(
-                f"{self.path}: the store is damaged: case {row[0]} fails its checksum, expected what was written; take "
-                "an undamaged copy, or delete that row"
-            )
+            expected = "expected what was written; take an undamaged copy, or delete that row"
+            raise DamagedStoreError(f"{self.path}: the store is damaged: case {row[0]} fails its checksum, {expected}")
         return row
 
     @contextmanager
@@ -124,12 +122,11 @@ class Store(AbstractContextManager["Store"]):
         """DamagedStoreError if the file is no readable database of ours; OSError if it cannot be opened or written."""
         try:
             yield
-        except sqlite3.OperationalError as error:
-            # About the place, not about the contents; what names a table or a column is about these.
-            if "table" in str(error) or "column" in str(error) or "malformed" in str(error):
-                raise DamagedStoreError(f"{self.path}: not a readable store: {error}") from None
-            raise OSError(f"{self.path}: {error}, expected a writable file and room for it") from None
         except (sqlite3.DatabaseError, UnicodeDecodeError) as error:
+            # About the place, unless it names a table or a column: then about the contents, as all others are.
+            contents = any(word in str(error) for word in ("table", "column", "malformed"))
+            if isinstance(error, sqlite3.OperationalError) and not contents:
+                raise OSError(f"{self.path}: {error}, expected a writable file and room for it") from None
             raise DamagedStoreError(f"{self.path}: not a readable store: {error}") from None
 
 

@@ -1,6 +1,6 @@
 """What the statistics of an ensemble say: means with standard errors, fractions and quantiles with intervals."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from math import ceil
@@ -70,61 +70,52 @@ def transient_quantile(ensemble: Ensemble, statistics: Statistics, share: float)
     return Estimate(order_statistic(max(1, round(share * n))), earliest, order_statistic(high))
 
 
-def moment_rows(ensemble: Ensemble, statistics: Statistics) -> list[dict[str, object]]:
+def moment_rows(ensemble: Ensemble, statistics: Statistics) -> Iterator[dict[str, object]]:
     """Orientation moments, one row per snapshot, body axis and component."""
     second, fourth = (["".join("xyz"[i] for i in component) for component in order] for order in (SECOND, FOURTH))
-    rows = mean_rows(ensemble, statistics, "second", moment=second)
-    return rows + mean_rows(ensemble, statistics, "fourth", moment=fourth)
+    yield from mean_rows(ensemble, statistics, "second", moment=second)
+    yield from mean_rows(ensemble, statistics, "fourth", moment=fourth)
 
 
-def voigt_rows(ensemble: Ensemble, statistics: Statistics) -> list[dict[str, object]]:
+def voigt_rows(ensemble: Ensemble, statistics: Statistics) -> Iterator[dict[str, object]]:
     """Fourth moments as matrices in Voigt's order, one row per snapshot, body axis and entry from the diagonal on."""
     # As tensors of stiffness are written: no factors stand before the components (Voigt 1910; of orientation: Advani
     # and Tucker, J. Rheol. 31 (1987) 751).
     names = ["".join("xyz"[i] for i in pair) for pair in VOIGT]
     rows = mean_rows(ensemble, statistics, "fourth", (..., FOURTH_OF_VOIGT), row=names, column=names)
-    return [row for row in rows if names.index(str(row["row"])) <= names.index(str(row["column"]))]
+    return (row for row in rows if names.index(row["row"]) <= names.index(row["column"]))
 
 
 def mean_rows(
     ensemble: Ensemble, statistics: Statistics, of: str, chosen: Any = ..., **more: Sequence[str]
-) -> list[dict[str, Any]]:
+) -> Iterator[dict[str, Any]]:
     """One row for each of the `means` chosen: of times, of body axes but for slow variables, and of what is named."""
     bodies = {} if "variable" in more else {"body_axis": [axis + 1 for axis in ensemble.layout.axes]}
     axes: dict[str, Sequence[Any]] = {"time": snapshot_times(ensemble), **bodies, **more}
     found = (each[chosen].ravel().tolist() for each in means(statistics, of))
-    values = zip(product(*axes.values()), *found, strict=True)
-    return [
-        {**ensemble_columns(ensemble), **dict(zip(axes, place, strict=True)), "mean": one, "standard_error": other}
-        for place, one, other in values
-    ]
+    for place, mean, error in zip(product(*axes.values()), *found, strict=True):
+        columns = {**ensemble_columns(ensemble), **dict(zip(axes, place, strict=True))}
+        yield {**columns, "mean": mean, "standard_error": error}
 
 
-def distribution_rows(ensemble: Ensemble, statistics: Statistics) -> list[dict[str, object]]:
+def distribution_rows(ensemble: Ensemble, statistics: Statistics) -> Iterator[dict[str, object]]:
     """Histograms of the slow variables, one row per bin that is not empty; the outermost bins are open."""
-    rows = []
     for k, name in enumerate(SLOW_NAMES):
         edges = [-np.inf, *ensemble.layout.edges(name).tolist(), np.inf]
         for s, time in enumerate(snapshot_times(ensemble)):
             counts = statistics.histograms[s, k]
             columns = {**ensemble_columns(ensemble), "time": time, "variable": f"{name}/Imax"}
-            rows += [
-                {**columns, "low": edges[place], "high": edges[place + 1], "particles": int(counts[place])}
-                for place in np.flatnonzero(counts).tolist()
-            ]
-    return rows
+            for place in np.flatnonzero(counts).tolist():
+                yield {**columns, "low": edges[place], "high": edges[place + 1], "particles": int(counts[place])}
 
 
-def arrival_rows(ensemble: Ensemble, statistics: Statistics) -> list[dict[str, object]]:
+def arrival_rows(ensemble: Ensemble, statistics: Statistics) -> Iterator[dict[str, object]]:
     """Fraction arrived at each attractor, one row per sample."""
-    times, rows = np.linspace(0.0, ensemble.time, ensemble.samples).tolist(), []
+    times = np.linspace(0.0, ensemble.time, ensemble.samples).tolist()
     for k, attractor in enumerate(ensemble.attractors):
         columns = {**ensemble_columns(ensemble), "attractor": attractor.rotation}
-        rows += [
-            {**columns, "time": time, "fraction": share.value, "low": share.low, "high": share.high}
-            for time, share in zip(times, arrived(statistics, k), strict=True)
-        ]
-    return rows
+        for time, share in zip(times, arrived(statistics, k), strict=True):
+            yield {**columns, "time": time, "fraction": share.value, "low": share.low, "high": share.high}
 
 
 def ensemble_row(ensemble: Ensemble, statistics: Statistics) -> dict[str, object]:

@@ -7,7 +7,7 @@ import json
 import resource
 import sys
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -42,10 +42,10 @@ def measure() -> dict[str, Any]:
     return {
         "settings": {**vars(SETTINGS), "judge": f"{SETTINGS.judge} at tolerance {SETTINGS.judge_tolerance:g}"},
         "full": [full_throughput(*item, target) for item in SHAPES.items() for target in SETTINGS.targets],
-        "long": long_runs(),
+        "long": list(long_runs()),
         "tasks": [ensemble_throughput(name, equations) for name in SHAPES for equations in ("full", "averaged")],
         "memory": memory(),
-        "overhead": overhead(),
+        "overhead": list(overhead()),
         "two_processes": two_processes(),
         **here(),
         "sentinel_seconds": [steady, sentinel()],
@@ -100,12 +100,12 @@ def _below(largest: float) -> list[float]:
     return [largest * 10 ** (-k / 8) for k in range(48)]
 
 
-def long_runs(particles: int = 20_000, known: int = SETTINGS.long_known) -> list[dict[str, Any]]:
+def long_runs(particles: int = 20_000, known: int = SETTINGS.long_known) -> Iterator[dict[str, Any]]:
     """Averaged and hybrid equations at St = 10⁶ to t₂ = 0.5: particles per second, and errors in L and E of some."""
     shape, samples, random = SHAPES["1 : 0.8 : 0.5"], 51, np.random.default_rng(1)
     hybrid = replace(_ensemble(shape, "hybrid", particles), tolerance=SETTINGS.long_error, samples=samples)
     hybrid = replace(hybrid, stokes=SETTINGS.long_stokes, time=0.5 * SETTINGS.long_stokes)
-    scene, full, rows = hybrid.any_scene, find_form(hybrid.form), []
+    scene, full = hybrid.any_scene, find_form(hybrid.form)
     times = np.linspace(0.0, scene.time, samples)
     states, _ = run_full(scene, _starts(hybrid, known), times, SETTINGS.long_error / 1000)
     exact = full.observe(scene, states.reshape(samples * known, -1)).slow.reshape(samples, known, 4)
@@ -118,17 +118,14 @@ def long_runs(particles: int = 20_000, known: int = SETTINGS.long_known) -> list
         slow = form.observe(scene, states.reshape(samples * known, -1)).slow.reshape(samples, known, 4)
         ((seconds, _),) = _alternate(partial(ensemble.states, many, times[[0, -1]], random), rounds=5)
         errors = np.abs(slow - exact).max(axis=(0, 2)) / max(shape.inertia)
-        rows.append(
-            {
-                "equations": ensemble.equations,
-                "per_second": particles / seconds,
-                "within": float(np.mean(errors <= SETTINGS.long_error)),
-                "median_error": float(np.median(errors)),
-                "error": float(errors.max()),
-                "plan_seconds": spent,
-            }
-        )
-    return rows
+        yield {
+            "equations": ensemble.equations,
+            "per_second": particles / seconds,
+            "within": float(np.mean(errors <= SETTINGS.long_error)),
+            "median_error": float(np.median(errors)),
+            "error": float(errors.max()),
+            "plan_seconds": spent,
+        }
 
 
 def ensemble_throughput(name: str, equations: Any, particles: int = 20_000) -> dict[str, Any]:
@@ -173,14 +170,13 @@ def _run_all(ensemble: Ensemble) -> int:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * kibibyte
 
 
-def overhead() -> list[dict[str, Any]]:
+def overhead() -> Iterator[dict[str, Any]]:
     """What engines add to tasks of a second that use the processor, the start of processes left out."""
-    rows, task = [], SETTINGS.task_seconds
+    task = SETTINGS.task_seconds
     for name, engine in (("serial", serial), ("one process", partial(processes, 1))):
         arrivals = [perf_counter() for _ in engine(_busy, range(SETTINGS.tasks + 1))]
         seconds = (arrivals[-1] - arrivals[0]) / SETTINGS.tasks
-        rows.append({"engine": name, "task_seconds": task, "share": seconds / task - 1})
-    return rows
+        yield {"engine": name, "task_seconds": task, "share": seconds / task - 1}
 
 
 def _busy(_: int) -> None:

@@ -40,6 +40,8 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     write_runs(runs, folder)
     export(records, folder / "records.jsonl")
     known = where(runs, runs["slow_uncertainty"].notna()).groupby(["scene_name", "stokes"], sort=False).first()
+    groups = runs.groupby("scene_name", sort=False)
+    described = [[_listed(own[column]) for column in SCENES.values()] for _, own in groups]
     page = fill(
         "bench",
         header=header(study.title, command, records),
@@ -47,7 +49,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         tie=100 * (pareto.TIE - 1),
         scenes=[(scene, _figures(own, scene, i, folder)) for i, (scene, own) in enumerate(by_scene(runs))],
         profiles=profile_lines(runs, folder),
-        described=markdown([*SCENES], _scenes(runs)),
+        described=markdown([*SCENES], described),
         samples=study.samples,
         uncertainties=known.reset_index().to_dict("records"),
     )
@@ -67,11 +69,6 @@ def _figures(runs: pd.DataFrame, scene: str, place: int, folder: Path) -> list[d
             winners = markdown(["error", *(f"St = {short(stokes)}" for stokes, _ in groups)], rows)
             found.append({"name": name, "label": label, "file": file, "winners": winners})
     return found
-
-
-def _scenes(runs: pd.DataFrame) -> list[list[str]]:
-    """Semi-axes, St, duration, samples and forms of each scene."""
-    return [[_listed(own[column]) for column in SCENES.values()] for _, own in runs.groupby("scene_name", sort=False)]
 
 
 def _listed(values: Iterable[Any]) -> str:

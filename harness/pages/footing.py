@@ -63,8 +63,7 @@ def pages(measured: Measured, command: str) -> dict[str, str]:
     solvers, spheroid, backends = (frame(getattr(measured, name)) for name in ("solvers", "spheroid", "backends"))
     records = [*measured.solvers, *measured.spheroid, *measured.backends]
     times = costs(by_stokes(solvers), ERRORS)
-    ways = ("quaternion", TAYLOR), ("spheroid-axis", TAYLOR)
-    forms = _ratios(costs(by_stokes(spheroid), FORMS_ERRORS), *ways, FORMS_ERRORS)
+    forms = _ratios(costs(by_stokes(spheroid), FORMS_ERRORS), ("quaternion", TAYLOR), ("spheroid-axis", TAYLOR))
     claims, worth = _worth(times)
     calls = [(one, {"extra": 1e6 * one.seconds, "share": one.seconds / one.bare}) for one in measured.overheads]
     page = fill(
@@ -147,7 +146,7 @@ def _crossings(table: pd.DataFrame, times: Any) -> str:
     both = where(table, (table["form"] == "quaternion") & table["solver"].isin([TAYLOR, VERNER]))
     falling: Any = costs(by_stokes(both), np.geomspace(1e-1, 1e-13, 121).tolist())["quaternion"]
     rows = []
-    for stokes, ratios in _ratios(times, ("quaternion", TAYLOR), ("quaternion", VERNER), ERRORS).iterrows():
+    for stokes, ratios in _ratios(times, ("quaternion", TAYLOR), ("quaternion", VERNER)).iterrows():
         own = falling.xs(stokes, level=1).dropna(subset=[TAYLOR])
         ahead = (own[VERNER] < own[TAYLOR]).to_numpy()
         stops = np.flatnonzero(ahead[:-1] & ~ahead[1:])
@@ -155,10 +154,10 @@ def _crossings(table: pd.DataFrame, times: Any) -> str:
     return _table(["St", "they cross at", *(f"{TAYLOR} / {VERNER} at {short(each)}" for each in ERRORS)], rows)
 
 
-def _ratios(times: Any, first: tuple[str, str], second: tuple[str, str], targets: Sequence[float]) -> Any:
+def _ratios(times: Any, first: tuple[str, str], second: tuple[str, str]) -> Any:
     """Time of one form and solver over that of another, in words: a row for each St, a column for each error."""
     ratios = times[first] / times[second]
-    return ratios.map(lambda ratio: "–" if isnan(ratio) else f"{ratio:.2f}").unstack(0)[[*targets]]
+    return ratios.map(lambda ratio: "–" if isnan(ratio) else f"{ratio:.2f}").unstack(0)[[*times.index.unique(0)]]
 
 
 def _times(times: Any) -> dict[float, str]:

@@ -42,14 +42,13 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     export(list(records), folder / "records.jsonl")
     table = frame(records)
     rows, met, known = _splitting(table)
-    slower = [(ratio, stokes) for ratio, stokes in known if ratio < 1]
     page = fill(
         "known-stokes",
         header=header(study.title, command, records),
         met=met.count(True),
         asked=len(met),
         known=known,
-        slower=slower,
+        slower=[(ratio, stokes) for ratio, stokes in known if ratio < 1],
         stroboscopic=_stroboscopic(study, table, folder),
         ratios=markdown(["scene", "St", *map(short, ERRORS)], rows, right=range(1, 2 + len(ERRORS))),
     )

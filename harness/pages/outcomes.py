@@ -66,8 +66,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     """Write the page of a study of several scenes, and its records, into a folder and return the page's path."""
     table = frame(records)
     found = endings(table, limits(records))
-    endings_csv = pd.DataFrame(found).to_csv(index=False, float_format="%.12g")
-    write_file(folder / "outcomes.csv", endings_csv, summed=True)
+    write_file(folder / "outcomes.csv", pd.DataFrame(found).to_csv(index=False, float_format="%.12g"), summed=True)
     kept = ({name: record[name] for name in record.keys() - LEFT_OUT if record[name] is not None} for record in records)
     export(kept, folder / "records.jsonl")
     runs, stopped, solvers = _runs(found), limit(table), sorted(set(table["solver"]), key=rank)

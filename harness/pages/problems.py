@@ -25,45 +25,29 @@ def write_page(rows: Sequence[Record], folder: Path, command: str) -> Path:
     """Write page, figures and `runs.csv` into a folder; return the page's path."""
     kept = pd.DataFrame(rows).drop(columns=["machine", "versions"])
     write_file(folder / "runs.csv", kept.to_csv(index=False))
-    runs = _as_slow(kept)
+    # With the columns that runs of scenes have.
+    runs = kept.assign(form="", slow_uncertainty=0.0, slow_error=kept["error"])
     groups = [(str(name), own) for name, own in runs.groupby("problem", sort=False)]
     save(panels(groups, "slow_error", "error at the end", alike=False), folder, "work-precision")
-    save(profiles(_profiled(_times(runs))), folder, "profiles")
-    return write_file(folder / "README.md", page(kept, header("Classical test problems", command, rows)))
-
-
-def _as_slow(runs: pd.DataFrame) -> pd.DataFrame:
-    """Runs with the columns that runs of scenes have."""
-    return runs.assign(form="", slow_uncertainty=0.0, slow_error=runs["error"])
-
-
-def _times(runs: pd.DataFrame) -> Any:
-    """Seconds to each error: a row for each error and problem, a column for each solver."""
-    return costs(runs.groupby("problem", sort=False), TARGETS).droplevel(0, axis=1)
-
-
-def _profiled(times: Any) -> pd.DataFrame:
-    """Seconds to the error of the profiles, of problems that somebody solves and solvers that solve some."""
-    return times.loc[PROFILED].dropna(how="all").dropna(axis="columns", how="all")
-
-
-def page(kept: pd.DataFrame, top: list[str]) -> str:
-    """The page's text, of its first lines and of `runs.csv`."""
-    runs = _as_slow(kept)
-    times, names = _times(runs), [name for name in PROBLEMS if name in set(runs["problem"])]
+    # Seconds to each error: a row for each error and problem, a column for each solver.
+    times: Any = costs(groups, TARGETS).droplevel(0, axis=1)
+    # Of problems that somebody solves and solvers that solve some.
+    profiled = times.loc[PROFILED].dropna(how="all").dropna(axis="columns", how="all")
+    save(profiles(profiled), folder, "profiles")
+    names = [name for name in PROBLEMS if name in set(runs["problem"])]
     fastest = [[name, *(_winner(times.loc[target, name]) for target in TARGETS)] for name in names]
     status = runs["status"].astype(str)
-    failed = where(runs, (status != Status.REACHED_END) & (status != Status.TIME_LIMIT)).to_dict("records")
-    return fill(
+    page = fill(
         "problems",
-        header=top,
-        sentence=sentence(_profiled(times)),
+        header=header("Classical test problems", command, rows),
+        sentence=sentence(profiled),
         profiled=PROFILED,
         tie=100 * (TIE - 1),
         fastest=markdown(["problem", *(f"fastest at {short(target)}" for target in TARGETS)], fastest),
         sources={name: PROBLEMS[name].source for name in names},
-        failed=failed,
+        failed=where(runs, (status != Status.REACHED_END) & (status != Status.TIME_LIMIT)).to_dict("records"),
     )
+    return write_file(folder / "README.md", page)
 
 
 def _winner(times: Any) -> str:

@@ -44,7 +44,6 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         scenes = [scene for each, scene in study.scenes if each == name]
         times = {scene.stokes: scene.time for scene in scenes}
         save(picture([maps[name, error] for error in ERRORS], times), folder, name)
-        axes = scenes[0].ellipsoid.semi_axes
         # How every method stands on both maps, and whether it wins or ties somewhere, or lies on a front.
         full, slow = ({row.method: row for row in standings(own, error, maps[name, error])} for error in ERRORS)
         methods = [
@@ -53,7 +52,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
             | {"seen": any(each.won + each.tied + each.front for each in (full[method], row))}
             for method, row in slow.items()
         ]
-        particles.append({"name": name, "axes": axes, "methods": methods})
+        particles.append({"name": name, "axes": scenes[0].ellipsoid.semi_axes, "methods": methods})
     far = [scene.stokes for _, scene in study.scenes if scene.time >= LONG]
     apart, title = where(runs, runs["stokes"].isin(far)), f"The same over t ≥ {short(LONG)} alone"
     long = profile_lines(apart, folder, "profiles-long", title)

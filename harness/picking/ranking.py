@@ -15,7 +15,7 @@ from polhode.harness.picking.pilot import Pilot, PilotFailedError, averages, for
 from polhode.harness.picking.recommendation import Excluded, Recommendation, Way, outside_of_fit
 from polhode.harness.picking.refusals import Refusal, Stage, UnfitError, rounded_up, too_far_off, why_nothing
 from polhode.harness.picking.trials import with_trials
-from polhode.harness.references.errors import attainable
+from polhode.harness.references.errors import attainable, magnitude
 from polhode.models.catalogue import FORMS, form as find_form
 from polhode.models.form import Form, FormNotValidError
 from polhode.models.problem import Problem
@@ -77,16 +77,11 @@ def first_way(
     return None
 
 
-def _least(scene: Scene, found: Pilot, want: str) -> float:
-    """Least error that double precision can hold."""
-    return attainable(scene.ellipsoid, found.observables) if want == "slow" else EPS
-
-
 def _recommended(scene: Scene, error: float, want: str, samples: int, laws: Laws) -> Recommendation:
     ways, refusals = _candidates(scene, error, want, samples, laws, FORMS, SOLVERS)
     found = pilot(scene)
     if not ways:
-        largest = _least(scene, found, want) / EPS if want == "slow" else pi
+        largest = magnitude(scene.ellipsoid, found.observables) if want == "slow" else pi
         raise NotAttainableError(error, f"not attainable: {why_nothing(refusals, largest)}")
     excluded = tuple(Excluded(each.form, each.solver, each.reason) for each in refusals)
     ways.sort(key=lambda way: way.seconds.mean)
@@ -127,7 +122,7 @@ def _candidates(
     scene: Scene, error: float, want: str, samples: int, laws: Laws, forms: Iterable[str], solvers: Collection[str]
 ) -> tuple[list[Way], list[Refusal]]:
     found, candidates, refusals = pilot(scene), list[Candidate](), list[Refusal]()
-    _check_representable(error, _least(scene, found, want))
+    _check_representable(error, attainable(scene.ellipsoid, found.observables) if want == "slow" else EPS)
     for form_name in forms:
         form = find_form(form_name)
         try:

@@ -94,11 +94,8 @@ def too_tight(law: ErrorLaw, sensitivity: Sensitivity, tightest: float, error: f
 
 def apart(one: float, other: float) -> tuple[str, str]:
     """Two different numbers in as many digits as distinguish them, two at least."""
-    first, second = one, other
-    for digits in range(2, 18):
-        first, second = float(f"{one:.{digits}g}"), float(f"{other:.{digits}g}")
-        if first != second:
-            break
+    pairs = ((float(f"{one:.{digits}g}"), float(f"{other:.{digits}g}")) for digits in range(2, 18))
+    first, second = next((pair for pair in pairs if pair[0] != pair[1]), (one, other))
     return in_full(first), in_full(second)
 
 

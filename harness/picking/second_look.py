@@ -263,10 +263,9 @@ def _estimates(scene: Scene, form: Form, observables: Observables, apart: Apart,
     """Errors of the run from its distance to a look, and rounding."""
     largest = magnitude(scene.ellipsoid, observables)
     turns = 0.0 if form.averaged else _rotations(scene, observables)
-    found: Estimates = {}
+    found: Estimates = dict.fromkeys(GROWTH)
     for want, near, size in zip(GROWTH, apart[:2], (largest, pi), strict=True):
         if near is None:
-            found[want] = None
             continue
         # L and E sway with the phase, whose error grows faster.
         distance = near / look.share ** GROWTH["orientation"]

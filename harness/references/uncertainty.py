@@ -24,7 +24,6 @@ def known(runs: pd.DataFrame, error: str) -> pd.Series:
     NA where there is no error; False where there is one, and no uncertainty to compare it with.
     """
     errors = runs[error].astype("Float64")
-    column = uncertainty_of(error)
-    uncertainties = runs[column].astype("Float64") if column in runs else pd.Series(pd.NA, runs.index, dtype="Float64")
+    uncertainties = pd.Series(runs.get(uncertainty_of(error), pd.NA), runs.index, dtype="Float64")
     above = (errors > KNOWN * uncertainties).fillna(value=False)
     return cast("pd.Series", above.where(errors.notna()))

@@ -1,6 +1,5 @@
 """What the scripts of two pages read: the question with its answers and the map; cost against error, run by run."""
 
-from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from io import BytesIO
 from itertools import groupby
@@ -94,12 +93,11 @@ def _answer(cell: Cell, runs: Any, error: str) -> dict[str, Any]:
 
 def _map(particle: str, error: str, found: Sequence[Cell]) -> dict[str, Any]:
     """What a map shows: its cells in rows by error, and the methods that win, by kind."""
-    rows = defaultdict(list)
-    for cell in sorted(found, key=lambda cell: (-cell.target, cell.stokes)):
-        rows[cell.target].append(cell)
+    ordered = sorted(found, key=lambda cell: (-cell.target, cell.stokes))
+    rows = [[*row] for _, row in groupby(ordered, key=lambda cell: cell.target)]
     key = by_side(cell.winner for cell in found if cell.winner)
     about = {"name": particle, "want": WANTS[error][0], "title": ERRORS[error][1]}
-    return about | {"key": key, "rows": [*rows.values()], "usual": usual_form(found)}
+    return about | {"key": key, "rows": rows, "usual": usual_form(found)}
 
 
 def cost_page(reports: Path) -> Page:

@@ -90,8 +90,7 @@ def draw(axes: Axes, found: Sequence[Cell]) -> Axes:
     axes.set_xticks([i + 0.5 for i in range(len(numbers))], [power(stokes) for stokes in numbers], fontsize=11)
     axes.set_yticks([j + 0.5 for j in range(len(targets))], [power(target) for target in targets], fontsize=11)
     axes.tick_params(length=0)
-    for spine in axes.spines.values():
-        spine.set_visible(False)
+    axes.spines[:].set_visible(False)
     return axes
 
 

@@ -42,10 +42,26 @@ def write_pages(folder: Path, laws: Laws, evaluation: Evaluation, command: str) 
     for name, rows in tables.items():
         if rows is not None:
             write_file(folder / f"{name}.csv", rows.to_csv(index=False, float_format="%.4g"), summed=True)
-    if evaluation.ways is not None:
-        write_aslib(folder / "aslib", evaluation.questions, evaluation.ways)
+    ways, scenes = evaluation.ways, evaluation.scenes
+    if ways is not None:
+        write_aslib(folder / "aslib", evaluation.questions, ways)
     _write_figures(folder, evaluation)
-    return write_file(folder / "README.md", _page(laws, evaluation, command))
+    page = fill(
+        "pick",
+        command=command,
+        summary=summary(evaluation),
+        scores=[] if ways is None else scores(ways).to_dict("records"),
+        cutoff=CUTOFF,
+        counts=PENALTY * CUTOFF,
+        count=len(scenes),
+        unmet=len(scenes) - scenes["best_seconds"].count(),
+        asking=scenes["pick_seconds"].median(),
+        longest=scenes["pick_seconds"].max(),
+        pays=inf if ways is None else pays_from(scenes, ways),
+        missed=[f"{name}: {why}." for name, why in zip(scenes["scene"], scenes["miss"], strict=True) if why],
+        source=laws.source,
+    )
+    return write_file(folder / "README.md", page)
 
 
 def summary(evaluation: Evaluation) -> list[str]:
@@ -72,25 +88,6 @@ def summary(evaluation: Evaluation) -> list[str]:
 
 def _counted(reasons: Iterable[str]) -> str:
     return "; ".join(f"{count} × {reason}" for reason, count in Counter(reasons).most_common())
-
-
-def _page(laws: Laws, evaluation: Evaluation, command: str) -> str:
-    ways, scenes = evaluation.ways, evaluation.scenes
-    return fill(
-        "pick",
-        command=command,
-        summary=summary(evaluation),
-        scores=[] if ways is None else scores(ways).to_dict("records"),
-        cutoff=CUTOFF,
-        counts=PENALTY * CUTOFF,
-        count=len(scenes),
-        unmet=len(scenes) - scenes["best_seconds"].count(),
-        asking=scenes["pick_seconds"].median(),
-        longest=scenes["pick_seconds"].max(),
-        pays=inf if ways is None else pays_from(scenes, ways),
-        missed=[f"{name}: {why}." for name, why in zip(scenes["scene"], scenes["miss"], strict=True) if why],
-        source=laws.source,
-    )
 
 
 def _write_figures(folder: Path, evaluation: Evaluation) -> None:
