@@ -118,8 +118,8 @@ class Split:
         left = record.times[1:] - record.times[0]
         left -= np.floor(left * rate / (2 * pi)) * (2 * pi / rate) if rate > 0 else 0.0
         state, pieces = tuple(record.start), int(2 * pi / self.parts.reach) + 1
-        ops = ARRAYS
-        flow, constants = self.parts.fast.flow(ops), self.parts.fast.constants(self.p, left / pieces, ops)
+        fast = self.parts.fast
+        flow, constants = fast.flow(ARRAYS), fast.constants(self.p, left / pieces, ARRAYS)
         for _ in range(pieces):
             state = flow(state, constants)
         record.put(np.stack(np.broadcast_arrays(*state), axis=1))
