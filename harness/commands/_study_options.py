@@ -79,12 +79,13 @@ def study_options(command: Callable[..., Any]) -> Callable[..., Any]:
 def steady(records: Sequence[Mapping[str, Any]], page: Path, anyway: bool) -> None:
     """Say so if other work disturbed too many times; RunFailed if they would replace a page of this machine."""
     from polhode.harness.common.machine import machine
+    from polhode.harness.common.text import percent
     from polhode.harness.common.timing import disturbance
 
     count, known = disturbance(records)
     if anyway or count <= MOST_DISTURBED * max(known, FEW):
         return
-    what = f"other work disturbed {count} of {known} timed runs, expected at most {MOST_DISTURBED:.0%}"
+    what = f"other work disturbed {count} of {known} timed runs, expected at most {percent(MOST_DISTURBED)}"
     again = "run it anew on a quiet machine"
     # Times of another machine say nothing of this one.
     if page.exists() and str(machine()["processor"]) in page.read_text(encoding="utf-8"):

@@ -11,6 +11,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from polhode.harness.common.text import percent
 from polhode.harness.common.timing import BUSY, HAD, disturbance
 
 PACKAGES = ("polhode", "numpy", "scipy", "llvmlite", "numba", "heyoka", "scikit-sundae", "cyrk", "pandas", "matplotlib")
@@ -58,7 +59,7 @@ def header(title: str, command: str, records: Sequence[Mapping[str, Any]]) -> li
     machines = dict.fromkeys(_place(record) for record in records if "machine" in record)
     where = f" on {' and '.join(machines)}" if machines else ""
     disturbed, known = disturbance(records)
-    rule = f"had the processor for less than {HAD:.0%} of its time, or the machine took {BUSY:g} × its shortest"
+    rule = f"had the processor for less than {percent(HAD)} of its time, or the machine took {BUSY:g} × its shortest"
     runs = f"{known} timed runs{_took(records)}"
     said = f" Disturbed by other work: {disturbed} of {runs} (the fastest {rule})." if known else ""
     made = f"Made by `{command}`. Do not edit: the next run overwrites this page."

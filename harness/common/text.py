@@ -105,6 +105,11 @@ def _plain(number: str) -> str:
     return f"{exact:f}" if ordinary else f"{exact:e}".replace("e+", "e")
 
 
+def percent(share: float, spec: str = ".0%") -> str:
+    """A share in per cent: 98.3 %."""
+    return format(share, spec).replace("%", " %")
+
+
 def factor(value: float) -> str:
     """How many times as much: ×1.2, ×34."""
     return f"×{value:.{1 if value < 9.95 else 0}f}"
@@ -141,6 +146,8 @@ class Wording(Formatter):
             return ", ".join(self.format_field(own, format_spec) for own in value)
         if isinstance(value, float) and isnan(value):
             return "–"
+        if format_spec.endswith("%"):
+            return percent(value, format_spec)
         return FORMATS[format_spec](value) if format_spec in FORMATS else format(value, format_spec)
 
 

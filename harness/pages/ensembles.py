@@ -19,7 +19,7 @@ from matplotlib.axes import Axes
 from polhode.harness.common.files import PartialFile, write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Store
-from polhode.harness.common.text import short
+from polhode.harness.common.text import percent, short
 from polhode.harness.ensembles import summary
 from polhode.harness.ensembles.ensemble import Ensemble
 from polhode.harness.ensembles.statistics import RATES, SECOND, SLOW_NAMES, Statistics
@@ -149,7 +149,7 @@ def _moments(axes: Axes, ensemble: Ensemble, statistics: Statistics, unit: float
 def _distribution(axes: Axes, ensemble: Ensemble, statistics: Statistics, shade: Any) -> None:
     """Histograms of L_z at the start, after about a fifth of the run, and at the end."""
     edges, fifth = ensemble.layout.edges("Lz"), -(-(ensemble.snapshots - 1) // 5)
-    part = f"{fifth / (ensemble.snapshots - 1):.0%}"
+    part = percent(fifth / (ensemble.snapshots - 1))
     for snapshot, when, line in ((0, "start", ":"), (fifth, part, "--"), (-1, "end", "-")):
         counts = statistics.histograms[snapshot, SLOW_NAMES.index("Lz"), 1:-1]
         share = counts / max(statistics.finished, 1) / np.diff(edges)

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from polhode.harness.common.text import percent
 from polhode.harness.picking.laws import EPS, Interval
 from polhode.harness.picking.model_error import model_errors, own_estimate
 from polhode.harness.picking.pilot import SATURATED, PilotFailedError, pilot
@@ -140,7 +141,7 @@ def _solver_error(
                 bounds = said_by_pieces(found)
                 own = {want: each and replace(each, high=max(each.high, bounds[want])) for want, each in own.items()}
             note = f"a second run by {look.solver.name} at {look.tolerance:.0e}"
-            return own, note + (f" over the first {look.share:.0%}" if look.share < 1 else "")
+            return own, note + (f" over the first {percent(look.share)}" if look.share < 1 else "")
         if (limit := ends - perf_counter() + SPENT["compilation"]) <= 0:
             break
     if found.stages:

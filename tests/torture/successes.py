@@ -18,6 +18,7 @@ import numpy as np
 from polhode import solve
 from polhode.harness.calibration.scenes import questions
 from polhode.harness.calibration.training import LOW_ORDER_ROWS, fast_solvers, forms_for
+from polhode.harness.common.text import percent
 from polhode.harness.picking.pilot import PilotFailedError, pilot
 from polhode.harness.picking.stated_error import OFF, SHARE
 from polhode.models.catalogue import form as find_form
@@ -124,6 +125,11 @@ def counted(rows: list[dict[str, Any]]) -> tuple[str, int]:
     caught = Counter(
         next(by for by, words in CHECKS.items() if words in row["message"]) for row in off if row not in left
     )
+    shares = (
+        percent(count / max(1, of), spec)
+        for count, of, spec in ((len(unstated), len(known), ".2%"), (3, len(known), ".2%"), (above, len(bounds), ".1%"))
+    )
+    unsaid, below, exceeded = shares
     lines = [
         "# False successes",
         "",
@@ -132,12 +138,17 @@ def counted(rows: list[dict[str, Any]]) -> tuple[str, int]:
         f"by two unrelated sharp runs that agree to {KNOWN:g}. An averaged form's error includes that of averaging.",
         "",
         f"- Runs: {len(rows)}, of which {len(claimed)} claimed success; the truth is known for {len(known)} of these.",
-        f"- Off by more than {OFF:g} of I_max and {SHARE:.0%} of the largest L or E: {len(off)} before doubt ({by}).",
+        f"- Off by more than {OFF:g} of I_max and {percent(SHARE)} of the largest L or E: {len(off)} before doubt "
+        f"({by}).",
         f"- Caught: {', '.join(f'{count} by {by}' for by, count in caught.most_common()) or 'none'}.",
         f"- Still called a success: {len(left)}, {len(unstated)} of them without a stated error that says so: "
-        f"{len(unstated) / max(1, len(known)):.2%} of the runs that claim success"
-        + (f" (below {3 / max(1, len(known)):.2%} at 95%, were all runs independent)." if not unstated else "."),
-        f"- An error is stated for {len(bounds)} runs; it is exceeded in {above / max(1, len(bounds)):.1%}.",
+        f"{percent(len(unstated) / max(1, len(known)), '.2%')} of the runs that claim success"
+        + (
+            f" (below {percent(3 / max(1, len(known)), '.2%')} at 95 %, were all runs independent)."
+            if not unstated
+            else "."
+        ),
+        f"- An error is stated for {len(bounds)} runs; it is exceeded in {exceeded}.",
         f"- Good runs (error up to {OFF:g}) doubted: {len(good)}.",
     ]
     return "\n".join(lines) + "\n", len(unstated) + len(good)

@@ -16,6 +16,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import NullFormatter
 from matplotlib.transforms import offset_copy
 from scipy.optimize import isotonic_regression
 
@@ -90,6 +91,7 @@ def work_precision(axes: Axes, runs: pd.DataFrame, error: str = "slow_error") ->
         if form not in full:
             _averaged(axes, where(done, done["form"] == form), form, error)
     axes.set(xscale="log", yscale="log")
+    axes.yaxis.set_minor_formatter(NullFormatter())
     axes.grid(True, which="major", linewidth=0.4, alpha=0.5)
     _without_result(axes, runs)
     # Over more than a decade, so that a power of ten names one.
@@ -160,7 +162,8 @@ def name_lines(axes: Axes) -> None:
     heights = middles + np.clip(isotonic_regression(free).x if free else [], lowest, highest)
     for (_, end, line, name), height in zip(ends, heights, strict=True):
         style = {"fontsize": LETTERS, "color": line.get_color(), "fontweight": "bold", "va": "center"}
-        arrow = {"arrowstyle": "-", "color": BEHIND, "lw": 0.4, "shrinkA": 0, "shrinkB": 2}
+        # From the name's left edge, lest it cross the names beside it.
+        arrow = {"arrowstyle": "-", "color": BEHIND, "lw": 0.4, "shrinkA": 0, "shrinkB": 2, "relpos": (0, 0.5)}
         place = (box.x1 / scale + 8, height)
         axes.annotate(name, end, place, textcoords="figure points", arrowprops=arrow, annotation_clip=False, **style)
 
@@ -195,7 +198,9 @@ def panels(groups: Sequence[tuple[str, pd.DataFrame]], error: str, label: str, *
         axes.set_ylabel("wall time of a warm run, s")
     width, height = size
     margins = {"left": 0.65 / width, "right": 1 - NAMES / width, "bottom": (LEGEND + 0.5) / height}
-    figure.subplots_adjust(**margins, top=1 - 0.45 / height, wspace=between / (PANEL[0] - 0.65), hspace=0.28)
+    figure.subplots_adjust(
+        **margins, top=1 - 0.45 / height, wspace=between / (PANEL[0] - 0.65), hspace=0.28 if alike else 0.4
+    )
     for axes in grid.flat[: len(groups)]:
         name_lines(axes)
     entries = (each for axes in grid.flat for each in zip(*axes.get_legend_handles_labels(), strict=True))

@@ -17,6 +17,7 @@ from polhode.harness.calibration.selection import CUTOFF, FEATURES, PENALTY, PIC
 from polhode.harness.calibration.stated import judged
 from polhode.harness.common.files import write_file
 from polhode.harness.common.fits import wilson
+from polhode.harness.common.text import percent
 from polhode.harness.pages.figures.work_precision import save
 from polhode.harness.pages.tables import fill, lines_of
 from polhode.harness.picking.laws import Laws
@@ -122,7 +123,7 @@ def _write_figures(folder: Path, evaluation: Evaluation) -> None:
         for line, style in ((1.0, "-"), (band, ":"), (1 / band, ":")):
             axes.axhline(line, color="0.2", linewidth=0.9, linestyle=style)
         within = np.mean(np.abs(np.log(ratio)) <= np.log(band)) if len(ratio) else 1.0
-        axes.set(title=f"{within:.0%} of {name} within {band:g} ×")
+        axes.set(title=f"{percent(within)} of {name} within {band:g} ×")
         axes.set(xlabel=f"predicted, {unit}", ylabel="measured over predicted")
     figure.tight_layout()
     save(figure, folder, "predicted")
