@@ -125,11 +125,8 @@ def counted(rows: list[dict[str, Any]]) -> tuple[str, int]:
     caught = Counter(
         next(by for by, words in CHECKS.items() if words in row["message"]) for row in off if row not in left
     )
-    shares = (
-        percent(count / max(1, of), spec)
-        for count, of, spec in ((len(unstated), len(known), ".2%"), (3, len(known), ".2%"), (above, len(bounds), ".1%"))
-    )
-    unsaid, below, exceeded = shares
+    unsaid, below = (percent(count / max(1, len(known)), ".2%") for count in (len(unstated), 3))
+    exceeded = percent(above / max(1, len(bounds)), ".1%")
     lines = [
         "# False successes",
         "",
@@ -142,12 +139,8 @@ def counted(rows: list[dict[str, Any]]) -> tuple[str, int]:
         f"({by}).",
         f"- Caught: {', '.join(f'{count} by {by}' for by, count in caught.most_common()) or 'none'}.",
         f"- Still called a success: {len(left)}, {len(unstated)} of them without a stated error that says so: "
-        f"{percent(len(unstated) / max(1, len(known)), '.2%')} of the runs that claim success"
-        + (
-            f" (below {percent(3 / max(1, len(known)), '.2%')} at 95 %, were all runs independent)."
-            if not unstated
-            else "."
-        ),
+        f"{unsaid} of the runs that claim success"
+        + (f" (below {below} at 95 %, were all runs independent)." if not unstated else "."),
         f"- An error is stated for {len(bounds)} runs; it is exceeded in {exceeded}.",
         f"- Good runs (error up to {OFF:g}) doubted: {len(good)}.",
     ]
