@@ -37,9 +37,9 @@ SAMPLES, FEW = 401, 51
 MOST_ROTATIONS, MOST_STEPS = 5_000.0, 300_000
 # Tolerance at which the beginning of a run is followed to learn where it leads.
 BEGUN = 1e-6
-# Rotations of a twin, and of one that shows no more than how many steps a slow solver takes; what makes a motion fast
-# enough to have the former: rotations per damping time, and |ω| at the start over its mean.
-TWIN_ROTATIONS, COUNTED_ROTATIONS, FAST, USUAL = 1_000.0, 300.0, 50.0, 0.2
+# Rotations of a twin, and of one that shows no more than how many steps a slow solver takes; rotations per damping time
+# that make a motion fast enough to have the former. From rest it speeds up alike at every St, in times of √St.
+TWIN_ROTATIONS, COUNTED_ROTATIONS, FAST = 1_000.0, 300.0, 50.0
 # Tolerance at which a run errs by about as much whose tolerance is the error of the whole run.
 WHOLE_RUN_TOLERANCE = 1e-6
 # Errors grow with rotations not followed: those of L, which add up at random, at most like the root, those of an angle,
@@ -260,9 +260,7 @@ def _within_reach(scene: Scene, count: float) -> Scene:
     """What to follow instead of a scene of `count` rotations."""
     if count <= MOST_ROTATIONS:
         return scene
-    slow_motion = 0 < scene.stokes < inf and count > FAST * damping_times(scene)
-    # From rest, or nearly so, nothing slow is there to be kept.
-    if slow_motion and np.linalg.norm(scene.angular_velocity) > USUAL * (2 * pi * count / scene.time):
+    if 0 < scene.stokes < inf and count > FAST * damping_times(scene):
         return _shrunk(scene, TWIN_ROTATIONS / count)
     return replace(scene, time=scene.time * MOST_ROTATIONS / count)
 

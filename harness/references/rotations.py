@@ -3,7 +3,7 @@
 Run times of full forms follow these two numbers, not St alone.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import isinf, pi, sqrt
 
@@ -13,7 +13,7 @@ from polhode.models.catalogue import averaged_form, form as find_form, reference
 from polhode.models.forms import jeffery, quaternion
 from polhode.models.free_top.polhode import mean_speed
 from polhode.models.problem import Problem
-from polhode.models.scene import Scene, SlowStart
+from polhode.models.scene import Scene, SlowStart, start_from
 from polhode.solvers.solve import solve
 
 # The explicit runs are cheap enough to follow a chaotic scene for a while.
@@ -29,6 +29,8 @@ LONGEST_STIFF = 5e3
 STIFF_FROM = 30.0
 # Least |ω| √(St I/8πX), the root of the angle turned while the torque changes |ω| by itself (section `DAC`).
 SEPARATED = 1.5
+# From rest a body turns by some 100 rad in so many times √(St I/8πX), so fast that averages serve from there on.
+RISEN = 20.0
 NODES = 64
 # Damping times from which on stability may hold an explicit method back, and the share of its steps: where stability
 # asks for more of them, errors do not follow the tolerance; those of Taylor's method, whose order is higher, still do.
@@ -96,7 +98,11 @@ def rotations(scene: Scene) -> float:
 
 def _averages_well(scene: Scene) -> bool:
     speed = float(np.linalg.norm(scene.angular_velocity))
-    return scene.time * max(speed, 0.5) / (2 * pi) > MANY and speed * _separation(scene) > SEPARATED
+    return scene.time * max(speed, 0.5) / (2 * pi) > MANY and _is_separated(scene)
+
+
+def _is_separated(scene: Scene) -> bool:
+    return float(np.linalg.norm(scene.angular_velocity)) * _separation(scene) > SEPARATED
 
 
 def _separation(scene: Scene) -> float:
@@ -134,17 +140,26 @@ def _averaged_angle(scene: Scene) -> float | None:
 
 
 def _angle(scene: Scene) -> float:
-    """∫|ω| dt by a loose run of the full equations."""
-    full = find_form(reference_form(scene)).problem(scene)
+    """∫|ω| dt by a loose run of the full equations, from rest only until averages serve."""
+    form = find_form(reference_form(scene))
+    full = form.problem(scene)
     turning = jeffery.TURNING if scene.stokes == 0 else quaternion.TURNING
     problem = Problem(full.name, turning, (*full.start, 0.0), full.end, full.parameters)
     damping = max(scene.ellipsoid.damping) * scene.torque_factor
     stiff = scene.stokes > 0 and damping > STIFF_FROM
     speed = max(0.5, float(np.linalg.norm(scene.angular_velocity)))
-    end = min(scene.time, LONGEST_STIFF if stiff else LONGEST_ROTATIONS * 2 * pi / speed)
+    longest = min(scene.time, LONGEST_STIFF if stiff else LONGEST_ROTATIONS * 2 * pi / speed)
     solver, tolerance = ("cyrk-radau", STIFF_TOLERANCE) if stiff else ("cyrk-vern8", TOLERANCE)
-    run = solve(problem, solver, tolerance, np.array([0.0, end / 2, end]))
-    if not run.success:
-        raise ValueError(f"rotations: the loose run ended with {run.status.value}: {run.message}")
-    half, whole = (float(angle) for angle in run.states[1:, -1])
+    risen = longest if _is_separated(scene) else RISEN * _separation(scene)
+    for end in (risen, longest) if 0 < risen < longest else (longest,):
+        run = solve(problem, solver, tolerance, np.array([0.0, end / 2, end]))
+        if not run.success:
+            raise ValueError(f"rotations: the loose run ended with {run.status.value}: {run.message}")
+        half, whole = (float(angle) for angle in run.states[1:, -1])
+        if end == scene.time:
+            return whole
+        reached = start_from(scene.ellipsoid, form.observe(scene, run.states[-1:, :-1]))
+        rest = replace(scene, start=reached, time=scene.time - end)
+        if _averages_well(rest) and (further := _averaged_angle(rest)) is not None:
+            return whole + further
     return whole + (scene.time - end) * (whole - half) / (end / 2)

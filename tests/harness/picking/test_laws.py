@@ -383,11 +383,23 @@ def test_twin_tells_what_the_whole_run_would(monkeypatch):
 
 
 def test_beginning_is_followed_where_there_is_no_slow_motion(monkeypatch):
+    """A body that has settled turns too little in a damping time."""
     monkeypatch.setattr(laws_pilot, "MOST_ROTATIONS", 100.0)
-    found = pilot(named_scene("rest-5e4"))
+    scene = replace(named_scene("paper"), time=2e3)
+    found = pilot(scene)
     assert not found.direct
     assert not found.twin
-    assert found.followed.time < named_scene("rest-5e4").time
+    assert found.followed.time < scene.time
+
+
+@pytest.mark.parametrize("ellipsoid", [Ellipsoid((1.0, 0.8, 0.5)), Ellipsoid((1.0, 1.0, 2.0))])
+def test_a_run_from_rest_is_told_from_a_twin(ellipsoid):
+    """It speeds up for a small part of a long run alone: rates at its beginning say nothing of the rest."""
+    start = EulerStart((1.0, 0.5, 0.0))
+    short, found = pilot(Scene(ellipsoid, 1e5, start, 3e4)), pilot(Scene(ellipsoid, 1e8, start, 3e7))
+    assert short.direct
+    assert found.twin
+    assert found.rotations == pytest.approx(1e3 * short.rotations, rel=0.02)
 
 
 @pytest.mark.parametrize(("name", "averaged"), [("paper", "averaged"), ("spheroid", "averaged-spheroid")])

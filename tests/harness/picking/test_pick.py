@@ -21,7 +21,7 @@ from polhode.harness.picking.refusals import one_digit
 from polhode.harness.references.errors import errors
 from polhode.models.catalogue import FORMS, form
 from polhode.models.observables import Observables
-from polhode.models.scene import BodyStart, Scene, SlowStart
+from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart
 from polhode.models.scenes import named_scene
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
@@ -103,6 +103,12 @@ def test_averaged_form_wins_long_runs_at_loose_errors():
     full = next(row for row in found.ranking if row.form == "quaternion")
     assert full.seconds.predicted > 100 * found.ranking[0].seconds.predicted
     assert all(row.form != "averaged" for row in pick(scene, 1e-8).ranking)
+
+
+def test_the_first_choice_for_a_long_run_from_rest_gets_there():
+    scene = Scene(Ellipsoid((1.0, 0.8, 0.5)), 1e8, EulerStart((1.0, 0.5, 0.0)), 3e7)
+    first = pick(scene, 1e-3).ranking[0]
+    assert solve(form(first.form).problem(scene), first.solver, first.tolerance).success
 
 
 @pytest.mark.parametrize(

@@ -76,13 +76,13 @@ def test_a_long_run_is_looked_at_more_loosely_and_within_its_share():
     ("kappa", "stokes", "time", "method", "tolerance", "look"),
     [
         # A looser look loses the phase of a body that tumbles, and L sways with it.
-        (2.0, 1e4, 1e6, "splitting", 1e-4, "splitting at 1e-06 over the first 27%"),
+        (2.0, 1e4, 1e6, "splitting", 1e-4, "splitting at 1e-06 over the first 27 %"),
         (2.0, 1e3, 1e4, "cyrk-vern7", 1e-5, "cyrk-vern7 at 4e-03"),
         # Errors hardly follow the tolerance.
         (3.5, 4.1e3, 2.4e4, "stroboscopic", 1e-6, "stroboscopic at 1e-04"),
         (3.4, 250.0, 3.6e3, "stroboscopic", 1e-5, "stroboscopic at 1e-03"),
         # A looser look takes the very same steps.
-        (1.2, 3.3e4, 5e4, "splitting", 1e-3, "splitting at 1e-06 over the first 27%"),
+        (1.2, 3.3e4, 5e4, "splitting", 1e-3, "splitting at 1e-06 over the first 27 %"),
         (1.2, 3.3e4, 5e4, "splitting-extended", 1e-3, "splitting at 1e-06"),
     ],
 )
