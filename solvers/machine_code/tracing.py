@@ -39,8 +39,14 @@ class _RefusedError(TypeError):
 
 
 def either_side(operation: Callable[[Any, Any], Any]) -> tuple[Callable[[Any, Any], Any], Callable[[Any, Any], Any]]:
-    """An operator of numbers, and the one that Python calls where a number stands on the right alone."""
-    return lambda left, right: operation(left, right), lambda right, left: operation(left, right)
+    """An operator of numbers and arrays of them, and the one that Python calls where the number is on the right."""
+
+    def of_any(left: Any, right: Any) -> Any:
+        if not (isinstance(left, np.ndarray) or isinstance(right, np.ndarray)):
+            return operation(left, right)
+        return np.vectorize(operation, otypes=[object])(*(np.array(each, dtype=object) for each in (left, right)))
+
+    return of_any, lambda right, left: of_any(left, right)
 
 
 def operand(x: Any) -> str:
@@ -50,16 +56,9 @@ def operand(x: Any) -> str:
 
 def _arithmetic(instruction: str, left: Any, right: Any) -> Any:
     if not (isinstance(left, Number | Real) and isinstance(right, Number | Real)):
-        return _of_array(instruction, left, right)
+        return NotImplemented
     number: Any = left if isinstance(left, Number) else right
     return number.emit(f"{instruction} contract double {operand(left)}, {operand(right)}")
-
-
-def _of_array(instruction: str, left: Any, right: Any) -> Any:
-    if not (isinstance(left, np.ndarray) or isinstance(right, np.ndarray)):
-        return NotImplemented
-    pairs = np.vectorize(partial(_arithmetic, instruction), otypes=[object])
-    return pairs(*(np.array(each, dtype=object) for each in (left, right)))
 
 
 class Number:

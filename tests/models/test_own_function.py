@@ -48,6 +48,10 @@ def bent(t, y, k):
     return k * -y + y / k - np.abs(k - y) + np.minimum(force, 0.4)
 
 
+def scaled_by_itself(t, y):
+    return y[0] * (np.array([[-1.0, 2.0], [-2.0, -1.0]]) @ y) / (1.0 + y[1] * y[1])
+
+
 def one_by_one(t, y, *, decay=np.exp):
     rate = lambda each: -decay(-each) * bell(each)  # noqa: E731
     return [rate(each) for each in y] + [sum(bell(each) * RATE for each in y) * 0.1]
@@ -68,7 +72,10 @@ def accepting(problem: Problem) -> list[str]:
     return found
 
 
-@pytest.mark.parametrize(("f", "parameters", "timed"), [(driven, (1.0, 0.3), True), (matrix, (0.2,), False)])
+@pytest.mark.parametrize(
+    ("f", "parameters", "timed"),
+    [(driven, (1.0, 0.3), True), (matrix, (0.2,), False), (scaled_by_itself, (), False)],
+)
 def test_every_solver_agrees_with_scipy(f, parameters, timed):
     problem = Problem.from_function(f, [1.0, 0.5], 10.0, parameters)
     assert (problem.name, problem.dimension) == (f.__name__, 2 + timed)
