@@ -4,6 +4,7 @@ Every function here keeps what it compiled, under the field's factory, for the l
 """
 
 import atexit
+import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
@@ -173,11 +174,11 @@ def parameter_array(problem: Problem) -> np.ndarray:
 @cache
 def _heyoka_operations() -> Operations:
     heyoka = load_heyoka()
-    return Operations(
-        heyoka.sin,
-        heyoka.cos,
-        heyoka.sqrt,
-        lambda x, a, b: heyoka.select(heyoka.gt(x, heyoka.expression(0.0)), a, b),
-        exp=heyoka.exp,
-        log=heyoka.log,
-    )
+
+    def known(name: str) -> Callable[[Any], Any]:
+        # heyoka's functions take no plain numbers.
+        return lambda x: getattr(heyoka if isinstance(x, heyoka.expression) else math, name)(x)
+
+    sin, cos, sqrt, exp, log = map(known, ("sin", "cos", "sqrt", "exp", "log"))
+    zero = heyoka.expression(0.0)
+    return Operations(sin, cos, sqrt, lambda x, a, b: heyoka.select(heyoka.gt(x, zero), a, b), exp=exp, log=log)

@@ -48,6 +48,10 @@ def bent(t, y, k):
     return k * -y + y / k - np.abs(k - y) + np.minimum(force, 0.4)
 
 
+def with_constants(t, y):
+    return math.sin(0.3) * np.cos(0.2) * y[::-1] - np.sqrt(2.0) * np.exp(-0.5) * np.log(3) * np.abs(-0.4) * y
+
+
 def scaled_by_itself(t, y):
     return y[0] * (np.array([[-1.0, 2.0], [-2.0, -1.0]]) @ y) / (1.0 + y[1] * y[1])
 
@@ -74,7 +78,7 @@ def accepting(problem: Problem) -> list[str]:
 
 @pytest.mark.parametrize(
     ("f", "parameters", "timed"),
-    [(driven, (1.0, 0.3), True), (matrix, (0.2,), False), (scaled_by_itself, (), False)],
+    [(driven, (1.0, 0.3), True), (matrix, (0.2,), False), (with_constants, (), False), (scaled_by_itself, (), False)],
 )
 def test_every_solver_agrees_with_scipy(f, parameters, timed):
     problem = Problem.from_function(f, [1.0, 0.5], 10.0, parameters)
