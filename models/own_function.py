@@ -25,12 +25,17 @@ FUNCTIONS = (
 
 
 class _Absent:
-    """Stands for the time in a function that does not use it."""
+    """Stands for the time in a function that did not use it at the start."""
 
-    def _used(self, other: Any = None) -> bool:
-        raise TypeError("the time is used")
+    def __repr__(self) -> str:
+        return "the time, which was not used at the start"
 
-    __bool__ = __eq__ = _used  # pyright: ignore
+    def _used(self, *others: Any, **named: Any) -> Any:
+        raise TypeError(f"f uses {self!r}")
+
+    __bool__ = __float__ = __neg__ = __pos__ = __abs__ = __array_ufunc__ = _used  # pyright: ignore
+    __eq__ = __ne__ = __lt__ = __le__ = __gt__ = __ge__ = __pow__ = __rpow__ = _used  # pyright: ignore
+    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = _used
 
 
 @dataclass(frozen=True)
@@ -50,7 +55,7 @@ class OwnField:
         def rhs(y, p):
             state = [y[i] for i in range(len(y) - self.timed)]
             parameters = [p[i] for i in range(len(p))]
-            time = self.t_start + y[len(state)] if self.timed else 0.0
+            time = self.t_start + y[len(state)] if self.timed else _Absent()
             rates = function(time, _array(state), *parameters)
             return (*_listed(rates), *[1.0] * self.timed)
 

@@ -156,7 +156,7 @@ class Problem:
         f : callable
             Returns the rates, one per component. It may use arithmetic, the functions sin, cos, tan, sqrt, exp and log
             of NumPy or `math`, and functions that it names and do no more; it may not compare numbers. If it uses t,
-            time becomes one more component of the state, the last one.
+            time becomes one more component of the state, the last one; t that is used only after the start is refused.
         y0 : sequence of float
         t_end : float
         parameters : sequence of float, optional

@@ -13,6 +13,7 @@ from polhode import Problem, solve_ivp
 from polhode.solvers.catalogue import SOLVERS, solver
 from polhode.solvers.compile import check_field, compiled_callback
 from polhode.solvers.contract import SolverNotValidError
+from polhode.solvers.machine_code.tracing import FieldError
 from polhode.solvers.solve import solve
 
 NOTHING = None  # A global that is no function stays what it is.
@@ -221,6 +222,18 @@ def test_names_of_the_module_mean_what_they_do_when_a_run_begins(name, monkeypat
 def test_branching_by_time_is_refused(f):
     with pytest.raises(ValueError, match="cannot compare or branch"):
         solve_ivp(f, (0, 1), [1.0])
+
+
+@pytest.mark.parametrize(
+    "use", [lambda t, y: y - t, lambda t, y: [math.cos(t)], lambda t, y: y * np.cos(t), lambda t, y: [t]]
+)
+def test_time_that_is_used_only_after_the_start_is_refused(use, monkeypatch):
+    problem = Problem.from_function(lambda t, y: use(t, y) if RATE > 1 else -y, [1.0], 1.0)
+    monkeypatch.setitem(globals(), "RATE", 2.0)
+    with pytest.raises(FieldError, match="the time, which was not used at the start"):
+        solve(problem, "taylor", 1e-6)
+    found = solve(problem, "dop853", 1e-6, backend="python")
+    assert (found.status, "f uses the time" in found.message) == ("crashed", True)
 
 
 NO_NUMBERS = [
