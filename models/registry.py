@@ -35,11 +35,15 @@ class Question(UserWarning):
 
 
 class NotFoundError(ValueError):
-    """No class of a kind goes by a name; `expected` says what would have done, `near` what may be meant."""
+    """No class of a kind goes by a name; `expected` says what would have done, `advice` what may be meant."""
 
-    def __init__(self, kind: str, name: str, expected: str, near: str = "") -> None:
-        super().__init__(f"{kind}: got {name!r}{near}, expected {expected}")
-        self.expected, self.near = expected, near
+    def __init__(self, kind: str, name: str, expected: str, advice: str = "") -> None:
+        super().__init__(kind, name, expected, advice)
+        self.kind, self.name, self.expected, self.advice = kind, name, expected, advice
+
+    def __str__(self) -> str:
+        """The message: what was got and what expected."""
+        return f"{self.kind}: got {self.name!r}{self.advice}, expected {self.expected}"
 
 
 class Catalogue(dict[str, str], Generic[T]):

@@ -198,7 +198,7 @@ class StudyTable(BaseModel):
                 try:
                     catalogue.find(name)
                 except NotFoundError as error:
-                    raise ValueError(f"got {name!r}{error.near} in {kind}, expected {error.expected}") from None
+                    raise ValueError(f"got {name!r}{error.advice} in {kind}, expected {error.expected}") from None
         for scene in self.scenes:
             for kind, own, known in (("forms", scene.forms, self.forms), ("solvers", scene.solvers, self.solvers)):
                 for name in own or ():
