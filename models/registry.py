@@ -75,6 +75,8 @@ class Catalogue(dict[str, str], Generic[T]):
         if thing is None or isinstance(thing, str):
             return thing
         target = f"{type(thing).__module__}:{type(thing).__qualname__}"
+        # Under this name the object is found again, even if its class is one within a function.
+        self._made[target] = thing
         return next((name for name, each in self.items() if each == target), target)
 
     def _class(self, name: str) -> type[T]:

@@ -105,6 +105,19 @@ def test_an_object_of_the_catalogue_is_chosen_for_as_its_name():
     assert by_object.note == by_name.note
 
 
+def test_an_object_whose_class_stands_within_a_function_is_chosen_for():
+    class Own(Quaternion):
+        name = "own"
+
+    class OwnTaylor(Taylor):
+        name = "own-taylor"
+
+    form, method = Own(), OwnTaylor()
+    chosen = plan("paper", form, method, None, 1e-6, "slow", 201)
+    assert (chosen.form, chosen.solver) == (form, method)
+    assert plan("paper", form, None, None, 1e-6, "slow", 201).form is form
+
+
 def test_ctrl_c_in_the_second_look_keeps_the_run(monkeypatch: pytest.MonkeyPatch):
     def interrupted(*given: object) -> None:
         raise KeyboardInterrupt
