@@ -56,7 +56,8 @@ class BodyStart:
             raise ValueError(
                 f"start.quaternion: got {[*map(float, self.quaternion)]}, expected four numbers, not all zero"
             )
-        if norm != 1.0:
+        # A quotient's norm is within this, so that a scene stays what it is when its file is read.
+        if abs(norm - 1) > 1e-15:
             q0, q1, q2, q3 = (component / norm for component in self.quaternion)
             object.__setattr__(self, "quaternion", (q0, q1, q2, q3))
 

@@ -15,7 +15,7 @@ from hypothesis import given, settings, strategies as st
 
 from polhode.models.files.scene_file import parse_scene, read_scene, scene_table
 from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart
-from polhode.models.scenes import SCENES
+from polhode.models.scenes import SCENES, named_scene
 from polhode.models.shape import Ellipsoid
 
 GOOD: dict[str, Any] = {
@@ -183,9 +183,12 @@ def same(scene: Scene, other: Scene) -> bool:
     return scene == other and json.dumps(scene_table(scene)) == json.dumps(scene_table(other))
 
 
-@pytest.mark.parametrize("name", SCENES)
-def test_the_table_of_a_scene_makes_the_same_scene(name: str):
-    scene = SCENES[name].scene
+QUATERNIONS = np.random.default_rng(1).normal(size=(20, 4)).tolist()
+TURNED = [Scene(Ellipsoid((1.0, 0.8, 0.5)), 10.0, BodyStart(tuple(each)), 5.0) for each in QUATERNIONS]
+
+
+@pytest.mark.parametrize("scene", [*map(named_scene, SCENES), *TURNED])
+def test_the_table_of_a_scene_makes_the_same_scene(scene: Scene):
     assert same(parse_scene(scene_table(scene)), scene)
 
 
