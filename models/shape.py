@@ -72,18 +72,18 @@ class Ellipsoid:
     @cached_property
     def symmetry_axis(self) -> int | None:
         """Body axis (0, 1, 2) about which a spheroid is symmetric; None for spheres and triaxial ellipsoids."""
-        a, b, c = self.semi_axes
+        a, b, c = self.scaled_axes
         equal = (b == c, c == a, a == b)
         return equal.index(True) if sum(equal) == 1 else None
 
     @cached_property
     def kind(self) -> Kind:
-        """Which symmetry the shape has, by exact comparison of the semi-axes."""
-        if len(set(self.semi_axes)) == 1:
+        """Which symmetry the shape has, by exact comparison of the scaled semi-axes."""
+        if len(set(self.scaled_axes)) == 1:
             return "sphere"
         if (axis := self.symmetry_axis) is None:
             return "triaxial"
-        return "prolate" if self.semi_axes[axis] > self.semi_axes[axis - 1] else "oblate"
+        return "prolate" if self.scaled_axes[axis] > self.scaled_axes[axis - 1] else "oblate"
 
     @cached_property
     def inertia(self) -> Triple:

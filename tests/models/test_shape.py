@@ -97,6 +97,8 @@ def test_unit_and_order_of_the_semi_axes_do_not_matter(axes, unit):
         ((1, 0.5, 1), "oblate", 1),
         ((1, 0.8, 0.5), "triaxial", None),
         ((1, 1 - 1e-9, 0.5), "triaxial", None),
+        # Equal once they are scaled.
+        ((1.2, 0.7, 0.1 * 7), "prolate", 0),
     ],
 )
 def test_kind(axes, kind, axis):
