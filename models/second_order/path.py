@@ -269,7 +269,10 @@ class Path:
 @lru_cache(maxsize=16)
 def path_of(scene: Scene) -> Path:
     """The path of a scene, kept for outlines with other budgets."""
-    return Path.of(scene)
+    try:
+        return Path.of(scene)
+    except ModuleNotFoundError as error:
+        raise FormNotValidError(f"{error.name}, which follows first-order paths, is not installed") from None
 
 
 def _interpolated(wanted: Array, times: Array, rows: Array) -> Array:

@@ -162,6 +162,12 @@ def test_refusal_names_the_condition(axes, start, slow_time, condition):
     assert refusal.value.instead == "quaternion"
 
 
+def test_without_the_library_that_follows_a_path_the_form_is_refused(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("polhode.models.second_order.path.FOLLOWED", "nowhere:followed")
+    with pytest.raises(FormNotValidError, match="nowhere, which follows first-order paths, is not installed"):
+        form(NAME).reach(replace(named_scene("paper"), stokes=12345.0))
+
+
 def test_a_slow_start_beyond_the_separatrix_is_refused():
     """Started slowly at St = 87: the transformation throws the body to the other side of L² = 2EI₂."""
     start = BodyStart((-0.7210512, -0.3094284, 0.3362292, -0.5208543), (-0.003725, 0.007211, 0.00397))
