@@ -9,7 +9,7 @@ from polhode.models.form import Form, Orientation
 from polhode.models.hybrid.course import ERROR_PER_TOLERANCE, FULL, HybridCourse, foreseen, full_tolerance
 from polhode.models.observables import Observables
 from polhode.models.problem import PlannedPiece, Problem
-from polhode.models.scene import Scene, Start, StartAt
+from polhode.models.scene import Scene, SlowStart, Start, StartAt
 
 # Pieces of a run that are planned ahead.
 MOST_PIECES = 100
@@ -59,7 +59,7 @@ class Hybrid(Form):
         self.check(scene)
         error, begin, worn, pieces = ERROR_PER_TOLERANCE * tolerance, 0.0, 0.0, list[PlannedPiece]()
         start: Start | None = scene.start
-        while start and begin < scene.time and len(pieces) < MOST_PIECES:
+        while not isinstance(start, SlowStart | None) and begin < scene.time and len(pieces) < MOST_PIECES:
             stretches = foreseen(replace(scene, start=start, time=scene.time - begin), error)
             since = begin
             for i, each in enumerate(stretches):

@@ -18,7 +18,7 @@ from polhode.models.hybrid import course
 from polhode.models.hybrid.course import ERROR_PER_TOLERANCE, PER_RADIAN, WINDOWS, full_tolerance, second_order
 from polhode.models.hybrid.form import Hybrid
 from polhode.models.observables import Observables
-from polhode.models.scene import BodyStart, EulerStart, Scene
+from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart
 from polhode.models.second_order.outline import Ahead, Stretch
 from polhode.models.second_order.path import path_of
 from polhode.models.second_order.run import NotAveragedError
@@ -199,6 +199,12 @@ def test_a_run_without_windows_and_one_without_anything_else_are_planned():
     assert Hybrid().plan(gentle, 1e-8, nowhere) == ((0.0, 1e5, None),)
     [(begin, end, tolerance)] = Hybrid().plan(replace(CROSSING, stokes=10.0, time=5.0), 1e-8, nowhere)
     assert (begin, end, tolerance) == (0.0, 5.0, 1e-8)
+
+
+def test_a_plan_ends_where_no_orientation_is_known():
+    scene = replace(CROSSING, stokes=1e6, time=2e5)
+    slow = SlowStart((0.0, 0.0, 0.1), 0.1)
+    assert Hybrid().plan(scene, 1e-8, lambda time: slow) == Hybrid().plan(scene, 1e-8, nowhere)
 
 
 def nowhere(time):
