@@ -114,10 +114,11 @@ class Split:
 
     def free(self, record: Record) -> Outcome:
         """Fill the record's rows by the fast flow alone, modulo whole turns."""
-        rate = self.speed(record.start.tolist(), self.p)
-        left = record.times[1:] - record.times[0]
-        left -= np.floor(left * rate / (2 * pi)) * (2 * pi / rate) if rate > 0 else 0.0
-        state, pieces = tuple(record.start), int(2 * pi / self.parts.reach) + 1
+        state, times = record.start.astype(self.number), record.times.astype(self.number)
+        rate, turn = self.parts.rate(ARRAYS)(state, self.p), 8 * np.arctan(self.number(1))
+        left = times[1:] - times[0]
+        left -= np.floor(left * rate / turn) * (turn / rate) if rate > 0 else 0.0
+        pieces = int(turn / self.parts.reach) + 1
         fast = self.parts.fast
         flow, constants = fast.flow(ARRAYS), fast.constants(self.p, left / pieces, ARRAYS)
         for _ in range(pieces):
