@@ -11,7 +11,7 @@ from polhode.solvers.machine_code.tracing import OPERATIONS, Number
 MOST_STAGES = 16
 
 
-class Pieces:
+class Flows:
     """What the kernels are made of: `prepare` computes the constants of a step's flows, `spread` moves rows by a step.
 
     Chains are compositions of flows beside each other, each in a SIMD lane. Constants of stage i, a fast flow and a
@@ -52,7 +52,7 @@ class Pieces:
         """Advance a state."""
         y.store(self.slow(y.load(self.dimension), (constants + self.sizes[0]).load(self.sizes[1])))
 
-    def flows(self, y: Array, fast: Array, slow: Array, base: Sequence[Number] = ()) -> None:
+    def both_flows(self, y: Array, fast: Array, slow: Array, base: Sequence[Number] = ()) -> None:
         """Advance a state by a fast flow and a slow one, with the constants of two rows."""
         made = fast.load(self.sizes[0]), (slow + self.sizes[0]).load(self.sizes[1])
         y.store(self.both(self.whole(y, base), *made, *([y.load(len(base))] if base else [])))
@@ -100,7 +100,7 @@ class Pieces:
             self.fill(constants, stages, Same(scheme + 1, self.lanes), p, h[0])
             with program.times(steps):
                 with program.times(stages) as k:
-                    self.flows(y, self.row(constants, k), self.row(constants, k))
+                    self.both_flows(y, self.row(constants, k), self.row(constants, k))
                 self.fast_flow(y, self.row(constants, stages))
             with program.times(lanes) as k:
                 row(k)[1].store([entries[k + c * lanes] for c in range(dimension)])

@@ -11,7 +11,7 @@ import numpy as np
 from polhode.models.problem import Parts
 from polhode.solvers.machine_code.program import WIDEST_REGISTERS, Array, Program, compare, compiled, splat
 from polhode.solvers.machine_code.tracing import OPERATIONS, Number
-from polhode.solvers.parts.flows import Pieces
+from polhode.solvers.parts.flows import Flows
 
 # A step follows the rate of the fast angle when that has changed by this factor; in between it stays, since what errs
 # to and fro within a turn adds up to nothing only while steps are equal.
@@ -56,9 +56,9 @@ def clock(time: float, number: type = float) -> np.ndarray:
 @cache
 def kernels(parts: Parts, dimension: int, number: type = float, chains: int = 1) -> Kernels:
     """Compile those of splitting for a problem's parts, once in a process, over a type of numbers."""
-    pieces = Pieces(parts, dimension, number, chains)
-    advance = _advance(pieces)
-    programs = pieces.prepare, pieces.spread, advance, _check(pieces, advance, ROUNDING[number])
+    flows = Flows(parts, dimension, number, chains)
+    advance = _advance(flows)
+    programs = flows.prepare, flows.spread, advance, _check(flows, advance, ROUNDING[number])
     return Kernels(*compiled(*programs, number=number))
 
 
@@ -72,12 +72,12 @@ def length(vector: Sequence[Number]) -> Number:
     return sqrt(sum(each * each for each in vector))
 
 
-def _advance(pieces: Pieces) -> Program:
+def _advance(flows: Flows) -> Program:
     program = Program("advance", "scheme law p state clock times rests rows", attribute=WIDEST_REGISTERS)
     scheme, law, p, state, clock, times, rests, rows = program.arguments
-    stages, dimension, kept = scheme[0], pieces.dimension, pieces.parts.moving[0]
-    constants, number = pieces.constants(program), program.room(2)
-    y, at, each = program.room(dimension), program.room(dimension), program.room(dimension, pieces.chains)
+    stages, dimension, kept = scheme[0], flows.dimension, flows.parts.moving[0]
+    constants, number = flows.constants(program), program.room(2)
+    y, at, each = program.room(dimension), program.room(dimension), program.room(dimension, flows.chains)
     rest = program.room(kept)
     rest.store([0.0] * kept)
     y.store(state.load(dimension))
@@ -87,14 +87,14 @@ def _advance(pieces: Pieces) -> Program:
     begin, step, low, high, since, filled, steps = (program.cell(clock[i]) for i in range(At.CODE))
 
     def close(y: Array) -> None:
-        if pieces.chains == 1:
+        if flows.chains == 1:
             with program.when(compare("ogt", open_[0], 0.0)):
-                pieces.fast_flow(y, pieces.row(constants, stages))
+                flows.fast_flow(y, flows.row(constants, stages))
 
-    program.call(pieces.prepare, scheme, p, constants, step[0])
+    program.call(flows.prepare, scheme, p, constants, step[0])
     with program.repeat() as leave:
         leave(compare("oge", filled[0], clock[At.ROWS]))
-        rate = pieces.rate(y, p)
+        rate = flows.rate(y, p)
         speed = sqrt(rate * rate + law[3])
         outside = program.cell(1.0)
         with program.when(compare("oge", speed, low[0])), program.when(compare("ole", speed, high[0])):
@@ -113,7 +113,7 @@ def _advance(pieces: Pieces) -> Program:
             leave(compare("ogt", speed, law[5]))
             code[0] = float(Code.NO_STEP)
             leave(compare("ule", begin[0] + step[0], begin[0]))
-            program.call(pieces.prepare, scheme, p, constants, step[0])
+            program.call(flows.prepare, scheme, p, constants, step[0])
         now = begin[0] + since[0] * step[0]
         # Rows are reached from the nearer end of a step, except back in time where the slow part is strong.
         near = now + where_positive(BACKWARD - law[3] * step[0], 0.5, 1.0) * step[0]
@@ -134,42 +134,42 @@ def _advance(pieces: Pieces) -> Program:
             code[0] = float(reason)
             leave(condition)
         code[0] = float(Code.FINISHED)
-        if pieces.chains > 1:
+        if flows.chains > 1:
             # All chains begin where the step does, and their mean, by weight, is where it ends. What components gain
             # that the fast flow leaves alone is summed apart: rounding of the same sign in each step would pile up.
             start = y.load(dimension)
-            each.store([splat(number, pieces.chains) for number in (*rest.load(kept), *start[kept:])])
-            base = [splat(number, pieces.chains) for number in start[:kept]]
+            each.store([splat(number, flows.chains) for number in (*rest.load(kept), *start[kept:])])
+            base = [splat(number, flows.chains) for number in start[:kept]]
             with program.times(stages) as i:
-                pieces.flows(each, pieces.row(constants, i), pieces.row(constants, i), base)
-            pieces.fast_flow(each, pieces.row(constants, stages), base)
-            weights = (scheme + 1).of(pieces.chains)[2.0 * stages + 1.0]
+                flows.both_flows(each, flows.row(constants, i), flows.row(constants, i), base)
+            flows.fast_flow(each, flows.row(constants, stages), base)
+            weights = (scheme + 1).of(flows.chains)[2.0 * stages + 1.0]
             means = [(weights * number).total() for number in each.load(dimension)]
             ends = [before + gain for before, gain in zip(start, means[:kept], strict=False)]
             rest.store([gain - (end - before) for before, gain, end in zip(start, means, ends, strict=False)])
-            assert pieces.parts.restored is not None
-            y.store(pieces.parts.restored([*ends, *means[kept:]]))
+            assert flows.parts.restored is not None
+            y.store(flows.parts.restored([*ends, *means[kept:]]))
         else:
             first = open_[0] * (stages + 1.0)
             with program.times(stages) as i:
-                pieces.flows(y, pieces.row(constants, where_positive(i, i, first)), pieces.row(constants, i))
+                flows.both_flows(y, flows.row(constants, where_positive(i, i, first)), flows.row(constants, i))
             open_[0] = 1.0
         since[0], steps[0] = since[0] + 1.0, steps[0] + 1.0
     close(y)
     state.store(y.load(dimension))
     before = clock[At.FILLED]
-    leading = scheme + (1.0 + (2.0 * stages + 2.0) * pieces.chains)
+    leading = scheme + (1.0 + (2.0 * stages + 2.0) * flows.chains)
     number.store([filled[0] - before, 1.0])
-    program.call(pieces.spread, leading, p, number, rests + before, rows + before * float(dimension))
+    program.call(flows.spread, leading, p, number, rests + before, rows + before * float(dimension))
     clock.store([each[0] for each in (begin, step, low, high, since, filled, steps, code)])
     return program
 
 
-def _check(pieces: Pieces, advance: Program, rounding: float) -> Program:
+def _check(flows: Flows, advance: Program, rounding: float) -> Program:
     program = Program("check", "scheme p state numbers")
     scheme, p, state, laws = program.arguments
     setting, out = laws + 2 * LAW, laws + (2 * LAW + 3)
-    dimension, moving, points = pieces.dimension, range(*pieces.parts.moving), float(POINTS)
+    dimension, moving, points = flows.dimension, range(*flows.parts.moving), float(POINTS)
     rows, y = program.room((4 * POINTS + 2) * dimension), program.room(dimension)
     times, rests = (program.room(2 * POINTS + 1) for _ in range(2))
     # From 0 on, since times far from there are rounded to more than is looked for.
@@ -186,7 +186,7 @@ def _check(pieces: Pieces, advance: Program, rounding: float) -> Program:
         own = rows + run * (2 * points + 1) * dimension
         program.call(advance, scheme, laws + run * float(LAW), p, y, clock, times, rests, own)
         out[5], out[6] = out[5] + clock[At.STEPS], out[6] + clock[At.CODE]
-    size = len(pieces.parts.slow_quantities(y))
+    size = len(flows.parts.slow_quantities(y))
     before = program.room(size)
     with program.times(2.0) as part:
         change, middle, most = program.room(size), program.room(len(moving)), out + part + 3.0
@@ -198,7 +198,7 @@ def _check(pieces: Pieces, advance: Program, rounding: float) -> Program:
 
         with program.times(points) as k:
             first, second = row(k, 0.0), row(k, 1.0)
-            slow = [b - a for a, b in zip(*map(pieces.parts.slow_quantities, (first, second)), strict=True)]
+            slow = [b - a for a, b in zip(*map(flows.parts.slow_quantities, (first, second)), strict=True)]
             change.store([each + more for each, more in zip(change.load(size), slow, strict=True)])
             out[0] = larger(out[0], length(slow))
             turns = times[part * points + k + 1.0] * rate / (2 * pi)

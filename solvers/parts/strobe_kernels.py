@@ -8,7 +8,7 @@ from math import nan, pi
 from polhode.models.problem import Parts
 from polhode.solvers.machine_code.program import Array, Program, compare, compiled
 from polhode.solvers.machine_code.tracing import OPERATIONS, Number
-from polhode.solvers.parts.flows import Pieces
+from polhode.solvers.parts.flows import Flows
 
 # Turns between a row and the point of whole turns from which it is reached, at most; trials to find that point, after
 # which the row is NaN.
@@ -38,45 +38,45 @@ class StrobeKernels:
 @cache
 def strobe_kernels(parts: Parts, dimension: int) -> StrobeKernels:
     """Compile those of stroboscopic averaging."""
-    pieces = Pieces(parts, dimension)
-    turn = _turn(pieces)
-    mean = _mean(pieces, turn)
-    programs = pieces.prepare, turn, pieces.spread, mean, _macro(dimension, mean), _rows(pieces)
+    flows = Flows(parts, dimension)
+    turn = _turn(flows)
+    mean = _mean(flows, turn)
+    programs = flows.prepare, turn, flows.spread, mean, _macro(dimension, mean), _rows(flows)
     return StrobeKernels(*compiled(*programs))
 
 
-def _turn(pieces: Pieces) -> Program:
+def _turn(flows: Flows) -> Program:
     """One turn of the fast angle forth, of the first point, and back, of the second, side by side."""
     # Each takes so many steps, and two short ones that close it: one of the scheme, and for what it leaves one of
     # Strang.
     program = Program("turn", "scheme p forth back points", "steps h", "internal")
     scheme, p, forth, back, points, steps, h = program.arguments
-    fast, slow, dimension = pieces.parts.fast, pieces.parts.slow, pieces.dimension
+    fast, slow, dimension = flows.parts.fast, flows.parts.slow, flows.dimension
     states = [program.room(dimension) for _ in range(2)]
     points = [points, points + (dimension + 1)]
     angles = [program.cell(0.0) for _ in range(2)]
-    closing, ends = [pieces.constants(program) for _ in range(2)], pieces.constants(program)
+    closing, ends = [flows.constants(program) for _ in range(2)], flows.constants(program)
     for y, point in zip(states, points, strict=True):
         y.store(point.load(dimension))
 
     def fast_flow(y: Array, angle: Array, row: Array, share: Number) -> None:
-        angle[0] = angle[0] + pieces.rate(y, p) * share
-        pieces.fast_flow(y, row)
+        angle[0] = angle[0] + flows.rate(y, p) * share
+        flows.fast_flow(y, row)
 
     def step(made: Sequence[Array], lengths: Sequence[Number]) -> None:
         sides = list(zip(states, angles, made, lengths, strict=True))
         with program.times(scheme[0]) as i:
             for y, angle, constants, length in sides:
-                fast_flow(y, angle, pieces.row(constants, i), length * scheme[i + 1.0])
+                fast_flow(y, angle, flows.row(constants, i), length * scheme[i + 1.0])
             for y, _, constants, _ in sides:
-                pieces.slow_flow(y, pieces.row(constants, i))
+                flows.slow_flow(y, flows.row(constants, i))
         for y, angle, constants, length in sides:
-            fast_flow(y, angle, pieces.row(constants, scheme[0]), length * scheme[scheme[0] + 1.0])
+            fast_flow(y, angle, flows.row(constants, scheme[0]), length * scheme[scheme[0] + 1.0])
 
     def left() -> list[Number]:
         """Times that close the turns at the present rates."""
         return [
-            (sign * 2 * pi - angle[0]) / pieces.rate(y, p)
+            (sign * 2 * pi - angle[0]) / flows.rate(y, p)
             for y, angle, sign in zip(states, angles, (1.0, -1.0), strict=True)
         ]
 
@@ -84,30 +84,30 @@ def _turn(pieces: Pieces) -> Program:
         step((forth, back), (h, -1.0 * h))
     first = left()
     for constants, rest in zip(closing, first, strict=True):
-        program.call(pieces.prepare, scheme, p, constants, rest)
+        program.call(flows.prepare, scheme, p, constants, rest)
     step(closing, first)
     passed = [sign * steps * h + rest for sign, rest in zip((1.0, -1.0), first, strict=True)]
     for y, angle, point, time, rest in zip(states, angles, points, passed, left(), strict=True):
-        for part, shift, share in ((fast, 0, 0.5), (slow, pieces.sizes[0], 1.0)):
+        for part, shift, share in ((fast, 0, 0.5), (slow, flows.sizes[0], 1.0)):
             (ends + shift).store(part.constants(p, share * rest, OPERATIONS))
         fast_flow(y, angle, ends, 0.5 * rest)
-        pieces.slow_flow(y, ends)
+        flows.slow_flow(y, ends)
         fast_flow(y, angle, ends, 0.5 * rest)
         point.store([*y.load(dimension), point[dimension] + time + rest])
     return program
 
 
-def _mean(pieces: Pieces, turn: Program) -> Program:
+def _mean(flows: Flows, turn: Program) -> Program:
     program = Program("mean", "scheme p setting weights point out")
     scheme, p, setting, weights, point, out = program.arguments
-    dimension, sides = pieces.dimension, [pieces.constants(program) for _ in range(2)]
+    dimension, sides = flows.dimension, [flows.constants(program) for _ in range(2)]
     size = dimension + 1
     moved, (steps, turns, rows) = program.room(2 * size), setting.load(3)
     with program.times(rows * float(size)) as i:
         out[i] = 0.0
-    h = 2 * pi / (pieces.rate(point, p) * steps)
+    h = 2 * pi / (flows.rate(point, p) * steps)
     for i, (constants, sign) in enumerate(zip(sides, (1.0, -1.0), strict=True)):
-        program.call(pieces.prepare, scheme, p, constants, sign * h)
+        program.call(flows.prepare, scheme, p, constants, sign * h)
         (moved + i * size).store([*point.load(dimension), 0.0])
     with program.times(turns) as k:
         program.call(turn, scheme, p, *sides, moved, steps, h)
@@ -135,10 +135,10 @@ def _macro(dimension: int, mean: Program) -> Program:
     return program
 
 
-def _rows(pieces: Pieces) -> Program:
+def _rows(flows: Flows) -> Program:
     program = Program("rows", "scheme p setting terms point times rests rows")
     scheme, p, setting, terms, point, times, rests, rows = program.arguments
-    dimension, turns, at = pieces.dimension, setting[2], program.room(pieces.dimension + 1)
+    dimension, turns, at = flows.dimension, setting[2], program.room(flows.dimension + 1)
     size, whole, off, tried = dimension + 1, program.cell(0.0), program.cell(0.0), program.cell(0.0)
     with program.times(setting[0]) as j:
         off[0] = turns * (times[j] - point[dimension]) / terms[dimension]
@@ -152,10 +152,10 @@ def _rows(pieces: Pieces) -> Program:
                     value = (value + terms[k * size + i]) * (1.0 - x if k % 2 else x)
                 at[i] = point[i] + value
             rests[j] = times[j] - at[dimension]
-            off[0], tried[0] = rests[j] * pieces.rate(at, p) / (2 * pi), tried[0] + 1.0
+            off[0], tried[0] = rests[j] * flows.rate(at, p) / (2 * pi), tried[0] + 1.0
             leave(compare("ole", off[0] * off[0], NEAR**2))
             rests[j] = nan
             leave(compare("oge", tried[0], TRIALS))
         (rows + j * float(dimension)).store(at.load(dimension))
-    program.call(pieces.spread, scheme, p, setting, rests, rows)
+    program.call(flows.spread, scheme, p, setting, rests, rows)
     return program
