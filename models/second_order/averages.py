@@ -17,14 +17,12 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
+from polhode.models.second_order.field import NAMES
 from polhode.models.second_order.polhodes import Polhodes, SidedBody
 from polhode.models.second_order.torus import Torus, turning
 
 Array = np.ndarray
 
-FIRST = ("f0", "f2", "g0", "g2", "r1", "r2", "ea", "eb")
-SECOND = ("a1", "a2", "b1", "b2", "p1", "p2", "p3", "p4", "p5", "p6")
-NAMES = (*FIRST, *SECOND, "nu1", "nu2")
 # Polhode phases per ln(1/nome) that resolve second-order averages to 1e-9; at least so many, in steps of so many.
 PHASES, LEAST_PHASES, STEP_OF_PHASES = 90.0, 24, 8
 # Flow directions, as rows, and |L| at which the averages are taken, so that their parts can be separated.

@@ -17,9 +17,12 @@ from typing import Any
 
 from polhode.models.operations import Field, Operations
 
-HEAD, SERIES, NODES = 2, 20, 32
-POLES, SINGULAR, FIRST_SINGULAR = 8, 10, 8
-POLE = 2 + 2 * SINGULAR
+# The functions, in their order: those of first order, those of second order, which alone have poles, and the rates.
+FIRST = ("f0", "f2", "g0", "g2", "r1", "r2", "ea", "eb")
+SECOND = ("a1", "a2", "b1", "b2", "p1", "p2", "p3", "p4", "p5", "p6")
+NAMES = (*FIRST, *SECOND, "nu1", "nu2")
+HEAD, SERIES, NODES = 2, len(NAMES), 32
+POLES, POLE = 8, 2 + 2 * len(SECOND)
 # Keeps 0/0 away where a run rests on a resonance.
 TINY = 1e-60
 
@@ -34,13 +37,13 @@ def field(ops: Operations) -> Field:
         over = 1 / size
         nx, ny, nz = lx * over, ly * over, lz * over
         found = series((a * a - p[0]) * p[1], p)
-        f0, f2, g0, g2, r1, r2, ea, eb = found[:FIRST_SINGULAR]
+        f0, f2, g0, g2, r1, r2, ea, eb = found[: len(FIRST)]
         drift = a * a * (g0 + 0.5 * g2 * nz * over) * over
         for at in range(HEAD + SERIES * NODES, HEAD + SERIES * NODES + POLES * POLE, POLE):
             twice, once = regular(a * a - p[at], drift * p[at + 1])
-            for k in range(SINGULAR):
-                found[FIRST_SINGULAR + k] += twice * p[at + 2 + k] + once * p[at + 2 + SINGULAR + k]
-        a1, a2, b1, b2, *across, nu1, nu2 = found[FIRST_SINGULAR:]
+            for k in range(len(SECOND)):
+                found[len(FIRST) + k] += twice * p[at + 2 + k] + once * p[at + 2 + len(SECOND) + k]
+        a1, a2, b1, b2, *across, nu1, nu2 = found[len(FIRST) :]
         n, f, g = (nx, ny, nz), (f0, f2, a1, a2), (g0, g2, b1, b2)
         growth, rise, tx, ty, tz = averaged(size, n, f, g, (r1, r2), across)
         s = nx * ny * over

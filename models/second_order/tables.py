@@ -9,8 +9,8 @@ from numpy.polynomial.chebyshev import chebder
 
 from polhode.models.files import kept
 from polhode.models.operations import ARRAYS
-from polhode.models.second_order.averages import FIRST, MODES, NAMES, SECOND, averages
-from polhode.models.second_order.field import NODES, POLE, POLES, SINGULAR, averaged_rates, polynomials, regular
+from polhode.models.second_order.averages import MODES, averages
+from polhode.models.second_order.field import NAMES, NODES, POLE, POLES, SECOND, averaged_rates, polynomials, regular
 from polhode.models.second_order.polhodes import SidedBody
 from polhode.models.shape import Ellipsoid
 
@@ -25,8 +25,8 @@ POINTS = 0.5 * MOST * (1 + np.cos(_ANGLES))
 # Powers of I_max that each coefficient carries when L is measured in it.
 SCALES = dict.fromkeys(NAMES, 3) | dict.fromkeys(("f2", "g2", "r1", "r2", "ea", "eb"), 1)
 SCALES |= {"f0": 0, "g0": 0, "a1": 2, "b1": 2, "p1": 2, "p2": 2, "nu1": -1, "nu2": -1}
-# Where the functions of second order stand among all, which alone have poles.
-_SECOND = slice(len(FIRST), len(FIRST) + SINGULAR)
+# Where the functions of second order stand among all.
+_SECOND = slice(NAMES.index("a1"), NAMES.index("nu1"))
 # Modes of a smaller share of the torque are no resonances.
 FAINT = 1e-8
 # Averages at a divisor below this share of ν₂ weigh less in the table; so many terms fewer than nodes fit the others.
@@ -109,7 +109,7 @@ def made(side: SidedBody) -> Table:
     values = np.stack([found[name] for name in SECOND])
     for pole in poles:
         twice, once = regular(POINTS - pole[0], 0 * POINTS)
-        values -= np.outer(pole[2 : 2 + SINGULAR], twice) + np.outer(pole[2 + SINGULAR :], once)
+        values -= np.outer(pole[2 : 2 + len(SECOND)], twice) + np.outer(pole[2 + len(SECOND) :], once)
     weight = np.ones(NODES)
     for k1, k2 in resonances[:, :2]:
         square = ((k1 * found["nu1"] + k2 * found["nu2"]) / (NEAR * found["nu2"])) ** 2
@@ -207,7 +207,7 @@ def second(found: Table, unit: float, slow: Array, a2: Array, steep: Array) -> A
     """The larger one of |L'| and |E'| of second order, for (L, E), all over I_max; `steep` is how h follows ln a²."""
     values = evaluated(found.series[_SECOND], 2 * a2 / MOST - 1)
     twice, once = regular(a2 - found.poles[:, :1], 1e-2)
-    values += found.poles[:, 2 : 2 + SINGULAR].T @ twice + found.poles[:, 2 + SINGULAR :].T @ once
+    values += found.poles[:, 2 : 2 + len(SECOND)].T @ twice + found.poles[:, 2 + len(SECOND) :].T @ once
     values = values / np.array([unit ** SCALES[name] for name in SECOND])[:, None]
     momentum, energy = slow[:, :3], slow[:, 3]
     size = np.linalg.norm(momentum, axis=1)

@@ -20,7 +20,8 @@ from polhode.models.operations import FLOAT
 from polhode.models.scene import BodyStart, EulerStart, Scene
 from polhode.models.scenes import named_scene
 from polhode.models.second_order import field as triaxial_field, spheroid as spheroidal, tables as second_order_triaxial
-from polhode.models.second_order.averages import NAMES, averages
+from polhode.models.second_order.averages import averages
+from polhode.models.second_order.field import NAMES
 from polhode.models.second_order.outline import outline
 from polhode.models.second_order.path import path_of
 from polhode.models.second_order.polhodes import Polhodes
