@@ -19,6 +19,7 @@ import numpy as np
 
 from polhode.models.operations import ARRAYS
 from polhode.models.problem import Factory, Problem
+from polhode.solvers.compile import parameter_array
 from polhode.solvers.contract import Status
 from polhode.solvers.ensembles.methods import Array, change, moved
 from polhode.solvers.machine_code.lanes import Lanes, lanes, width
@@ -51,7 +52,7 @@ def run_adaptive(problem: Problem, starts: Array, times: Array, tolerance: float
     fourth-order interpolation.
     """
     (n, d), end = starts.shape, float(times[-1])
-    parameters = np.array(problem.parameters, dtype=float)
+    parameters = parameter_array(problem)
     code, fill = _stepper(problem.field, d, len(parameters)), _filler(d, width())
     constants = np.array([tolerance, end, *parameters])
     with np.errstate(all="ignore"):

@@ -11,6 +11,7 @@ import numpy as np
 
 from polhode.models.operations import ARRAYS
 from polhode.models.problem import Problem
+from polhode.solvers.compile import parameter_array
 from polhode.solvers.contract import Status
 from polhode.solvers.ensembles.methods import RUNGE_KUTTA, Array, Method, method, names
 from polhode.solvers.ensembles.taylor_batch import run_batches
@@ -120,7 +121,7 @@ def _in_pieces(times: Array) -> tuple[Array, int]:
 
 def _first_steps(problem: Problem, sample: Array, times: Array) -> int:
     """Steps between two times that are a fair guess."""
-    rates = problem.field(ARRAYS)(sample.T, np.array(problem.parameters))
+    rates = problem.field(ARRAYS)(sample.T, parameter_array(problem))
     length = ANGLE / max(0.5, *(float(np.max(np.abs(rate))) for rate in rates))
     if problem.parts is not None and (strength := problem.parts.strength(problem.parameters or ())) > 0:
         length = min(length, RELAXATION / strength)

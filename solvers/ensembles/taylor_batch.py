@@ -6,7 +6,7 @@ import numpy as np
 
 from polhode.models.operations import ARRAYS
 from polhode.models.problem import Factory, Problem
-from polhode.solvers.compile import KeptForThread, load_heyoka, traced_system
+from polhode.solvers.compile import KeptForThread, load_heyoka, parameter_array, traced_system
 from polhode.solvers.contract import Status
 from polhode.solvers.machine_code.lanes import REGISTERS
 
@@ -20,7 +20,7 @@ def run_batches(problem: Problem, starts: np.ndarray, times: np.ndarray, toleran
     Particles of like speed share a batch, so that no lane waits long for the others. The problem has no periodic
     components, whose angles would need wrapping; the times increase from 0 to the end; the tolerance is heyoka's `tol`.
     """
-    parameters = np.array(problem.parameters, dtype=float)
+    parameters = parameter_array(problem)
     integrator = _integrator(problem.field, problem.dimension, len(parameters), tolerance)
     lanes = integrator.batch_size
     integrator.pars[:] = parameters[:, None]
