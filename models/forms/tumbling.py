@@ -53,11 +53,9 @@ class Tumbling(Form):
     orientation = "full"
 
     def check(self, scene: Scene) -> None:
-        self.require_orientation(scene)
         self._plane(scene)
 
     def problem(self, scene: Scene) -> Problem:
-        self.check(scene)
         plane = self._plane(scene)
         start, shape = (plane.angle, plane.rate), (plane.damping, plane.anisotropy)
         return full_problem(self, scene, field, start, (False, True), shape, periodic=(0,))
@@ -73,6 +71,7 @@ class Tumbling(Form):
         return Observables(momentum, energy, scene.initial_rotation @ turned)
 
     def _plane(self, scene: Scene) -> Plane:
+        self.require_orientation(scene)
         rotation, ellipsoid = scene.initial_rotation, scene.ellipsoid
         x, y, rate = (float(component) for component in rotation.T @ np.array(scene.angular_velocity))
         if hypot(x, y) > PLANAR * max(1.0, abs(rate)):
