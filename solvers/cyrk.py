@@ -28,7 +28,7 @@ from polhode.models.problem import Problem
 from polhode.models.spent import spent_on
 from polhode.solvers.catalogue import methods
 from polhode.solvers.compile import c_callback, parameter_array
-from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status
+from polhode.solvers.contract import UNLIMITED, Integrator, Outcome, Record, Settings, Solver, Status
 from polhode.solvers.machine_code.underflow import FlushedToZero
 
 # Deadline and Ctrl-C are looked at once per this many steps: a tenth of a second at most.
@@ -132,7 +132,7 @@ class CyrkSolver(Solver):
         """CyRK's C entry with these times; its rows stay there."""
         call = self._call(problem, replace(settings, count=False), np.empty(0))
         start, end, wanted = np.array(problem.start), float(times[-1]), times[1:]
-        return lambda: call.library.c_free(call(0.0, end, start, wanted, 10**9))
+        return lambda: call.library.c_free(call(0.0, end, start, wanted, UNLIMITED))
 
 
 @cache

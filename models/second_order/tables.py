@@ -33,8 +33,8 @@ FAINT = 1e-8
 NEAR, SPARE = 0.02, 6
 # Nearer to a permanent axis polhodes are taken for this a²; it moves the body by 1e-12 rad.
 FLOOR = 1e-24
-# Distance in a² at which the poles of the averages are found.
-BESIDE = 5e-4
+# Distance in a² at which the poles of the averages are found, and the a² of those that are none.
+BESIDE, FAR = 5e-4, 1e3
 # Of resonances, the least and the largest half width of a window, in √(|dD/dt|/St) of the divisor.
 WIDTHS = (4.0, 40.0)
 
@@ -115,8 +115,8 @@ def made(side: SidedBody) -> Table:
         square = ((k1 * found["nu1"] + k2 * found["nu2"]) / (NEAR * found["nu2"])) ** 2
         weight *= square / (1 + square)
     series[_SECOND] = _fitted(values, weight)
-    chosen = np.full((POLES, POLE), 0.0)
-    chosen[:, :2] = 1e3, 1
+    chosen = np.zeros((POLES, POLE))
+    chosen[:, :2] = FAR, 1
     largest = poles[np.argsort(-np.abs(poles[:, 2:]).max(axis=1, initial=0))][:POLES]
     chosen[: len(largest)] = largest
     inside = (resonances[:, 2] > 0) & (resonances[:, 2] < MOST)
