@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp as scipys
 
+from oracle.accepting import accepting
 from polhode import Problem, solve_ivp
-from polhode.solvers.catalogue import SOLVERS, solver
 from polhode.solvers.compile import check_field, compiled_callback
-from polhode.solvers.contract import SolverNotValidError
 from polhode.solvers.machine_code.tracing import FieldError
 from polhode.solvers.solve import solve
 
@@ -64,17 +63,6 @@ def one_by_one(t, y, *, decay=np.exp):
 
 def by_name(t, y, of, also):
     return [-of(each) + also(each) for each in y]
-
-
-def accepting(problem: Problem) -> list[str]:
-    found = []
-    for name in SOLVERS:
-        try:
-            solver(name).check(problem)
-        except SolverNotValidError:
-            continue
-        found.append(name)
-    return found
 
 
 @pytest.mark.parametrize(
