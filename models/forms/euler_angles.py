@@ -14,6 +14,7 @@ from polhode.models.scene import EulerStart, Scene
 
 # A passage at this distance costs 1e-10 rad (median of random tops), at most 1e-9, whatever the tolerance.
 POLE_LIMIT = 1e-5
+IN_WORDS = np.format_float_scientific(POLE_LIMIT, exp_digits=1, trim="-")
 
 
 def guarded_sine(ops: Operations):
@@ -59,7 +60,7 @@ def require_distance_from_pole(form: Form, theta: float, instead: str) -> None:
     """Raise FormNotValidError if a start is too close to θ = 0 or π: |sin θ| < `POLE_LIMIT`."""
     sine = abs(sin(theta))
     if not sine >= POLE_LIMIT:
-        condition = f"the start has |sin θ| = {sine:.1e} < {POLE_LIMIT}, where the angles are ill-conditioned"
+        condition = f"the start has |sin θ| = {sine:.1e} < {IN_WORDS}, where the angles are ill-conditioned"
         raise form.refuse(condition, instead)
 
 
@@ -76,7 +77,7 @@ class EulerAngles(Form):
 
     name = "euler-angles"
     summary = "the paper's Euler angles and their rates; singular at θ = 0 and π"
-    valid_for = f"every ellipsoid as long as |sin θ| ≥ {POLE_LIMIT}; at St = 0 in its implicit form alone"
+    valid_for = f"every ellipsoid as long as |sin θ| ≥ {IN_WORDS}; at St = 0 in its implicit form alone"
     state = ("theta", "phi", "psi", "dtheta", "dphi", "dpsi")
     orientation = "full"
     angles = True

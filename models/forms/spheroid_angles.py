@@ -3,7 +3,7 @@
 import numpy as np
 
 from polhode.models.form import Form
-from polhode.models.forms.euler_angles import POLE_LIMIT, guarded_sine, require_distance_from_pole
+from polhode.models.forms.euler_angles import IN_WORDS, guarded_sine, require_distance_from_pole
 from polhode.models.forms.motion import full_problem
 from polhode.models.forms.spheroid import Spheroid, axis_rotation, require_spheroid
 from polhode.models.observables import Observables
@@ -45,7 +45,7 @@ class SpheroidAngles(Form):
     name = "spheroid-angles"
     summary = "the paper's angles of a spheroid's symmetry axis; singular at θ = 0 and π"
     valid_for = (
-        f"spheroids about any body axis, and spheres, as long as |sin θ| ≥ {POLE_LIMIT} for the symmetry axis; "
+        f"spheroids about any body axis, and spheres, as long as |sin θ| ≥ {IN_WORDS} for the symmetry axis; "
         "at St = 0 in its implicit form alone"
     )
     state = ("theta", "phi", "dtheta", "dphi", "w3")
