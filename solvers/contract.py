@@ -48,6 +48,7 @@ class Status(StrEnum):
     ADAPTER_MISSING = "adapter_missing"
     FALSE_SUCCESS = "false_success"
     CRASHED = "crashed"
+    INTERRUPTED = "interrupted"
 
     @property
     def success(self) -> bool:

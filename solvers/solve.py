@@ -159,7 +159,8 @@ def solve(
     try:
         run.through(problem.course or wrapped(problem, times), max_seconds, max_steps, watch)
     except KeyboardInterrupt:
-        raise Interrupted(finished()) from None
+        run.status, run.message = Status.INTERRUPTED, ""
+        raise Interrupted(_examined(finished(), times)) from None
     return _examined(finished(), times)
 
 

@@ -121,15 +121,13 @@ def _run(what: "Plan", target: PartialFile | None, progress: Progress, omega: bo
         progress.begin(f"solving by {what.solver.name}", lambda: record.reached / what.problem.end)
 
     progress.begin("compiling")
-    how = ""
     try:
         with target or nullcontext() as file:
             try:
                 solution = what.run(watch)
             except Interrupted as interruption:
+                # Where it reached its end its error alone is missing.
                 solution = what.observed(interruption.solution)
-                # Where every row is there its error alone is missing.
-                how = "interrupted" * (len(solution.times) < len(what.times))
             progress.begin("writing")
             if file:
                 with spent_on("output"):
@@ -137,10 +135,10 @@ def _run(what: "Plan", target: PartialFile | None, progress: Progress, omega: bo
                         solution.frame(omega).to_parquet(file)
                     else:
                         write_csv(file, solution.table(omega), progress.advance)
-            if how or not solution.success:
+            if not solution.success:
                 where = f"in {target.partial}" if target else "finished"
                 rows = f"{len(solution.times)} of {len(what.times)} rows are {where}"
-                raise RunFailed(f"{how or solution.status}: {rows}. {solution.message}".strip())
+                raise RunFailed(f"{solution.status}: {rows}. {solution.message}".strip())
         if target and target.atomic:
             beside = target.path.with_name(target.path.name + ".json")
             write_file(beside, dumps(solution.provenance()) + "\n")

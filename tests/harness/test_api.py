@@ -125,7 +125,7 @@ def test_ctrl_c_in_the_second_look_keeps_the_run(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr("polhode.harness.api.run_error", interrupted)
     with pytest.raises(Interrupted) as caught:
         solve("paper", **WAY)
-    assert len(caught.value.solution.times) == 201
+    assert (caught.value.solution.status, len(caught.value.solution.times)) == ("reached_end", 201)
 
 
 def test_solutions_pickle(solution: SceneSolution):

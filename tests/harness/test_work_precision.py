@@ -3,13 +3,14 @@
 import re
 from math import inf
 
+import numpy as np
 import pytest
 
 from polhode.harness import work_precision
 from polhode.harness.work_precision import WorkPrecision
 from polhode.models.problem import Problem
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status
-from polhode.solvers.solve import solve
+from polhode.solvers.solve import Interrupted, solve
 
 
 def decay(ops):
@@ -57,12 +58,13 @@ class Unprepared(Idle):
 
 
 class Interrupting(Idle):
-    """Ctrl-C comes while it runs."""
+    """Ctrl-C comes while it runs, a row is no number."""
 
     name = "interrupting"
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         def integrate(record: Record) -> Outcome:
+            record.put(np.full_like(record.rows[1:2], np.nan))
             raise KeyboardInterrupt
 
         return integrate
@@ -95,8 +97,10 @@ def test_timed_runs_are_not_cut_by_the_limit(monkeypatch):
 
 
 def test_ctrl_c_is_no_crash():
-    with pytest.raises(KeyboardInterrupt):
+    with pytest.raises(Interrupted) as caught:
         solve(PROBLEM, Interrupting(), 1e-6)
+    kept = caught.value.solution
+    assert (kept.status, kept.success, kept.times.tolist()) == ("interrupted", False, [0.0])
 
 
 @pytest.mark.parametrize(
