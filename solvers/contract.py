@@ -160,6 +160,7 @@ OWN = "own"
 
 Outcome = tuple[Status, str]
 Integrator = Callable[[Record], Outcome]
+NO_RATES: Outcome = Status.NON_FINITE, "rates at the start are no numbers"
 
 
 class Solver(ABC):

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from polhode.models.operations import FLOAT
+from polhode.models.operations import ARRAYS, FLOAT
 from polhode.models.own_function import place_of
 from polhode.models.problem import ROUNDING, Course, Piece, Problem
 from polhode.models.spent import spent_on
-from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status, Work
+from polhode.solvers.contract import NO_RATES, Integrator, Outcome, Record, Settings, Solver, Status, Work
 
 # Growth of an angle, in rad, after which it is wrapped: small against what a tolerance relative to it would lose.
 WRAP_AFTER = 100 * pi
@@ -73,6 +73,8 @@ class Run:
             finally:
                 self._keep(piece, end, record)
             if not self.status.success:
+                if record.filled == 1 and not _has_rates(piece.problem, record.start):
+                    self.status, message = NO_RATES
                 # The solver knows the steps of its own piece alone.
                 self.message = message.replace(f"{record.work.steps} steps", f"{self.work.steps} steps")
             if record.filled < len(record.times) or (end < self.times[-1] and not np.isfinite(self.state).all()):
@@ -152,6 +154,15 @@ def _outcome(integrate: Integrator, record: Record, solver: str) -> Outcome:
     if isinstance(outcome, tuple) and [type(each) for each in outcome] == [Status, str]:
         return outcome
     return Status.CRASHED, f"solver {solver!r} returned {outcome!r}, expected a tuple (Status, message)"
+
+
+def _has_rates(problem: Problem, state: np.ndarray) -> bool:
+    """Whether a state and its rates are numbers; not asked of a field that raises errors of its own."""
+    parameters = np.array((problem.mass_form or problem).parameters)
+    # NumPy's operations raise nothing where a quotient or a root has no value.
+    with np.errstate(all="ignore"), suppress(Exception):
+        return bool(np.isfinite([*state, *problem.field(ARRAYS)(state, parameters)]).all())
+    return True
 
 
 def wrapped(problem: Problem, times: np.ndarray) -> Course:

@@ -14,7 +14,7 @@ from polhode.models.problem import Problem
 from polhode.models.spent import spent_on
 from polhode.solvers.catalogue import methods
 from polhode.solvers.compile import array_callback, exact_jacobian, parameter_array
-from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status
+from polhode.solvers.contract import NO_RATES, Integrator, Outcome, Record, Settings, Solver, Status
 
 Callback = Callable[[float, np.ndarray], np.ndarray]
 
@@ -102,7 +102,7 @@ def _step_through(stepper: Any, record: Record) -> tuple[Outcome, int]:
     work.steps, interpolated, stalled = 0, 0, 0
     if not np.isfinite(getattr(stepper, "f", 0.0)).all():
         # An explicit method would look for a first step without end.
-        return (Status.NON_FINITE, "rates at the start are no numbers"), 0
+        return NO_RATES, 0
     while stepper.status == "running":
         before = stepper.t
         try:

@@ -83,6 +83,8 @@ class Callbacks:
                 return Status.REACHED_END, ""
             except _StoppedError as stopped:
                 return stopped.args
+            except ArithmeticError as error:
+                return Status.NON_FINITE, str(error)
 
     def _look(self, record: Record, time: float) -> None:
         """End a run from within its right-hand side, past the deadline or where the time stands still."""

@@ -13,7 +13,7 @@ import pytest
 from oracle.accepting import accepting
 from oracle.runs import SCENES, Run
 from polhode.models.operations import Field, Operations
-from polhode.models.problem import Problem
+from polhode.models.problem import Factory, Problem
 from polhode.solvers import contract
 from polhode.solvers.catalogue import solver
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, SolverNotValidError, Status
@@ -48,6 +48,14 @@ def square_field(ops: Operations) -> Field:
 
 def root_field(ops: Operations) -> Field:
     return lambda y, p: (ops.sqrt(y[0]),)
+
+
+def inverse_field(ops: Operations) -> Field:
+    return lambda y, p: (1.0 / y[0],)
+
+
+def sudden_field(ops: Operations) -> Field:
+    return lambda y, p: (1.0 + ops.exp(1e4 * (y[0] - 1.0)),)
 
 
 def growth_field(ops: Operations) -> Field:
@@ -102,11 +110,20 @@ class OutsideTableError(ValueError):
     """What a field of a user's own may raise."""
 
 
-@pytest.mark.parametrize("name", ["dop853", "rk45", "radau", "cyrk-vern8", "taylor"])
-def test_rates_that_are_no_numbers_end_a_run_at_its_start(name: str):
+@pytest.mark.parametrize(("field", "start"), [(root_field, -1.0), (inverse_field, 0.0), (growth_field, np.nan)])
+@pytest.mark.parametrize("name", WAYS)
+def test_rates_that_are_no_numbers_end_a_run_at_its_start(name: str | Solver, field: Factory, start: float):
     """SciPy's explicit methods would look for a first step without end."""
-    solution = solve(Problem("root", root_field, (-1.0,), 1.0), name, 1e-6)
-    assert (solution.status, len(solution.times)) == (Status.NON_FINITE, 1)
+    for backend in solver(name).backends:
+        solution = solve(Problem("start", field, (start,), 1.0), name, 1e-6, backend=backend)
+        assert (solution.status, len(solution.times)) == (Status.NON_FINITE, np.isfinite(start)), backend
+
+
+@pytest.mark.parametrize("name", ["dop853", "radau", "lsoda", *WAYS[-2:]])
+def test_a_number_too_large_for_plain_python_is_no_crash(name: str | Solver):
+    """Steps of y = t lead beyond y = 1, where Python's exp raises."""
+    solution = solve(Problem("sudden", sudden_field, (0.0,), 2.0), name, 1e-6, backend="python")
+    assert solution.status in (Status.STEP_UNDERFLOW, Status.NON_FINITE)
 
 
 def test_an_error_of_the_field_is_not_a_state_that_is_not_finite():
