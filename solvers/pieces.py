@@ -56,15 +56,16 @@ class Run:
             if perf_counter() > self.began + seconds and self.stages:
                 self.status, self.message = Status.TIME_LIMIT, f"after {self.work.steps} steps"
                 return
-            piece = course(self.now, self.state, self.settings.tolerance)
-            course, end = piece.then or course, self._aligned(piece.end)
+            piece = None
             try:
+                piece = course(self.now, self.state, self.settings.tolerance)
                 integrate = self._integrator(piece)
-            except ValueError:  # Problem or setting are refused.
-                raise
             except Exception as error:
+                if piece and isinstance(error, ValueError) and not self.stages:  # Problem or setting are refused.
+                    raise
                 self.status, self.message = _crash(error, self.method.name)
                 return
+            course, end = piece.then or course, self._aligned(piece.end)
             record = self._record(piece, end, self.began + seconds, steps_left)
             if watch:
                 watch(record)

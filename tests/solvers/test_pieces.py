@@ -1,6 +1,8 @@
 """A run of several pieces, each a problem of its own: it gives what one piece gives, whatever stops it where."""
 
+import re
 import tracemalloc
+from collections.abc import Callable
 from dataclasses import replace
 from math import inf
 
@@ -110,6 +112,32 @@ def test_limits_of_steps_hold_for_the_whole_run():
     assert cut.status is Status.STEP_LIMIT
     assert cut.message == f"{whole.work.steps // 2} steps"
     assert 0 < len(cut.times) < len(EVERY)
+
+
+def no_way_on(piece: Piece) -> Piece:
+    raise ValueError("no way on")
+
+
+def refused(piece: Piece) -> Piece:
+    return replace(piece, problem=replace(piece.problem, field=lambda ops: lambda y, p: (y[0] > 0.0,)))
+
+
+@pytest.mark.parametrize(("breaks", "change"), [(0.0, no_way_on), (3 * LENGTH, no_way_on), (3 * LENGTH, refused)])
+def test_a_course_that_goes_wrong_keeps_the_rows(breaks: float, change: Callable[[Piece], Piece]):
+    def broken(time: float, state: np.ndarray, tolerance: float) -> Piece:
+        piece = course(time, state, tolerance)
+        return piece if time < breaks else change(piece)
+
+    solution = solve(replace(COURSE, course=broken), "dop853", 1e-8, EVERY)
+    assert solution.status is Status.CRASHED
+    assert re.match("solver 'dop853' raised (ValueError: no way on|FieldError: )", solution.message)
+    assert solution.times[-1] == pytest.approx(breaks)
+    assert_right(solution, 1e-6)
+
+
+def test_a_course_is_not_asked_beyond_its_end():
+    with pytest.raises(ValueError, match=r"^times: got 9.5, expected none beyond the course's end, 9.0$"):
+        solve(COURSE, "dop853", 1e-6, np.array([0.0, 9.5]))
 
 
 def test_an_observer_reads_the_time_of_the_run():
