@@ -39,6 +39,8 @@ def states_at(solution: Any, times: np.ndarray, run: Callable[..., Any]) -> np.n
     solver fails between two rows.
     """
     known, settings, problem = solution.times, solution.settings, solution.problem
+    if not len(known):
+        raise ValueError(f"t: got {times!r:.60}, expected a solution with rows, not one that is {solution.status}")
     outside = times[~((times >= known[0]) & (times <= known[-1]))]
     if len(outside):
         raise ValueError(f"t: got {float(outside[0])!r}, expected times from {known[0]:g} to {known[-1]:g}")

@@ -50,11 +50,12 @@ class Run:
     def through(self, course: Course, seconds: float, max_steps: int, watch: Callable[[Record], None] | None) -> None:
         """Run to the last requested time, or until a piece fails."""
         while self.status.success and self.now < self.times[-1]:
-            if (steps_left := max_steps - (self.work.steps or 0)) < 1:
-                self.status, self.message = Status.STEP_LIMIT, f"{self.work.steps} steps"
+            steps = self.work.steps or 0
+            if (steps_left := max_steps - steps) < 1:
+                self.status, self.message = Status.STEP_LIMIT, f"{steps} steps"
                 return
             if perf_counter() > self.began + seconds and self.stages:
-                self.status, self.message = Status.TIME_LIMIT, f"after {self.work.steps} steps"
+                self.status, self.message = Status.TIME_LIMIT, f"stopped at t = {self.now!r}"
                 return
             piece = None
             try:

@@ -114,6 +114,14 @@ def test_limits_of_steps_hold_for_the_whole_run():
     assert 0 < len(cut.times) < len(EVERY)
 
 
+@pytest.mark.parametrize(
+    ("limit", "words"), [("max_steps", "step_limit: 0 steps"), ("max_seconds", "time_limit: stopped at t = 0.7")]
+)
+def test_limits_between_pieces_need_no_count_of_steps(limit: str, words: str):
+    solution = solve(COURSE, "cvode-bdf", 1e-4, backend="python", **{limit: 0})
+    assert f"{solution.status}: {solution.message}" == words
+
+
 def no_way_on(piece: Piece) -> Piece:
     raise ValueError("no way on")
 

@@ -1,6 +1,7 @@
 """What a solution says of itself."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -33,6 +34,12 @@ def test_a_failure_prints_its_reason():
     assert "  status: step_limit: 3 steps" in str(solution).splitlines()
     # heyoka reports neither right-hand sides nor rejections.
     assert "  work: 3 steps" in str(solution).splitlines()
+
+
+def test_a_solution_without_rows_has_none_at_other_times():
+    solution = solve(replace(PROBLEM, start=(np.nan,) * PROBLEM.dimension), "taylor", 1e-9)
+    with pytest.raises(ValueError, match=r"t: got array\(\[0.5\]\), expected a solution with rows, not .* non_finite$"):
+        solution(0.5)
 
 
 @pytest.mark.parametrize("name", list(SOLVERS))
