@@ -84,7 +84,7 @@ class Work:
 
     rhs_calls: int | None = None  # those for finite-difference Jacobians included
     steps: int | None = None
-    rejected: int | None = None
+    rejected: int | None = None  # steps; by splitting and stroboscopic those of check runs too
     jacobians: int | None = None
     factorizations: int | None = None  # of the iteration matrix
     inner: int | None = None  # steps that those of a method are made of, if they are
