@@ -16,7 +16,7 @@ from polhode.models.shape import Ellipsoid
 Array = np.ndarray
 
 START_PASSES, START_CLOSE = 60, 1e-14
-# Times whose tori are held in memory together.
+# States whose places are held in memory together.
 CHUNK = 208
 # Keeps 0/0 away where nothing turns.
 TINY = 1e-300

@@ -1,4 +1,4 @@
-"""Second-order averaged triaxial ellipsoid on one side of L² = 2EI₂: tables of its field, and poses from its states."""
+"""Second-order averaged triaxial ellipsoid on one side of L² = 2EI₂: tables of its field."""
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache

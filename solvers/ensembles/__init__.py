@@ -1,1 +1,1 @@
-"""Integrators of many particles at once; imports `models` and the compilation of `solvers`."""
+"""Integrators of many particles at once; imports contract, `compile`, `machine_code` and `parts`."""

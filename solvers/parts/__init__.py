@@ -1,1 +1,1 @@
-"""Solvers of problems that state their parts (`polhode.models.problem.Parts`); imports contract and `compile`."""
+"""Solvers of problems that state their parts (`models.problem.Parts`); imports contract, `compile`, `machine_code`."""

@@ -17,7 +17,6 @@ from polhode.models.form import FormNotValidError
 from polhode.models.hybrid import course
 from polhode.models.hybrid.course import ERROR_PER_TOLERANCE, PER_RADIAN, WINDOWS, full_tolerance, second_order
 from polhode.models.hybrid.form import Hybrid
-from polhode.models.observables import Observables
 from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart
 from polhode.models.second_order.outline import Ahead, Stretch
 from polhode.models.second_order.path import path_of
@@ -134,7 +133,7 @@ def test_everything_is_where_the_stokes_number_is_small(scene: Scene):
 
 
 def test_the_full_equations_take_over_where_no_slow_state_is_found(monkeypatch: pytest.MonkeyPatch):
-    def refused(scene: Scene, start: Observables) -> None:
+    def refused(scene: Scene, state: np.ndarray) -> None:
         raise NotAveragedError("nothing slow here")
 
     monkeypatch.setattr(course, "second_order", refused)
