@@ -44,6 +44,8 @@ EventLike = str | Event | Callable[[Any], Any]
 
 def separatrix(solution: SceneSolution) -> np.ndarray:
     """L² - 2EI₂, I₂ the middle moment of inertia: positive while the particle spins about its shortest axis."""
+    if (kind := solution.scene.ellipsoid.kind) != "triaxial":
+        raise ValueError(f"event 'separatrix': got the kind {kind!r}, expected a triaxial ellipsoid")
     middle = sorted(solution.scene.ellipsoid.inertia)[1]
     return np.sum(solution.angular_momentum**2, axis=1) - 2 * middle * solution.energy
 

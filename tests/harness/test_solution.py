@@ -183,6 +183,8 @@ def test_refused_functions():
         happened(found("paper", "quaternion"), Event("wrong", lambda each: each.angular_momentum))
     with pytest.raises(ValueError, match="expected a stable state to reach"):
         happened(found("top", "quaternion"), EVENTS["settled"])
+    with pytest.raises(ValueError, match="event 'separatrix': got the kind 'prolate', expected a triaxial"):
+        happened(found("spheroid", "spheroid-axis"), EVENTS["separatrix"])
 
 
 @pytest.mark.parametrize(("scene", "form"), [("paper", "quaternion"), ("spheroid", "spheroid-axis")])
