@@ -26,7 +26,7 @@ from polhode.models.scenes import find_scene
 from polhode.models.spent import spent_on
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.compile import check_field
-from polhode.solvers.contract import Record, Solver, Status
+from polhode.solvers.contract import Record, Solver, Status, Work
 from polhode.solvers.solve import Interrupted, Solution, solve as run
 
 SceneLike = Scene | str | PathLike[str]
@@ -60,6 +60,11 @@ class Plan:
     def run(self, watch: Callable[[Record], None] | None = None, events: Sequence[Event] = ()) -> SceneSolution:
         """Solve the problem, and look for events; raises `polhode.solvers.solve.Interrupted` on Ctrl-C."""
         times = self._times / self.scene.time * self.problem.end
+        head = self.problem, self.solver, self.solver.settings(self.tolerance), times[:1]
+        start = Solution(*head, np.array([self.problem.start]), Status.REACHED_END, "", Work(), 0.0)
+        for event in events:
+            # A mistake in it is found before the run, not at its end.
+            event.values(self.observed(start))
         with spent_on("integration"):
             found = run(self.problem, self.solver, self.tolerance, times, watch=watch, max_seconds=self.max_seconds)
         try:

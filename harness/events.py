@@ -16,13 +16,15 @@ from polhode.models.theory.fixed_points import attractors
 LOOKS_PER_STEP, LOOKS_PER_ROW, MOST_LOOKS = 16, 4, 1_000_000
 # SciPy's least.
 RTOL = np.float64(4 * np.finfo(float).eps)
+# Of the largest value: further apart one row's values are not the same but for the order of sums.
+SAME = 1e-9
 # Distance in L and E, over I_max, within which a particle has arrived.
 ARRIVED = 0.05
 
 
 @dataclass(frozen=True)
 class Event:
-    """A function of a solution of n times that returns n values, to be followed through zero.
+    """A function of a solution of n times that returns n values, each of its own row alone, followed through zero.
 
     It happens only where the function rises if `direction` is positive, where it falls if negative; the solution ends
     there if it is `terminal`, at the n-th time if that is a number. Any function will do in its place, with SciPy's
@@ -33,6 +35,20 @@ class Event:
     function: Callable[[Any], Any]
     direction: float = 0.0
     terminal: bool | int = False
+
+    def values(self, solution: Any) -> np.ndarray:
+        """Its values along a solution; raises ValueError, in one line, where there is not one for each time."""
+        try:
+            values = np.asarray(self.function(solution), dtype=float)
+        except Exception as error:
+            if self in EVENTS.values():
+                raise
+            what = f"{type(error).__name__}: {error}{place_of(error, __file__)}"
+            raise ValueError(f"event {self.name!r}: got {what}") from error
+        if values.shape != solution.times.shape:
+            got, expected = values.shape, solution.times.shape
+            raise ValueError(f"event {self.name!r}: got values of shape {got}, expected {expected}")
+        return values
 
     def ends(self, happened: Any) -> Any:
         """Where it ends a solution in which it happened like this, as times of one or none."""
@@ -91,19 +107,17 @@ def happened(solution: Any, event: Event) -> Any:
     from scipy.optimize import brentq
 
     looked = solution(_looks(solution))
-    try:
-        values = np.asarray(event.function(looked), dtype=float)
-    except Exception as error:
-        if event in EVENTS.values():
-            raise
-        what = f"{type(error).__name__}: {error}{place_of(error, __file__)}"
-        raise ValueError(f"event {event.name!r}: got {what}") from error
-    if values.shape != looked.times.shape:
-        raise ValueError(f"event {event.name!r}: got values of shape {values.shape}, expected {looked.times.shape}")
+    values = event.values(looked)
 
     def value(t: float) -> float:
         # From the look before t: a step or two.
-        return float(event.function(looked(t))[0])
+        i, alone = np.searchsorted(looked.times, t), float(event.values(looked(t))[0])
+        if t < looked.times[i]:
+            return alone
+        if abs(alone - values[i]) > SAME * np.nanmax(np.abs(values)):
+            got = f"got {alone:g} at t = {t:g} alone, {values[i]:g} among others"
+            raise ValueError(f"event {event.name!r}: {got}, expected values that depend on their own row alone")
+        return float(values[i])
 
     sign, times = np.sign(values), []
     rising = np.where(sign[1:] != 0, sign[1:], -sign[:-1])

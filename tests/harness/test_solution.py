@@ -185,6 +185,16 @@ def test_refused_functions():
         happened(found("top", "quaternion"), EVENTS["settled"])
     with pytest.raises(ValueError, match="event 'separatrix': got the kind 'prolate', expected a triaxial"):
         happened(found("spheroid", "spheroid-axis"), EVENTS["separatrix"])
+    for share in (0.9, 0.999999):
+        event = Event("share", lambda each, share=share: each.energy - share * each.energy[0])
+        with pytest.raises(ValueError, match=r"event 'share': got .*, expected values that depend on their own row"):
+            happened(found("paper", "averaged"), event)
+
+
+def test_a_mistake_in_an_event_is_found_before_the_run(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("polhode.harness.api.run", None)
+    with pytest.raises(ValueError, match="event 'off': got AttributeError"):
+        solve("paper", events=Event("off", lambda each: each.enrgy))
 
 
 @pytest.mark.parametrize(("scene", "form"), [("paper", "quaternion"), ("spheroid", "spheroid-axis")])
