@@ -69,12 +69,12 @@ def _meaning(path: Path) -> str:
 def write(folder: Path, item: Item, grid: Grid, parts: Computed) -> Data:
     """Write the tables of an item and, last, its record; return them as they read back."""
     folder.mkdir(parents=True, exist_ok=True)
-    record = folder / f"{item.name}.json"
-    record.unlink(missing_ok=True)
     contents = {
         name: pd.DataFrame(table).to_csv(index=False, float_format=f"%.{DIGITS}g", na_rep="nan").encode()
         for name, table in tables_of(parts).items()
     }
+    record = folder / f"{item.name}.json"
+    record.unlink(missing_ok=True)
     for name, content in contents.items():
         write_file(folder / file_name(item, name), content, summed=True)
     made = {"key": content_key(item, grid), "grid": grid, "tables": [*contents]}

@@ -165,6 +165,21 @@ def test_a_failure_does_not_stop_the_others(tmp_path, catalogue, kind):
     assert "Not computed yet: `polhode paper broken`" in (tmp_path / "made.md").read_text()
 
 
+def test_a_failure_leaves_the_data_that_were_there(tmp_path, catalogue):
+    item = made_up([])
+    catalogue(item)
+    run([item], tmp_path, lambda _: None, grid=Grid.REDUCED)
+
+    def fail(grid):
+        yield "", {"x": np.ones(2)}
+        raise RuntimeError("no such luck")
+
+    failing = replace(item, compute=fail)
+    catalogue(failing)
+    assert run([failing], tmp_path, lambda _: None, grid=Grid.REDUCED, force=True) == ["made-up"]
+    assert store.read(tmp_path / "made", item) is not None
+
+
 def test_a_verdict_that_fails_does_not_stop_the_pages(tmp_path, catalogue, monkeypatch):
     """On data of today's code that is a mistake, which the page names; on older ones it is not."""
     old = replace(made_up([]), name="old", title="Old")
