@@ -8,8 +8,8 @@ import fcntl
 import json
 import os
 import secrets
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from hashlib import file_digest, sha256
 from math import inf, isfinite, nan
 from pathlib import Path
@@ -142,10 +142,7 @@ def _sums(folder: Path) -> dict[str, list[str]]:
 
 def _expect(path: Path, *coming: Path) -> None:
     """Keep the checksum of a file, and of one that is about to take its place: until then both hold."""
-    folder = os.open(path.parent, os.O_RDONLY)
-    try:
-        # Other processes do the same.
-        fcntl.flock(folder, fcntl.LOCK_EX)
+    with alone(path.parent):
         sums = []
         for file in (path, *coming):
             with suppress(OSError), file.open("rb") as content:
@@ -153,8 +150,17 @@ def _expect(path: Path, *coming: Path) -> None:
         known = _sums(path.parent) | {path.name: sums}
         lines = [f"{checksum}  {name}\n" for name in sorted(known) for checksum in dict.fromkeys(known[name])]
         write_file(path.with_name(SUMS), "".join(lines))
+
+
+@contextmanager
+def alone(folder: Path) -> Iterator[None]:
+    """Wait until no other process is in here for the same folder."""
+    place = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(place, fcntl.LOCK_EX)
+        yield
     finally:
-        os.close(folder)
+        os.close(place)
 
 
 def dumps(value: Any) -> str:

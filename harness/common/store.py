@@ -16,7 +16,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_type_hints
 
-from polhode.harness.common.files import PartialFile, digest, dumps, loads, open_file, read_file
+from polhode.harness.common.files import PartialFile, alone, digest, dumps, loads, open_file, read_file
 from polhode.harness.common.machine import now
 
 Record = dict[str, Any]
@@ -53,7 +53,9 @@ class Store(AbstractContextManager["Store"]):
 
     def _prepare(self) -> None:
         run = self._connection.execute
-        run("PRAGMA journal_mode=WAL")
+        # This alone does not wait for another process's.
+        with alone(self.path.parent):
+            run("PRAGMA journal_mode=WAL")
         if run("PRAGMA quick_check").fetchone()[0] != "ok":
             raise DamagedStoreError(f"{self.path}: the store is damaged")
         with self._connection:

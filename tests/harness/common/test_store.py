@@ -9,11 +9,13 @@ import subprocess
 import sys
 import time
 import tracemalloc
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, suppress
 from datetime import UTC, datetime
 from math import inf, isnan, nan
 from pathlib import Path
 from random import Random
+from threading import Barrier
 
 import pytest
 
@@ -129,6 +131,18 @@ def test_two_processes_write_at_once(path: Path):
     assert sorted(record["number"] for record in records) == list(range(100))
     assert {record["writer"] for record in records if record["number"] < 40} == {"one"}
     assert {record["writer"] for record in records if record["number"] >= 60} == {"two"}
+
+
+def test_several_runs_make_a_store_at_once(tmp_path: Path):
+    start = Barrier(4)
+
+    def run(path: Path) -> None:
+        start.wait(60)
+        Store(path).close()
+
+    with ThreadPoolExecutor(4) as runs:
+        for number in range(60):
+            assert [*runs.map(run, [tmp_path / f"{number}.sqlite"] * 4)] == [None] * 4
 
 
 def test_a_killed_writer_leaves_a_readable_store(path: Path):
