@@ -115,13 +115,14 @@ def write_file(path: Path, content: str | bytes, *, summed: bool = False) -> Pat
 
 def open_file(path: Path) -> IO[bytes]:
     """Open a file; ValueError if it is not what was written, as far as a checksum of it is kept."""
-    file = path.open("rb")
-    if sums := _sums(path.parent).get(path.name):
-        if file_digest(file, "sha256").hexdigest() not in sums:
-            file.close()
-            raise ValueError(f"{path}: fails its checksum in {SUMS}, expected what was written")
-        file.seek(0)
-    return file
+    # Once more, if it was replaced between the two.
+    for _ in range(2):
+        file, sums = path.open("rb"), _sums(path.parent).get(path.name)
+        if not sums or file_digest(file, "sha256").hexdigest() in sums:
+            file.seek(0)
+            return file
+        file.close()
+    raise ValueError(f"{path}: fails its checksum in {SUMS}, expected what was written")
 
 
 def read_file(path: Path) -> bytes:

@@ -88,3 +88,16 @@ def test_a_file_whose_checksum_is_kept_is_not_read_if_damaged(tmp_path: Path):
     assert read_file(tmp_path / "b.csv") == b"other"
     (tmp_path / "c.csv").write_text("of one's own", encoding="utf-8")
     assert read_file(tmp_path / "c.csv") == b"of one's own"
+
+
+def test_a_file_that_is_replaced_while_it_is_read_is_not_damaged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    path, sums, contents = tmp_path / "a.csv", files._sums, iter(["new"])
+    write_file(path, "old", summed=True)
+
+    def meanwhile(folder: Path) -> dict[str, list[str]]:
+        for content in contents:
+            write_file(path, content, summed=True)
+        return sums(folder)
+
+    monkeypatch.setattr(files, "_sums", meanwhile)
+    assert read_file(path) == b"new"
