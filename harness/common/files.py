@@ -102,14 +102,13 @@ def write_file(path: Path, content: str | bytes, *, summed: bool = False) -> Pat
     """Write a whole file at once, its folder too, and return its path; a failure leaves nothing behind."""
     path.parent.mkdir(parents=True, exist_ok=True)
     target = PartialFile(path, binary=isinstance(content, bytes), summed=summed)
+    # FILE.partial may be of an earlier failure, whose rows are wanted.
+    target.partial = target._private
     try:
         with target as file:
             file.write(content)
-    except BaseException:
-        if target.atomic:
-            for left in (target._private, target.partial):
-                left.unlink(missing_ok=True)
-        raise
+    finally:
+        target._private.unlink(missing_ok=True)
     return path
 
 

@@ -58,10 +58,12 @@ def test_a_file_whose_checksum_cannot_be_kept_is_not_replaced(tmp_path: Path, mo
         raise OSError(28, "No space left on device")
 
     write_file(tmp_path / "a.csv", "old", summed=True)
+    (tmp_path / "a.csv.partial").write_text("of another run")
     monkeypatch.setattr(files, "_expect", full)
     with pytest.raises(OSError, match="No space left"):
         write_file(tmp_path / "a.csv", "new", summed=True)
     assert read_file(tmp_path / "a.csv") == b"old"
+    assert sorted(os.listdir(tmp_path)) == [SUMS, "a.csv", "a.csv.partial"]
 
 
 def test_a_link_stays_and_others_may_read(tmp_path: Path):
