@@ -150,7 +150,8 @@ def measure_study(
     study = old or SecondOrderStudy([], [], [], [], {})
     cases, points = (1, 2) if quick else (None, None)
     if part in ("", "orders"):
-        study = replace(study, orders=_rows("orders", AWAY[:cases], quiet, measure_away, points and points + 1))
+        orders = _rows("orders", AWAY[:cases], quiet, measure_away, points and points + 1)
+        study = replace(study, orders=orders, timed={**study.timed, "orders": here()})
     if part in ("", "resonances"):
         resonances = _rows("resonances", RESONANT[:cases], quiet, measure_passage, points)
         crossings = _rows("crossings", CROSSING[:cases], quiet, partial(measure_passage, whole=False), points)

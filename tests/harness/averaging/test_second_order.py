@@ -48,7 +48,7 @@ HERE = {
     "versions": {"polhode": "0.1.0"},
     "repeats": 3,
 }
-TIMED = {"passages": HERE, "cost": HERE}
+TIMED = {"orders": HERE, "passages": HERE, "cost": HERE}
 
 
 COMMAND = "polhode accuracy --order 2"
@@ -100,10 +100,12 @@ def test_a_run_through_a_resonance_is_measured(monkeypatch):
 
 def test_one_part_is_measured_and_the_others_stay(monkeypatch):
     monkeypatch.setattr(second_order, "costs", lambda: iter(COST[:2]))
-    found = measure_study(STUDY, "cost", quiet=True)
-    assert found.cost == COST[:2]
-    assert found.timed["cost"]["repeats"] == REPEATS
-    assert replace(found, cost=COST, timed=TIMED) == STUDY
+    monkeypatch.setattr(second_order, "AWAY", ())
+    for part, rows in {"cost": COST[:2], "orders": []}.items():
+        found = measure_study(STUDY, part, quiet=True)
+        assert getattr(found, part) == rows
+        assert found.timed[part].get("repeats") == {"cost": REPEATS}.get(part)
+        assert replace(found, **{part: getattr(STUDY, part)}, timed=TIMED) == STUDY
 
 
 def test_the_commands_parts_are_the_studys():
