@@ -58,6 +58,8 @@ def solve(
             target = PartialFile(out, binary=_as_parquet(out)) if out else None
             if restart:
                 PartialFile(restart)
+                if target and str(restart.resolve()).removesuffix(".json") == str(target.path.resolve()):
+                    raise ValueError(f"--restart: got {restart}, expected another file than {out} and {out}.json")
             progress.begin("choosing")
             with spent_on("import"):
                 from polhode.harness.api import plan

@@ -350,8 +350,18 @@ def test_an_error_that_was_missed_is_said_of_a_run_expected_to_be_long_too(here:
     assert "the error asked for, 1e-6, was missed" in done.stderr.splitlines()[-1]
 
 
-def test_a_scene_to_go_on_in_no_folder_is_refused_before_the_run(here: Run, tmp_path: Path):
-    done = here("solve", "paper", *GIVEN, "--restart", "none/next.toml")
+@pytest.mark.parametrize(
+    ("file", "reason"),
+    [
+        ("none/next.toml", "none: no such folder, expected an existing one"),
+        ("./a.csv", "--restart: got a.csv, expected another file than a.csv and a.csv.json"),
+        ("a.csv.json", "--restart: got a.csv.json, expected another file than a.csv and a.csv.json"),
+    ],
+)
+def test_a_scene_to_go_on_with_no_place_of_its_own_is_refused_before_the_run(
+    here: Run, tmp_path: Path, file: str, reason: str
+):
+    done = here("solve", "paper", *GIVEN, "--out", "a.csv", "--restart", file)
     assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr == "polhode: none: no such folder, expected an existing one\n"
+    assert done.stderr == f"polhode: {reason}\n"
     assert not list(tmp_path.iterdir())
