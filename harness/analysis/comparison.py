@@ -10,7 +10,7 @@ from typing import Any
 
 import pandas as pd
 
-from polhode.harness.analysis.frames import frame, rows_of
+from polhode.harness.analysis.frames import frame, of_runs, rows_of
 from polhode.harness.common.store import Record, Store, read_export
 from polhode.harness.references.uncertainty import least_known, uncertainty_of
 from polhode.solvers.contract import Status
@@ -116,11 +116,9 @@ def read_runs(path: Path) -> pd.DataFrame:
     # Of all runs in a folder the failed ones come first and the shortest last, which counts.
     paths = sorted(path.glob("*.json")) if path.is_dir() else [path]
     records = [record for each in paths for record in _records(each)]
-    if not records:
-        raise ValueError(f"{path}: got no records, expected at least one")
     if path.is_dir():
         records.sort(key=lambda record: record.get("seconds") or inf, reverse=True)
-    return frame(records)
+    return of_runs(frame(records), path)
 
 
 def _records(path: Path) -> list[Record]:

@@ -15,6 +15,8 @@ RUN_COLUMNS = ["scene_name", "stokes", "form", "solver", "tolerance", "status", 
 RUN_COLUMNS += ["model_slow_error", "slow_uncertainty", "orientation_uncertainty", "seconds", "seconds_spread"]
 RUN_COLUMNS += ["work.rhs_calls", "work.steps", "sentinel_seconds", "date", "scene.time", "scene.shape.semi_axes"]
 STOKES = "scene.stokes"
+# What every record of a run of a scene has.
+NEEDED = ("scene_name", "stokes", "form", "solver", "tolerance", "status")
 # What a run that fails has not: where every run of a study failed, these columns are there, and empty.
 OF_SUCCESSES = ("slow_error", "orientation_error", "slow_uncertainty", "orientation_uncertainty", "seconds")
 
@@ -30,6 +32,15 @@ def frame(records: Iterable[Record], columns: Collection[str] = ()) -> pd.DataFr
     for name in OF_SUCCESSES:
         if name not in table and (name in columns or not columns):
             table[name] = pd.array([pd.NA] * len(table), dtype="Float64")
+    return table
+
+
+def of_runs(table: pd.DataFrame, path: Path) -> pd.DataFrame:
+    """The frame of a file's records; ValueError if there are none, or some of another kind."""
+    if not len(table):
+        raise ValueError(f"{path}: got no records, expected at least one")
+    if lacking := [name for name in NEEDED if name not in table or table[name].isna().any()]:
+        raise ValueError(f"{path}: got a record without {lacking[0]!r}, expected those of `polhode bench`")
     return table
 
 

@@ -35,6 +35,7 @@ def bench(wanted: Wanted, problems: bool, page_only: bool) -> None:
     if problems:
         _problems(wanted, page_only)
         return
+    from polhode.harness.analysis.frames import NEEDED, frame, of_runs
     from polhode.harness.calibration.fit import refit
     from polhode.harness.common.store import read_export
     from polhode.harness.picking.laws import load_laws, own_laws_path
@@ -48,6 +49,7 @@ def bench(wanted: Wanted, problems: bool, page_only: bool) -> None:
     if page_only:
         with bad_input():
             records = list(read_export(folder / "records.jsonl"))
+            of_runs(frame(records, NEEDED), folder / "records.jsonl")
         click.echo(f"{write_page(study, records, folder, command_line())}")
         return
     if outside := [name for name in (*study.forms, *study.solvers) if ":" in name]:

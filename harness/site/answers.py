@@ -9,7 +9,7 @@ from typing import Any
 
 import pandas as pd
 
-from polhode.harness.analysis.frames import RUN_COLUMNS, by_stokes, frame, rows_of, where
+from polhode.harness.analysis.frames import NEEDED, RUN_COLUMNS, by_stokes, frame, of_runs, rows_of, where
 from polhode.harness.analysis.pareto import Cell, usual_form
 from polhode.harness.common.files import read_file
 from polhode.harness.common.store import read_export
@@ -33,8 +33,7 @@ LEAD = "Every run measured: wall time, or calls of the right-hand side, against 
 WORDS = ("form", "solver", "status", "message")
 COLUMNS = ("slow_error", "orientation_error", "seconds", "work.rhs_calls", "work.steps", "model_slow_error")
 # What else a record says of a run.
-MARKS = ("stokes", "backend", "jacobian", "inferred", "tags")
-NEEDED = ("scene_name", "form", "solver", "tolerance", "status")
+MARKS = ("backend", "jacobian", "inferred", "tags")
 # Folders of `reports` that hold something else than a study.
 NO_STUDY = ("site", "paper", "accuracy", "pick", "problems")
 
@@ -177,12 +176,7 @@ def read_studies(folder: Path, columns: Collection[str]) -> tuple[dict[str, pd.D
                 table = pd.read_csv(BytesIO(read_file(path)), dtype_backend="numpy_nullable")
             else:
                 table = frame(read_export(path), {*NEEDED, *columns})
-            lacking = [column for column in NEEDED if column not in table]
-            if len(table) and lacking:
-                raise ValueError(f"a record without {lacking[0]!r}, expected those of `polhode bench`")
+            studies[name] = of_runs(table, path)
         except (ValueError, OSError) as error:
-            unreadable.append(f"{path}: {error}")
-            continue
-        if len(table):
-            studies[name] = table
+            unreadable.append(f"{path}: {str(error).removeprefix(f'{path}: ')}")
     return studies, unreadable

@@ -180,6 +180,7 @@ def test_of_repeated_runs_the_shortest_counts(tmp_path: Path):
         ("a.json", json.dumps(suite()), "got no records"),
         ("a.jsonl", "not json\n", "Expecting value"),
         ("a.jsonl", "", "got no records"),
+        ("a.jsonl", '{"answer": 42}\n', "got a record without 'scene_name', expected those of `polhode bench`"),
         ("a.json", b"\xff", "expected JSON of the benchmark suite"),
     ],
 )

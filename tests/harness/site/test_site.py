@@ -12,6 +12,7 @@ from commandline import Run, small_disk
 from PIL import Image, ImageColor, ImageDraw
 from sites import TAG, data_of, site
 
+from polhode.harness.common.files import dumps
 from polhode.harness.common.store import export, read_export
 from polhode.harness.common.text import duration
 from polhode.harness.pages.figures.style import looks
@@ -247,12 +248,13 @@ def test_pictures_keep_the_colours_of_their_lines(tmp_path: Path):
 
 def test_damaged_files_are_named(tmp_path: Path):
     broken = tmp_path / "reports"
-    for name, text in (("torn", '{"form": "quat'), ("other", '{"answer": 42}\n')):
+    bare = dict.fromkeys(set(NEEDED) - {"stokes"}, "1")
+    for name, text in (("torn", '{"form": "quat'), ("other", '{"answer": 42}\n'), ("bare", dumps(bare))):
         (broken / name).mkdir(parents=True)
         (broken / name / "records.jsonl").write_text(text, encoding="utf-8")
     studies, unreadable = read_studies(broken, ())
     assert studies == {}
-    assert [Path(line.split(":")[0]).parent.name for line in unreadable] == ["other", "torn"]
+    assert [Path(line.split(":")[0]).parent.name for line in unreadable] == ["bare", "other", "torn"]
 
 
 @pytest.mark.parametrize(

@@ -235,6 +235,11 @@ def test_killed_and_resumed_gives_the_same_records(here: Run, environment, study
     again = here("bench", "study.toml", "--out", "broken", "--page-only")
     assert (again.returncode, page.read_text(encoding="utf-8")) == (0, before)
     assert here("bench", "study.toml", "--out", "none", "--page-only").returncode == 2
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "records.jsonl").write_text('{"answer": 42}\n', encoding="utf-8")
+    refused = here("bench", "study.toml", "--out", "other", "--page-only")
+    assert (refused.returncode, refused.stdout) == (2, "")
+    assert refused.stderr.startswith("polhode: other/records.jsonl: got a record without 'scene_name', expected")
 
 
 # An export that takes ten seconds, whatever the machine.
