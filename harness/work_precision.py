@@ -180,7 +180,7 @@ def run_problems(
 
 
 def pairs_of(names: Sequence[str], solvers: Sequence[str]) -> list[tuple[str, str]]:
-    """Problems, all unless some are named, each with every solver that takes it; raises ValueError by other names."""
+    """Problems, all unless named, each with every solver that takes it; ValueError by other names, or if none does."""
     for name in names:
         if name not in PROBLEMS:
             raise ValueError(f"scene: got {name!r}{hint(name, PROBLEMS)}, expected one of {', '.join(PROBLEMS)}")
@@ -189,4 +189,7 @@ def pairs_of(names: Sequence[str], solvers: Sequence[str]) -> list[tuple[str, st
         method = find_solver(solver)
         return method.available and solver not in one.hopeless and method.takes(one.problem)
 
-    return [(name, each) for name in names or PROBLEMS for each in solvers or SOLVERS if takes(each, PROBLEMS[name])]
+    own, methods = names or PROBLEMS, solvers or SOLVERS
+    if pairs := [(name, each) for name in own for each in methods if takes(each, PROBLEMS[name])]:
+        return pairs
+    raise ValueError(f"solver: got {', '.join(methods)}, expected one that takes {' or '.join(own)}")

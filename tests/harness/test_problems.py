@@ -69,6 +69,9 @@ def test_the_page(here: Run, folder: Path):
     assert refused.returncode == 2
     assert "got 'keppler' (did you mean 'kepler'?), expected one of hires" in refused.stderr
     assert here("bench", "--problems", "--solver", "rk4", "--out", folder / "other").returncode == 2
+    refused = here("bench", "--problems", "--scene", "kepler", "--solver", "splitting", "--out", folder / "other")
+    assert refused.returncode == 2
+    assert refused.stderr == "polhode: solver: got splitting, expected one that takes kepler\n"
     assert not (folder / "other").exists()
     assert here("bench", "--problems", "--form", "quaternion").returncode == 2
     assert here("bench", "--problems", "--page-only", "--out", folder / "other").returncode == 2
