@@ -22,6 +22,8 @@ from typing import Any
 # Beyond twice the limit, in seconds: a run that stops by itself is not killed for a slow machine.
 GRACE = 0.5
 STARTUP = 120.0
+# Some 23 days: no system call waits longer at once.
+LONGEST = 2e6
 # A call whose process is killed from outside this many times is given up.
 ATTEMPTS = 3
 # Signals that no library sends to itself.
@@ -90,7 +92,7 @@ class Worker(AbstractContextManager["Worker"]):
             connection = self._connection or self._start()
             began = perf_counter()
             connection.send((function, arguments))
-            if connection.poll(2 * limit + GRACE):
+            if connection.poll(min(2 * limit + GRACE, LONGEST)):
                 value, message = connection.recv()
                 failure = Failure.RAISED if message else None
             else:

@@ -29,8 +29,9 @@ def _pid_alive(pid: int) -> bool:
     return True
 
 
-def test_returns_values_and_stays(worker: Worker):
-    first = worker.run(os.getpid, limit=10.0)
+@pytest.mark.parametrize("limit", [10.0, 1e7])
+def test_returns_values_and_stays(worker: Worker, limit: float):
+    first = worker.run(os.getpid, limit=limit)
     assert first.failure is None
     assert first.value == worker.pid != os.getpid()
     assert worker.run(os.getpid, limit=10.0).value == first.value
