@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
-from functools import wraps
+from functools import partial, wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +11,7 @@ import click
 from click.core import ParameterSource
 
 from polhode.harness.cli import BadInput, RunFailed, bad_input
+from polhode.harness.common.files import dumps
 
 if TYPE_CHECKING:
     from polhode.harness.common.store import Store
@@ -31,6 +32,7 @@ resume = click.option("--resume", is_flag=True, help="Take up an interrupted run
 disturbed = click.option("--disturbed", is_flag=True, help="Replace earlier results by times that were disturbed too.")
 quiet = click.option("--quiet", is_flag=True, help="No progress.")
 as_json = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+to_json = partial(dumps, sort_keys=False)
 FOLDER = click.Path(path_type=Path, file_okay=False)
 
 

@@ -1,6 +1,5 @@
 """What measures: `polhode bench`, `regimes`, `equal-error`, `accuracy`, `paper`, `sweep`, `throughput`."""
 
-import json
 import os
 from dataclasses import asdict, replace
 from functools import partial
@@ -12,8 +11,8 @@ import click
 
 from polhode.harness.cli import BadInput, RunFailed, bad_input, command
 from polhode.harness.commands import _study_options as options
-from polhode.harness.commands._study_options import Wanted, command_line, steady, stored
-from polhode.harness.common.files import dumps, make_folder
+from polhode.harness.commands._study_options import Wanted, command_line, steady, stored, to_json
+from polhode.harness.common.files import make_folder
 
 if TYPE_CHECKING:
     from polhode.harness.common.store import Store
@@ -159,7 +158,7 @@ def paper(
             raise ValueError("--json: got it without --list, expected both: the results stand in the folder's files")
     if listed:
         rows = [{"name": item.name, "section": section_of(item).name, "title": item.title} for item in items]
-        click.echo(json.dumps(rows) if as_json else "\n".join(f"{row['name']:28}{row['title']}" for row in rows))
+        click.echo(to_json(rows) if as_json else "\n".join(f"{row['name']:28}{row['title']}" for row in rows))
         return
     report = (lambda _: None) if quiet else partial(click.echo, err=True)
     with bad_input():
@@ -206,7 +205,7 @@ def accuracy(
         raise RunFailed(str(error)) from None
     page.write_page(found, out, "polhode accuracy" + f" --order {order}" * (order != "1") + " --quick" * quick)
     if as_json:
-        click.echo(dumps(page.as_json(found) if order == "1" else asdict(found)))
+        click.echo(to_json(page.as_json(found) if order == "1" else asdict(found)))
     else:
         click.echo(page.as_text(found) if order == "1" else "\n".join(page.findings(found)))
     click.echo(str(out / "README.md"), err=True)
@@ -241,7 +240,7 @@ def sweep(
         from polhode.harness.pages.ensembles import write_results
 
         page, ensembles = write_results(what, store, folder)
-    click.echo(json.dumps(ensembles) if as_json else f"{page}")
+    click.echo(to_json(ensembles) if as_json else f"{page}")
 
 
 @command()

@@ -1,6 +1,5 @@
 """`polhode pick`: what to run for a scene, and what it will cost; `calibrate` and `validate`: the laws behind it."""
 
-import json
 from dataclasses import asdict
 from pathlib import Path
 from shlex import quote
@@ -10,7 +9,7 @@ import click
 
 from polhode.harness.cli import BadInput, RunFailed, bad_input, command
 from polhode.harness.commands import setup
-from polhode.harness.commands._study_options import as_json, out_folder, quiet, resume, stored
+from polhode.harness.commands._study_options import as_json, out_folder, quiet, resume, stored, to_json
 from polhode.harness.common.text import cells, fitting, in_full, on_terminal
 from polhode.models.catalogue import FORMS
 from polhode.solvers.catalogue import SOLVERS
@@ -50,7 +49,7 @@ def pick(scene: str, error: float, want: str, samples: int, why: bool, everythin
         if found.outside:
             click.echo(f"note: {found.outside}", err=True)
         names = ("want", "error", "ranking", "excluded")
-        click.echo(json.dumps({name: value for name, value in asdict(found).items() if name in names}))
+        click.echo(to_json({name: value for name, value in asdict(found).items() if name in names}))
         return
     click.echo(pick_page(found, everything, why))
     options = f"--error {in_full(error)} --want {want} --samples {samples}"

@@ -12,7 +12,7 @@ import click
 from click.shell_completion import CompletionItem, get_completion_class
 
 from polhode.harness.cli import BadInput, RunFailed, bad_input, command
-from polhode.harness.commands._study_options import FOLDER, as_json, quiet
+from polhode.harness.commands._study_options import FOLDER, as_json, quiet, to_json
 from polhode.harness.common.text import aligned, duration, fitting, on_terminal
 from polhode.models.registry import imported
 
@@ -58,7 +58,7 @@ def completion(shell: str) -> None:
 def doctor(as_json: bool) -> None:
     """Show versions, solvers that can be run, caches, and whether times measured now would mean anything."""
     found = examine()
-    click.echo(json.dumps(found, default=str) if as_json else _page(found))
+    click.echo(to_json(found, default=str) if as_json else _page(found))
 
 
 def examine() -> dict[str, Any]:
@@ -200,7 +200,6 @@ def compare(before: Path, after: Path, slower: float, less_accurate: float, as_j
     """Compare two saved runs; fail if a case of AFTER is slower or less accurate than in BEFORE, or failed."""
     from polhode.harness.analysis.comparison import compare as compare_runs, read_runs
     from polhode.harness.analysis.frames import rows_of
-    from polhode.harness.common.files import dumps
 
     with bad_input():
         tables = read_runs(before), read_runs(after)
@@ -210,7 +209,7 @@ def compare(before: Path, after: Path, slower: float, less_accurate: float, as_j
     worse = rows_of(found.regressions)
     if as_json:
         shown = ("shared", "only_before", "only_after", "drift", "same_machine")
-        click.echo(dumps({name: getattr(found, name) for name in shown} | {"regressions": worse}))
+        click.echo(to_json({name: getattr(found, name) for name in shown} | {"regressions": worse}))
     else:
         pace = f"the machine takes {found.drift:.2f} times as long"
         pace = pace if found.same_machine else "another machine or Python: times as they are"

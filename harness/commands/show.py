@@ -8,7 +8,7 @@ import click
 
 from polhode.harness.cli import BadInput, RunFailed, bad_input, command
 from polhode.harness.commands import setup
-from polhode.harness.commands._study_options import as_json
+from polhode.harness.commands._study_options import as_json, to_json
 from polhode.harness.common.text import fitting, on_terminal
 
 # What pictures end in.
@@ -31,7 +31,7 @@ def shape(semi_axes: tuple[float, ...], as_json: bool) -> None:
     names = ("semi_axes", "inertia", "resistance", "kind", "stokes_star_per_stokes")
     content = {name: getattr(ellipsoid, name) for name in names}
     lines = [f"{name:24}{_text(value)}" for name, value in content.items()]
-    click.echo(json.dumps(content) if as_json else "\n".join([*lines, "", fitting(_UNITS)]))
+    click.echo(to_json(content) if as_json else "\n".join([*lines, "", fitting(_UNITS)]))
 
 
 _UNITS = (
@@ -58,10 +58,10 @@ def scenes(scene: str | None, as_json: bool) -> None:
 
         with bad_input():
             table = scene_table(find_scene(scene))
-        click.echo(json.dumps(table) if as_json else scene_text(table), nl=as_json)
+        click.echo(to_json(table) if as_json else scene_text(table), nl=as_json)
         return
     rows = [{"name": name, "summary": each.summary} for name, each in SCENES.items()]
-    click.echo(json.dumps(rows) if as_json else on_terminal(["name", "summary"], [[*row.values()] for row in rows]))
+    click.echo(to_json(rows) if as_json else on_terminal(["name", "summary"], [[*row.values()] for row in rows]))
 
 
 def scene_text(table: dict[str, Any]) -> str:
@@ -83,7 +83,7 @@ def forms(as_json: bool) -> None:
         for name, one in known.items()
     ]
     lines = [line for name, one in known.items() for line in ([name, one.summary], ["", f"for {one.valid_for}"])]
-    click.echo(json.dumps(rows) if as_json else on_terminal(["name", "what, and for which scenes"], lines))
+    click.echo(to_json(rows) if as_json else on_terminal(["name", "what, and for which scenes"], lines))
 
 
 @command()
@@ -95,7 +95,7 @@ def solvers(as_json: bool) -> None:
     names = ("name", "summary", "available", "why_not", "accepts")
     rows = [{name: getattr(solver(each), name) for name in names} for each in SOLVERS]
     lines = [[row["name"], row["summary"], row["why_not"] or solver(row["name"]).note or "available"] for row in rows]
-    click.echo(json.dumps(rows) if as_json else on_terminal(["name", "summary", "state"], lines))
+    click.echo(to_json(rows) if as_json else on_terminal(["name", "summary", "state"], lines))
 
 
 @command()

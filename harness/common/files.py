@@ -163,13 +163,13 @@ def alone(folder: Path) -> Iterator[None]:
         os.close(place)
 
 
-def dumps(value: Any) -> str:
-    """One line of JSON, keys in order."""
+def dumps(value: Any, *, sort_keys: bool = True, **how: Any) -> str:
+    """One line of JSON, keys in order unless they are to stay in their own."""
 
     def word(each: Any) -> Any:
         return json.dumps(each) if isinstance(each, float) and not isfinite(each) else each
 
-    return json.dumps(_with(word, value), sort_keys=True, allow_nan=False)
+    return json.dumps(_with(word, value), sort_keys=sort_keys, allow_nan=False, **how)
 
 
 def loads(text: str) -> Any:
