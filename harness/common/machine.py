@@ -94,4 +94,5 @@ def _processor() -> str:
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
             if line.startswith("model name"):
                 return line.split(":", 1)[1].strip()
-    return platform.processor()
+    # Not the bare name that `system` gives too.
+    return f"{platform.machine()} processor"

@@ -1,6 +1,10 @@
 """Where and when: the head of every page of measured records."""
 
-from polhode.harness.common.machine import dates, header
+from pathlib import Path
+
+import pytest
+
+from polhode.harness.common.machine import dates, header, machine
 
 ONE = {"machine": {"processor": "One", "cores": 2, "system": "Linux", "python": "3.11"}, "versions": {"polhode": "1"}}
 TWO = {**ONE, "machine": {**ONE["machine"], "processor": "Two"}}
@@ -25,3 +29,10 @@ def test_every_machine_is_named_once():
     text = "\n".join(header("A title", "polhode bench", [ONE, TWO, ONE]))
     assert text.startswith("# A title\n\nMade by `polhode bench`.")
     assert text.count("One, 2 cores, Linux, Python 3.11 (polhode 1)") == text.count("Two, 2 cores") == 1
+
+
+def test_an_unknown_processor_stands_on_no_page_of_another_one(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(Path, "read_text", lambda *_, **__: "")
+    monkeypatch.setattr("platform.processor", lambda: "")
+    known = {**ONE, "machine": {**machine(), "processor": "One"}}
+    assert str(machine()["processor"]) not in "\n".join(header("A title", "polhode bench", [known]))
