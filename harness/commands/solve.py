@@ -56,10 +56,11 @@ def solve(
     with Progress(quiet) as progress:
         with bad_input():
             target = PartialFile(out, binary=_as_parquet(out)) if out else None
-            if restart:
-                PartialFile(restart)
-                if target and str(restart.resolve()).removesuffix(".json") == str(target.path.resolve()):
-                    raise ValueError(f"--restart: got {restart}, expected another file than {out} and {out}.json")
+            beside = target.path.with_name(target.path.name + ".json") if target and target.atomic else None
+            for other in filter(None, (beside, restart)):
+                PartialFile(other)
+            if restart and target and restart.resolve() in (target.path.resolve(), beside and beside.resolve()):
+                raise ValueError(f"--restart: got {restart}, expected another file than {out} and {out}.json")
             progress.begin("choosing")
             with spent_on("import"):
                 from polhode.harness.api import plan
@@ -70,7 +71,7 @@ def solve(
         say(f"{what.form.name} by {what.solver.name} at tolerance {short(what.tolerance)}")
         for note in _notes(what, given["tolerance"]):
             say(f"note: {note}")
-        solution = _run(what, target, progress, omega)
+        solution = _run(what, target, beside, progress, omega)
     if restart:
         with bad_input():
             from polhode.models.files.scene_file import scene_table
@@ -114,7 +115,9 @@ def _as_parquet(out: Path) -> bool:
     return out.suffix == ".parquet"
 
 
-def _run(what: "Plan", target: PartialFile | None, progress: Progress, omega: bool) -> "SceneSolution":
+def _run(
+    what: "Plan", target: PartialFile | None, beside: Path | None, progress: Progress, omega: bool
+) -> "SceneSolution":
     """Solve, and write what is finished; RunFailed if the run fails or is interrupted, or the disk is full."""
     from polhode.harness.solution import write_csv
     from polhode.solvers.solve import Interrupted
@@ -141,14 +144,13 @@ def _run(what: "Plan", target: PartialFile | None, progress: Progress, omega: bo
                 where = f"in {target.partial}" if target else "finished"
                 rows = f"{len(solution.times)} of {len(what.times)} rows are {where}"
                 raise RunFailed(f"{solution.status}: {rows}. {solution.message}".strip())
-        if target and target.atomic:
-            beside = target.path.with_name(target.path.name + ".json")
+        if beside:
             write_file(beside, dumps(solution.provenance()) + "\n")
     except BrokenPipeError:
         # Who reads has seen enough.
         raise
     except OSError as full:
-        place = target.path if target else "-"
+        place = full.filename or (target.path if target else "-")
         raise RunFailed(f"{place}: {full.strerror or full}, expected room for {len(what.times)} rows") from None
     return solution
 

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import time
 import tomllib
+from errno import ENOSPC
 from importlib.util import find_spec
 from math import inf
 from pathlib import Path
@@ -365,3 +366,21 @@ def test_a_scene_to_go_on_with_no_place_of_its_own_is_refused_before_the_run(
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == f"polhode: {reason}\n"
     assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_in_the_place_beside_the_rows_is_refused_before_the_run(here: Run, tmp_path: Path):
+    (tmp_path / "a.csv.json").mkdir()
+    done = here("solve", "paper", *GIVEN, "--out", "a.csv")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "polhode: a.csv.json: is a folder, expected a file name\n"
+    assert [path.name for path in tmp_path.iterdir()] == ["a.csv.json"]
+
+
+def test_a_full_disk_is_said_of_the_file_that_met_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    def full(path: Path, content: str) -> None:
+        raise OSError(ENOSPC, "No space left on device", str(path))
+
+    monkeypatch.setattr("polhode.harness.commands.solve.write_file", full)
+    out = tmp_path / "a.csv"
+    found = CliRunner().invoke(solve, ["paper", *map(str, GIVEN), "--samples", "11", "--out", str(out)])
+    assert f"{out}.json: No space left on device, expected room" in found.stderr
