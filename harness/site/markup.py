@@ -21,6 +21,8 @@ PLAIN = 5
 # Columns beyond which a table is set smaller in print.
 WIDE = 9
 FIGURES = "figures"
+# Pages of the site that are no report's.
+OWN = ("index", "cost", "motion")
 
 
 @dataclass(frozen=True)
@@ -96,8 +98,9 @@ class Rendered:
 
 
 def page_name(path: Path) -> str:
-    """Name on the site of `reports/NAME/README.md`: NAME; of other pages beside it, NAME-STEM."""
-    return path.parent.name if path.stem == "README" else f"{path.parent.name}-{path.stem}"
+    """Name on the site of `reports/NAME/README.md`: NAME, NAME_ where that is taken; of pages beside it, NAME-STEM."""
+    name = path.parent.name + "_" * (path.parent.name in OWN)
+    return name if path.stem == "README" else f"{name}-{path.stem}"
 
 
 def section(text: str, heading: str) -> str:

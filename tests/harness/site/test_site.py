@@ -246,6 +246,16 @@ def test_pictures_keep_the_colours_of_their_lines(tmp_path: Path):
         assert max(abs(a - b) for a, b in zip(found, asked, strict=True)) <= 20, colour
 
 
+def test_a_report_takes_no_page_of_the_sites_own(tmp_path: Path):
+    own = ("index", "cost", "motion")
+    for name in own:
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "README.md").write_text("# Mine\n", encoding="utf-8")
+    mine = {name for name, page in site(tmp_path / "site", tmp_path).items() if "<h1>Mine</h1>" in page}
+    assert len(mine) == len(own)
+    assert not mine & {*own}
+
+
 def test_damaged_files_are_named(tmp_path: Path):
     broken = tmp_path / "reports"
     bare = dict.fromkeys(set(NEEDED) - {"stokes"}, "1")
