@@ -1,6 +1,6 @@
 """`solve_ivp` as SciPy has it, with every solver of the catalogue as a method."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -69,7 +69,11 @@ def solve_ivp(
     if others:
         taken = "t_eval, events, args, rtol, dense_output"
         raise ValueError(f"solve_ivp: got {', '.join(others)}, expected no options of SciPy's but {taken}")
-    (began, end), args = map(float, t_span), () if args is None else args
+    try:
+        began, end = map(float, t_span)
+    except (TypeError, ValueError):
+        raise ValueError(f"t_span: got {t_span!r:.60}, expected two numbers: start and end") from None
+    args = () if args is None else args
     problem = Problem.from_function(fun, y0, end, args, t_start=began)
     check_field(problem)
     d = len(y0)
@@ -77,7 +81,8 @@ def solve_ivp(
     times = np.unique(np.concatenate([[0.0], wanted - began, [problem.end]]))
     found = solve(problem, method, rtol, times, count=True)
     # Events are counted here, so that their names may be the same.
-    looked_for = [as_events(each)[0] for each in ([events] if callable(events) else events or ())]
+    given = events if isinstance(events, Iterable) else [] if events is None else [events]
+    looked_for = [as_events([each])[0] for each in given]
     values = (replace(event, function=partial(_values, event.function, began, d, args)) for event in looked_for)
     happenings = [happened(found, value) for value in values]
     ends = [time for event, each in zip(looked_for, happenings, strict=True) for time in event.ends(each)]

@@ -210,7 +210,8 @@ class SceneSolution(LikeSolveIvp):
         """
         last = float(self.times[-1]) if t is None else t
         start = start_from(self.scene.ellipsoid, self(last).observables)
-        return replace(self.scene, start=start, time=time or self.scene.time - last or self.scene.time)
+        time = self.scene.time - last or self.scene.time if time is None else time
+        return replace(self.scene, start=start, time=time)
 
 
 def _need(method: str, library: str) -> None:

@@ -119,10 +119,10 @@ class WorkPrecision:
         return float(np.max(np.abs(states - exact) / np.where(size > 0, size, 1)))
 
     def _accepted(self) -> list[Solver]:
-        if isinstance(self.solvers, str):
-            raise ValueError(f"solvers: got {self.solvers!r}, expected a sequence: [{self.solvers!r}]")
-        methods = [find_solver(name) for name in self.solvers or SOLVERS]
         named = self.solvers is not None
+        if isinstance(self.solvers, str) or (named and not self.solvers):
+            raise ValueError(f"solvers: got {self.solvers!r}, expected a sequence: [{self.solvers or 'taylor'!r}]")
+        methods = [find_solver(name) for name in self.solvers or SOLVERS]
         return [each for each in methods if named or (each.available and each.takes(self.problem))]
 
     def _measure(self, method: Solver, tolerance: float, exact: np.ndarray) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from math import inf, isfinite
+from numbers import Integral
 from typing import Literal
 
 import numpy as np
@@ -77,8 +78,9 @@ class Ensemble:
 
     def __post_init__(self) -> None:
         for name, (least, most) in BOUNDS.items():
-            if not least <= getattr(self, name) <= most:
-                raise ValueError(f"{name}: got {getattr(self, name)!r}, expected a whole number from {least} to {most}")
+            value = getattr(self, name)
+            if not (isinstance(value, Integral) and least <= value <= most):
+                raise ValueError(f"{name}: got {value!r}, expected a whole number from {least} to {most}")
         if (self.samples - 1) % (self.snapshots - 1):
             raise ValueError(f"snapshots: got {self.snapshots}, expected samples - 1 = {self.samples - 1} divisible")
         for name in ("tolerance", "radius"):

@@ -225,6 +225,8 @@ def test_a_scene_from_the_end_lasts_as_long_again():
     assert isinstance(scene, Scene)
     assert scene.time == 500
     assert found("paper", "quaternion").restart(100.0, time=7.0).time == 7
+    with pytest.raises(ValueError, match=r"^time: got 0"):
+        found("paper", "quaternion").restart(time=0.0)
 
 
 def test_other_containers():

@@ -107,6 +107,7 @@ def test_ctrl_c_is_no_crash():
     ("solvers", "words"),
     [
         ("taylor", r"solvers: got 'taylor', expected a sequence: \['taylor'\]"),
+        ([], r"solvers: got \[\], expected a sequence: \['taylor'\]"),
         ([Idle], r"solver: got 'Idle', expected an object, not the class: Idle\(\)"),
         ([decay], "solver: got '<function decay .*expected a name, or an object of a class derived from"),
         ([type("Nameless", (Solver,), {"prepare": Idle.prepare})()], "got 'Nameless', expected a class that has name"),

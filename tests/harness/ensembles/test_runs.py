@@ -192,6 +192,7 @@ def test_a_task_of_other_versions_is_refused(monkeypatch: pytest.MonkeyPatch):
     ("changes", "line"),
     [
         ({"particles": 0}, "particles: got 0"),
+        ({"particles": 2.5}, "particles: got 2.5, expected a whole number"),
         ({"samples": 10, "snapshots": 4, "block": 1}, None),
         ({"samples": 10, "snapshots": 3}, "snapshots: got 3"),
         ({"tolerance": 0.0}, "tolerance: got 0.0"),
