@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from functools import partial, wraps
 from pathlib import Path
+from shlex import join
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -98,7 +99,7 @@ def steady(records: Sequence[Mapping[str, Any]], page: Path, anyway: bool) -> No
 def command_line() -> str:
     """The command as it was given, without the options that change nothing in what is measured."""
     context = click.get_current_context()
-    words = [context.command_path]
+    words = context.command_path.split()
     for parameter in context.command.params:
         name = parameter.name or ""
         if name in ASIDE or context.get_parameter_source(name) is ParameterSource.DEFAULT:
@@ -107,7 +108,7 @@ def command_line() -> str:
         option = parameter.opts[:1] if isinstance(parameter, click.Option) else []
         for each in value if isinstance(value, tuple) else [value]:
             words += option if each is True else [*option, str(each)]
-    return " ".join(words)
+    return join(words)
 
 
 @contextmanager

@@ -1,11 +1,13 @@
 """What the commands that measure share."""
 
 from pathlib import Path
+from shlex import split
 
 import pytest
 
 from polhode.harness.cli import RunFailed
-from polhode.harness.commands._study_options import FEW, steady, stored
+from polhode.harness.commands._study_options import FEW, command_line, steady, stored
+from polhode.harness.commands.bench import bench
 from polhode.harness.common.machine import header, machine
 from polhode.harness.common.store import Store
 
@@ -29,6 +31,13 @@ def test_disturbed_times_replace_no_earlier_page_of_this_machine_unless_told_to(
     steady([DISTURBED] * 5 + [STEADY] * 95, page, anyway=False)
     steady([{"status": "reached_end"}], page, anyway=False)
     assert not capsys.readouterr().err
+
+
+@pytest.mark.parametrize("file", ["studies/mine.toml", "my $tudy.toml"])
+def test_the_line_of_a_page_can_be_typed_again(file: str):
+    words = [file, "--scene", "paper", "--problems"]
+    with bench.make_context("polhode bench", [*words, "--quiet"]):
+        assert split(command_line()) == ["polhode", "bench", *words]
 
 
 def test_a_page_says_how_many_times_were_disturbed():
