@@ -139,8 +139,7 @@ def test_failure_is_a_status_with_the_rows_so_far():
     start = EulerStart((1e-4, 0.3, 0.2), (-1e-5, 0.0, 0.0))
     scene = Scene(Ellipsoid((1.0, 0.8, 0.5)), 1e6, start, 40.0)
     found = solve(scene, form="euler-angles", solver="cyrk-vern8", tolerance=1e-8, samples=201)
-    assert not found.success
-    assert found.status in set(Status)
+    assert found.status in (Status.NON_FINITE, Status.STEP_UNDERFLOW)
     assert 1 < len(found.frame()) == len(found.times) < 201
     # Of no row that was asked for the start is left.
     assert solve(scene, form="euler-angles", solver="cyrk-vern8", tolerance=1e-8, times=[40.0]).times.tolist() == [0.0]
@@ -173,10 +172,6 @@ def test_failure_is_a_status_with_the_rows_so_far():
 def test_refusals_name_value_and_expectation(change: dict, words: str):
     with pytest.raises(ValueError, match=words):
         solve("paper", **WAY | change)
-    with pytest.raises(
-        ValueError, match=r"scene: got 'papre' .did you mean 'paper'\?., expected a file or one of paper"
-    ):
-        solve("papre")
 
 
 def test_a_form_without_what_every_form_has_is_refused_in_a_line():
