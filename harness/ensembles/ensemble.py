@@ -145,7 +145,9 @@ class Ensemble:
             "form": self.form,
             **{name: int(getattr(self, name)) for name in BOUNDS},
             **{name: float(getattr(self, name)) for name in ("stokes", "time", "tolerance", "radius")},
-            "versions": {name: package_version(name) for name in ("polhode", "heyoka", "llvmlite", "numpy")},
+            "versions": {
+                name: package_version(name) for name in ("polhode", "heyoka", "llvmlite", "numpy", "cyrk", "scipy")
+            },
         }
 
     def tasks(self) -> Iterator["Task"]:

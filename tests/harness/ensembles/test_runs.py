@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import DOP853, RK45
 
+from polhode.harness.common.machine import package_version
 from polhode.harness.ensembles.ensemble import Ensemble, Task, run_task
 from polhode.harness.ensembles.starts import Drawn, Starts
 from polhode.models.catalogue import form as find_form
@@ -180,10 +181,14 @@ def test_a_task_is_a_pure_function_in_any_thread():
     assert [together[0], together[1]] == alone
 
 
-def test_a_task_of_other_versions_is_refused(monkeypatch: pytest.MonkeyPatch):
+@pytest.mark.parametrize("other", ["polhode", "cyrk", "scipy"])
+def test_a_task_of_other_versions_is_refused(monkeypatch: pytest.MonkeyPatch, other: str):
     task = Task(Ensemble(PROLATE, 100.0, 1.0, particles=2, samples=3, snapshots=3), 0)
     assert task.key
-    monkeypatch.setattr("polhode.harness.ensembles.ensemble.package_version", lambda package: "0.0")
+    found = {other: "0.0"}
+    monkeypatch.setattr(
+        "polhode.harness.ensembles.ensemble.package_version", lambda name: found.get(name) or package_version(name)
+    )
     with pytest.raises(RuntimeError, match="other versions"):
         run_task(task)
 
