@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from polhode.harness import DEFAULT_SAMPLES
 from polhode.harness.events import Event, EventLike, as_events, with_events
 from polhode.harness.ivp import increasing
 from polhode.harness.picking.choice import choose
@@ -137,7 +138,7 @@ def solve(
     tolerance: float | None = None,
     error: float = 1e-6,
     want: str = "slow",
-    samples: int = 201,
+    samples: int = DEFAULT_SAMPLES,
     estimate: bool = True,
     times: Sequence[float] | np.ndarray | None = None,
     events: Sequence[EventLike] | EventLike = (),
@@ -191,7 +192,7 @@ def solve(
     return plan(scene, form, solver, tolerance, error, want, samples, estimate, times).run(events=wanted)
 
 
-def pick(scene: SceneLike, error: float = 1e-6, want: str = "slow", samples: int = 201) -> Recommendation:
+def pick(scene: SceneLike, error: float = 1e-6, want: str = "slow", samples: int = DEFAULT_SAMPLES) -> Recommendation:
     """What to run for a scene, and what it will cost.
 
     Parameters

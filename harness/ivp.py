@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from polhode.harness import DEFAULT_SAMPLES
 from polhode.harness.common.text import in_full
 from polhode.harness.events import as_events, happened
 from polhode.models.problem import Problem
@@ -16,8 +17,6 @@ from polhode.solvers.solve import Solution, solve
 
 if TYPE_CHECKING:
     from scipy.optimize import OptimizeResult
-
-SAMPLES = 201
 
 
 def solve_ivp(
@@ -77,7 +76,7 @@ def solve_ivp(
     problem = Problem.from_function(fun, y0, end, args, t_start=began)
     check_field(problem)
     d = len(y0)
-    wanted = np.linspace(began, end, SAMPLES) if t_eval is None else increasing("t_eval", t_eval, began, end)
+    wanted = np.linspace(began, end, DEFAULT_SAMPLES) if t_eval is None else increasing("t_eval", t_eval, began, end)
     times = np.unique(np.concatenate([[0.0], wanted - began, [problem.end]]))
     found = solve(problem, method, rtol, times, count=True)
     # Events are counted here, so that their names may be the same.

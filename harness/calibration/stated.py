@@ -10,7 +10,7 @@ from tqdm import tqdm
 from polhode.harness.api import SceneSolution, plan
 from polhode.harness.calibration.heldout import no_reference
 from polhode.harness.calibration.scenes import STRATA, Question, questions
-from polhode.harness.calibration.training import REFERENCE_SECONDS, fast_solvers, methods_for
+from polhode.harness.calibration.training import ASIDE_ROTATIONS, REFERENCE_SECONDS, fast_solvers, methods_for
 from polhode.harness.common.files import digest
 from polhode.harness.common.machine import versions
 from polhode.harness.common.store import Record, Store
@@ -23,8 +23,6 @@ from polhode.models.catalogue import form as find_form, reference_form
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Status
 
-# Rotations up to which solvers with Python in the loop are run.
-ASIDE_ROTATIONS = 300.0
 TOLERANCES = (-13.0, -3.0)
 # Times that a run of fewer seconds is repeated.
 TIMED, SHORT = 3, 0.05

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from polhode.harness import DEFAULT_SAMPLES
 from polhode.harness.cli import BadInput, RunFailed, bad_input, command
 from polhode.harness.commands import setup
 from polhode.harness.commands._study_options import as_json, out_folder, quiet, resume, stored, to_json
@@ -28,7 +29,7 @@ WAYS |= {"first run": "{first_run_seconds:time}"}
 @click.argument("scene", shell_complete=setup.scene_names)
 @click.option("--error", type=float, default=1e-6, help="Largest error allowed along the run.")
 @click.option("--want", default="slow", metavar="slow|orientation", help="L and E over I_max, or orientation in rad.")
-@click.option("--samples", type=int, default=201, help="Equispaced times of the output.")
+@click.option("--samples", type=int, default=DEFAULT_SAMPLES, help="Equispaced times of the output.")
 @click.option("--why", is_flag=True, help="Show why this way is the first, and why other forms will not do.")
 @click.option("--all", "everything", is_flag=True, help="Show all ways, and why each other one will not do.")
 @as_json

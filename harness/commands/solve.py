@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
+from polhode.harness import DEFAULT_SAMPLES
 from polhode.harness.cli import RunFailed, bad_input, command
 from polhode.harness.commands import setup
 from polhode.harness.commands.show import scene_text
@@ -35,7 +36,7 @@ WANTS, FILE = click.Choice(["slow", "orientation"]), click.Path(path_type=Path)
 @click.option("--tolerance", type=float, help="The solver's tolerance, from 1e-16 to 1; by default what meets --error.")
 @click.option("--error", type=float, default=1e-6, help="Error wanted, where no tolerance is given.")
 @click.option("--want", type=WANTS, default="slow", help="What it is of: L and E over I_max, or orientation, in rad.")
-@click.option("--samples", type=int, default=201, help="Equispaced times, start and end included.")
+@click.option("--samples", type=int, default=DEFAULT_SAMPLES, help="Equispaced times, start and end included.")
 @click.option("--out", type=FILE, help="CSV or .parquet file, - for standard output; by default a short table.")
 @click.option("--omega", is_flag=True, help="The angular velocity in space axes too: wx, wy, wz.")
 @click.option("--restart", type=FILE, help="Scene file to write that goes on from the end.")

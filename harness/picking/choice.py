@@ -4,6 +4,7 @@ from contextlib import suppress
 from math import isinf
 from typing import NamedTuple
 
+from polhode.harness import DEFAULT_SAMPLES
 from polhode.harness.common.text import duration, short
 from polhode.harness.picking.candidate import LOOSEST, TIGHTEST
 from polhode.harness.picking.ranking import NotAttainableError, check_asked, first_way, pick
@@ -39,7 +40,7 @@ def choose(
     tolerance: float | None,
     error: float,
     want: str,
-    samples: int = 201,
+    samples: int = DEFAULT_SAMPLES,
 ) -> Chosen:
     """Fill in what the user left open.
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import lru_cache
 from math import inf, isfinite, log10, pi
 
+from polhode.harness import DEFAULT_SAMPLES
 from polhode.harness.common.text import short
 from polhode.harness.picking.candidate import SHARE, Candidate
 from polhode.harness.picking.laws import EPS, WANTS, ErrorLaw, Interval, Laws, MethodLaws, Sensitivity, load_laws
@@ -23,8 +24,6 @@ from polhode.models.scene import Scene, SlowStart
 from polhode.models.shape import require_numbers
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import SolverNotValidError
-
-DEFAULT_SAMPLES = 201
 
 
 class NotAttainableError(ValueError):
