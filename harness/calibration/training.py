@@ -7,7 +7,8 @@ from math import log10
 
 import numpy as np
 
-from polhode.harness.calibration.scenes import STRATA, TRAINING_SCENES, TRAINING_SEED, Question, Stratum, questions
+from polhode.harness.calibration import TRAINING_SCENES
+from polhode.harness.calibration.scenes import STRATA, TRAINING_SEED, Question, Stratum, questions
 from polhode.harness.common.store import Record, Store
 from polhode.harness.picking.laws import Laws
 from polhode.harness.picking.load import planned

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from polhode.harness import DEFAULT_SAMPLES
+from polhode.harness.calibration import HELD_OUT_SEED, TRAINING_SCENES
 from polhode.harness.cli import BadInput, RunFailed, bad_input, command
 from polhode.harness.commands import setup
 from polhode.harness.commands._study_options import as_json, out_folder, quiet, resume, stored, to_json
@@ -103,7 +104,7 @@ def _why(found: "Recommendation", everything: bool) -> list[list[str]]:
 @command()
 @out_folder("reports/pick")
 @click.option("--to", type=click.Path(path_type=Path, dir_okay=False), help="File of laws; by default this user's.")
-@click.option("--scenes", type=click.IntRange(min=3), default=110, help="Training scenes.")
+@click.option("--scenes", type=click.IntRange(min=3), default=TRAINING_SCENES, help="Training scenes.")
 @click.option("--add", is_flag=True, help="Measure only what the file's laws lack, and keep them.")
 @click.option("--anew", multiple=True, metavar="NAME", help="A form or solver that has changed: measured again.")
 @click.option("--first-runs", "firsts", is_flag=True, help="Measure first runs alone, and keep all else in the file.")
@@ -143,7 +144,7 @@ def calibrate(
 @command()
 @out_folder("reports/pick")
 @click.option("--scenes", type=click.IntRange(min=1), default=16, help="Held-out scenes of a seed.")
-@click.option("--seed", type=click.IntRange(min=0), default=1765, help="What they are drawn from.")
+@click.option("--seed", type=click.IntRange(min=0), default=HELD_OUT_SEED, help="What they are drawn from.")
 @click.option("--seeds", type=click.IntRange(min=1), default=3, help="So many seeds from it on.")
 @click.option("--errors", type=click.IntRange(min=0), default=0, help="Runs whose stated errors are tested instead.")
 @resume

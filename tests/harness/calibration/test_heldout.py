@@ -6,12 +6,12 @@ from math import inf, log10
 import pandas as pd
 import pytest
 
+from polhode.harness.calibration import HELD_OUT_SEED
 from polhode.harness.calibration.evaluation import RUN_COLUMNS, Answer, Evaluation, judged
 from polhode.harness.calibration.heldout import FINAL, FINALISTS, ask, finalists, studies as held_out_studies
-from polhode.harness.calibration.scenes import HELD_OUT_SEED, TRAINING_SCENES, questions
+from polhode.harness.calibration.scenes import questions
 from polhode.harness.calibration.selection import decade, rules
 from polhode.harness.calibration.training import EVERY_LONG
-from polhode.harness.commands.pick import calibrate, validate
 from polhode.harness.pages.picking.pick import summary, write_pages
 from polhode.harness.picking.laws import Interval, load_laws
 from polhode.harness.picking.pilot import pilot
@@ -155,13 +155,6 @@ def test_the_first_choice_and_the_cheapest_that_meet_the_error_go_into_the_final
     assert (first.form, first.solver, first.tolerance) == (row.form, row.solver, row.tolerance)
     assert [case.tolerance for case in others] == [10.0**-k for k in range(1, FINALISTS + 1)]
     assert {case.scene_name for case in (first, *others)} == {question.name + FINAL}
-
-
-def test_the_commands_defaults_are_those_of_the_package():
-    """They stand there again so that `--help` needs no numerics."""
-    trained, held = ({option.name: option.default for option in command.params} for command in (calibrate, validate))
-    assert trained["scenes"] == TRAINING_SCENES
-    assert held["seed"] == HELD_OUT_SEED
 
 
 def test_a_miss_has_its_reason():

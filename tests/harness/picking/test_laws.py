@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
+from polhode.harness.calibration import HELD_OUT_SEED
 from polhode.harness.calibration.fit import (
     FEW_RUNS,
     as_wide_as_alike,
@@ -18,7 +19,7 @@ from polhode.harness.calibration.fit import (
     refit,
 )
 from polhode.harness.calibration.samples import Sample
-from polhode.harness.calibration.scenes import HELD_OUT_SEED, TRAINING_SEED, questions
+from polhode.harness.calibration.scenes import TRAINING_SEED, questions
 from polhode.harness.calibration.training import fast_solvers, forms_for, solvers_for, training
 from polhode.harness.common.files import write_file
 from polhode.harness.picking import pilot as laws_pilot
