@@ -277,7 +277,7 @@ def _estimates(scene: Scene, form: Form, observables: Observables, apart: Apart,
         certainty = 2.0 if lost else look.certainty
         # No two orientations are further apart than π.
         most = pi if want == "orientation" else inf
-        found[want] = Interval(middle, middle / certainty, min(most, certainty * middle + rounding))
+        found[want] = Interval(middle, 0.0 if lost else middle / certainty, min(most, certainty * middle + rounding))
     # Where a looser look lost the orientation, L and E sway with that of the run, which it may have lost as well.
     if slow := found["slow"]:
         found["slow"] = replace(slow, high=max(slow.high, apart[2]))

@@ -69,13 +69,14 @@ class RunError:
         stated = self.wanted(want)
         if stated is None or stated.high <= error:
             return self
-        sure = "was missed" if stated.predicted > error else "may have been missed"
+        # An interval that begins at 0 bounds the error, and proves nothing missed.
+        sure = "was missed" if stated.low > error else "may have been missed"
         if form.averaged:
             what = f"--form {reference_form(scene)}, whose error its tolerance alone sets"
         else:
             tighter = one_digit(tolerance * error / stated.high / 2)
             what = f"--tolerance {short(tighter)}" if tighter >= TIGHTEST else "nothing: double precision holds no more"
-        made = f"about {scientific(stated.predicted)}, at most {scientific(stated.high)}"
+        made = (f"about {scientific(stated.predicted)}, " if stated.low else "") + f"at most {scientific(stated.high)}"
         advice = f"the error asked for, {short(error)}, {sure}: it is {made}; do: {what}"
         return replace(self, advice=advice)
 

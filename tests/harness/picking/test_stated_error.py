@@ -4,6 +4,10 @@ import numpy as np
 import pytest
 
 from polhode import solve
+from polhode.harness.picking.laws import Interval
+from polhode.harness.picking.stated_error import RunError
+from polhode.models.catalogue import form as find_form
+from polhode.models.scenes import named_scene
 from polhode.solvers.contract import Status
 
 
@@ -30,3 +34,18 @@ def test_words_say_what_the_angle_is_of(scene, angle):
     """Of a spheroid that of its axis: how far it has spun about this may be off by more."""
     found = solve(scene, form="quaternion", solver="cyrk-vern8", tolerance=1e-8)
     assert f"; {angle} within " in found.error.words()
+
+
+@pytest.mark.parametrize(
+    ("form", "low", "advice"),
+    [
+        # What begins at 0 is a bound alone.
+        ("hybrid", 0.0, "may have been missed: it is at most 3.5e-2; do: --tolerance 1e-5"),
+        ("hybrid", 2e-3, "was missed: it is about 4.0e-3, at most 3.5e-2; do: --tolerance 1e-5"),
+        ("quaternion", 5e-4, "may have been missed: it is about 4.0e-3, at most 3.5e-2; do: --tolerance 1e-5"),
+    ],
+)
+def test_no_more_is_said_of_an_error_than_its_interval_holds(form, low, advice):
+    scene, seen = named_scene("spheroid"), RunError(Interval(4e-3, low, 3.5e-2), None, "")
+    said = seen.asked(1e-3, "slow", find_form(form), scene, 1e-3).advice
+    assert said.startswith(f"the error asked for, 0.001, {advice}")
