@@ -59,13 +59,17 @@ ROUNDING, GROWTH = 2.0, {"slow": 0.7, "orientation": 1.7}
 
 
 class Look(NamedTuple):
-    """A second run: by which solver, at which tolerance, its error over that of the run, and its share of the time."""
+    """A second run: by which solver, at which tolerance, its error over that of the run, and its share of the time.
+
+    Of one that may be `poorer` than the run their difference bounds the error from above alone.
+    """
 
     solver: Solver
     tolerance: float
     larger: float
     certainty: float
     share: float = 1.0
+    poorer: bool = False
 
 
 def run_error(scene: Scene, form: Form, method: Solver, found: Solution, observables: Observables) -> RunError:
@@ -179,7 +183,8 @@ def _looks(scene: Scene, form: Form, method: Solver, found: Solution, turns: flo
         sharper = TIGHTER_THAN_TAYLOR if taylor else TIGHTER / 10 if other.switching else TIGHTER
         sharp = max(TIGHTEST, affordable, min(tolerance * sharper, 1.0 if other.implicit else LOW_ORDER))
         if taylor or sharp < tolerance:
-            yield Look(other, min(LOOSEST, sharp), 0.0, CERTAIN)
+            poorer = taylor and sharp > tolerance * sharper
+            yield Look(other, min(LOOSEST, sharp), 0.0, CERTAIN, poorer=poorer)
     # Of a high order even a hundredfold tolerance hardly saves half of the steps.
     saves = explicit and high and SHARE * min(usual, found.seconds) > LEAST
     looser = min(LOOSEST, tolerance * ((SHARE * PLANNED) ** -VERNER[2] if saves else LOOSER))
@@ -277,7 +282,8 @@ def _estimates(scene: Scene, form: Form, observables: Observables, apart: Apart,
         certainty = 2.0 if lost else look.certainty
         # No two orientations are further apart than π.
         most = pi if want == "orientation" else inf
-        found[want] = Interval(middle, 0.0 if lost else middle / certainty, min(most, certainty * middle + rounding))
+        low = 0.0 if lost or look.poorer else middle / certainty
+        found[want] = Interval(middle, low, min(most, certainty * middle + rounding))
     # Where a looser look lost the orientation, L and E sway with that of the run, which it may have lost as well.
     if slow := found["slow"]:
         found["slow"] = replace(slow, high=max(slow.high, apart[2]))

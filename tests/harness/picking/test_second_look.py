@@ -134,6 +134,16 @@ def test_which_method_looks_first(kappa, stokes, time, method, turns, look):
     assert first.solver.name == look
 
 
+def test_a_look_less_accurate_than_a_run_by_taylor_bounds_its_error_from_above_alone():
+    scene = replace(named_scene("long"), time=1e4)
+    what = plan(scene, "quaternion", "taylor", 1e-13, 1e-6, "slow", 51)
+    found = what.observed(run(what.problem, "taylor", 1e-13, what.times))
+    seen = run_error(scene, what.form, what.solver, replace(found.run, seconds=0.02), found.observables)
+    true = errors(scene.ellipsoid, found.observables, solve(scene, **TIGHT, samples=51).observables)
+    assert seen.slow is not None
+    assert seen.slow.low <= true.slow <= seen.slow.high
+
+
 def test_no_look_no_error_and_why():
     what = plan("paper", "quaternion", "cyrk-dop853", 1e-8, 1e-6, "slow", 11)
     assert replace(what, estimate=False).run().error is UNKNOWN
