@@ -7,10 +7,10 @@ import numpy as np
 
 from polhode.harness.common.text import in_two_digits, scientific, short
 from polhode.harness.picking.laws import Interval
-from polhode.harness.picking.pilot import pilot_solver
-from polhode.harness.picking.refusals import one_digit
+from polhode.harness.picking.pilot import InPieces, pilot_solver
+from polhode.harness.picking.refusals import one_digit, takes
 from polhode.harness.references.errors import magnitude
-from polhode.models.catalogue import reference_form
+from polhode.models.catalogue import full_form
 from polhode.models.form import Form
 from polhode.models.observables import Observables
 from polhode.models.scene import Scene
@@ -19,8 +19,8 @@ from polhode.solvers.solve import Solution, solve
 
 # Share of the runs whose error stays below the upper end, as `polhode validate` counts.
 BOUNDED = 0.975
-# The tightest tolerance of a run.
-TIGHTEST = 1e-15
+# The tightest tolerance of a run, and of one that a run a hundred times tighter confirms.
+TIGHTEST, CONFIRMED = 1e-15, 1e-13
 # A success is false if L or E is off by more than this, over I_max, and by this share of the largest of them.
 OFF, SHARE = 0.1, 0.01
 # Tolerances of the sharp runs. They agree if the distance between them is this share of the run's distance from them:
@@ -71,11 +71,14 @@ class RunError:
             return self
         # An interval that begins at 0 bounds the error, and proves nothing missed.
         sure = "was missed" if stated.low > error else "may have been missed"
-        if form.averaged:
-            what = f"--form {reference_form(scene)}, whose error its tolerance alone sets"
-        else:
-            tighter = one_digit(tolerance * error / stated.high / 2)
-            what = f"--tolerance {short(tighter)}" if tighter >= TIGHTEST else "nothing: double precision holds no more"
+        tighter, full = one_digit(tolerance * error / stated.high / 2), full_form(scene)
+        what = "nothing: no look confirms a tighter run"
+        # What pieces state does not fall with the tolerance.
+        if form.averaged or (isinstance(form, InPieces) and not stated.low):
+            able = f"--form {full}, whose error its tolerance alone sets"
+            what = able if takes(full, scene) else "nothing: no full form starts so"
+        elif tighter >= CONFIRMED:
+            what = f"--tolerance {short(tighter)}"
         made = (f"about {scientific(stated.predicted)}, " if stated.low else "") + f"at most {scientific(stated.high)}"
         advice = f"the error asked for, {short(error)}, {sure}: it is {made}; do: {what}"
         return replace(self, advice=advice)
