@@ -121,6 +121,7 @@ def _solver_error(
     stride = -(-len(found.times) // (FEW_TIMES if averaged or hasattr(form, "estimate") else MOST_TIMES))
     rows = np.append(np.arange(0, len(found.times) - 1, stride), len(found.times) - 1)
     turns = 0.0 if form.averaged else _rotations(scene, observables)
+    why = "no second run came to its end in the time allowed"
     # A second run in pieces enters as many, and takes as long; where none is far tighter than full pieces, these state
     # an error of their own.
     dear = (averaged and found.seconds > limit) or (in_full and found.settings.tolerance * TIGHTER < TIGHTEST)
@@ -134,6 +135,7 @@ def _solver_error(
         most = max(100, int(STOPPED * limit / step)) if step else UNLIMITED
         run = solve(problem, each.solver, each.tolerance, times, max_seconds=STOPPED * limit, max_steps=most)
         look = _believed(each, found, run) if problem is found.problem else each
+        why = "second runs took the very same steps" if run.success else why
         if run.success and look.larger != 1:
             here = observables[seen]
             own = _estimates(scene, form, here, _apart(scene, look, here, equations.observe(scene, run.states)), look)
@@ -150,7 +152,7 @@ def _solver_error(
             break
     if found.stages:
         return _stated(scene, form, found, observables)
-    raise PilotFailedError("no second run came to its end in the time allowed")
+    raise PilotFailedError(why)
 
 
 def _looks(scene: Scene, form: Form, method: Solver, found: Solution, turns: float, limit: float) -> Iterator[Look]:

@@ -15,6 +15,7 @@ from polhode.harness.picking import second_look
 from polhode.harness.picking.second_look import LEAST, SHARE, run_error
 from polhode.harness.picking.stated_error import UNKNOWN
 from polhode.harness.references.errors import errors
+from polhode.models.scene import Scene, SlowStart
 from polhode.models.scenes import named_scene
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.catalogue import solver as find_solver
@@ -150,6 +151,12 @@ def test_no_look_no_error_and_why():
     stopped = run(what.problem, "cyrk-dop853", 1e-8, np.linspace(0, what.problem.end, 11), max_steps=50)
     seen = run_error(what.scene, what.form, what.solver, stopped, what.form.observe(what.scene, stopped.states))
     assert (seen.slow, seen.orientation, seen.note) == (None, None, "the run did not reach its end")
+
+
+def test_a_second_run_of_the_same_steps_says_nothing_and_is_named():
+    scene = Scene(Ellipsoid((1.0, 0.8, 0.5)), 1000.0, SlowStart((0.0, 0.1, 0.3), 0.1), 5.0)
+    found = solve(scene, form="averaged", solver="cyrk-dop853", tolerance=9e-5)
+    assert (found.error.slow, found.error.note) == (None, "second runs took the very same steps")
 
 
 def test_a_closed_form_has_rounding_alone():
