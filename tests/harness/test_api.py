@@ -160,6 +160,7 @@ def test_failure_is_a_status_with_the_rows_so_far():
         ({"tolerance": "1e-8"}, "^tolerance: got '1e-8', expected a number"),
         ({"tolerance": [1e-8]}, r"^tolerance: got \[1e-08\], expected a number"),
         ({"tolerance": None, "error": None}, "^error: got None, expected a number"),
+        ({"times": [1.0, 2.0], "samples": 5}, "^samples: got 5 beside times, expected one of them$"),
         ({"times": "now"}, "^times: got 'now', expected increasing numbers from 0 to 500$"),
         ({"times": [0.0, None, 1.0]}, r"^times: got \[0.0, None, 1.0\], expected increasing numbers"),
         ({"times": [0.0, "1"]}, r"^times: got \[0.0, '1'\], expected increasing numbers"),
