@@ -121,7 +121,9 @@ def plan(
     if solver is not None:
         find_solver(solver)
     with spent_on("pilots"):
-        choice = choose(what, FORMS.name_of(form), SOLVERS.name_of(solver), tolerance, error, want, len(wanted))
+        # Trials begin at the start.
+        rows = max(2, len(wanted))
+        choice = choose(what, FORMS.name_of(form), SOLVERS.name_of(solver), tolerance, error, want, rows)
     equations, method = find_form(form or choice.form), find_solver(solver or choice.solver)
     problem = equations.problem(what)
     if not method.available:

@@ -92,10 +92,12 @@ def test_averaged_forms_count_time_in_shear_units_and_know_no_rotation():
     assert found.frame()[["R11", "R33"]].isna().all(axis=None)
 
 
-def test_left_to_choose_it_meets_the_error(solution: SceneSolution):
-    found = solve("paper", error=1e-4)
+@pytest.mark.parametrize("times", [None, [500.0]])
+def test_left_to_choose_it_meets_the_error(solution: SceneSolution, times: list[float] | None):
+    found = solve("paper", error=1e-4, times=times)
     assert found.success
-    difference = np.max(np.abs(found.observables.slow - solution.observables.slow))
+    true = solution if times is None else solution(times)
+    difference = np.max(np.abs(found.observables.slow - true.observables.slow))
     assert difference < 1e-4 * max(found.scene.ellipsoid.inertia)
 
 
