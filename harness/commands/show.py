@@ -9,10 +9,10 @@ import click
 from polhode.harness.cli import BadInput, RunFailed, bad_input, command
 from polhode.harness.commands import setup
 from polhode.harness.commands._study_options import as_json, to_json
-from polhode.harness.common.text import fitting, on_terminal
+from polhode.harness.common.text import fitting, on_terminal, scientific, short
 
-# What pictures end in.
-FORMATS = (".png", ".svg", ".pdf")
+# What pictures end in, and the rotations up to the last moment: seconds of a run.
+FORMATS, MOST_ROTATIONS = (".png", ".svg", ".pdf"), 1e5
 
 
 # Negative numbers are values here, to be refused as such.
@@ -134,6 +134,9 @@ def draw(scene: str, out: Path, until: float | None, frames: int) -> None:
         if found.ellipsoid.kind == "sphere":
             raise ValueError(f"SCENE: got {scene!r}, a sphere, expected a particle with an orientation to be seen")
         shown = replace(found, time=found.time / max(1.0, rotations(found)) if until is None else until)
+        if until and (count := rotations(shown)) > MOST_ROTATIONS:
+            got = f"got {short(until)}, {scientific(count)} rotations"
+            raise ValueError(f"--until: {got}, expected at most {short(MOST_ROTATIONS)} of them")
         solution = solve(shown, form=simplest(shown), error=1e-3, want="orientation", samples=frames)
         if not solution.success:
             raise RunFailed(f"{solution.form} by {solution.solver}: {solution.status}")

@@ -43,6 +43,7 @@ def test_the_command_writes_a_picture_or_refuses(here: Run, tmp_path: Path):
         (["sphere", "--out", tmp_path / "x.png"], "a sphere"),
         (["paper", "--out", tmp_path / "x.jpg"], ".png, .svg, .pdf"),
         (["paper", "--until", -1, "--out", tmp_path / "x.png"], "got -1.0"),
+        (["paper", "--until", 1e9, "--out", tmp_path / "x.png"], "got 1e9, 8.0e7 rotations, expected at most 1e5"),
     ):
         done = here("draw", *arguments)
         assert (done.returncode, done.stdout) == (2, "")
