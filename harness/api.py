@@ -12,7 +12,7 @@ import numpy as np
 
 from polhode.harness import DEFAULT_SAMPLES
 from polhode.harness.events import Event, EventLike, as_events, with_events
-from polhode.harness.ivp import SAMPLES, increasing
+from polhode.harness.ivp import increasing
 from polhode.harness.picking.choice import choose
 from polhode.harness.picking.ranking import pick as recommend
 from polhode.harness.picking.recommendation import Recommendation
@@ -109,7 +109,7 @@ def plan(
     """What `solve` will run; arguments and refusals as there, in one place for Python and the command line."""
     what = as_scene(scene)
     _check_samples(samples)
-    if times is not None and samples != SAMPLES:
+    if times is not None and samples != DEFAULT_SAMPLES:
         raise ValueError(f"samples: got {samples} beside times, expected one of them")
     wanted = np.linspace(0.0, what.time, samples) if times is None else increasing("times", times, 0.0, what.time)
     if not wanted[-1]:

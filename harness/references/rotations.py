@@ -151,15 +151,17 @@ def _angle(scene: Scene) -> float:
     longest = min(scene.time, LONGEST_STIFF if stiff else LONGEST_ROTATIONS * 2 * pi / speed)
     solver, tolerance = ("cyrk-radau", STIFF_TOLERANCE) if stiff else ("cyrk-vern8", TOLERANCE)
     risen = longest if _is_separated(scene) else RISEN * _separation(scene)
+    angle = 0.0
     for end in (risen, longest) if 0 < risen < longest else (longest,):
         run = solve(problem, solver, tolerance, np.array([0.0, end / 2, end]))
         if not run.success:
             raise ValueError(f"rotations: the loose run ended with {run.status.value}: {run.message}")
         half, whole = (float(angle) for angle in run.states[1:, -1])
+        angle = whole + (scene.time - end) * (whole - half) / (end / 2)
         if end == scene.time:
-            return whole
+            break
         reached = start_from(scene.ellipsoid, form.observe(scene, run.states[-1:, :-1]))
         rest = replace(scene, start=reached, time=scene.time - end)
         if _averages_well(rest) and (further := _averaged_angle(rest)) is not None:
             return whole + further
-    return whole + (scene.time - end) * (whole - half) / (end / 2)
+    return angle

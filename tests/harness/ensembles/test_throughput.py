@@ -76,6 +76,6 @@ def test_the_page_shows_what_was_measured():
     assert ["1 : 0.8 : 0.5", "averaged", "100,000", "50,000", "40,000", "1.0e-7", "2.0e-6", "1,048,576"] in cells
     # 10⁹ particles at 10⁵ a second; 10⁷ particles at a hundredth of 10⁴.
     assert ["1 : 1 : 2", "full", "1,000,000,000", "1000", "10,000", "10,000.0 MiB", "2.78"] in cells
-    assert ["1 : 0.8 : 0.5", "full", "10,000,000", "100000", "100", "100.0 MiB", "27.78"] in cells
+    assert ["1 : 0.8 : 0.5", "full", "10,000,000", "1e5", "100", "100.0 MiB", "27.78"] in cells
     assert ["1 : 0.8 : 0.5", "averaged", "1,000,000,000", "1000", "10,000", "10,000.0 MiB", "6.94"] in cells
-    assert ["hybrid", "30,000", "90%", "1.0e-5", "1.0e-3", "2.5"] in cells
+    assert ["hybrid", "30,000", "90 %", "1.0e-5", "1.0e-3", "2.5"] in cells
