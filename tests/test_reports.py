@@ -21,7 +21,7 @@ from polhode.harness.pages.averaging import first_order, hybrid, second_order
 from polhode.harness.pages.bench import averaged_costs, verdict
 from polhode.harness.pages.known_stokes import write_page
 from polhode.harness.pages.outcomes import limit, sentences
-from polhode.harness.pages.picking.pick import stated_summary, summary
+from polhode.harness.pages.pick import stated_summary, summary
 from polhode.harness.pages.regimes import ERRORS, read_cells, sentence
 from polhode.harness.paper import claims, store
 from polhode.harness.paper.pages import write_pages

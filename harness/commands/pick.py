@@ -153,7 +153,7 @@ def validate(out: Path, scenes: int, seed: int, seeds: int, errors: int, resume:
     """Ask `pick` about scenes that no law was fitted on, measure them, print how good it was, and write the page."""
     from polhode.harness.calibration.heldout import evaluate
     from polhode.harness.calibration.stated import stated
-    from polhode.harness.pages.picking.pick import stated_summary, summary, write_pages, write_stated
+    from polhode.harness.pages.pick import stated_summary, summary, write_pages, write_stated
     from polhode.harness.picking.laws import load_laws
 
     if errors:

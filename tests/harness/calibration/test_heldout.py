@@ -12,7 +12,7 @@ from polhode.harness.calibration.heldout import FINAL, FINALISTS, ask, finalists
 from polhode.harness.calibration.scenes import questions
 from polhode.harness.calibration.selection import decade, rules
 from polhode.harness.calibration.training import EVERY_LONG
-from polhode.harness.pages.picking.pick import summary, write_pages
+from polhode.harness.pages.pick import summary, write_pages
 from polhode.harness.picking.laws import Interval, load_laws
 from polhode.harness.picking.pilot import pilot
 from polhode.harness.picking.recommendation import Excluded, Recommendation, Way

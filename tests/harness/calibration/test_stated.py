@@ -6,7 +6,7 @@ import pytest
 from polhode.harness.calibration import stated as module
 from polhode.harness.calibration.stated import judged, stated
 from polhode.harness.common.store import Store
-from polhode.harness.pages.picking.pick import stated_summary, write_stated
+from polhode.harness.pages.pick import stated_summary, write_stated
 
 
 def test_shares_and_factors():

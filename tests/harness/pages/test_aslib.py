@@ -4,7 +4,7 @@ import pandas as pd
 
 from polhode.harness.calibration.scenes import questions
 from polhode.harness.calibration.selection import COLUMNS, PICK
-from polhode.harness.pages.picking.pick import write_aslib
+from polhode.harness.pages.pick import write_aslib
 
 
 def test_the_scenario_has_aslibs_files(tmp_path):
