@@ -28,7 +28,7 @@ KINDS = {
 MOST_DISTURBED, FEW = 0.1, 50
 # Options that change nothing in what is measured.
 ASIDE = ("out", "resume", "quiet", "as_json", "page_only", "disturbed")
-quick = click.option("--quick", is_flag=True, help="Fewer tolerances and short time limits: a look, not a result.")
+quick = click.option("--quick", is_flag=True, help="Few tolerances, short limits: a look, by default in FOLDER-quick.")
 resume = click.option("--resume", is_flag=True, help="Take up an interrupted run instead of starting afresh.")
 disturbed = click.option("--disturbed", is_flag=True, help="Replace earlier results by times that were disturbed too.")
 quiet = click.option("--quiet", is_flag=True, help="No progress.")
@@ -39,7 +39,16 @@ FOLDER = click.Path(path_type=Path, file_okay=False)
 
 def out_folder(default: str) -> Callable[..., Any]:
     """The option --out, a folder."""
-    return click.option("--out", type=FOLDER, default=Path(default), help="Folder.")
+
+    def folder(context: click.Context, _: click.Parameter, given: Path | None) -> Path:
+        return given or usual(default, context.params.get("quick", False))
+
+    return click.option("--out", type=FOLDER, callback=folder, help=f"Folder; by default {default}.")
+
+
+def usual(folder: str, quick: bool) -> Path:
+    """The folder of a command; for a quick look one beside it: a look takes no result's place."""
+    return Path(folder + "-quick" * quick)
 
 
 @dataclass(frozen=True)
@@ -60,7 +69,9 @@ class Wanted:
 
         study = read_study(self.study_file, default)
         values = [value for kind in KINDS for value in self.filters[kind]]
-        return replace(study.part(**self.filters), name="-".join([study.name, *values])) if values else study
+        part = study.part(**self.filters) if values else study
+        name = "-".join([study.name, *values, *["quick"] * self.quick])
+        return replace(part.quick() if self.quick else part, name=name)
 
 
 def study_options(command: Callable[..., Any]) -> Callable[..., Any]:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 PAGES = {"costs": "bench", "outcomes": "outcomes", "known-stokes": "known_stokes"}
 # Of `accuracy`, again in `averaging.second_order` and `averaging.hybrid`, so that `--help` needs no numerics.
 PARTS = {"1": (), "2": ("orders", "resonances", "cost"), "hybrid": ("errors", "speed")}
-FOLDERS = {"1": Path("reports/accuracy"), "2": Path("reports/second-order"), "hybrid": Path("reports/hybrid")}
+FOLDERS = {"1": "reports/accuracy", "2": "reports/second-order", "hybrid": "reports/hybrid"}
 
 
 @command()
@@ -42,7 +42,6 @@ def bench(wanted: Wanted, problems: bool, page_only: bool) -> None:
 
     with bad_input():
         study = wanted.study()
-        study = study.quick() if wanted.quick else study
     folder = wanted.out or Path("reports") / study.name
     write_page = import_module(f"polhode.harness.pages.{PAGES[study.page]}").write_page
     if page_only:
@@ -71,7 +70,8 @@ def _problems(wanted: Wanted, page_only: bool) -> None:
 
     if wanted.study_file or wanted.filters["forms"] or wanted.filters["tags"] or page_only:
         raise BadInput("--problems: got a study, --form, --tag or --page-only, expected --scene and --solver at most")
-    folder, some = wanted.out or Path("reports/problems"), (wanted.filters["scenes"], wanted.filters["solvers"])
+    folder = wanted.out or options.usual("reports/problems", wanted.quick)
+    some = wanted.filters["scenes"], wanted.filters["solvers"]
     with bad_input():
         pairs_of(*some)
     with stored(folder, wanted.resume) as store:
@@ -91,7 +91,7 @@ def regimes(wanted: Wanted) -> None:
         study = replace(wanted.study("regimes"), longest_slow_time=LONGEST_SLOW_TIME)
         if wanted.quick:
             some = tuple((name, scene) for name, scene in study.scenes if 0.1 <= scene.stokes <= 1e4)
-            study = replace(study.quick(), scenes=some or study.scenes)
+            study = replace(study, scenes=some or study.scenes)
     folder = wanted.out or Path("reports") / study.name
     with stored(folder, wanted.resume) as store:
         if not wanted.quiet:
@@ -138,7 +138,7 @@ def equal_error(out: Path, quick: bool, resume: bool, quiet: bool) -> None:
 @options.out_folder("reports/paper")
 @click.option("--force", is_flag=True, help="Compute again even what is there.")
 @click.option("--redraw", is_flag=True, help="Draw from the data that are there, whatever code made them.")
-@click.option("--quick", is_flag=True, help="Coarse grids: a look, not a result.")
+@click.option("--quick", is_flag=True, help="Coarse grids: a look, by default in FOLDER-quick.")
 @click.option("--list", "listed", is_flag=True, help="Print the items and stop.")
 @click.option("--json", "as_json", is_flag=True, help="With --list: print JSON.")
 @options.quiet
@@ -172,7 +172,7 @@ def paper(
 @click.option("--order", type=click.Choice(list(FOLDERS)), default="1", help="What is measured of averaging.")
 @click.option("--out", type=options.FOLDER, help="Folder; by default reports/accuracy, second-order or hybrid.")
 @options.as_json
-@click.option("--quick", is_flag=True, help="St up to 1000 or a few cases alone: a look, not a result.")
+@click.option("--quick", is_flag=True, help="St up to 1000 or a few cases alone: a look, by default in FOLDER-quick.")
 @click.option("--part", type=click.Choice([*PARTS["2"], *PARTS["hybrid"]]), help="Measure that alone anew.")
 @click.option("--page-only", is_flag=True, help="Measure nothing: write the page anew from the data in --out.")
 @options.quiet
@@ -190,7 +190,7 @@ def accuracy(
     pages: dict[str, Any] = {"1": first_order, "2": second_order, "hybrid": hybrid}
     kinds: dict[str, Any] = {"1": PaperStudy, "2": SecondOrderStudy, "hybrid": HybridStudy}
     measures: dict[str, Any] = {"1": lambda *_, **how: measure_all(**how), "2": measure_study, "hybrid": measure_hybrid}
-    page, out = pages[order], out or FOLDERS[order]
+    page, out = pages[order], out or options.usual(FOLDERS[order], quick)
     with bad_input():
         if quick + bool(part) + page_only > 1:
             raise ValueError("--quick, --part, --page-only: got several of them, expected one")

@@ -167,7 +167,7 @@ def _solvers(names: set[str]) -> dict[str, Any]:
 def read_studies(folder: Path, columns: Collection[str]) -> tuple[dict[str, pd.DataFrame], list[str]]:
     """Runs of each study by the name of its folder, and file if it holds several; and the files that cannot be read."""
     studies, unreadable = {}, []
-    folders = [path for path in sorted(folder.glob("*")) if path.name not in NO_STUDY]
+    folders = [path for path in sorted(folder.glob("*")) if path.name.removesuffix("-quick") not in NO_STUDY]
     # Exported records; where there are none, the table of runs.
     for path in (file for each in folders for file in sorted(each.glob("*.jsonl")) or each.glob("runs.csv")):
         name = path.parent.name if path.stem in ("records", "runs") else f"{path.parent.name}/{path.stem}"

@@ -65,6 +65,8 @@ def test_the_page(here: Run, folder: Path):
     assert "**robertson-dae**: F. Mazzia" in page
     assert "- Of 2 problems that somebody solves, " in page
     assert {"profiles.png", "work-precision.png", "runs.csv"} <= {path.name for path in folder.iterdir()}
+    look = here("bench", "--problems", "--quick", "--quiet", "--scene", "kepler", "--solver", "cyrk-dop853")
+    assert (look.returncode, look.stdout) == (0, "reports/problems-quick/README.md\n")
     refused = here("bench", "--problems", "--scene", "keppler", "--out", folder / "other")
     assert refused.returncode == 2
     assert "got 'keppler' (did you mean 'kepler'?), expected one of hires" in refused.stderr

@@ -257,6 +257,8 @@ def test_the_command_prints_nothing_but_json_and_the_page_alone_is_the_one_that_
     outcome = CliRunner().invoke(polhode, ["accuracy", "--page-only", "--out", str(tmp_path)])
     assert outcome.exit_code == 0
     assert page.read_text(encoding="utf-8") == before
+    monkeypatch.chdir(tmp_path)
+    assert "reports/accuracy-quick/README.md" in CliRunner().invoke(polhode, ["accuracy", "--quick"]).stderr
 
 
 def test_a_page_without_data_is_refused(tmp_path):

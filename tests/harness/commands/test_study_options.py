@@ -3,11 +3,12 @@
 from pathlib import Path
 from shlex import split
 
+import click
 import pytest
 
 from polhode.harness.cli import RunFailed
 from polhode.harness.commands._study_options import FEW, command_line, steady, stored
-from polhode.harness.commands.bench import bench
+from polhode.harness.commands.bench import bench, equal_error, paper
 from polhode.harness.common.machine import header, machine
 from polhode.harness.common.store import Store
 
@@ -56,3 +57,9 @@ def test_a_run_that_starts_afresh_keeps_the_last_store_and_copies_of_it(name: st
     with Store(tmp_path / kept) as store:
         assert store.keys() == {"a"}
     assert copy.read_text() == "a copy"
+
+
+@pytest.mark.parametrize(("command", "folder"), [(equal_error, "reports/solvers"), (paper, "reports/paper")])
+def test_a_quick_look_has_a_folder_of_its_own(command: click.Command, folder: str):
+    for words, out in {"": folder, "--quick": f"{folder}-quick", "--out mine --quick": "mine"}.items():
+        assert command.make_context("polhode", words.split()).params["out"] == Path(out)

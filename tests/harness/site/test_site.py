@@ -258,8 +258,9 @@ def test_a_report_takes_no_page_of_the_sites_own(tmp_path: Path):
 
 def test_damaged_files_are_named(tmp_path: Path):
     broken = tmp_path / "reports"
-    bare = dict.fromkeys(set(NEEDED) - {"stokes"}, "1")
-    for name, text in (("torn", '{"form": "quat'), ("other", '{"answer": 42}\n'), ("bare", dumps(bare))):
+    bare = dumps(dict.fromkeys(set(NEEDED) - {"stokes"}, "1"))
+    texts = {"torn": '{"form": "quat', "other": '{"answer": 42}\n', "bare": bare, "problems-quick": ""}
+    for name, text in texts.items():
         (broken / name).mkdir(parents=True)
         (broken / name / "records.jsonl").write_text(text, encoding="utf-8")
     studies, unreadable = read_studies(broken, ())

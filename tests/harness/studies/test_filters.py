@@ -83,8 +83,8 @@ def test_the_command_line_runs_a_part_into_a_folder_of_its_own(here: Run, tmp_pa
     (tmp_path / "two.toml").write_text(TWO_SCENES, encoding="utf-8")
     done = here("bench", "two.toml", "--tag", "spheroid", "--solver", "cyrk-vern8", "--quick", "--quiet")
     assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout == "reports/small-spheroid-cyrk-vern8/README.md\n"
-    folder = tmp_path / "reports" / "small-spheroid-cyrk-vern8"
+    assert done.stdout == "reports/small-spheroid-cyrk-vern8-quick/README.md\n"
+    folder = tmp_path / "reports" / "small-spheroid-cyrk-vern8-quick"
     assert "polhode bench two.toml --quick --tag spheroid --solver cyrk-vern8" in (folder / "README.md").read_text()
     records = [json.loads(line) for line in (folder / "records.jsonl").read_text().splitlines()]
     assert {(record["scene_name"], record["solver"]) for record in records} == {("round", "cyrk-vern8")}
