@@ -96,6 +96,8 @@ def solve(
 
 def _notes(what: "Plan", tolerance: float | None) -> list[str]:
     """What the user should know: that the error will not be met, or has no say, and what stays empty."""
+    from polhode.harness.picking.refusals import takes
+
     asked = click.get_current_context().get_parameter_source("error") is not ParameterSource.DEFAULT
     notes = ["the --tolerance given governs the run: --error is only for choosing one"] * (asked and bool(tolerance))
     notes += filter(None, (what.note, what.long))
@@ -103,7 +105,8 @@ def _notes(what: "Plan", tolerance: float | None) -> list[str]:
     if len(known) < 3:
         words = "the symmetry axis alone" if known else "no orientation"
         empty = ", ".join(f"R{row}1 to R{row}3" for row in (1, 2, 3) if row - 1 not in known)
-        notes.append(f"{what.form.name} knows {words}: {empty} stay empty; --form quaternion gives all")
+        full = "; --form quaternion gives all" * takes("quaternion", what.scene)
+        notes.append(f"{what.form.name} knows {words}: {empty} stay empty{full}")
     return notes
 
 

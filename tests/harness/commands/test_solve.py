@@ -223,12 +223,16 @@ def test_redirected_output_is_written_to_and_goes_on_where_it_stands(environment
 @pytest.mark.parametrize(
     ("scene", "form", "note"),
     [
-        ("spheroid", "spheroid-axis", "knows the symmetry axis alone: R11 to R13, R21 to R23 stay empty"),
-        ("paper", "averaged", "knows no orientation: R11 to R13, R21 to R23, R31 to R33 stay empty"),
+        ("spheroid", "spheroid-axis", "knows the symmetry axis alone: R11 to R13, R21 to R23 stay empty; --form"),
+        ("paper", "averaged", "knows no orientation: R11 to R13, R21 to R23, R31 to R33 stay empty; --form"),
+        # No form knows more of a start by L and E.
+        ("scene.toml", "averaged", "R31 to R33 stay empty\n"),
         ("paper", "quaternion", ""),
     ],
 )
-def test_what_stays_empty_is_said(here: Run, scene: str, form: str, note: str):
+def test_what_stays_empty_is_said(here: Run, tmp_path: Path, scene: str, form: str, note: str):
+    start = "angular_momentum = [0.1, 0.2, 0.3]\nenergy = 0.15"
+    (tmp_path / "scene.toml").write_text(scene_text(1000.0, 500.0, start=start), encoding="utf-8")
     words = ("--form", form, *GIVEN[2:], "--samples", 2)
     done = here("solve", scene, *words, "--out", "a.csv")
     assert done.returncode == 0
