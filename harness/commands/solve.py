@@ -69,6 +69,9 @@ def solve(
             what = plan(scene, **given)
             if target:
                 target.open()
+        if verbose:
+            # After all else, of a run that failed too.
+            click.get_current_context().call_on_close(_say_times)
         say(f"{what.form.name} by {what.solver.name} at tolerance {short(what.tolerance)}")
         for note in _notes(what, given["tolerance"]):
             say(f"note: {note}")
@@ -89,9 +92,11 @@ def solve(
             say(f"error: {solution.error.words()}")
             if solution.error.advice and not what.note:
                 say(f"note: {solution.error.advice}")
-    if verbose:
-        rows = [(work, duration(seconds)) for work, seconds in SPENT.items()]
-        click.echo(aligned(["time", ""], [*rows, ("in all", duration(sum(SPENT.values())))]), err=True)
+
+
+def _say_times() -> None:
+    rows = [(work, duration(seconds)) for work, seconds in SPENT.items()]
+    click.echo(aligned(["time", ""], [*rows, ("in all", duration(sum(SPENT.values())))]), err=True)
 
 
 def _notes(what: "Plan", tolerance: float | None) -> list[str]:

@@ -250,9 +250,10 @@ def test_a_link_stays_and_what_it_points_to_is_replaced(here: Run, tmp_path: Pat
     assert sorted(path.name for path in (tmp_path / "there").iterdir()) == ["a.bin", "a.bin.json"]
 
 
-def test_where_the_time_went_is_said_on_request(polhode: Run):
-    done = polhode("solve", "paper", "--verbose", "--quiet", "--out", os.devnull)
-    assert (done.returncode, done.stdout) == (0, "")
+@pytest.mark.parametrize(("out", "code"), [(os.devnull, 0), ("/dev/full", 1)])
+def test_where_the_time_went_is_said_on_request(polhode: Run, out: str, code: int):
+    done = polhode("solve", "paper", "--verbose", "--quiet", "--out", out)
+    assert (done.returncode, done.stdout) == (code, "")
     lines = [line.rsplit(maxsplit=2)[0] for line in done.stderr.splitlines()]
     assert {"import", "compilation", "pilots", "integration", "output", "in all"} <= set(lines)
 
