@@ -1,7 +1,7 @@
 """`polhode solve`: one scene, as a table on the terminal or as CSV."""
 
 import sys
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from importlib.util import find_spec
 from pathlib import Path
 from time import process_time
@@ -75,7 +75,7 @@ def solve(
         say(f"{what.form.name} by {what.solver.name} at tolerance {short(what.tolerance)}")
         for note in _notes(what, given["tolerance"]):
             say(f"note: {note}")
-        solution = _run(what, target, beside, progress, omega)
+        solution = _run(what, target, beside, progress, omega, given)
     if restart:
         with bad_input():
             from polhode.models.files.scene_file import scene_table
@@ -125,10 +125,16 @@ def _as_parquet(out: Path) -> bool:
 
 
 def _run(
-    what: "Plan", target: PartialFile | None, beside: Path | None, progress: Progress, omega: bool
+    what: "Plan",
+    target: PartialFile | None,
+    beside: Path | None,
+    progress: Progress,
+    omega: bool,
+    given: dict[str, Any],
 ) -> "SceneSolution":
     """Solve, and write what is finished; RunFailed if the run fails or is interrupted, or the disk is full."""
     from polhode.harness.solution import write_csv
+    from polhode.solvers.contract import Status
     from polhode.solvers.solve import Interrupted
 
     def watch(record: "Record") -> None:
@@ -152,7 +158,9 @@ def _run(
             if not solution.success:
                 where = f"in {target.partial}" if target else "finished"
                 rows = f"{len(solution.times)} of {len(what.times)} rows are {where}"
-                raise RunFailed(f"{solution.status}: {rows}. {solution.message}".strip())
+                stopped = solution.status == Status.INTERRUPTED
+                why = "; ".join(filter(None, (solution.message, "" if stopped else _remedy(what, given))))
+                raise RunFailed(f"{solution.status}: {rows}. {why}".strip())
         if beside:
             write_file(beside, dumps(solution.provenance()) + "\n")
     except BrokenPipeError:
@@ -162,6 +170,17 @@ def _run(
         place = full.filename or (target.path if target else "-")
         raise RunFailed(f"{place}: {full.strerror or full}, expected room for {len(what.times)} rows") from None
     return solution
+
+
+def _remedy(what: "Plan", given: dict[str, Any]) -> str:
+    """What to do about a failure of a way that the user did not name: the next one of the ranking."""
+    from polhode.harness.api import pick
+
+    with suppress(ValueError):
+        ways = [] if given["form"] or given["solver"] else pick(what.scene, given["error"], given["want"]).ranking
+        others = [way for way in ways if (way.form, way.solver) != (what.form.name, what.solver.name)]
+        return "".join(f"do: --form {way.form} --solver {way.solver}" for way in others[:1])
+    return ""
 
 
 def _table(solution: "SceneSolution") -> str:

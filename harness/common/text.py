@@ -147,7 +147,7 @@ class Wording(Formatter):
         if isinstance(value, float) and isnan(value):
             return "–"
         if format_spec.endswith("%"):
-            return percent(value, format_spec)
+            return percent(float(value), format_spec)
         return FORMATS[format_spec](value) if format_spec in FORMATS else format(value, format_spec)
 
 

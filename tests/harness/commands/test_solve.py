@@ -6,6 +6,7 @@ import subprocess
 import time
 import tomllib
 from errno import ENOSPC
+from functools import partial
 from importlib.util import find_spec
 from math import inf
 from pathlib import Path
@@ -16,12 +17,14 @@ from click.testing import CliRunner
 from commandline import SCENE, SCRIPT, Run
 from scipy.spatial.transform import Rotation
 
+from polhode import pick
 from polhode.harness.commands.solve import solve
 from polhode.harness.references.errors import errors
 from polhode.harness.references.reference import reference
 from polhode.models.files.scene_file import parse_scene, read_scene
 from polhode.models.observables import Observables
 from polhode.models.rotation import Triple, matrix_from_quaternion
+from polhode.solvers.solve import solve as run
 
 # Nothing left open, so that nothing needs to be picked.
 GIVEN = ("--form", "quaternion", "--tolerance", "1e-8", "--solver", "cyrk-vern8")
@@ -301,6 +304,17 @@ def test_ctrl_c_in_the_second_look_keeps_the_whole_run(scene_file: Path, monkeyp
     assert found.exit_code == 0, found.output
     assert len(Table(out).numbers) == 11
     assert "error: not known: not estimated" in found.stderr
+
+
+@pytest.mark.parametrize("named", [(), GIVEN])
+def test_a_failed_run_of_a_way_that_was_chosen_names_the_next_one(monkeypatch: pytest.MonkeyPatch, named: tuple):
+    monkeypatch.setattr("polhode.harness.api.run", partial(run, max_steps=3))
+    found = CliRunner().invoke(solve, ["paper", *named, "--samples", "11"])
+    assert found.exit_code == 1
+    ways = [f"--form {way.form} --solver {way.solver}" for way in pick("paper").ranking]
+    form, _, solver, *_ = found.stderr.split()
+    way = found.stderr.rstrip().partition("do: ")[2]
+    assert way == "" if named else way in ways and way != f"--form {form} --solver {solver}"
 
 
 @pytest.mark.parametrize("solver", ["taylor", "cyrk-vern8"])
