@@ -117,8 +117,9 @@ def _notes(what: "Plan", tolerance: float | None) -> list[str]:
 
 def _as_parquet(out: Path) -> bool:
     """Whether the file is Parquet; ValueError where nothing can write that, or the ending promises another format."""
-    if out.suffix not in (".csv", ".txt", ".dat", ".parquet", ""):
-        raise ValueError(f"--out: got {str(out)!r}, expected a name ending in .csv or .parquet")
+    endings = (".csv", ".txt", ".dat", ".parquet")
+    if out.suffix not in (*endings, ""):
+        raise ValueError(f"--out: got {str(out)!r}, expected a name ending in {', '.join(endings)}, or without ending")
     if out.suffix == ".parquet" and find_spec("pyarrow") is None:
         raise ValueError(f"--out: got {out}, expected pyarrow installed (pip install pyarrow), or a .csv file")
     return out.suffix == ".parquet"

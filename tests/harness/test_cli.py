@@ -178,7 +178,7 @@ BAD_ARGUMENTS = [
     (["solve", "scene.toml", "--out", "a.csv", "--samples", "-5"], "got -5,", "expected a whole number from 2 to"),
     (["solve", "scene.toml", "--out", "a.csv", "--samples", "1e12"], "'1e12'", "is not a valid integer"),
     (["solve", "scene.toml", "--out", "a.csv", "--samples", "1000000000000"], "1000000000000", "from 2 to 10000000"),
-    (["solve", "scene.toml", "--out", "a.xlsx"], "got 'a.xlsx'", "expected a name ending in .csv or .parquet"),
+    (["solve", "scene.toml", "--out", "a.xlsx"], "got 'a.xlsx'", "in .csv, .txt, .dat, .parquet, or without"),
     (["solve", "scene.toml", "--out", "."], ".: is a folder", "expected a file name"),
     (["solve", "scene.toml", "--out", "no/such/a.csv"], "no/such: no such folder", "expected an existing one"),
     (["solve", "scene.toml", *GIVEN, "--out", "/proc/a.csv"], "/proc/a.csv", "expected an existing one"),
