@@ -1,6 +1,7 @@
 """The motion of a scene: what `solve` returns."""
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from html import escape
 from math import nan
@@ -59,7 +60,11 @@ class SceneSolution(LikeSolveIvp):
 
     def __call__(self, t: "ArrayLike") -> "SceneSolution":
         """The motion at other times of the run."""
-        times = np.atleast_1d(np.asarray(t, dtype=float))
+        times = np.empty((0, 0))
+        with suppress(TypeError, ValueError):
+            times = np.atleast_1d(np.asarray(t, dtype=float))
+        if times.ndim > 1:
+            raise ValueError(f"t: got {t!r:.60}, expected a number or an array of one dimension")
         last = float(self.times[-1])
         outside = times[~((times >= self.times[0]) & (times <= last))]
         if len(outside):

@@ -52,6 +52,9 @@ def test_at_its_rows_it_is_the_rows_and_beyond_them_nothing():
     for t in (-1e-9, 500.1, np.nan):
         with pytest.raises(ValueError, match="expected times from 0 to 500"):
             solution(t)
+    for t in ("x", [[1.0, 2.0], [3.0, 4.0]], [[1.0, 2.0], [3.0]], 1j):
+        with pytest.raises(ValueError, match=r"^t: got .*, expected a number or an array of one dimension$"):
+            solution(t)
 
 
 def test_names_of_solve_ivp():
