@@ -3,7 +3,6 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import inf
-from numbers import Integral
 from operator import is_
 from os import PathLike, fspath
 from typing import Any
@@ -12,7 +11,7 @@ import numpy as np
 
 from polhode.harness import DEFAULT_SAMPLES
 from polhode.harness.events import Event, EventLike, as_events, with_events
-from polhode.harness.ivp import increasing
+from polhode.harness.ivp import check_samples, increasing
 from polhode.harness.picking.choice import choose
 from polhode.harness.picking.ranking import pick as recommend
 from polhode.harness.picking.recommendation import Recommendation
@@ -33,8 +32,6 @@ from polhode.solvers.solve import Interrupted, Solution, solve as run
 SceneLike = Scene | str | PathLike[str]
 FormLike = str | Form | None
 SolverLike = str | Solver | None
-# A table of more rows would hold gigabytes.
-MOST_SAMPLES = 10_000_000
 
 
 @dataclass(frozen=True)
@@ -108,7 +105,7 @@ def plan(
 ) -> Plan:
     """What `solve` will run; arguments and refusals as there, in one place for Python and the command line."""
     what = as_scene(scene)
-    _check_samples(samples)
+    check_samples(samples)
     if times is not None and samples != DEFAULT_SAMPLES:
         raise ValueError(f"samples: got {samples} beside times, expected one of them")
     wanted = np.linspace(0.0, what.time, samples) if times is None else increasing("times", times, 0.0, what.time)
@@ -225,7 +222,7 @@ def pick(scene: SceneLike, error: float = 1e-6, want: str = "slow", samples: int
     >>> from polhode import pick
     >>> best = pick("paper", error=1e-6).ranking[0]
     """
-    _check_samples(samples)
+    check_samples(samples)
     return recommend(as_scene(scene), error, want, samples)
 
 
@@ -248,8 +245,3 @@ def _in_doubles(given: Any) -> Any:
         own = tuple(map(_in_doubles, given))
         return given if given.__class__ is tuple and all(map(is_, own, given)) else own
     return given if isinstance(given, float | int) else float(given)
-
-
-def _check_samples(samples: int) -> None:
-    if not (isinstance(samples, Integral) and 2 <= samples <= MOST_SAMPLES):
-        raise ValueError(f"samples: got {samples!r}, expected a whole number from 2 to {MOST_SAMPLES}")

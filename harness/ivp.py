@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
+from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +18,9 @@ from polhode.solvers.solve import Solution, solve
 
 if TYPE_CHECKING:
     from scipy.optimize import OptimizeResult
+
+# A table of more rows would hold gigabytes.
+MOST_SAMPLES = 10_000_000
 
 
 def solve_ivp(
@@ -101,6 +105,12 @@ def solve_ivp(
         message="a terminal event happened" if ends else found.message or found.status.meaning,
         success=found.success or bool(ends),
     )
+
+
+def check_samples(samples: int) -> None:
+    """Raise ValueError for what is no number of output times."""
+    if not (isinstance(samples, Integral) and 2 <= samples <= MOST_SAMPLES):
+        raise ValueError(f"samples: got {samples!r}, expected a whole number from 2 to {MOST_SAMPLES}")
 
 
 def increasing(name: str, given: Any, begin: float, end: float) -> np.ndarray:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from math import inf
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from polhode.harness.common.progress import Progress
 from polhode.harness.common.store import Record, Store
 from polhode.harness.common.timing import time_runs, within
 from polhode.harness.common.worker import Failure, KilledFromOutsideError, Worker
+from polhode.harness.ivp import check_samples
 from polhode.harness.pages.figures.work_precision import work_precision
 from polhode.harness.references.extended import extended_run
 from polhode.harness.references.reference import LONG_DOUBLE, SAFETY
@@ -68,6 +70,10 @@ class WorkPrecision:
     classical: Classical | None = None
 
     def __post_init__(self) -> None:
+        check_samples(self.samples)
+        given = [*self.tolerances] if np.iterable(self.tolerances) else []
+        if not (given and all(isinstance(each, Real) and each > 0 for each in given)):
+            raise ValueError(f"tolerances: got {self.tolerances!r}, expected positive numbers")
         object.__setattr__(self, "problem", as_it_stands(self.problem))
 
     @cached_property

@@ -103,20 +103,27 @@ def test_ctrl_c_is_no_crash():
     assert (kept.status, kept.success, kept.times.tolist()) == ("interrupted", False, [0.0])
 
 
+NAMELESS = type("Nameless", (Solver,), {"prepare": Idle.prepare})()
+
+
 @pytest.mark.parametrize(
-    ("solvers", "words"),
+    ("given", "words"),
     [
-        ("taylor", r"solvers: got 'taylor', expected a sequence: \['taylor'\]"),
-        ([], r"solvers: got \[\], expected a sequence: \['taylor'\]"),
-        ([Idle], r"solver: got 'Idle', expected an object, not the class: Idle\(\)"),
-        ([decay], "solver: got '<function decay .*expected a name, or an object of a class derived from"),
-        ([type("Nameless", (Solver,), {"prepare": Idle.prepare})()], "got 'Nameless', expected a class that has name"),
-        (["work_precision_absent:X"], "expected an importable module:class"),
+        ({"solvers": "taylor"}, r"solvers: got 'taylor', expected a sequence: \['taylor'\]"),
+        ({"solvers": []}, r"solvers: got \[\], expected a sequence: \['taylor'\]"),
+        ({"solvers": [Idle]}, r"solver: got 'Idle', expected an object, not the class: Idle\(\)"),
+        ({"solvers": [decay]}, "solver: got '<function decay .*expected a name, or an object of a class derived from"),
+        ({"solvers": [NAMELESS]}, "got 'Nameless', expected a class that has name"),
+        ({"solvers": ["work_precision_absent:X"]}, "expected an importable module:class"),
+        ({"samples": 1}, "^samples: got 1, expected a whole number from 2 to"),
+        ({"samples": "a"}, "^samples: got 'a', expected a whole number from 2 to"),
+        ({"tolerances": ()}, r"^tolerances: got \(\), expected positive numbers$"),
+        ({"tolerances": 1e-3}, r"^tolerances: got 0.001, expected positive numbers$"),
     ],
 )
-def test_what_is_no_solver_is_refused_in_a_line(solvers, words: str):
+def test_what_cannot_be_measured_is_refused_in_a_line(given: dict, words: str):
     with pytest.raises(ValueError, match=words):
-        _ = WorkPrecision(PROBLEM, solvers=solvers, tolerances=(1e-6,), quiet=True).frame
+        _ = WorkPrecision(PROBLEM, **{"tolerances": (1e-6,), "quiet": True} | given).frame
 
 
 RATE = 1.0
