@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
+from math import inf
 from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,7 @@ from polhode.harness import DEFAULT_SAMPLES
 from polhode.harness.common.text import in_full
 from polhode.harness.events import as_events, happened
 from polhode.models.problem import Problem
+from polhode.models.shape import require_numbers
 from polhode.solvers.compile import check_field
 from polhode.solvers.contract import Solver
 from polhode.solvers.solve import Solution, solve
@@ -72,11 +74,13 @@ def solve_ivp(
     if others:
         taken = "t_eval, events, args, rtol, dense_output"
         raise ValueError(f"solve_ivp: got {', '.join(others)}, expected no options of SciPy's but {taken}")
-    try:
-        began, end = map(float, t_span)
-    except (TypeError, ValueError):
-        raise ValueError(f"t_span: got {t_span!r:.60}, expected two numbers: start and end") from None
-    args = () if args is None else args
+    require_numbers("rtol", rtol)
+    require_numbers("t_span", t_span, 2)
+    if not 0 < rtol < inf:
+        raise ValueError(f"rtol: got {rtol!r}, expected a finite positive number")
+    if not t_span[0] < t_span[1] < inf:
+        raise ValueError(f"t_span: got {t_span!r}, expected a start and a finite end after it")
+    (began, end), args = map(float, t_span), () if args is None else args
     problem = Problem.from_function(fun, y0, end, args, t_start=began)
     check_field(problem)
     d = len(y0)

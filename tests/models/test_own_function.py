@@ -163,6 +163,9 @@ def test_solve_ivp_gives_what_scipy_gives(method: str):
     for wrong in ([0.0, 1.0], [1.0, 9.0], [1.0, 9.0, 2.0], [2.0, 1.0], [1.0, 1.0], []):
         with pytest.raises(ValueError, match="t_eval: got"):
             solve_ivp(driven, span, start, method, wrong, args=args)
+    for name, other in (("t_span", (0, 10, 20)), ("t_span", (20, 0)), ("rtol", 0)):
+        with pytest.raises(ValueError, match=f"^{name}: got .*, expected"):
+            solve_ivp(driven, **{"t_span": span, "y0": start, "args": args, name: other})
 
 
 def test_an_event_may_end_a_run_at_its_second_time(monkeypatch: pytest.MonkeyPatch):
