@@ -1,11 +1,12 @@
 """Where the particles of an ensemble start: distributions of orientation and motion, drawn from a seed."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import hypot, isfinite
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, ConfigDict, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError, WrapValidator, model_validator
 
 from polhode.models.files.scene_file import FourVector, Vector
 from polhode.models.flow import jeffery_spin
@@ -18,12 +19,22 @@ Motion = Literal["rest", "fluid", "jeffery", "momentum", "momentum-isotropic"]
 the given angular momentum, in space axes, "momentum-isotropic" one of its length in any direction."""
 
 
+def _either(given: Any, valid: Callable[[Any], Any]) -> Any:
+    """What is valid; else ValueError with both choices, instead of what each lacks."""
+    try:
+        return valid(given)
+    except ValidationError:
+        raise ValueError(f"got {given!r:.60}, expected 'isotropic' or a quaternion, four finite numbers") from None
+
+
 class Starts(BaseModel):
     """``[start]`` of a sweep file: a distribution of starts."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
     # Tuples, so that ensembles can be hashed.
-    orientation: Literal["isotropic"] | Annotated[FourVector, AfterValidator(tuple)] = "isotropic"
+    orientation: Annotated[
+        Literal["isotropic"] | Annotated[FourVector, AfterValidator(tuple)], WrapValidator(_either)
+    ] = "isotropic"
     motion: Motion = "rest"
     angular_momentum: Annotated[Vector, AfterValidator(tuple)] | None = None  # over the largest moment of inertia
 
