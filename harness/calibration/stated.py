@@ -12,7 +12,6 @@ from polhode.harness.calibration.heldout import no_reference
 from polhode.harness.calibration.scenes import STRATA, Question, questions
 from polhode.harness.calibration.training import ASIDE_ROTATIONS, REFERENCE_SECONDS, fast_solvers, methods_for
 from polhode.harness.common.files import digest
-from polhode.harness.common.machine import versions
 from polhode.harness.common.store import Record, Store
 from polhode.harness.common.timing import within
 from polhode.harness.picking.pilot import Pilot, pilot
@@ -37,13 +36,13 @@ LOST, KNOWN = 0.1, 10.0
 def stated(store: Store, seed: int, count: int, quiet: bool = False) -> pd.DataFrame:
     """Errors stated and true ones of `count` scenes, each run in a random way; in `attrs` why others were left out."""
     rows = []
-    wanted = [(stratum, *each) for stratum in STRATA for each in enumerate(questions(seed, -(-count // 2), stratum))]
-    for stratum, index, question in tqdm(wanted, disable=quiet or None, desc="errors stated", leave=False):
-        content = {"question": question.name, "seed": seed, "versions": versions(), "schema": 3}
+    wanted = [(stratum, each) for stratum in STRATA for each in questions(seed, -(-count // 2), stratum)]
+    for index, (stratum, question) in enumerate(tqdm(wanted, disable=quiet or None, desc="errors stated", leave=False)):
+        content = {"question": question.name, "seed": seed, "count": count, "schema": 3}
         key = digest({"stated": content})
         row = store.result(key)
         if row is None:
-            row = _row(question, np.random.default_rng((seed, index, WAY, STRATA.index(stratum))))
+            row = _row(question, np.random.default_rng((seed, index, WAY)))
             store.put(key, content, row)
         rows.append({"stratum": stratum, **row})
     found = pd.DataFrame([row for row in rows if "want" in row], columns=list(COLUMNS))

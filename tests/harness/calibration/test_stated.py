@@ -23,11 +23,6 @@ def test_a_run_is_measured_once_and_its_statement_holds(tmp_path, monkeypatch):
         first = stated(store, 6, 2, quiet=True)
         monkeypatch.setattr(module, "_row", None)
         pd.testing.assert_frame_equal(stated(store, 6, 2, quiet=True), first)
-        # The first of each stratum whatever the count, and none of other versions.
-        pd.testing.assert_frame_equal(stated(store, 6, 1, quiet=True), first)
-        monkeypatch.setattr(module, "versions", dict)
-        with pytest.raises(TypeError):
-            stated(store, 6, 2, quiet=True)
     assert judged(first)["bounded"] == 1
     page = write_stated(tmp_path, first, "polhode validate --errors 2").read_text(encoding="utf-8")
     assert all(sentence in page for sentence in stated_summary(first))
