@@ -57,7 +57,7 @@ def states_at(solution: Any, times: np.ndarray, run: Callable[..., Any]) -> np.n
         here = (rows == row) & (times > known[row])
         since, order = np.unique(times[here] - known[row], return_inverse=True)
         start = tuple(solution.states[row].tolist())
-        piece = replace(problem, start=start, end=float(since[-1]), least_steps=0, course=None)
+        piece = replace(problem, start=start, end=float(since[-1]), least_steps=0, invariant=None, course=None)
         found = run(piece, method, settings.tolerance, np.concatenate([[0.0], since]), **how)
         if not found.success:
             raise ValueError(f"t: no solution after t = {known[row]:g}: {found.status}. {found.message}".strip())

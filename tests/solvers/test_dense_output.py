@@ -7,6 +7,8 @@ import pytest
 
 from oracle.accepting import accepting
 from oracle.classical import CLASSICAL
+from polhode.models.catalogue import form
+from polhode.models.scenes import named_scene
 from polhode.solvers.solve import solve
 
 RIGID_BODY = CLASSICAL["rigid-body"].problem
@@ -36,3 +38,12 @@ def test_interpolated_rows_are_as_accurate_as_steps(name: str):
         for end, state in zip(ends, exact[200::100], strict=True)
     ]
     assert rows.max() <= 3 * max(steps)
+
+
+def test_the_drift_of_a_run_is_none_of_what_goes_on_from_its_rows():
+    """The invariant is that of the whole run: few steps from a row would be allowed less than the row has drifted."""
+    problem = form("quaternion").problem(named_scene("spheroid"))
+    solution = solve(problem, "cyrk-bdf", 1e-3, np.linspace(0.0, problem.end, 11))
+    assert problem.invariant is not None
+    assert np.abs(problem.invariant(solution.states)).max() > 0.5
+    assert solution(430.0).states.shape == (1, problem.dimension)
