@@ -2,5 +2,4 @@ define i32 @function(double %t, ptr %state, ptr %rate, ptr %matrix, ptr %p, ptr,
 %y = call ptr $N_VGetArrayPointer(ptr %state)
 %out = call ptr $SUNDenseMatrix_Data(ptr %matrix)
 $lines
-ret i32 0
 }

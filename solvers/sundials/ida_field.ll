@@ -5,5 +5,4 @@ define i32 @function(double %t, ptr %state, ptr %rate, ptr %rest, ptr %p) {
 %out = call ptr $N_VGetArrayPointer(ptr %rest)
 %mass = getelementptr double, ptr %p, i64 $parameters
 $lines
-ret i32 0
 }

@@ -4,5 +4,4 @@ define i32 @function(double %t, double %cj, ptr %state, ptr %rate, ptr %rest, pt
 %out = call ptr $SUNDenseMatrix_Data(ptr %matrix)
 %mass = getelementptr double, ptr %p, i64 $parameters
 $lines
-ret i32 0
 }

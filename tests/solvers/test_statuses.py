@@ -58,6 +58,11 @@ def sudden_field(ops: Operations) -> Field:
     return lambda y, p: (1.0 + ops.exp(1e4 * (y[0] - 1.0)),)
 
 
+def ending_field(ops: Operations) -> Field:
+    """Falls through 0, below which it is no number."""
+    return lambda y, p: (-ops.sqrt(y[0]) - 0.1,)
+
+
 def growth_field(ops: Operations) -> Field:
     def rhs(y, p):
         return (1.0 * y[0],)
@@ -104,6 +109,14 @@ def test_growth_beyond_double_precision(name: str | Solver):
     assert solution.status in (Status.STEP_UNDERFLOW, Status.NON_FINITE)
     assert len(solution.times) == 14
     assert_finished_rows(solution, lambda t: 1e248 * np.exp(t))
+
+
+@pytest.mark.parametrize("field", [ending_field])
+@pytest.mark.parametrize("name", WAYS)
+def test_where_a_field_ends_so_does_the_run(name: str | Solver, field: Factory):
+    """CVODE and IDA take rates that are no numbers for zeros."""
+    solution = solve(Problem("end", field, (1.0,), 3.0), name, 1e-6, max_seconds=10.0)
+    assert solution.status in (Status.STEP_UNDERFLOW, Status.NON_FINITE)
 
 
 class OutsideTableError(ValueError):
