@@ -64,6 +64,8 @@ class Memory:
         self._set("SetUserData", self.data.ctypes.data)
         self._set("SStolerances", settings.tolerance, settings.tolerance)
         self._set("SetLinearSolver", linear, matrix)
+        # At a step of 0, where it ends if the time stands still, CVODE's corrector repeats itself for ever.
+        self._set("SetMinStep", 1e-150)
         if settings.jacobian == "exact":
             self.jacobian = _callback(library, "jacobian", problem.field, d, len(values))
             self._set("SetJacFn", self.jacobian.address)
