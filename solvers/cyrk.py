@@ -18,6 +18,7 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import cache
 from importlib.metadata import version
+from math import hypot, inf
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, ClassVar
@@ -36,6 +37,8 @@ CHUNK = 20_000
 # Steps after which a solution that is looked at beforehand is given up.
 MOST_STEPS = 2000
 MAX_RAM_MB = 2000
+# Of rates over what is tolerated, with a square below infinity.
+LARGEST_NORM = 1.3e154
 
 # CyrkErrorCodes of the library's c_common.hpp.
 _STEPS_EXCEEDED = (-52, -53)
@@ -112,8 +115,8 @@ class CyrkSolver(Solver):
         call = self._call(problem, settings, calls)
 
         def integrate(record: Record) -> Outcome:
-            if not call.begins(record.start):
-                return Status.NON_FINITE, "rates at the start are no numbers"
+            if not call.begins(record.start, self.switching):
+                return Status.NON_FINITE, "rates at the start are too large beside the tolerance"
             calls[0] = 0
             outcome = _run(call, record)
             record.work.rhs_calls = int(calls[0]) if settings.count else None
@@ -152,12 +155,14 @@ class Call:
         self.address, self.method = address, method
         self.parameters, self.tolerance = parameters, np.array([tolerance])
 
-    def begins(self, state: np.ndarray) -> bool:
-        """Whether rates are numbers at a state; else the library would look for a first step without end."""
+    def begins(self, state: np.ndarray, switching: bool = False) -> bool:
+        """Whether rates have a norm at a state; else the library, but for LSODA, would look for a step without end."""
         rates = np.empty_like(state)
         with FlushedToZero():
             _FIELD(self.address)(rates.ctypes.data, 0.0, state.ctypes.data, self.parameters.ctypes.data)
-        return bool(np.isfinite(rates).all())
+        tolerance, pairs = self.tolerance.item(), zip(rates.tolist(), state.tolist(), strict=True)
+        norm = hypot(*(rate / (tolerance * (1 + abs(y))) for rate, y in pairs))
+        return norm < (inf if switching else LARGEST_NORM)
 
     def __call__(self, start: float, end: float, state: np.ndarray, times: np.ndarray, max_steps: int) -> Any:
         """Run; the pointer returned is to be freed by ``library.c_free``."""

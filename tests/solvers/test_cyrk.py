@@ -3,11 +3,13 @@
 import platform
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from polhode.models.problem import Problem
+from polhode.solvers.catalogue import SOLVERS
 from polhode.solvers.contract import Status
 from polhode.solvers.cyrk import followed
 from polhode.solvers.solve import solve
@@ -54,6 +56,15 @@ def test_a_start_without_rates_ends_at_once():
     problem = Problem("root", lambda ops: lambda y, p: (-ops.sqrt(y[0]),), (-1.0,), 2.0)
     assert solve(problem, "cyrk-vern8", 1e-9).status is Status.NON_FINITE
     assert followed(problem, 1e-9, 100)[0].tolist() == [0.0]
+
+
+@pytest.mark.parametrize("name", [name for name in SOLVERS if name.startswith("cyrk-")])
+def test_a_start_of_which_the_library_has_no_norm_ends_at_once(name: str):
+    """LSODA has a norm of its own, and the others one of larger rates where the state is as large."""
+    problem = Problem("oscillator", lambda ops: lambda y, p: (y[1], -1.0 * y[0]), (1.0, 0.0), 2.0)
+    ends = [solve(replace(problem, start=(y0, 0.0)), name, 1e-6).status for y0 in (1e148, 1e149, 1e300)]
+    beyond = (Status.REACHED_END, Status.STEP_UNDERFLOW) if name == "cyrk-lsoda" else [Status.NON_FINITE] * 2
+    assert ends == [Status.REACHED_END, *beyond]
 
 
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="nothing is flushed to zero elsewhere")
