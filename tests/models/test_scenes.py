@@ -10,6 +10,7 @@ from oracle.first_principles import body_rates, jeffery, rotation_from_euler
 from polhode.harness.picking.choice import simplest
 from polhode.models.catalogue import FORMS, form
 from polhode.models.form import FormNotValidError
+from polhode.models.observables import observe_slow
 from polhode.models.rotation import (
     angular_velocity_from_euler,
     euler_from_quaternion,
@@ -20,7 +21,7 @@ from polhode.models.rotation import (
     quaternion_from_euler,
     quaternion_from_matrix,
 )
-from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart
+from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart, start_from
 from polhode.models.scenes import SCENES, named_scene
 from polhode.models.shape import Ellipsoid
 
@@ -60,6 +61,13 @@ def test_durations():
     assert (top.slow_time, top.torque_factor) == (0.0, 0.0)
     inertialess = Scene(TRIAXIAL, 0.0, scene.start, 100.0)
     assert (inertialess.slow_time, inertialess.torque_factor) == (inf, inf)
+
+
+@pytest.mark.parametrize(("energy", "ratio"), [(0.0, max), (0.07, lambda _: 3 / 7), (9.0, min)])
+def test_a_start_by_l_and_e_is_one_that_the_shape_can_have_where_a_run_led_beyond(energy: float, ratio):
+    start = start_from(TRIAXIAL, observe_slow(np.array([[0.1, 0.1, -0.2, energy]])))
+    assert isinstance(start, SlowStart)
+    assert 0.03 / Scene(TRIAXIAL, 1.0, start, 1.0).initial.energy[0] == pytest.approx(ratio(TRIAXIAL.inertia))
 
 
 def test_quaternions_are_normalised():
