@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from math import hypot, inf, isfinite, isinf
+from math import frexp, hypot, inf, isfinite, isinf, ldexp
 
 import numpy as np
 
@@ -58,7 +58,9 @@ class BodyStart:
             )
         # A quotient's norm is within this, so that a scene stays what it is when its file is read.
         if abs(norm - 1) > 1e-15:
-            q0, q1, q2, q3 = (component / norm for component in self.quaternion)
+            # Denormal numbers have no quotients; powers of two leave all others as they are.
+            scaled = [ldexp(component, -frexp(norm)[1]) for component in self.quaternion]
+            q0, q1, q2, q3 = (component / hypot(*scaled) for component in scaled)
             object.__setattr__(self, "quaternion", (q0, q1, q2, q3))
 
     @property

@@ -70,8 +70,10 @@ def test_a_start_by_l_and_e_is_one_that_the_shape_can_have_where_a_run_led_beyon
     assert 0.03 / Scene(TRIAXIAL, 1.0, start, 1.0).initial.energy[0] == pytest.approx(ratio(TRIAXIAL.inertia))
 
 
-def test_quaternions_are_normalised():
-    assert BodyStart((2.0, 0.0, 0.0, 0.0)).quaternion == (1.0, 0.0, 0.0, 0.0)
+@pytest.mark.parametrize("scale", [1e30, 2.0, 1.0, 1e-300, 5e-324])
+def test_quaternions_are_normalised(scale: float):
+    assert BodyStart((scale, 0.0, 0.0, 0.0)).quaternion == (1.0, 0.0, 0.0, 0.0)
+    assert np.linalg.norm(BodyStart((scale, scale, -scale, 0.0)).quaternion) == pytest.approx(1, abs=1e-15)
 
 
 @pytest.mark.parametrize(
