@@ -80,10 +80,11 @@ class Catalogue(dict[str, str], Generic[T]):
         return next((name for name, each in self.items() if each == target), target)
 
     def _class(self, name: str) -> type[T]:
-        if ":" not in self.get(name, name).strip(":"):
+        target = self.get(name, name)
+        if ":" not in target.strip(":") or target.startswith("."):
             raise NotFoundError(self.kind, name, f"one of {', '.join(self)}", hint(name, self))
         try:
-            found = imported(self.get(name, name))
+            found = imported(target)
         except (ImportError, AttributeError) as error:
             if name in self:
                 raise

@@ -121,6 +121,10 @@ class Scene:
     time: float
 
     def __post_init__(self) -> None:
+        if not isinstance(self.ellipsoid, Ellipsoid):
+            raise ValueError(f"ellipsoid: got {self.ellipsoid!r:.60}, expected an Ellipsoid")
+        if not isinstance(self.start, Start):
+            raise ValueError(f"start: got {self.start!r:.60}, expected an EulerStart, BodyStart or SlowStart")
         require_numbers("stokes", self.stokes)
         require_numbers("time", self.time)
         if not (self.stokes == 0 or LEAST <= self.stokes <= inf):

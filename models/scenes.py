@@ -3,6 +3,7 @@
 import tomllib
 from dataclasses import dataclass
 from math import cos, pi
+from os.path import exists, isdir
 from pathlib import Path
 from typing import Any, cast
 
@@ -51,11 +52,10 @@ def named_scene(name: str) -> Scene:
 
 def find_scene(word: str) -> Scene:
     """The scene of a file if one has that name, else the built-in one; raises ValueError if there is neither."""
-    path = Path(word)
-    if path.exists() and not path.is_dir():
+    if exists(word) and not isdir(word):
         from polhode.models.files.scene_file import read_scene
 
-        return read_scene(path)
+        return read_scene(Path(word))
     if word in SCENES:
         return named_scene(word)
     raise ValueError(f"scene: got {word!r}{hint(word, SCENES)}, expected a file or one of {', '.join(SCENES)}")

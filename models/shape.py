@@ -1,6 +1,5 @@
 """The shape of the particle: semi-axes, moments of inertia, rotational resistance."""
 
-from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,8 +18,9 @@ CARLSON_SPREAD = 1 / 400
 
 def require_numbers(name: str, given: Any, count: int = 0) -> None:
     """Raise ValueError unless these are so many real numbers of double precision or, without a count, this is one."""
-    found = [given] if not count else [*given] if isinstance(given, Iterable) else []
-    with suppress(OverflowError):
+    with suppress(OverflowError, TypeError, LookupError):
+        # By index, as they are read later on: those of a set have none, those of an iterator are read once.
+        found = [given[i] for i in range(len(given))] if count else [given]
         if len([float(each) for each in found if isinstance(each, Real)]) == len(found) == max(1, count):
             return
     expected = f"{count} numbers" if count else "a number"
@@ -54,7 +54,8 @@ class Ellipsoid:
                 raise ValueError(f"semi_axes: got {length}, expected finite positive numbers")
         ratio = min(self.semi_axes) / max(self.semi_axes)
         if ratio < LEAST_RATIO:
-            raise ValueError(f"semi_axes: got shortest / longest = {ratio:g}, expected at least {LEAST_RATIO:g}")
+            expected = f"shortest / longest of at least {LEAST_RATIO:g}"
+            raise ValueError(f"semi_axes: got {[*map(float, self.semi_axes)]}, expected {expected}")
 
     @cached_property
     def scaled_axes(self) -> Triple:

@@ -22,7 +22,7 @@ from polhode.models.rotation import (
     quaternion_from_matrix,
 )
 from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart, start_from
-from polhode.models.scenes import SCENES, named_scene
+from polhode.models.scenes import SCENES, find_scene, named_scene
 from polhode.models.shape import Ellipsoid
 
 TRIAXIAL = Ellipsoid((1, 0.8, 0.5))
@@ -97,6 +97,14 @@ def test_quaternions_are_normalised(scale: float):
         (lambda: EulerStart(np.full(3, 1e40)), r"^start.euler_angles: got \[1e\+40, 1e\+40, 1e\+40\], expected"),
         (lambda: Ellipsoid(None), "semi_axes: got None, expected 3 numbers"),
         (lambda: Ellipsoid(("a", 1.0, 1.0)), r"semi_axes: got \('a', 1.0, 1.0\), expected 3 numbers"),
+        (lambda: Ellipsoid({1, 2, 3}), r"semi_axes: got \{1, 2, 3\}, expected 3 numbers"),
+        (lambda: Ellipsoid(iter([1, 2, 3])), "semi_axes: got <list_iterator .*, expected 3 numbers"),
+        (
+            lambda: Ellipsoid((1e200, 1e-200, 1)),
+            r"semi_axes: got \[1e\+200, 1e-200, 1.0\], expected shortest / longest",
+        ),
+        (lambda: Scene((1, 1, 1), 1.0, EulerStart((0, 0, 0)), 1.0), r"ellipsoid: got \(1, 1, 1\), expected an Ell"),
+        (lambda: Scene(TRIAXIAL, 1.0, (0, 0, 0), 1.0), r"start: got \(0, 0, 0\), expected an EulerStart, Body"),
         (lambda: EulerStart("abc"), "start.euler_angles: got 'abc', expected 3 numbers"),
         (lambda: SlowStart((0.1, 0.0, 0.0), "0.1"), "start.energy: got '0.1', expected a number"),
         (lambda: EulerStart((0.0, nan, 0.0)), r"start.euler_angles: got \[0.0, nan, 0.0\]"),
@@ -106,6 +114,8 @@ def test_quaternions_are_normalised(scale: float):
         (lambda: BodyStart((1.0, 0.0, 0.0, nan)), "start.quaternion: got"),
         (lambda: BodyStart((1.0, 0.0, 0.0)), "start.quaternion: got \\(1.0, 0.0, 0.0\\), expected 4 numbers"),
         (lambda: BodyStart((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, nan)), "start.angular_velocity: got"),
+        (lambda: find_scene("x" * 5000), r"scene: got 'x+', expected a file or one of paper"),
+        (lambda: form("..:x"), r"form: got '\.\.:x', expected one of euler-angles"),
         (lambda: SlowStart((0.1, 0.0, nan), 0.1), "start.angular_momentum: got"),
         (lambda: SlowStart((0.1, 0.0, 0.0), -0.1), "start.energy: got -0.1"),
         (lambda: Scene(TRIAXIAL, 1.0, SlowStart((0.1, 0.0, 0.0), 9.0), 1.0), "start: got L² / 2E"),

@@ -99,7 +99,11 @@ BAD = [
     ("shape.semi_axes", [1.0, 0.8, 0.0], "shape.semi_axes[2]: got 0.0, expected a number greater than 0"),
     ("shape.semi_axes", [float("nan"), 1, 1], "shape.semi_axes[0]: got nan, expected a finite number"),
     ("shape.semi_axes", [1.0, "a", 0.5], "shape.semi_axes[1]: got 'a', expected a number"),
-    ("shape.semi_axes", [1.0, 1.0, 1e-80], "semi_axes: got shortest / longest = 1e-80, expected at least 1e-70"),
+    (
+        "shape.semi_axes",
+        [1.0, 1, 1e-80],
+        "semi_axes: got [1.0, 1.0, 1e-80], expected shortest / longest of at least 1e-70",
+    ),
     ("shape.colour", "red", "shape.colour: unknown key, expected one of semi_axes"),
     ("viscosity", 1.0, "viscosity: unknown key, expected one of stokes, slow_time, time, shape, start"),
     ("start", GONE, "start: missing, expected a value"),
