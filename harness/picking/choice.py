@@ -50,6 +50,7 @@ def choose(
     error, ValueError if a number is out of range or the orientation is wanted of a form that gives none.
     """
     check_asked(error, want)
+    error = float(error)
     if tolerance is not None:
         check_tolerance(tolerance)
     if form and want == "orientation" and find_form(form).orientation_of(scene) == "none":

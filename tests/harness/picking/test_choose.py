@@ -1,6 +1,7 @@
 """What `polhode solve` runs where something is left open, and what it says of a choice that will not meet the error."""
 
 from dataclasses import replace
+from fractions import Fraction
 
 import pytest
 
@@ -19,6 +20,7 @@ def test_choice_is_the_first_row_that_agrees():
     rows = pick(scene, 1e-6).ranking
     first = choose(scene, None, None, None, 1e-6, "slow")
     assert first == Chosen(rows[0].form, rows[0].solver, rows[0].tolerance)
+    assert choose(scene, None, None, None, Fraction(1, 10**6), "slow") == first
     taylor = next(row for row in rows if row.solver == "taylor")
     tried = choose(scene, None, "taylor", None, 1e-6, "slow")
     assert tried[:2] == (taylor.form, "taylor")
