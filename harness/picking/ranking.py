@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterable
 from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
-from math import inf, isfinite, log10, pi
+from math import inf, log10, pi
 
 from polhode.harness import DEFAULT_SAMPLES
 from polhode.harness.common.text import short
@@ -20,7 +20,7 @@ from polhode.harness.references.errors import attainable, magnitude
 from polhode.models.catalogue import FORMS, form as find_form
 from polhode.models.form import Form, FormNotValidError
 from polhode.models.problem import Problem
-from polhode.models.scene import Scene, SlowStart
+from polhode.models.scene import MOST, Scene, SlowStart
 from polhode.models.shape import require_numbers
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import SolverNotValidError
@@ -93,10 +93,10 @@ def _recommended(scene: Scene, error: float, want: str, samples: int, laws: Laws
 
 
 def check_asked(error: float, want: str) -> None:
-    """Raise ValueError for an error that is no positive number, or one of a thing unknown."""
+    """Raise ValueError for an error that is no positive number, or too large a one, or one of a thing unknown."""
     require_numbers("error", error)
-    if not (isfinite(error) and error > 0):
-        raise ValueError(f"error: got {float(error)!r}, expected a finite positive number")
+    if not 0 < error <= MOST:
+        raise ValueError(f"error: got {float(error)!r}, expected a finite positive number of at most {MOST:g}")
     if want not in WANTS:
         raise ValueError(f"want: got {want!r}, expected 'slow' or 'orientation'")
 

@@ -166,6 +166,7 @@ def test_chaos_is_unattainable():
         (["paper", "--error", "0"], "error: got 0.0, expected a finite positive number"),
         (["paper", "--error", "-1e-3"], "error: got -0.001, expected a finite positive number"),
         (["paper", "--error", "nan"], "error: got nan, expected a finite positive number"),
+        (["paper", "--error", "1e300"], "error: got 1e+300, expected a finite positive number of at most 1e+60"),
         (["paper", "--error", "1e-18"], "not attainable"),
         (["sphere", "--want", "orientation"], "for a sphere, which has none"),
         (["nowhere"], "got 'nowhere', expected a file"),
