@@ -144,15 +144,19 @@ class Run:
 
 
 def _crash(error: Exception, solver: str) -> Outcome:
-    return Status.CRASHED, f"solver {solver!r} raised {type(error).__name__}: {error}{place_of(error, __file__)}"
+    words = " ".join(str(error).split())
+    return Status.CRASHED, f"solver {solver!r} raised {type(error).__name__}: {words}{place_of(error, __file__)}"
 
 
 def _outcome(integrate: Integrator, record: Record, solver: str) -> Outcome:
-    """What an integrator returns; an exception, or anything but a status and a message, is a crash."""
+    """What an integrator returns; an exception, rows that are not there, or another result are a crash."""
     try:
         outcome: Any = integrate(record)
     except Exception as error:
-        return _crash(error, solver)
+        outcome = _crash(error, solver)
+    if not 1 <= record.filled <= len(record.times):
+        filled, record.filled = record.filled, 1
+        return Status.CRASHED, f"solver {solver!r} filled {filled} rows, expected 1 to {len(record.times)}"
     if isinstance(outcome, tuple) and [type(each) for each in outcome] == [Status, str]:
         return outcome
     return Status.CRASHED, f"solver {solver!r} returned {outcome!r}, expected a tuple (Status, message)"

@@ -291,6 +291,28 @@ def test_false_success(rows, steps, spoil, status, message):
     assert solution.success == (status is Status.REACHED_END)
 
 
+class Breaker(Liar):
+    """Says that it filled so many rows, and raises in two lines."""
+
+    def prepare(self, problem: Problem, settings: Settings) -> Integrator:
+        def integrate(record: Record) -> Outcome:
+            record.filled = self.rows
+            raise RuntimeError("one\nand another")
+
+        return integrate
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [(rows, f"filled {rows} rows, expected 1 to 41") for rows in (-1, 0, 42, 10**6)]
+    + [(1, "raised RuntimeError: one and another (")],
+)
+def test_a_solver_that_breaks_its_contract_has_crashed_in_one_line(rows: int, message: str):
+    solution = solve(RUN.problem, Breaker(rows, 1, np.empty(0)), 1e-9, RUN.times)
+    assert (solution.status, solution.times.tolist()) == (Status.CRASHED, [0.0])
+    assert solution.message.startswith(f"solver 'liar' {message}")
+
+
 @pytest.mark.parametrize(
     ("steps", "factor", "good"),
     [(30, 1.25, False), (5000, 1.25, True), (None, 1.25, False), (5000, 3.0, False), (50_000, 3.0, False)],
