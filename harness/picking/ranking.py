@@ -95,7 +95,7 @@ def _recommended(scene: Scene, error: float, want: str, samples: int, laws: Laws
 def check_asked(error: float, want: str) -> None:
     """Raise ValueError for an error that is no positive number, or too large a one, or one of a thing unknown."""
     require_numbers("error", error)
-    if not 0 < error <= MOST:
+    if not 0 < float(error) <= MOST:
         raise ValueError(f"error: got {float(error)!r}, expected a finite positive number of at most {MOST:g}")
     if want not in WANTS:
         raise ValueError(f"want: got {want!r}, expected 'slow' or 'orientation'")

@@ -73,7 +73,7 @@ class Memory:
             self._set("SetId", identity)
             kind = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double, *[ctypes.c_void_p] * 4)
             self._residual = self.field.function(kind)
-        self._advance, self.report = _loop(library), np.zeros(9, dtype=np.int64)
+        self._advance, self.report = _loop(library), np.zeros(10, dtype=np.int64)
 
     def _own(self, free: str, make: str, *arguments: int) -> int:
         made = self.library(make, *arguments)
@@ -121,18 +121,18 @@ def integrator(memory: Memory, count: bool) -> Integrator:
         while True:
             with FlushedToZero():
                 code = memory.advance(record, min(steps + record.chunk(CHUNK), record.max_steps))
-            before, begun, record.now = record.now, steps, float(report.view(float)[2])
-            _, work.steps, _, calls, linear, errors, failures, work.jacobians, work.factorizations = report.tolist()
+            record.now, step = report.view(float)[[2, 9]].tolist()
+            _, work.steps, _, calls, linear, errors, failures, work.jacobians, work.factorizations, _ = report.tolist()
             steps, work.rejected = work.steps, errors + failures
             work.rhs_calls = calls + linear if count else None
             if code >= 0:
                 return Status.REACHED_END, ""
+            # Steps below the spacing of numbers move the time now and then.
+            if steps < record.max_steps and 0 < step <= ulp(record.now):
+                return Status.STEP_UNDERFLOW, f"stalled at t = {record.now!r}"
             if code != TOO_MUCH_WORK:
                 status, words = FAILURES.get(code, (Status.NON_FINITE, f"code {code}"))
                 return status, f"{words} at t = {record.now!r}"
-            # Steps below the spacing of numbers move the time now and then.
-            if steps < record.max_steps and record.now - before <= (steps - begun) * ulp(record.now):
-                return Status.STEP_UNDERFLOW, f"stalled at t = {record.now!r}"
             if stopped := record.stopped:
                 return stopped
 

@@ -1,6 +1,6 @@
 ; Fills rows first <= i < count, in at most `most` steps since the start; returns the first row not filled. The report
 ; is code, steps, time reached, right-hand sides, those of difference quotients, failures of tests and solvers,
-; Jacobians, factorizations.
+; Jacobians, factorizations, step.
 define i64 @function(ptr %memory, ptr %y, ptr %slope, ptr %times, ptr %rows, ptr %report,
                      i64 %first, i64 %count, i64 %width, i64 %most) {
 entry:
@@ -54,5 +54,7 @@ call i32 $GetNumStepSolveFails(ptr %memory, ptr %solves_at)
 call i32 $GetNumJacEvals(ptr %memory, ptr %jacobians_at)
 %setups_at = getelementptr i64, ptr %report, i64 8
 call i32 $GetNumLinSolvSetups(ptr %memory, ptr %setups_at)
+%step_at = getelementptr i64, ptr %report, i64 9
+call i32 $GetCurrentStep(ptr %memory, ptr %step_at)
 ret i64 %i
 }
