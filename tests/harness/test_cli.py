@@ -136,7 +136,7 @@ BAD_ARGUMENTS = [
     (["shape", "1", "0", "0.5"], "got 0.0", "expected finite positive numbers"),
     (["shape", "1", "one", "0.5"], "'one'", "is not a valid float"),
     (["shape", "1", "2", "3", "--jason"], "'--jason'", "is not a valid float"),
-    (["shape", "1", "1e-80", "1"], "1e-80", "expected at least 1e-70"),
+    (["shape", "1", "1e-80", "1"], "1e-80", "of at least 1e-70"),
     (["forms", "quaternion"], "(quaternion)", "expected: polhode forms [OPTIONS]"),
     (["solvers", "--jason"], "--jason", "Did you mean '--json'? expected: polhode solvers"),
     (["solve"], "Missing argument 'SCENE'", "expected: polhode solve [OPTIONS] SCENE"),

@@ -163,9 +163,6 @@ def test_solve_ivp_gives_what_scipy_gives(method: str):
     for wrong in ([0.0, 1.0], [1.0, 9.0], [1.0, 9.0, 2.0], [2.0, 1.0], [1.0, 1.0], []):
         with pytest.raises(ValueError, match="t_eval: got"):
             solve_ivp(driven, span, start, method, wrong, args=args)
-    for name, other in (("t_span", (0, 10, 20)), ("t_span", (20, 0)), ("rtol", 0)):
-        with pytest.raises(ValueError, match=f"^{name}: got .*, expected"):
-            solve_ivp(driven, **{"t_span": span, "y0": start, "args": args, name: other})
 
 
 def test_an_event_may_end_a_run_at_its_second_time(monkeypatch: pytest.MonkeyPatch):
@@ -188,9 +185,10 @@ def test_of_scipys_options_those_that_would_change_nothing_are_taken():
     ("change", "words"),
     [
         ({"max_step": 0.1}, "^solve_ivp: got max_step, expected no options of SciPy's but"),
-        ({"t_span": (0, 10, 20)}, r"^t_span: got \(0, 10, 20\), expected two numbers: start and end$"),
-        ({"t_span": (0,)}, r"^t_span: got \(0,\), expected two numbers"),
-        ({"t_span": 2.0}, r"^t_span: got 2.0, expected two numbers"),
+        ({"t_span": (0, 10, 20)}, r"^t_span: got \(0, 10, 20\), expected 2 numbers"),
+        ({"t_span": 2.0}, r"^t_span: got 2.0, expected 2 numbers"),
+        ({"t_span": (20, 0)}, r"^t_span: got \(20, 0\), expected a start and a finite end after it$"),
+        ({"rtol": 0}, "^rtol: got 0, expected a finite positive number$"),
         ({"events": 3}, "^events: got 3, expected .* a function$"),
         ({"events": [[]]}, r"^events: got \[\], expected .* a function$"),
     ],
