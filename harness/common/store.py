@@ -29,8 +29,8 @@ CREATE TABLE IF NOT EXISTS cases (
     key TEXT PRIMARY KEY, "case" TEXT NOT NULL, result TEXT NOT NULL, written TEXT NOT NULL, digest TEXT NOT NULL
 )
 """
-_ROW = 'SELECT key, "case", result, written, digest FROM cases '
 _PUT = "INSERT INTO cases VALUES (?, ?, ?, ?, ?) ON CONFLICT (key) DO NOTHING"
+_ROW = 'SELECT key, "case", result, written, digest FROM cases '
 
 
 class DamagedStoreError(ValueError):
@@ -160,8 +160,7 @@ def export(records: Iterable[Record], path: Path) -> None:
         if path.suffix == ".jsonl":
             file.writelines(dumps(record) + "\n" for record in records)
             return
-        columns: dict[str, None] = {}
-        count = 0
+        columns, count = dict[str, None](), 0
         for record in records:
             columns |= dict.fromkeys(record)
             count += 1

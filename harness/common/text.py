@@ -63,7 +63,6 @@ def markdown(header: Sequence[str], rows: Sequence[Sequence[Any]], right: Sequen
     """A Markdown table, columns aligned in the source too; `right` are the indices of right-aligned columns."""
     cells = [[str(cell) for cell in row] for row in (header, *rows)]
     widths = [max(3, width) for width in _widths(cells)]
-
     sides = [str.rjust if i in right else str.ljust for i in range(len(widths))]
 
     def line(row: Sequence[str]) -> str:

@@ -6,9 +6,9 @@ from math import hypot, isfinite
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError, WrapValidator, model_validator
+from pydantic import AfterValidator, ConfigDict, ValidationError, WrapValidator, model_validator
 
-from polhode.models.files.scene_file import FourVector, Vector
+from polhode.models.files.scene_file import FourVector, Table, Vector
 from polhode.models.flow import jeffery_spin
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.rotation import matrix_from_quaternion
@@ -27,10 +27,10 @@ def _either(given: Any, valid: Callable[[Any], Any]) -> Any:
         raise ValueError(f"got {given!r:.60}, expected 'isotropic' or a quaternion, four finite numbers") from None
 
 
-class Starts(BaseModel):
+class Starts(Table):
     """``[start]`` of a sweep file: a distribution of starts."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+    model_config = ConfigDict(frozen=True)
     # Tuples, so that ensembles can be hashed.
     orientation: Annotated[
         Literal["isotropic"] | Annotated[FourVector, AfterValidator(tuple)], WrapValidator(_either)

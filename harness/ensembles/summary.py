@@ -72,9 +72,8 @@ def transient_quantile(ensemble: Ensemble, statistics: Statistics, share: float)
 
 def moment_rows(ensemble: Ensemble, statistics: Statistics) -> Iterator[dict[str, object]]:
     """Orientation moments, one row per snapshot, body axis and component."""
-    second, fourth = (["".join("xyz"[i] for i in component) for component in order] for order in (SECOND, FOURTH))
-    yield from mean_rows(ensemble, statistics, "second", moment=second)
-    yield from mean_rows(ensemble, statistics, "fourth", moment=fourth)
+    for name, order in (("second", SECOND), ("fourth", FOURTH)):
+        yield from mean_rows(ensemble, statistics, name, moment=["".join("xyz"[i] for i in each) for each in order])
 
 
 def voigt_rows(ensemble: Ensemble, statistics: Statistics) -> Iterator[dict[str, object]]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from random import random
 from typing import Annotated, Any, NamedTuple
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 from tqdm import tqdm
 
 from polhode.harness.common.files import dumps
@@ -20,7 +20,7 @@ from polhode.harness.ensembles.hybrid import ERROR_OVER_TOLERANCE
 from polhode.harness.ensembles.starts import Starts
 from polhode.harness.ensembles.statistics import Statistics
 from polhode.harness.studies.study import Name, StokesNumbers
-from polhode.models.files.scene_file import Positive
+from polhode.models.files.scene_file import Positive, SemiAxes, Table, one_duration
 from polhode.models.files.toml_file import checked, read_toml
 from polhode.models.shape import Ellipsoid
 
@@ -28,13 +28,12 @@ from polhode.models.shape import Ellipsoid
 NO_TIMES = "no times: tasks may run side by side"
 
 
-class SweepTable(BaseModel):
+class SweepTable(Table):
     """A sweep file; its name is that of the folder of its results."""
 
-    model_config = ConfigDict(extra="forbid", strict=True)
     name: Name
     title: str
-    shapes: Annotated[list[Annotated[list[Positive], Field(min_length=3, max_length=3)]], Field(min_length=1)]
+    shapes: Annotated[list[SemiAxes], Field(min_length=1)]
     stokes: StokesNumbers
     slow_time: Positive | None = None
     time: Positive | None = None
@@ -50,12 +49,7 @@ class SweepTable(BaseModel):
     bins: int = Ensemble.bins
     radius: float = Ensemble.radius
 
-    @model_validator(mode="after")
-    def _one_duration(self) -> "SweepTable":
-        if (self.slow_time is None) == (self.time is None):
-            got = "both" if self.time is not None else "neither"
-            raise ValueError(f"got {got} of slow_time and time, expected exactly one")
-        return self
+    _one_duration = model_validator(mode="after")(one_duration)
 
 
 @dataclass(frozen=True)

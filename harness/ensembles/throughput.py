@@ -166,17 +166,15 @@ def memory(particles: int = 100_000) -> dict[str, Any]:
 def _run_all(ensemble: Ensemble) -> int:
     for task in ensemble.tasks():
         run_task(task)
-    kibibyte = 1 if sys.platform == "darwin" else 1024
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * kibibyte
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
 
 
 def overhead() -> Iterator[dict[str, Any]]:
     """What engines add to tasks of a second that use the processor, the start of processes left out."""
-    task = SETTINGS.task_seconds
     for name, engine in (("serial", serial), ("one process", partial(processes, 1))):
         arrivals = [perf_counter() for _ in engine(_busy, range(SETTINGS.tasks + 1))]
         seconds = (arrivals[-1] - arrivals[0]) / SETTINGS.tasks
-        yield {"engine": name, "task_seconds": task, "share": seconds / task - 1}
+        yield {"engine": name, "task_seconds": SETTINGS.task_seconds, "share": seconds / SETTINGS.task_seconds - 1}
 
 
 def _busy(_: int) -> None:

@@ -15,8 +15,7 @@ MOST = 200
 
 def cache_folder(library: str = "") -> Path:
     """Folder of polhode's caches, or a library's: ``$POLHODE_CACHE``, else in ``$XDG_CACHE_HOME`` or ``~/.cache``."""
-    own = os.environ.get(CACHE_VARIABLE)
-    if own:
+    if own := os.environ.get(CACHE_VARIABLE):
         return Path(own, library).absolute()
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache", library or "polhode").absolute()
 

@@ -16,23 +16,24 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Vector = Annotated[list[Finite], Field(min_length=3, max_length=3)]
 FourVector = Annotated[list[Finite], Field(min_length=4, max_length=4)]
-
-
+SemiAxes = Annotated[list[Positive], Field(min_length=3, max_length=3)]
 # A quaternion further from unit norm than this was not rounded.
 UNIT_WITHIN = 0.01
 
 
-class _Table(BaseModel):
+class Table(BaseModel):
+    """A table of a file: nothing in it that it does not know, nothing converted."""
+
     model_config = ConfigDict(extra="forbid", strict=True)
 
 
-class ShapeTable(_Table):
+class ShapeTable(Table):
     """``[shape]``."""
 
-    semi_axes: Annotated[list[Positive], Field(min_length=3, max_length=3)]
+    semi_axes: SemiAxes
 
 
-class StartTable(_Table):
+class StartTable(Table):
     """``[start]``: Euler angles or a quaternion, with their motion; or the slow variables alone."""
 
     euler_angles: Vector | None = None
@@ -78,7 +79,15 @@ _WAYS_TO_START = (
 )
 
 
-class SceneTable(_Table):
+def one_duration(table: Any) -> Any:
+    """The table; raises ValueError unless it gives its duration once, as `slow_time` or as `time`."""
+    if (table.slow_time is None) == (table.time is None):
+        got = "both" if table.time is not None else "neither"
+        raise ValueError(f"got {got} of slow_time and time, expected exactly one")
+    return table
+
+
+class SceneTable(Table):
     """A whole scene file."""
 
     stokes: Annotated[float, Field(ge=0, allow_inf_nan=True)]
@@ -89,9 +98,7 @@ class SceneTable(_Table):
 
     @model_validator(mode="after")
     def _one_duration(self) -> "SceneTable":
-        if (self.slow_time is None) == (self.time is None):
-            got = "both" if self.time is not None else "neither"
-            raise ValueError(f"got {got} of slow_time and time, expected exactly one")
+        one_duration(self)
         if self.time is None and self.stokes in (0, inf):
             raise ValueError(f"got slow_time at stokes = {self.stokes:g}, expected time, for slow time is t/St")
         return self

@@ -97,7 +97,5 @@ _OUR_WORDS = tomllib.loads(Path(__file__).with_name("our_words.toml").read_text(
 
 def _in_our_words(message: str) -> str:
     message = message.replace(" after validation", "").split(" or instance of")[0]
-    for theirs, ours in _OUR_WORDS.items():
-        if message.startswith(theirs):
-            return ours + message.removeprefix(theirs)
-    return message
+    found = (ours + message.removeprefix(theirs) for theirs, ours in _OUR_WORDS.items() if message.startswith(theirs))
+    return next(found, message)

@@ -59,10 +59,15 @@ class SpheroidAngles(Form):
 
     def problem(self, scene: Scene) -> Problem:
         self.check(scene)
-        spheroid = Spheroid.of(scene.ellipsoid)
+        spheroid, given = Spheroid.of(scene.ellipsoid), self.require_orientation(scene)
+        w1, w2, w3 = (scene.angular_velocity[(spheroid.axis + shift) % 3] for shift in (1, 2, 3))
+        angles = _angles(scene, given)
+        dtheta, dphi, _ = euler_rates_from_angular_velocity(angles, (w1, w2, w3))
+        if spheroid.axis == 2 and isinstance(given, EulerStart) and scene.stokes > 0:
+            dtheta, dphi, _ = given.rates
+        start, inertial = (*angles[:2], dtheta, dphi, w3), (False, False, True, True, True)
         damping = spheroid.axial_damping, spheroid.equatorial_damping
         shape = (spheroid.inertia_ratio, *damping, spheroid.anisotropy)
-        start, inertial = _start(scene, self.require_orientation(scene)), (False, False, True, True, True)
         return full_problem(self, scene, field, start, inertial, shape, periodic=(1,))
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
@@ -83,14 +88,3 @@ def _angles(scene: Scene, start: EulerStart | BodyStart) -> Triple:
     """Euler angles of the body axes, renamed so that the third one is the symmetry axis."""
     axis = Spheroid.of(scene.ellipsoid).axis
     return start.angles if axis == 2 else euler_from_quaternion(make_third(start.quaternion, axis))
-
-
-def _start(scene: Scene, start: EulerStart | BodyStart) -> tuple[float, float, float, float, float]:
-    """(θ, φ, θ̇, φ̇, ω₃) of the symmetry axis at the start."""
-    axis = Spheroid.of(scene.ellipsoid).axis
-    w1, w2, w3 = (scene.angular_velocity[(axis + shift) % 3] for shift in (1, 2, 3))
-    theta, phi, psi = _angles(scene, start)
-    dtheta, dphi, _ = euler_rates_from_angular_velocity((theta, phi, psi), (w1, w2, w3))
-    if axis == 2 and isinstance(start, EulerStart) and scene.stokes > 0:
-        dtheta, dphi, _ = start.rates
-    return theta, phi, dtheta, dphi, w3

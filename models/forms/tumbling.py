@@ -77,8 +77,7 @@ class Tumbling(Form):
         if hypot(x, y) > PLANAR * max(1.0, abs(rate)):
             condition = f"the angular velocity leaves the vorticity axis by {hypot(x, y):.1e}"
             raise self.refuse(condition, full_form(scene))
-        axes = _principal_axes(scene)
-        if axes is None:
+        if (axes := _principal_axes(scene)) is None:
             raise self.refuse("no principal axis lies along the vorticity", full_form(scene))
         upright, first, second = axes
         a, b = ellipsoid.scaled_axes[first], ellipsoid.scaled_axes[second]
