@@ -181,7 +181,6 @@ class SceneSolution(LikeSolveIvp):
         _need("to_xarray", "xarray")
         import xarray as xr
 
-        space, body = ["x", "y", "z"], [1, 2, 3]
         return xr.Dataset(
             {
                 "L": (("t", "space"), self.angular_momentum),
@@ -189,7 +188,7 @@ class SceneSolution(LikeSolveIvp):
                 "R": (("t", "body", "space"), self.rotation),
                 "omega": (("t", "space"), self.angular_velocity),
             },
-            {"t": self.times, "t2": ("t", self.slow_times), "space": space, "body": body},
+            {"t": self.times, "t2": ("t", self.slow_times), "space": ["x", "y", "z"], "body": [1, 2, 3]},
             # Numbers and text alone can be written to any file.
             {name: dumps(each) if isinstance(each, dict) else each for name, each in self.provenance().items()},
         )

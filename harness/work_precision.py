@@ -113,8 +113,7 @@ class WorkPrecision:
         names = {"error": "slow_error", "uncertainty": "slow_uncertainty"}
         work_precision(axes, self.frame.rename(columns=names).assign(form=""))
         axes.xaxis.set_inverted(True)
-        axes.set_xlabel("largest relative error; more accurate to the right")
-        axes.set_ylabel("wall time of a warm run, s")
+        axes.set(xlabel="largest relative error; more accurate to the right", ylabel="wall time of a warm run, s")
         return axes
 
     def error_of(self, states: np.ndarray, exact: np.ndarray) -> float:

@@ -117,9 +117,8 @@ class Averaged(Form):
         """Refuse equal axes, St = 0 and inf, L = 0, and rotation about the middle axis, where nothing is averaged."""
         self.require_slow_motion(scene)
         if scene.ellipsoid.kind != "triaxial":
-            raise self.refuse(
-                f"two semi-axes of {[*map(float, scene.ellipsoid.semi_axes)]} are equal", "averaged-spheroid"
-            )
+            axes = [*map(float, scene.ellipsoid.semi_axes)]
+            raise self.refuse(f"two semi-axes of {axes} are equal", "averaged-spheroid")
         in_body = scene.initial.rotation[0] @ scene.initial.angular_momentum[0]
         in_body = in_body / np.abs(in_body).max()
         shares = in_body**2 / np.sum(in_body**2)

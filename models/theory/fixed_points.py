@@ -92,15 +92,14 @@ def attractors(ellipsoid: Ellipsoid, stokes: float, radius: float, *, circling: 
     """
     if stokes in (0, inf):
         return ()
-    unit = max(ellipsoid.inertia)
+    unit, points = max(ellipsoid.inertia), fixed_points(ellipsoid)
     states: dict[Rotation, np.ndarray] = {
-        point.rotation: np.array([0.0, 0.0, point.state[2], -point.state[2] / 4]) / unit
-        for point in fixed_points(ellipsoid)
+        each.rotation: np.array([0.0, 0.0, each.state[2], -each.state[2] / 4]) / unit for each in points
     }
-    stable = {point.rotation for point in fixed_points(ellipsoid) if point.stability == "stable node"}
+    stable = {each.rotation for each in points if each.stability == "stable node"}
+    reach = radius + (circle(ellipsoid, stokes) if circling else 0.0)
     found = []
     for rotation, state in states.items():
-        reach = radius + (circle(ellipsoid, stokes) if circling else 0.0)
         others = [float(np.linalg.norm(state - other)) for name, other in states.items() if name != rotation]
         if rotation in stable and reach < min(others, default=inf) / 2:
             found.append(Attractor(rotation, state, reach))
