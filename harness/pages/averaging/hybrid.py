@@ -27,13 +27,18 @@ def write_page(study: Study, folder: Path, command: str) -> None:
 def page(study: Study, command: str) -> str:
     """The report as Markdown."""
     timed = [study.timed.get(part, {}) for part in hybrid.PARTS if getattr(study, part)]
+    how = {"runs": ("slow", "size"), "within": ("within", "mean"), "bounded": ("bounded", "mean")}
+    how |= {"largest": ("slow", "max"), "over": ("over", "median"), "full": ("full_share", "median")}
+    errors = _judged(study.errors).dropna(subset=["slow"]).groupby(["stokes", "error"]).agg(**how)
+    speeds = _compared(study.speed).groupby(["stokes", "bodies"])
+    medians = speeds[["seconds", "few_seconds", "full_share", "gain", "over_knowing"]].median()
     return fill(
         "hybrid",
         header=header("Form hybrid: errors and speed", command, timed),
         findings=findings(study),
         form=hybrid,
-        errors=_errors(_judged(study.errors)),
-        speeds=_speeds(_compared(study.speed)),
+        errors=errors.sort_index(ascending=[True, False]).reset_index().to_dict("records"),
+        speeds=medians.assign(runs=speeds.size()).reset_index().to_dict("records"),
     )
 
 
@@ -67,13 +72,6 @@ def _judged(rows: Sequence[HybridError]) -> Any:
     return runs
 
 
-def _errors(runs: Any) -> list[dict[Any, Any]]:
-    how = {"runs": ("slow", "size"), "within": ("within", "mean"), "bounded": ("bounded", "mean")}
-    how |= {"largest": ("slow", "max"), "over": ("over", "median"), "full": ("full_share", "median")}
-    found = runs.dropna(subset=["slow"]).groupby(["stokes", "error"]).agg(**how)
-    return found.sort_index(ascending=[True, False]).reset_index().to_dict("records")
-
-
 def _compared(rows: Sequence[Speed]) -> Any:
     """The runs as a table, with how many times as fast as the best full solution each is."""
     runs = frame_of(Speed, rows)
@@ -81,9 +79,3 @@ def _compared(rows: Sequence[Speed]) -> Any:
     runs["gain"] = runs["full_seconds"] / runs["seconds"]
     runs["over_knowing"] = runs["knowing_seconds"] / runs["seconds"]
     return runs
-
-
-def _speeds(runs: Any) -> list[dict[Any, Any]]:
-    found = runs.groupby(["stokes", "bodies"])
-    medians = found[["seconds", "few_seconds", "full_share", "gain", "over_knowing"]].median()
-    return medians.assign(runs=found.size()).reset_index().to_dict("records")

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from math import isnan
 from pathlib import Path
-from typing import Any
 
 from polhode.harness.analysis.frames import frame_of
 from polhode.harness.averaging import cases, orders, second_order
@@ -40,11 +39,15 @@ def page(study: SecondOrderStudy, fitted: Sequence[Slope], command: str) -> str:
     """The report as Markdown."""
     second = _of_second_order(study.cost)
     compared = [each for each in study.cost if each.stokes == second_order.COMPARED]
+    # The slopes of each case, and the errors at its largest St.
+    last = frame_of(SecondOrderErrors, study.orders).sort_values("stokes")
+    last = last.drop_duplicates(["shape", "start"], keep="last")
+    last = last.rename(columns={"slow": "error", "first_order_slow": "first", "orientation": "turned"})
     return fill(
         "second-order",
         header=header("Second-order averaging: orders and cost", command, list(study.timed.values())),
         findings=findings(study),
-        orders=_rows(study.orders, fitted),
+        orders=frame_of(Slope, fitted).merge(last, on=["shape", "start"]).to_dict("records"),
         runs=dict.fromkeys([*second[:1], *compared, *second[-1:]]),
         timed=study.timed,
         measured=second_order,
@@ -91,10 +94,3 @@ def _estimates(rows: Sequence[SecondOrderErrors | Passage]) -> list[list[float]]
     own = [row for row in rows if not isnan(row.slow)]
     pairs = [(row.estimated_slow / row.slow, row.estimated_orientation / row.orientation) for row in own]
     return [sorted(each) for each in zip(*pairs, strict=True)]
-
-
-def _rows(rows: Sequence[SecondOrderErrors], fitted: Sequence[Slope]) -> list[dict[str, Any]]:
-    """The slopes of each case, and the errors at its largest St."""
-    last = frame_of(SecondOrderErrors, rows).sort_values("stokes").drop_duplicates(["shape", "start"], keep="last")
-    last = last.rename(columns={"slow": "error", "first_order_slow": "first", "orientation": "turned"})
-    return frame_of(Slope, fitted).merge(last, on=["shape", "start"]).to_dict("records")
