@@ -168,12 +168,7 @@ def write_page(found: Found, folder: Path) -> Path:
 
 def page(found: Found) -> str:
     """The measured figures as a page."""
-    top, mib = header("What ensembles cost", "polhode throughput", [found]), (found["memory"]["bytes"] or 0) / 2**20
-    return fill("throughput", header=top, block=BLOCK, plan=_plan(found), mib=mib, **found)
-
-
-def _plan(found: Found) -> list[Found]:
-    """Tasks, bytes in the store and core hours of large sweeps, in blocks of `BLOCK`, from measured whole tasks."""
+    # Tasks, bytes in the store and core hours of large sweeps, in blocks of `BLOCK`, from measured whole tasks.
     rows, tasks = [], {(row["shape"], row["equations"]): row for row in found["tasks"]}
     for plan in PLANS:
         row = tasks[plan["shape"], plan["equations"]]
@@ -181,7 +176,8 @@ def _plan(found: Found) -> list[Found]:
         slower = plan["stokes"] / found["settings"]["stokes"] if plan["equations"] == "full" else 1.0
         count, seconds = -(-plan["particles"] // BLOCK), plan["particles"] / row["per_second"] * slower
         rows.append(plan | {"tasks": count, "mib": count * row["record_bytes"] / 2**20, "hours": seconds / 3600})
-    return rows
+    top, mib = header("What ensembles cost", "polhode throughput", [found]), (found["memory"]["bytes"] or 0) / 2**20
+    return fill("throughput", header=top, block=BLOCK, plan=rows, mib=mib, **found)
 
 
 def _speeds(rows: list[Found]) -> Any:

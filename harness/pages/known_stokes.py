@@ -39,7 +39,7 @@ REACHED, LONGER, STOKES, LARGER, ROUNDS = (5e-9, 3e-4, 30.0), 1.3, 1e6, 1e8, 7
 def write_page(study: Study, records: Sequence[Record], folder: Path, command: str) -> Path:
     """Write the page and its records into a folder and return the page's path."""
     folder.mkdir(parents=True, exist_ok=True)
-    export(list(records), folder / "records.jsonl")
+    export(records, folder / "records.jsonl")
     table = frame(records)
     rows, met, known = _splitting(table)
     page = fill(

@@ -72,27 +72,22 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     runs, stopped, solvers = _runs(found), limit(table), sorted(set(table["solver"]), key=rank)
     passed = runs.groupby(["scene", "solver"])["passed"].agg(["sum", "size"])
     shares = ["✓" if met == taken else f"{met}/{taken}" for met, taken in passed.to_numpy().tolist()]
+    counts = pd.crosstab(runs["solver"], runs["outcome"]).reindex(index=solvers, columns=[*KINDS], fill_value=0)
+    total: Any = counts.sum(axis=1)
+    share = (100 * counts["reached"] / total).sort_values(ascending=False, kind="stable")
+    surest = [[name, total[name], f"{each:.0f} %", *counts.loc[name]] for name, each in share.items()]
     by_scene = pd.Series(shares, passed.index).unstack().fillna("·").loc[runs["scene"].unique(), solvers]
     page = fill(
         "outcomes",
         header=header(study.title, command, records),
         sentences=sentences(found, stopped),
-        counts=_counts(runs, solvers),
+        counts=markdown(["solver", "runs", "got through", *KINDS], surest, right=range(1, 3 + len(KINDS))),
         inaccurate=INACCURATE,
         stopped=stopped,
         scenes=markdown(["scene", *solvers], [[*row] for row in by_scene.itertuples()]),
         hard=[f"{name}: {SCENES[name].summary}" for name in dict(study.scenes) if name in SCENES],
     )
     return write_file(folder / "README.md", page)
-
-
-def _counts(runs: Any, solvers: Sequence[str]) -> str:
-    """How often each solver ended how, the surest first."""
-    found = pd.crosstab(runs["solver"], runs["outcome"]).reindex(index=solvers, columns=[*KINDS], fill_value=0)
-    total: Any = found.sum(axis=1)
-    share = (100 * found["reached"] / total).sort_values(ascending=False, kind="stable")
-    rows = [[name, total[name], f"{each:.0f} %", *found.loc[name]] for name, each in share.items()]
-    return markdown(["solver", "runs", "got through", *KINDS], rows, right=range(1, 3 + len(KINDS)))
 
 
 def limits(records: Sequence[Record]) -> dict[str, float]:

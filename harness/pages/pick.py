@@ -148,8 +148,7 @@ def write_aslib(folder: Path, questions: Mapping[str, Question], runs: Any) -> N
     status = "scene {ok, timeout, memout, presolved, crash, other}"
     _arff(folder, "feature_runstatus", (*head[:2], status), [(name, 1, "ok") for name in questions])
     _arff(folder, "feature_costs", (*head[:2], "scene NUMERIC"), [(name, 1, 0) for name in questions])
-    folds = [(name, 1, i % 10 + 1) for i, name in enumerate(questions)]
-    _arff(folder, "cv", (*head[:2], "fold NUMERIC"), folds)
+    _arff(folder, "cv", (*head[:2], "fold NUMERIC"), [(name, 1, i % 10 + 1) for i, name in enumerate(questions)])
 
 
 def _arff(folder: Path, name: str, attributes: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:

@@ -15,8 +15,6 @@ from polhode.harness.common.text import duration, factor, short
 from polhode.harness.pages.figures.style import colour, power, rank
 from polhode.harness.pages.tables import fill
 
-# Colours darker than this carry white numbers.
-DARK = 0.4
 NOBODY, UNKNOWN = "#FFFFFF", "#E4E4E4"
 HEADINGS: dict[Side, tuple[str, str]] = {
     "implicit": ("Stiff side", "implicit methods"),
@@ -121,7 +119,8 @@ def _write_in(axes: Axes, cell: Cell, i: int, j: int, usual: str) -> None:
         axes.text(i + 0.5, j + 0.5, "–" if cell.known else "?", ha="center", va="center", fontsize=9, color="0.55")
         return
     red, green, blue = to_rgb(colour(cell.winner.label))
-    ink = "white" if 0.2126 * red + 0.7152 * green + 0.0722 * blue < DARK else "black"
+    # Dark colours carry white numbers.
+    ink = "white" if 0.2126 * red + 0.7152 * green + 0.0722 * blue < 0.4 else "black"
     lead = "tie" if cell.tied else "alone" if isnan(cell.lead) else factor(cell.lead)
     texts = [(duration(cell.seconds), 9.5), (lead, 8.5)]
     if cell.winner.side != "averaged" and cell.winner.form != usual:

@@ -89,7 +89,14 @@ def work_precision(axes: Axes, runs: pd.DataFrame, error: str = "slow_error") ->
             _grey_out(axes, own, error, look.marker, style["markersize"])
     for form in forms:
         if form not in full:
-            _averaged(axes, where(done, done["form"] == form), form, error)
+            own, look = where(done, done["form"] == form), looks([form])[form]
+            cheapest = pareto_front(own, error)
+            style = {"marker": look.marker, "markersize": 9, "linewidth": 0, "color": look.colour}
+            axes.plot(*_points(cheapest, error), label=f"{form} form,\ncheapest runs", **style)
+            _grey_out(axes, cheapest, error, look.marker, 9)
+            for model in own[f"model_{error}"].dropna().head(1):
+                label = f"{form} form,\nmodel error"
+                axes.axvline(float(model), color=look.colour, linewidth=1.0, linestyle=":", label=label)
     axes.set(xscale="log", yscale="log")
     axes.yaxis.set_minor_formatter(NullFormatter())
     axes.grid(True, which="major", linewidth=0.4, alpha=0.5)
@@ -112,17 +119,6 @@ def _grey_out(axes: Axes, runs: pd.DataFrame, error: str, marker: Any, size: flo
         style = {"marker": marker, "markersize": size, "linewidth": 0, "color": GREY, "zorder": 2.5}
         label = "_again" if UNKNOWN in axes.get_legend_handles_labels()[1] else UNKNOWN
         axes.plot(*_points(unknown, error), label=label, **style)
-
-
-def _averaged(axes: Axes, runs: pd.DataFrame, form: str, error: str) -> None:
-    look, front = looks([form])[form], pareto_front(runs, error)
-    style = {"marker": look.marker, "markersize": 9, "linewidth": 0, "color": look.colour}
-    axes.plot(*_points(front, error), label=f"{form} form,\ncheapest runs", **style)
-    _grey_out(axes, front, error, look.marker, 9)
-    model = runs[f"model_{error}"].dropna()
-    if not model.empty:
-        label = f"{form} form,\nmodel error"
-        axes.axvline(float(model.iloc[0]), color=look.colour, linewidth=1.0, linestyle=":", label=label)
 
 
 def _without_result(axes: Axes, runs: pd.DataFrame) -> None:
