@@ -149,9 +149,19 @@ def judge(case: Case, record: Record, states: np.ndarray) -> Record:
     distance = None if n == case.samples else statistics_distance(ellipsoid, found, full.observables)
     return (
         record
-        | _error_columns(total, full)
+        | {
+            "slow_error": total.slow,
+            "orientation_error": total.orientation,
+            "slow_uncertainty": full.slow_uncertainty,
+            "orientation_uncertainty": full.orientation_uncertainty,
+            "statistics_uncertainty": full.statistics_uncertainty,
+            "statistics_distance": distance,
+            "meaningful_until": full.meaningful_until,
+            "worst_time": float(full.times[total.worst_sample]),
+            "certified_pieces": full.certificate.pieces,
+            "errors": asdict(total),
+        }
         | _parted(case, early, truth, total, full, exact)
-        | {"statistics_distance": distance}
         | ({} if form.averaged else _broken_balance(total, case.tolerance))
     )
 
@@ -182,20 +192,6 @@ def prepared(case: Case) -> float:
     began = perf_counter()
     solve(moment, case.solver, case.tolerance, backend=case.backend, jacobian=case.jacobian)
     return perf_counter() - began
-
-
-def _error_columns(total: Errors, full: Reference) -> Record:
-    return {
-        "slow_error": total.slow,
-        "orientation_error": total.orientation,
-        "slow_uncertainty": full.slow_uncertainty,
-        "orientation_uncertainty": full.orientation_uncertainty,
-        "statistics_uncertainty": full.statistics_uncertainty,
-        "meaningful_until": full.meaningful_until,
-        "worst_time": float(full.times[total.worst_sample]),
-        "certified_pieces": full.certificate.pieces,
-        "errors": asdict(total),
-    }
 
 
 def _parted(

@@ -36,9 +36,6 @@ LIMIT = 60.0
 TOLERANCE = 1e-8
 # Part of a scene's time whose run shows what a first one takes more.
 BEGINNING = 1e-6
-# What is allowed: a share of the bare call or a time in seconds, whichever is more.
-ALLOWED_SHARE = 0.05
-ALLOWED_SECONDS = 50e-6
 
 
 def rhs_seconds(problem: Problem, backend: Backend) -> float:
@@ -118,8 +115,7 @@ def first_seconds(scenes: Mapping[str, Scene], methods: Iterable[tuple[str, str]
         if group not in known:
             with TemporaryDirectory() as folder:
                 problem = find_form(form).problem(scenes[form])
-                beginning = replace(problem, end=problem.end * BEGINNING, least_steps=0)
-                run = _fresh(beginning, solver, folder)
+                run = _fresh(replace(problem, end=problem.end * BEGINNING, least_steps=0), solver, folder)
             known[group] = run.library + run.compilation if run else 0.0
         found[form, solver] = known[group]
     return found
@@ -158,8 +154,8 @@ class Overhead:
 
     @property
     def allowed(self) -> bool:
-        """Whether that is at most 5 % or 50 µs."""
-        return self.seconds <= max(ALLOWED_SHARE * self.bare, ALLOWED_SECONDS)
+        """Whether that is at most 5 % of the bare call, or 50 µs if that is more."""
+        return self.seconds <= max(0.05 * self.bare, 50e-6)
 
 
 def paper_problem() -> Problem:

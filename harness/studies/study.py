@@ -20,7 +20,6 @@ from polhode.models.scenes import named_scene
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Backend, Jacobian
 
-QUICK_SECONDS = 0.2
 # Of a run that is compared with a reference.
 MOST_SAMPLES = 100_000
 # What a study may say of a built-in scene.
@@ -44,9 +43,6 @@ class Choice(BaseModel):
     forms: Annotated[list[str], Field(min_length=1)] | None = None
     solvers: Annotated[list[str], Field(min_length=1)] | None = None
     max_seconds: Positive | None = None
-
-
-ANY = Choice()
 
 
 @dataclass(frozen=True)
@@ -96,7 +92,7 @@ class Study:
 
     def choice(self, scene_name: str, scene: Scene) -> Choice:
         """What the study says of a scene."""
-        return self.choices.get((scene_name, scene.stokes), ANY)
+        return self.choices.get((scene_name, scene.stokes), Choice())
 
     def part(self, *, scenes: Filter = (), tags: Filter = (), forms: Filter = (), solvers: Filter = ()) -> "Study":
         """What meets every filter, none of a kind meaning all; ValueError for unknown names, or if nothing is left."""
@@ -128,7 +124,7 @@ class Study:
     def quick(self) -> "Study":
         """The study with every other tolerance and short time limits, for a look."""
         choices = {scene: choice.model_copy(update={"max_seconds": None}) for scene, choice in self.choices.items()}
-        seconds = min(self.max_seconds, QUICK_SECONDS)
+        seconds = min(self.max_seconds, 0.2)
         return replace(self, tolerances=self.tolerances[::2], max_seconds=seconds, choices=choices)
 
     def _ways(self, solver_name: str) -> list[tuple[Backend | None, Jacobian | None]]:
@@ -228,7 +224,13 @@ def parse_study(contents: dict[str, Any]) -> Study:
     """The study that a file's contents describe; raises ValueError, in one line, if a key is wrong or nothing fits."""
     table = checked(StudyTable, contents)
     own: dict[str, Any] = {name: tuple(value) if isinstance(value, list) else value for name, value in table}
-    own["scenes"] = tuple(scene for position, scenes in enumerate(table.scenes) for scene in _scenes(position, scenes))
+    own["scenes"] = ()
+    for position, each in enumerate(table.scenes):
+        try:
+            scenes = [parse_scene({"stokes": stokes, **(each.model_extra or {})}) for stokes in each.stokes]
+        except ValueError as error:
+            raise ValueError(f"scenes[{position}]: {error}") from None
+        own["scenes"] += tuple((each.name, scene) for scene in scenes)
     own["choices"] = {(each.name, stokes): each for each in table.scenes for stokes in each.stokes}
     # Which is the cheapest makes sense for one scene; several ask who gets through.
     own["page"] = table.page or ("costs" if len({scene.name for scene in table.scenes}) == 1 else "outcomes")
@@ -236,11 +238,3 @@ def parse_study(contents: dict[str, Any]) -> Study:
     if not any(study.batches()):
         raise ValueError(f"forms: got {list(study.forms)}, expected one that some scene and solver accept")
     return study
-
-
-def _scenes(position: int, table: StudySceneTable) -> Iterator[tuple[str, Scene]]:
-    for stokes in table.stokes:
-        try:
-            yield table.name, parse_scene({"stokes": stokes, **(table.model_extra or {})})
-        except ValueError as error:
-            raise ValueError(f"scenes[{position}]: {error}") from None
