@@ -31,8 +31,6 @@ REFERENCE_TOLERANCES = (1e-18, 1e-16)
 TOLERANCE = 1e-14
 # Resonances want many small steps of these runs; each time is the fastest of so many.
 PASSAGE_SOLVER, PASSAGE_REPEATS = "cyrk-vern8", 3
-# Kicks below this share of the slow error estimated are not named.
-SMALL_KICK = 0.1
 # What may be measured alone.
 PARTS = ("orders", "resonances", "cost")
 
@@ -111,7 +109,8 @@ def measure_passage(case: Subject, stokes: float, whole: bool = True) -> Passage
         reason = refusal.condition if isinstance(refusal, FormNotValidError) else str(refusal)
         return Passage(case.axes, case.name, case.slow_time, stokes, refused=reason)
     row, _ = _compared(case, scene, found)
-    strong = [each for each in outline(scene).kicks if each.size > SMALL_KICK * row["estimated_slow"]]
+    # Kicks far below the slow error estimated are not named.
+    strong = [each for each in outline(scene).kicks if each.size > 0.1 * row["estimated_slow"]]
     modes = " ".join(f"({k1:.0f}, {k2:.0f})" for k1, k2 in dict.fromkeys(each.mode for each in strong))
     kick = max((each.size for each in strong), default=nan)
     return Passage(**row, modes=modes, kick=kick, integration=found.integration, seconds=found.seconds)

@@ -117,12 +117,12 @@ def studies(question: Question, index: int, stratum: Stratum = "short") -> Itera
     every = index % ASIDE_EVERY == 0 and rotations < ASIDE_ROTATIONS
     averaged = index % ASIDE_AVERAGED_EVERY == 0
     plain = [name for name in forms_for(scene, rotations) if not find_form(name).angles]
-    slow = [name for name in plain if every or (averaged and find_form(name).averaged)]
     stiff = damping_times(scene) > MOST_EXPLICIT / 10
     aside = [name for name in SOLVERS if name not in fast_solvers() and not (stiff and not find_solver(name).implicit)]
     tolerances = tuple(float(random.choice(choices)) for choices in LADDER[:2])
-    for name in slow:
-        yield study(question, name, aside, tolerances, rotations)
+    for name in plain:
+        if every or (averaged and find_form(name).averaged):
+            yield study(question, name, aside, tolerances, rotations)
 
 
 def study(question: Question, form: str, solvers: list[str], tolerances: tuple[float, ...], rotations: float) -> Study:

@@ -32,10 +32,6 @@ COSTS = "Cost against accuracy"
 LEAD = "Every run measured: wall time, or calls of the right-hand side, against the error along the whole run."
 WORDS = ("form", "solver", "status", "message")
 COLUMNS = ("slow_error", "orientation_error", "seconds", "work.rhs_calls", "work.steps", "model_slow_error")
-# What else a record says of a run.
-MARKS = ("backend", "jacobian", "inferred", "tags")
-# Folders of `reports` that hold something else than a study.
-NO_STUDY = ("site", "paper", "accuracy", "pick", "problems")
 
 
 def question(folder: Path, sure: str = "") -> tuple[str, dict[str, Any]]:
@@ -101,7 +97,7 @@ def _map(particle: str, error: str, found: Sequence[Cell]) -> dict[str, Any]:
 
 def cost_page(reports: Path) -> Page:
     """Every run of every study as a point."""
-    studies, unreadable = read_studies(reports, (*WORDS, *COLUMNS, *MARKS))
+    studies, unreadable = read_studies(reports, (*WORDS, *COLUMNS, "backend", "jacobian", "inferred", "tags"))
     body = html("cost", studies=studies, unreadable=unreadable)
     if not studies:
         return Page(COSTS, LEAD, body)
@@ -167,7 +163,9 @@ def _solvers(names: set[str]) -> dict[str, Any]:
 def read_studies(folder: Path, columns: Collection[str]) -> tuple[dict[str, pd.DataFrame], list[str]]:
     """Runs of each study by the name of its folder, and file if it holds several; and the files that cannot be read."""
     studies, unreadable = {}, []
-    folders = [path for path in sorted(folder.glob("*")) if path.name.removesuffix("-quick") not in NO_STUDY]
+    # What else stands in `reports`.
+    others = ("site", "paper", "accuracy", "pick", "problems")
+    folders = [path for path in sorted(folder.glob("*")) if path.name.removesuffix("-quick") not in others]
     # Exported records; where there are none, the table of runs.
     for path in (file for each in folders for file in sorted(each.glob("*.jsonl")) or each.glob("runs.csv")):
         name = path.parent.name if path.stem in ("records", "runs") else f"{path.parent.name}/{path.stem}"

@@ -24,16 +24,15 @@ from polhode.models.scenes import SCENES
 REPORTS = tomllib.loads(Path(__file__).with_name("reports.toml").read_text("utf-8"))
 # What the opening page takes from the page of the bench, by its own heading.
 SECTIONS = {"Robust or fast": "Robust or fast", "When averaging pays": "Verdict"}
-SCENE_CELL = re.compile(r"<td>([\w-]+)</td>")
-OVERWRITTEN = " Do not edit: the next run overwrites this page."
 # What these pictures show is on the page of costs.
 ON_COSTS = re.compile(r"(slow|orientation)(-[\w-]+)?\.png")
 
 
 def build(reports: Path, out: Path, scenes: dict[str, Scene], say: Callable[[str], None] = lambda _: None) -> Path:
     """Write the site, with scenes of one's own by name; returns its opening page; `say` receives a line about each."""
+    overwritten = " Do not edit: the next run overwrites this page."
     files = {page_name(path): path for path in sorted(reports.glob("*/*.md"))}
-    texts = {name: path.read_text(encoding="utf-8").replace(OVERWRITTEN, "") for name, path in files.items()}
+    texts = {name: path.read_text(encoding="utf-8").replace(overwritten, "") for name, path in files.items()}
     known = {path.resolve(): f"{name}.html" for name, path in files.items()}
     rendered = {name: render(texts[name], path, known, _as_costs) for name, path in files.items()}
     folders = [name for name in [*REPORTS, *files] if name in rendered and files[name].stem == "README"]
@@ -61,7 +60,7 @@ def build(reports: Path, out: Path, scenes: dict[str, Scene], say: Callable[[str
     write("cost", cost_page(reports))
     write("motion", motion_page(scenes, say))
     for name, found in rendered.items():
-        body = SCENE_CELL.sub(_runs_of, found.body) if name == "hard-cases" else found.body
+        body = re.sub(r"<td>([\w-]+)</td>", _runs_of, found.body) if name == "hard-cases" else found.body
         beside = [other for other in rendered if other.startswith(f"{name}-") and f'"{other}.html' not in found.body]
         links = ", ".join(f'<a href="{other}.html">{prose(rendered[other].title)}</a>' for other in beside)
         body = f'<p class="note">Beside this page: {links}.</p>{body}' if links else body
