@@ -126,12 +126,7 @@ def _as_parquet(out: Path) -> bool:
 
 
 def _run(
-    what: "Plan",
-    target: PartialFile | None,
-    beside: Path | None,
-    progress: Progress,
-    omega: bool,
-    given: dict[str, Any],
+    what: "Plan", target: PartialFile | None, beside: Path | None, progress: Progress, omega: bool, given: Any
 ) -> "SceneSolution":
     """Solve, and write what is finished; RunFailed if the run fails or is interrupted, or the disk is full."""
     from polhode.harness.solution import write_csv
