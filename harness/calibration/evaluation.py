@@ -61,7 +61,7 @@ class Evaluation:
         known = self.runs.dropna(subset=["slow_error", "slow_error_high"])
         flags: dict[str, Any] = {
             "met": self.scenes["met"],
-            "cheap": self.scenes["factor"].dropna() <= FACTOR,
+            "cheap": self.scenes["factor"].dropna() < FACTOR,
             # At the pace that the laws were fitted at.
             "predicted": close(self.runs["seconds_at_usual_pace"], self.runs),
             "predicted as timed": close(self.runs["seconds"], self.runs),
