@@ -72,15 +72,15 @@ class RunError:
         # An interval that begins at 0 bounds the error, and proves nothing missed.
         sure = "was missed" if stated.low > error else "may have been missed"
         tighter, full = one_digit(tolerance * error / stated.high / 2), full_form(scene)
-        what = "nothing: no look confirms a tighter run"
+        what = "no second run could confirm a tighter one"
         # What pieces state does not fall with the tolerance.
         if form.averaged or (isinstance(form, InPieces) and not stated.low):
-            able = f"--form {full}, whose error its tolerance alone sets"
-            what = able if takes(full, scene) else "nothing: no full form starts so"
+            able = f"do: --form {full}, whose error its tolerance alone sets"
+            what = able if takes(full, scene) else "no full form takes such a start"
         elif tighter >= CONFIRMED:
-            what = f"--tolerance {short(tighter)}"
+            what = f"do: --tolerance {short(tighter)}"
         made = (f"about {scientific(stated.predicted)}, " if stated.low else "") + f"at most {scientific(stated.high)}"
-        advice = f"the error asked for, {short(error)}, {sure}: it is {made}; do: {what}"
+        advice = f"the error asked for, {short(error)}, {sure}: it is {made}; {what}"
         return replace(self, advice=advice)
 
 

@@ -46,8 +46,8 @@ def test_words_say_what_the_angle_is_of(scene, angle):
         ("hybrid", 0.0, 1e-3, "may have been missed: it is at most 3.5e-2; do: --form spheroid-axis, whose"),
         ("hybrid", 2e-3, 1e-3, "was missed: it is about 4.0e-3, at most 3.5e-2; do: --tolerance 1e-5"),
         ("quaternion", 5e-4, 1e-3, "may have been missed: it is about 4.0e-3, at most 3.5e-2; do: --tolerance 1e-5"),
-        ("quaternion", 2e-3, 1e-12, "was missed: it is about 4.0e-3, at most 3.5e-2; do: nothing: no look confirms"),
-        ("averaged-spheroid", 2e-3, 1e-3, "was missed: it is about 4.0e-3, at most 3.5e-2; do: nothing: no full form"),
+        ("quaternion", 2e-3, 1e-12, "was missed: it is about 4.0e-3, at most 3.5e-2; no second run could confirm"),
+        ("averaged-spheroid", 2e-3, 1e-3, "was missed: it is about 4.0e-3, at most 3.5e-2; no full form takes"),
     ],
 )
 def test_no_more_is_said_of_an_error_than_is_known(form, low, tolerance, advice):
