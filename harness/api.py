@@ -58,11 +58,13 @@ class Plan:
     def run(self, watch: Callable[[Record], None] | None = None, events: Sequence[Event] = ()) -> SceneSolution:
         """Solve the problem, and look for events; raises `polhode.solvers.solve.Interrupted` on Ctrl-C."""
         times = self._times / self.scene.time * self.problem.end
-        head = self.problem, self.solver, self.solver.settings(self.tolerance), times[:1]
-        start = Solution(*head, np.array([self.problem.start]), Status.REACHED_END, "", Work(), 0.0)
-        for event in events:
-            # A mistake in it is found before the run, not at its end.
-            event.values(self.observed(start))
+        if events:
+            # A mistake in one is found before the run, not at its end.
+            head = self.problem, self.solver, self.solver.settings(self.tolerance), times[:1]
+            start = Solution(*head, np.array([self.problem.start]), Status.REACHED_END, "", Work(), 0.0)
+            seen = self.observed(start)
+            for event in events:
+                event.values(seen)
         with spent_on("integration"):
             found = run(self.problem, self.solver, self.tolerance, times, watch=watch, max_seconds=self.max_seconds)
         try:

@@ -1,7 +1,6 @@
 """The motion of a scene: what `solve` returns."""
 
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from html import escape
 from math import nan
@@ -18,7 +17,7 @@ from polhode.models.form import Form
 from polhode.models.observables import Observables, angular_velocity
 from polhode.models.scene import Scene, start_from
 from polhode.solvers.contract import Status, installed
-from polhode.solvers.dense_output import LikeSolveIvp
+from polhode.solvers.dense_output import LikeSolveIvp, times_within
 from polhode.solvers.pieces import Stage
 from polhode.solvers.solve import Solution, described
 
@@ -60,15 +59,7 @@ class SceneSolution(LikeSolveIvp):
 
     def __call__(self, t: "ArrayLike") -> "SceneSolution":
         """The motion at other times of the run."""
-        times = np.empty((0, 0))
-        with suppress(TypeError, ValueError):
-            times = np.atleast_1d(np.asarray(t, dtype=float))
-        if times.ndim > 1:
-            raise ValueError(f"t: got {t!r:.60}, expected a number or an array of one dimension")
-        last = float(self.times[-1])
-        outside = times[~((times >= self.times[0]) & (times <= last))]
-        if len(outside):
-            raise ValueError(f"t: got {float(outside[0])!r}, expected times from {self.times[0]:g} to {last:g}")
+        times = times_within(self, t)
         # Where they are the run's, they are so to the last bit.
         return self.at(times, self.run(np.interp(times, self.times, self.run.times)))
 

@@ -57,6 +57,14 @@ class Form(ABC):
     def check(self, scene: Scene) -> None:
         """Raise FormNotValidError for a scene that this form does not describe."""
 
+    def takes(self, scene: Scene) -> bool:
+        """Whether this form accepts a scene."""
+        try:
+            self.check(scene)
+        except FormNotValidError:
+            return False
+        return True
+
     @abstractmethod
     def problem(self, scene: Scene) -> Problem:
         """Initial value problem of a scene that `check` accepts; raises as `check` does."""

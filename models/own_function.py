@@ -38,6 +38,9 @@ class _Absent:
     __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = _used
 
 
+_ABSENT = _Absent()
+
+
 @dataclass(frozen=True)
 class OwnField:
     """The factory of a field that a function ``f(t, y, *parameters)`` makes."""
@@ -55,7 +58,7 @@ class OwnField:
         def rhs(y, p):
             state = [y[i] for i in range(len(y) - self.timed)]
             parameters = [p[i] for i in range(len(p))]
-            time = self.t_start + y[len(state)] if self.timed else _Absent()
+            time = self.t_start + y[len(state)] if self.timed else _ABSENT
             rates = function(time, _array(state), *parameters)
             return (*_listed(rates), *[1.0] * self.timed)
 
@@ -116,7 +119,7 @@ def _numbers(name: str, values: Sequence[float]) -> tuple[float, ...]:
 
 def _uses_time(f: Callable[..., Any], start: tuple[float, ...], parameters: tuple[float, ...]) -> bool:
     try:
-        return any(isinstance(rate, _Absent) for rate in _listed(f(_Absent(), np.array(start), *parameters)))
+        return any(rate is _ABSENT for rate in _listed(f(_ABSENT, np.array(start), *parameters)))
     except Exception:
         return True
 

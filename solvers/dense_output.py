@@ -1,6 +1,7 @@
 """A solution between its rows, and what `scipy.integrate.solve_ivp` calls the parts of one."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
@@ -30,20 +31,29 @@ class LikeSolveIvp:
         return y if np.ndim(t) else y[:, 0]
 
 
-def states_at(solution: Any, times: np.ndarray, run: Callable[..., Any]) -> np.ndarray:
-    """States at any times of a run, shape (k, d): from the last row before each, by the run's own solver and tolerance.
-
-    So they lie on the solver's own interpolation within steps of its own, and add one step's error to that of the row.
-    Where a run has pieces with problems of their own, the exact one serves; solvers that choose their step over many
-    periods leave this to an explicit Runge-Kutta method of order 8. ValueError if a time lies outside the run, or the
-    solver fails between two rows.
-    """
-    known, settings, problem = solution.times, solution.settings, solution.problem
+def times_within(solution: Any, t: "ArrayLike") -> np.ndarray:
+    """Times asked of a solution as an array, shape (k,); ValueError unless they are numbers within it."""
+    known, times = solution.times, np.empty((0, 0))
+    with suppress(TypeError, ValueError):
+        times = np.atleast_1d(np.asarray(t, dtype=float))
+    if times.ndim > 1:
+        raise ValueError(f"t: got {t!r:.60}, expected a number or an array of one dimension")
     if not len(known):
         raise ValueError(f"t: got {times!r:.60}, expected a solution with rows, not one that is {solution.status}")
     outside = times[~((times >= known[0]) & (times <= known[-1]))]
     if len(outside):
         raise ValueError(f"t: got {float(outside[0])!r}, expected times from {known[0]:g} to {known[-1]:g}")
+    return times
+
+
+def states_at(solution: Any, times: np.ndarray, run: Callable[..., Any]) -> np.ndarray:
+    """States at any times of a run, shape (k, d): from the last row before each, by the run's own solver and tolerance.
+
+    So they lie on the solver's own interpolation within steps of its own, and add one step's error to that of the row.
+    Where a run has pieces with problems of their own, the exact one serves; solvers that choose their step over many
+    periods leave this to an explicit Runge-Kutta method of order 8. ValueError if the solver fails between two rows.
+    """
+    known, settings, problem = solution.times, solution.settings, solution.problem
     if solution.method.closed_form and problem.closed_form:
         return problem.closed_form(times)
     method, how = solution.method, {"backend": settings.backend}

@@ -12,7 +12,7 @@ from polhode.models.problem import Problem
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.compile import as_it_stands
 from polhode.solvers.contract import UNLIMITED, Backend, Jacobian, Record, Settings, Solver, Status, Work
-from polhode.solvers.dense_output import LikeSolveIvp, states_at
+from polhode.solvers.dense_output import LikeSolveIvp, states_at, times_within
 from polhode.solvers.pieces import Run, Stage, wrapped
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ class Solution(LikeSolveIvp):
 
     def __call__(self, t: "ArrayLike") -> "Solution":
         """The solution at other times of the run, a number or an array: `polhode.solvers.dense_output.states_at`."""
-        times = np.atleast_1d(np.asarray(t, dtype=float))
+        times = times_within(self, t)
         return replace(self, times=times, states=states_at(self, times, solve))
 
     def __repr__(self) -> str:

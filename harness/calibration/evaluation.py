@@ -84,7 +84,7 @@ def close(seconds: Any, runs: pd.DataFrame) -> Any:
 def miss(answer: Answer, first: Record, best: Record, met: bool, factor: float) -> str:
     """Why a first choice was none: what the laws said of it, and of the best way; empty if it was a good one."""
     found = answer.recommendation
-    if found is None or (met and not factor > FACTOR):
+    if found is None or (met and not factor >= FACTOR):
         return f"refused: {answer.refusal}" if found is None and best else ""
     want, row = answer.question.want, found.ranking[0]
     if not met:

@@ -17,6 +17,7 @@ from polhode.harness.commands.show import scene_text
 from polhode.harness.common.files import PartialFile, dumps, write_file
 from polhode.harness.common.progress import Progress
 from polhode.harness.common.text import aligned, duration, fitting, short
+from polhode.models.catalogue import form as find_form
 from polhode.models.spent import SPENT, spent_on
 
 if TYPE_CHECKING:
@@ -101,8 +102,6 @@ def _say_times() -> None:
 
 def _notes(what: "Plan", tolerance: float | None) -> list[str]:
     """What the user should know: that the error will not be met, or has no say, and what stays empty."""
-    from polhode.harness.picking.refusals import takes
-
     asked = click.get_current_context().get_parameter_source("error") is not ParameterSource.DEFAULT
     notes = ["the --tolerance given governs the run: --error is only for choosing one"] * (asked and bool(tolerance))
     notes += filter(None, (what.note, what.long))
@@ -110,7 +109,7 @@ def _notes(what: "Plan", tolerance: float | None) -> list[str]:
     if len(known) < 3:
         words = "the symmetry axis alone" if known else "no orientation"
         empty = ", ".join(f"R{row}1 to R{row}3" for row in (1, 2, 3) if row - 1 not in known)
-        full = "; --form quaternion gives all" * takes("quaternion", what.scene)
+        full = "; --form quaternion gives all" * find_form("quaternion").takes(what.scene)
         notes.append(f"{what.form.name} knows {words}: {empty} stay empty{full}")
     return notes
 
@@ -172,10 +171,12 @@ def _remedy(what: "Plan", given: dict[str, Any]) -> str:
     """What to do about a failure of a way that the user did not name: the next one of the ranking."""
     from polhode.harness.api import pick
 
+    if given["form"] or given["solver"]:
+        return ""
     with suppress(ValueError):
-        ways = [] if given["form"] or given["solver"] else pick(what.scene, given["error"], given["want"]).ranking
-        others = [way for way in ways if (way.form, way.solver) != (what.form.name, what.solver.name)]
-        return "".join(f"do: --form {way.form} --solver {way.solver}" for way in others[:1])
+        for way in pick(what.scene, given["error"], given["want"]).ranking:
+            if (way.form, way.solver) != (what.form.name, what.solver.name):
+                return f"do: --form {way.form} --solver {way.solver}"
     return ""
 
 

@@ -29,8 +29,8 @@ CREATE TABLE IF NOT EXISTS cases (
     key TEXT PRIMARY KEY, "case" TEXT NOT NULL, result TEXT NOT NULL, written TEXT NOT NULL, digest TEXT NOT NULL
 )
 """
-_PUT = "INSERT INTO cases VALUES (?, ?, ?, ?, ?) ON CONFLICT (key) DO NOTHING"
 _ROW = 'SELECT key, "case", result, written, digest FROM cases '
+_PUT = "INSERT INTO cases VALUES (?, ?, ?, ?, ?) ON CONFLICT (key) DO NOTHING"
 
 
 class DamagedStoreError(ValueError):

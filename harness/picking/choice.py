@@ -10,7 +10,6 @@ from polhode.harness.picking.candidate import LOOSEST, TIGHTEST
 from polhode.harness.picking.ranking import NotAttainableError, check_asked, first_way, pick
 from polhode.harness.picking.recommendation import Recommendation
 from polhode.models.catalogue import form as find_form, full_form
-from polhode.models.form import FormNotValidError
 from polhode.models.scene import Scene
 from polhode.models.shape import require_numbers
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
@@ -90,10 +89,8 @@ def choose(
 def simplest(scene: Scene) -> str:
     """The full form of the fewest equations that takes a scene."""
     name = "euler-top" if isinf(scene.stokes) else full_form(scene)
-    if name in ("quaternion", "spheroid-axis"):
-        with suppress(FormNotValidError):
-            find_form("tumbling").check(scene)
-            name = "tumbling"
+    if name in ("quaternion", "spheroid-axis") and find_form("tumbling").takes(scene):
+        name = "tumbling"
     find_form(name).check(scene)
     return name
 

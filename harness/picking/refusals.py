@@ -2,16 +2,13 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from enum import IntEnum
 from math import ceil, floor, inf, log10
 
 from polhode.harness.common.text import in_full
 from polhode.harness.picking.laws import ErrorLaw, Sensitivity
-from polhode.models.catalogue import form as find_form
 from polhode.models.form import FormNotValidError
-from polhode.models.scene import Scene
 from polhode.solvers.contract import SolverNotValidError
 
 
@@ -58,14 +55,6 @@ class Refusal:
                 return cls(form, solver, refusal.reason, Stage.SOLVER)
             case _:
                 return cls(form, solver, str(refusal), Stage.MOTION)
-
-
-def takes(form: str, scene: Scene) -> bool:
-    """Whether a form accepts a scene."""
-    with suppress(FormNotValidError):
-        find_form(form).check(scene)
-        return True
-    return False
 
 
 def why_nothing(refusals: Sequence[Refusal], largest: float = inf) -> str:

@@ -8,9 +8,9 @@ import numpy as np
 from polhode.harness.common.text import in_two_digits, scientific, short
 from polhode.harness.picking.laws import Interval
 from polhode.harness.picking.pilot import InPieces, pilot_solver
-from polhode.harness.picking.refusals import one_digit, takes
+from polhode.harness.picking.refusals import one_digit
 from polhode.harness.references.errors import magnitude
-from polhode.models.catalogue import full_form
+from polhode.models.catalogue import form as find_form, full_form
 from polhode.models.form import Form
 from polhode.models.observables import Observables
 from polhode.models.scene import Scene
@@ -76,7 +76,7 @@ class RunError:
         # What pieces state does not fall with the tolerance.
         if form.averaged or (isinstance(form, InPieces) and not stated.low):
             able = f"do: --form {full}, whose error its tolerance alone sets"
-            what = able if takes(full, scene) else "no full form takes such a start"
+            what = able if find_form(full).takes(scene) else "no full form takes such a start"
         elif tighter >= CONFIRMED:
             what = f"do: --tolerance {short(tighter)}"
         made = (f"about {scientific(stated.predicted)}, " if stated.low else "") + f"at most {scientific(stated.high)}"

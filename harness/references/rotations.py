@@ -97,12 +97,15 @@ def rotations(scene: Scene) -> float:
 
 
 def _averages_well(scene: Scene) -> bool:
-    speed = float(np.linalg.norm(scene.angular_velocity))
-    return scene.time * max(speed, 0.5) / (2 * pi) > MANY and _is_separated(scene)
+    return scene.time * max(_speed(scene), 0.5) / (2 * pi) > MANY and _is_separated(scene)
+
+
+def _speed(scene: Scene) -> float:
+    return float(np.linalg.norm(scene.angular_velocity))
 
 
 def _is_separated(scene: Scene) -> bool:
-    return float(np.linalg.norm(scene.angular_velocity)) * _separation(scene) > SEPARATED
+    return _speed(scene) * _separation(scene) > SEPARATED
 
 
 def _separation(scene: Scene) -> float:
@@ -147,8 +150,7 @@ def _angle(scene: Scene) -> float:
     problem = Problem(full.name, turning, (*full.start, 0.0), full.end, full.parameters)
     damping = max(scene.ellipsoid.damping) * scene.torque_factor
     stiff = scene.stokes > 0 and damping > STIFF_FROM
-    speed = max(0.5, float(np.linalg.norm(scene.angular_velocity)))
-    longest = min(scene.time, LONGEST_STIFF if stiff else LONGEST_ROTATIONS * 2 * pi / speed)
+    longest = min(scene.time, LONGEST_STIFF if stiff else LONGEST_ROTATIONS * 2 * pi / max(0.5, _speed(scene)))
     solver, tolerance = ("cyrk-radau", STIFF_TOLERANCE) if stiff else ("cyrk-vern8", TOLERANCE)
     risen = longest if _is_separated(scene) else RISEN * _separation(scene)
     angle = 0.0

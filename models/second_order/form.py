@@ -1,7 +1,6 @@
 """Form `averaged-second-order`: slow variables to O(1/St²) and orientation to O(1/St), at a cost free of St."""
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache, partial
 from math import hypot
@@ -95,8 +94,7 @@ class SecondOrder(Form):
             first = outline(scene).stretches[0]
             for share in STOPS if first.second_order and first.end < scene.slow_time else ():
                 part = replace(scene, time=share * first.end * scene.stokes)
-                with suppress(FormNotValidError):
-                    self.check(part)
+                if self.takes(part):
                     return part.slow_time
             raise
         return scene.slow_time
