@@ -27,7 +27,8 @@ ERROR_PER_TOLERANCE, WINDOWS = 100.0, 0.5
 # trial; solvers that err by more are run at tighter tolerances.
 PER_RADIAN = 2e-2
 # Tolerance of averaged pieces, which cost nothing, and those of windows: some solvers compile for each one anew.
-AVERAGED_TOLERANCE, FULL = 1e-12, (1e-8, 1e-9, 1e-10, 1e-11, 1e-12, ROUNDING)
+AVERAGED_TOLERANCE = 1e-12
+FULL = 1e-8, 3e-9, 1e-9, 3e-10, 1e-10, 3e-11, 1e-11, 3e-12, 1e-12, 3e-13, ROUNDING
 # A run of so few turns costs less than to look ahead.
 SHORT = 1000
 # Turns by which a window is lengthened where no slow state belongs to its end, chosen by trial.
