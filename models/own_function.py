@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from polhode.models.operations import FLOAT, Field, Operations
+from polhode.models.shape import require_numbers
 
 LIBRARIES = (np, math)
 # What a function may use, and what it does instead of branching.
@@ -72,6 +73,8 @@ def own_field(
     start, given = _numbers("y0", y0), _numbers("parameters", parameters)
     if not start:
         raise ValueError("y0: got no numbers, expected one per component")
+    for name, time in zip(("t_start", "t_end"), span, strict=True):
+        require_numbers(name, time)
     if not (math.isfinite(span[0]) and span[0] < span[1] < math.inf):
         raise ValueError(f"t_end: got {span[1]!r}, expected a finite number above {span[0]!r}")
     try:
@@ -91,7 +94,9 @@ def own_field(
         raise ValueError(f"f: got {len(rates)} rates, expected {len(start)}, one per component of y0")
     if not all(isinstance(rate, float | int) and math.isfinite(rate) for rate in rates):
         raise ValueError(f"f: got the rates {rates} at the start, expected finite numbers")
-    return (*start, 0.0) if timed else start, OwnField(f, timed, span[0])
+    # What is compiled is kept under the function; a method can be a key where its object cannot.
+    key = f if f.__hash__ else f.__call__
+    return (*start, 0.0) if timed else start, OwnField(key, timed, span[0])
 
 
 def line_of(error: BaseException, *skipped: str) -> FrameSummary | None:
@@ -138,8 +143,9 @@ def _array(state: list[Any]) -> np.ndarray:
 
 
 def _own(ops: Operations) -> dict[str, Any]:
-    arrays = {name: partial(getattr(np, name), dtype=object) for name in ("zeros", "empty", "ones")}
-    own = {name: getattr(ops, name) for name in ("sin", "cos", "sqrt", "exp", "log")}
+    arrays = {name: _of_any_type(getattr(np, name)) for name in ("zeros", "empty", "ones")}
+    own: dict[str, Any] = {name: _of_one(getattr(ops, name)) for name in ("sin", "cos", "sqrt", "exp")}
+    own["log"] = lambda x, *base: ops.log(x) / math.log(*base) if base else ops.log(x)
     own["tan"] = lambda x: ops.sin(x) / ops.cos(x)
     own["abs"] = own["absolute"] = lambda x: ops.where_positive(x, x, -x)
 
@@ -151,6 +157,14 @@ def _own(ops: Operations) -> dict[str, Any]:
     own["minimum"] = lambda a, b: chosen(a - b, b, a, 0.5 * (a + b))
     own["heaviside"] = lambda x, at_zero: chosen(x, 1.0, 0.0, at_zero + 0.0 * x)
     return {**arrays, **{name: _each(function) for name, function in own.items()}}
+
+
+def _of_any_type(make: Callable[..., Any]) -> Callable[..., Any]:
+    return lambda shape, *_, **__: make(shape, dtype=object)
+
+
+def _of_one(function: Callable[..., Any]) -> Callable[..., Any]:
+    return lambda x: function(x)
 
 
 def _each(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -57,13 +57,13 @@ def check_field(problem: Problem) -> None:
 
 def as_it_stands(problem: Problem) -> Problem:
     """The problem with its own function as of now, which may read names that change from one run to the next."""
-    field = problem.field
-    if isinstance(field, OwnField) and not field.lines:
-        # What no field may do is refused where it is compiled.
-        with suppress(FieldError):
-            lines = trace.__wrapped__(field, problem.dimension, len(problem.parameters or ()))
-            return replace(problem, field=replace(field, lines=lines))
-    return problem
+    field, lines = problem.field, ""
+    if not isinstance(field, OwnField):
+        return problem
+    # What no field may do is refused where it is compiled.
+    with suppress(FieldError):
+        lines = trace.__wrapped__(field, problem.dimension, len(problem.parameters or ()))
+    return replace(problem, field=replace(field, lines=lines))
 
 
 @cache

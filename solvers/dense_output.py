@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.compile import as_it_stands
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -51,9 +52,12 @@ def states_at(solution: Any, times: np.ndarray, run: Callable[..., Any]) -> np.n
 
     So they lie on the solver's own interpolation within steps of its own, and add one step's error to that of the row.
     Where a run has pieces with problems of their own, the exact one serves; solvers that choose their step over many
-    periods leave this to an explicit Runge-Kutta method of order 8. ValueError if the solver fails between two rows.
+    periods leave this to an explicit Runge-Kutta method of order 8. ValueError if the solver fails between two rows, or
+    if a function of one's own computes something else by now.
     """
     known, settings, problem = solution.times, solution.settings, solution.problem
+    if as_it_stands(problem).field != problem.field:
+        raise ValueError("t: the function names values that have changed since the run, expected those of the run")
     if solution.method.closed_form and problem.closed_form:
         return problem.closed_form(times)
     method, how = solution.method, {"backend": settings.backend}

@@ -2,6 +2,7 @@
 
 import math
 import pickle
+from dataclasses import dataclass
 from functools import partial
 from math import sin
 
@@ -36,9 +37,9 @@ def driven(t, y, a, b):
 
 
 def matrix(t, y, k):
-    rates = np.zeros(2)
-    rates[:] = np.array([[0.0, 1.0], [-1.0, 0.0]]) @ y
-    rates[1] -= k * np.log(2 + y[0] * y[0])
+    rates = np.empty(2, float)
+    rates[:] = np.array([[0.0, 1.0], [-1.0, 0.0]]) @ y + np.zeros(2, dtype=float)
+    rates[1] -= k * math.log(2) * math.log(2 + y[0] * y[0], 2)
     return rates
 
 
@@ -112,9 +113,10 @@ def test_errors_are_in_the_users_words(f, y0, parameters, words):
         Problem.from_function(f, y0, 1.0, parameters)
 
 
-def test_an_end_before_the_start_is_refused():
-    with pytest.raises(ValueError, match="t_end: got -1"):
-        Problem.from_function(matrix, [1.0, 2.0], -1.0, (1.0,))
+@pytest.mark.parametrize("end", [-1.0, None, "3"])
+def test_an_end_that_is_no_time_after_the_start_is_refused(end):
+    with pytest.raises(ValueError, match=f"^t_end: got {end!r}, expected a "):
+        Problem.from_function(matrix, [1.0, 2.0], end, (1.0,))
 
 
 def test_a_branch_is_refused_with_its_line():
@@ -216,7 +218,34 @@ def test_names_of_the_module_mean_what_they_do_when_a_run_begins(name, monkeypat
     problem = Problem.from_function(decaying, [1.0], 1.0)
     for rate in (1.0, 2.0, 1.0):
         monkeypatch.setitem(globals(), "RATE", rate)
-        assert solve(problem, name, 1e-9).states[-1, 0] == pytest.approx(math.exp(-rate), abs=1e-6)
+        found = solve(problem, name, 1e-9)
+        assert found.states[-1, 0] == pytest.approx(math.exp(-rate), abs=1e-6)
+        problem = found.problem
+
+
+@pytest.mark.parametrize("backend", ["numba", "python"])
+def test_between_its_rows_a_solution_refuses_names_that_mean_something_else(backend, monkeypatch):
+    found = solve(Problem.from_function(decaying, [1.0], 1.0), "dop853", 1e-9, backend=backend)
+    assert found(0.5).states[0, 0] == pytest.approx(math.exp(-0.5 * RATE), abs=1e-6)
+    monkeypatch.setitem(globals(), "RATE", 2.0)
+    with pytest.raises(ValueError, match="have changed since the run"):
+        found(0.5)
+
+
+@dataclass
+class Decay:
+    """Compared by its values, and so without a hash."""
+
+    rate: float = 2.0
+
+    def __call__(self, t, y):
+        return -self.rate * y
+
+
+@pytest.mark.parametrize("name", ["cyrk-dop853", "taylor"])
+def test_an_object_without_a_hash_is_a_function_too(name):
+    found = solve(Problem.from_function(Decay(), [1.0], 1.0), name, 1e-9)
+    assert found.states[-1, 0] == pytest.approx(math.exp(-2.0), abs=1e-6)
 
 
 @pytest.mark.parametrize("f", [lambda t, y: -y if t else y, lambda t, y: -y if t == 0 else y])
