@@ -131,6 +131,8 @@ class Scene:
             raise ValueError(f"stokes: got {self.stokes}, expected 0 or a number from {LEAST:g} to inf")
         if not LEAST <= self.time < inf:
             raise ValueError(f"time: got {self.time}, expected a finite number from {LEAST:g} on")
+        if 0 < self.stokes < inf and not 0 < self.slow_time < inf:
+            raise ValueError(f"time: got {self.time} at St = {self.stokes}, expected a finite t/St above 0")
         if isinstance(self.start, SlowStart):
             # Of any rotation L² / 2E lies between the extreme moments of inertia.
             momentum, twice_energy = hypot(*self.start.angular_momentum), 2 * self.start.energy

@@ -17,7 +17,9 @@ def cache_folder(library: str = "") -> Path:
     """Folder of polhode's caches, or a library's: ``$POLHODE_CACHE``, else in ``$XDG_CACHE_HOME`` or ``~/.cache``."""
     if own := os.environ.get(CACHE_VARIABLE):
         return Path(own, library).absolute()
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache", library or "polhode").absolute()
+    # Who has no home keeps nothing.
+    home = path if (path := os.path.expanduser("~")) != "~" else os.devnull
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path(home, ".cache"), library or "polhode").absolute()
 
 
 def load(key: str) -> np.ndarray | None:

@@ -83,6 +83,7 @@ def test_quaternions_are_normalised(scale: float):
         (lambda: Scene(TRIAXIAL, nan, EulerStart((0, 0, 0)), 1.0), "stokes: got nan"),
         (lambda: Scene(TRIAXIAL, 1.0, EulerStart((0, 0, 0)), 0.0), "time: got 0.0"),
         (lambda: Scene(TRIAXIAL, 1.0, EulerStart((0, 0, 0)), inf), "time: got inf"),
+        (lambda: Scene(TRIAXIAL, 1e-60, EulerStart((0, 0, 0)), 1e300), "^time: got 1e[+]300 at St = 1e-60, expected a"),
         (lambda: Scene(TRIAXIAL, "50", EulerStart((0, 0, 0)), 1.0), "stokes: got '50', expected a number"),
         (lambda: Scene(TRIAXIAL, [50.0], EulerStart((0, 0, 0)), 1.0), r"stokes: got \[50.0\], expected a number"),
         (lambda: Scene(TRIAXIAL, 1.0, EulerStart((0, 0, 0)), None), "time: got None, expected a number"),

@@ -75,6 +75,7 @@ def test_a_write_that_fails_leaves_nothing_behind(folder, monkeypatch):
         ({"XDG_CACHE_HOME": "/y"}, "/y/polhode"),
         ({"HOME": "/z"}, "/z/.cache/polhode"),
         ({"XDG_CACHE_HOME": "."}, os.path.abspath("polhode")),
+        ({"HOME": "~"}, "/dev/null/.cache/polhode"),  # As of a user without one.
     ],
 )
 def test_the_folder_is_where_the_environment_says(variables, expected, monkeypatch):
