@@ -106,9 +106,13 @@ def solve_ivp(
         nfev=found.nfev,
         njev=found.njev,
         status=1 if ends else 0 if found.success else -1,
-        message="a terminal event happened" if ends else found.message or found.status.meaning,
+        message="a terminal event happened" if ends else _words(found),
         success=found.success or bool(ends),
     )
+
+
+def _words(found: Solution) -> str:
+    return found.status.meaning + (f" ({found.message})" if found.message else "")
 
 
 def check_samples(samples: int) -> None:

@@ -16,6 +16,7 @@ from polhode.harness.picking.stated_error import UNKNOWN, RunError
 from polhode.models.form import Form
 from polhode.models.observables import Observables, angular_velocity
 from polhode.models.scene import Scene, start_from
+from polhode.models.shape import require_numbers
 from polhode.solvers.contract import Status, installed
 from polhode.solvers.dense_output import LikeSolveIvp, times_within
 from polhode.solvers.pieces import Stage
@@ -204,6 +205,7 @@ class SceneSolution(LikeSolveIvp):
         A form that knows the symmetry axis alone leaves the angle about it open, which the motion does not depend on.
         """
         last = float(self.times[-1]) if t is None else t
+        require_numbers("t", last)
         start = start_from(self.scene.ellipsoid, self(last).observables)
         time = self.scene.time - last or self.scene.time if time is None else time
         return replace(self.scene, start=start, time=time)

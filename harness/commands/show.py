@@ -125,14 +125,18 @@ def draw(scene: str, out: Path, until: float | None, frames: int) -> None:
     from polhode.harness.pages.figures.motion import tumbling
     from polhode.harness.picking.choice import simplest
     from polhode.harness.references.rotations import rotations
+    from polhode.models.scene import SlowStart
     from polhode.models.scenes import find_scene
 
     if out.suffix not in FORMATS:
         raise BadInput(f"--out: got {out.name!r}, expected a name that ends in {', '.join(FORMATS)}")
     with bad_input():
         found = find_scene(scene)
-        if found.ellipsoid.kind == "sphere":
-            raise ValueError(f"SCENE: got {scene!r}, a sphere, expected a particle with an orientation to be seen")
+        if found.ellipsoid.kind == "sphere" or isinstance(found.start, SlowStart):
+            what = "a sphere" if found.ellipsoid.kind == "sphere" else "a start by L and E alone"
+            raise ValueError(f"SCENE: got {scene!r}, {what}, expected a particle with an orientation to be seen")
+        if until is not None and not until > 0:
+            raise ValueError(f"--until: got {until:g}, expected a positive time")
         shown = replace(found, time=found.time / max(1.0, rotations(found)) if until is None else until)
         if until and (count := rotations(shown)) > MOST_ROTATIONS:
             got = f"got {short(until)}, {scientific(count)} rotations"

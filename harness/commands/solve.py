@@ -63,6 +63,8 @@ def solve(
                 PartialFile(other)
             if restart and target and restart.resolve() in (target.path.resolve(), beside and beside.resolve()):
                 raise ValueError(f"--restart: got {restart}, expected another file than {out} and {out}.json")
+            if restart and Path(scene).is_file() and restart.resolve() == Path(scene).resolve():
+                raise ValueError(f"--restart: got {restart}, expected another file than the scene's")
             progress.begin("choosing")
             with spent_on("import"):
                 from polhode.harness.api import plan
@@ -83,9 +85,9 @@ def solve(
 
             write_file(restart, scene_text(scene_table(solution.restart())))
     with spent_on("output"):
-        if not target:
+        if not target and restart != Path("-"):
             click.echo(_table(solution))
-        elif target.atomic:
+        elif target and target.atomic:
             say(f"{out}: {len(what.times)} rows, solved in {duration(solution.seconds)}")
         for piece in solution.pieces_in_words():
             say(f"note: {piece}")

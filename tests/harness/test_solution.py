@@ -230,6 +230,8 @@ def test_a_scene_from_the_end_lasts_as_long_again():
     assert found("paper", "quaternion").restart(100.0, time=7.0).time == 7
     with pytest.raises(ValueError, match=r"^time: got 0"):
         found("paper", "quaternion").restart(time=0.0)
+    with pytest.raises(ValueError, match=r"^t: got \[1, 2\], expected a number"):
+        found("paper", "quaternion").restart([1, 2])
 
 
 def test_other_containers():

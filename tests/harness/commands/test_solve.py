@@ -387,6 +387,20 @@ def test_a_scene_to_go_on_with_no_place_of_its_own_is_refused_before_the_run(
     assert not list(tmp_path.iterdir())
 
 
+def test_the_scene_is_not_written_over(here: Run, tmp_path: Path):
+    scene = tmp_path / "scene.toml"
+    scene.write_text(text := scene_text(20.0, 5.0), encoding="utf-8")
+    done = here("solve", "scene.toml", *GIVEN, "--restart", "./scene.toml")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "polhode: --restart: got scene.toml, expected another file than the scene's\n"
+    assert scene.read_text(encoding="utf-8") == text
+
+
+def test_a_scene_on_standard_output_is_alone_there(polhode: Run):
+    done = polhode("solve", "paper", *GIVEN, "--restart", "-")
+    assert tomllib.loads(done.stdout)["time"] == 500
+
+
 def test_a_folder_in_the_place_beside_the_rows_is_refused_before_the_run(here: Run, tmp_path: Path):
     (tmp_path / "a.csv.json").mkdir()
     done = here("solve", "paper", *GIVEN, "--out", "a.csv")
