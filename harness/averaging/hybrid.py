@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import nan
-from time import perf_counter, process_time
+from time import perf_counter
 
 import numpy as np
 from tqdm import tqdm
@@ -190,26 +190,26 @@ def _timed(start: int, scene: Scene) -> Speed:
 
 
 def _prepared(ellipsoid: Ellipsoid) -> tuple[float, float]:
-    """Seconds of processor time that both sides' tables of a shape take, made anew and read from disk; else 0."""
+    """Seconds that both sides' tables of a shape take, made anew and read from disk; else 0."""
     if ellipsoid.kind != "triaxial":
         return 0.0, 0.0
 
     def read() -> float:
         for kept in (tables.table, swing.series_for, squares_for):
             kept.cache_clear()
-        began = process_time()
+        began = perf_counter()
         for longest in (False, True):
             tables.table(ellipsoid, longest)
             squares_for(ellipsoid, longest)
             swing.series_for(ellipsoid, longest)
-        return process_time() - began
+        return perf_counter() - began
 
     read()
-    began = process_time()
+    began = perf_counter()
     for side in (tables.side_of(ellipsoid, longest) for longest in (False, True)):
         tables.made(side)
         squares_of(swing.series_of(side))
-    return process_time() - began, read()
+    return perf_counter() - began, read()
 
 
 def _full(scene: Scene, times: np.ndarray, true: Observables) -> dict[tuple[str, float], Callable[[], float]]:
