@@ -210,7 +210,7 @@ def _run(call: Call, record: Record) -> Outcome:
 
 
 def followed(problem: Problem, tolerance: float, points: int) -> tuple[np.ndarray, np.ndarray]:
-    """About so many times of a solution, dense where its steps are, and its states there, as far as it goes."""
+    """So many times of a solution or more, dense where its steps are, and its states there, as far as it goes."""
     call = Vern7()._call(problem, Settings(tolerance, "compiled"), np.empty(0))
     start, library = np.array(problem.start), call.library
     if not call.begins(start):

@@ -75,18 +75,15 @@ class ScipySolver(Solver):
 
         def fun(t: float, y: np.ndarray) -> np.ndarray:
             out = np.empty(dimension)
-            callback(y, parameters, out)
+            # SciPy's finite differences pass columns of a matrix.
+            callback(np.ascontiguousarray(y), parameters, out)
             return out
-
-        def contiguous(t: float, y: np.ndarray) -> np.ndarray:
-            return fun(t, np.ascontiguousarray(y))
 
         options: dict[str, Any] = {"rtol": settings.tolerance, "atol": settings.tolerance}
         if self.implicit and settings.jacobian == "exact":
             jacobian = exact_jacobian(problem.field, dimension, len(values))
             options["jac"] = lambda t, y: jacobian(y, values)
-        # SciPy's finite differences pass columns of a matrix.
-        return (contiguous if self.implicit and settings.jacobian == "difference" else fun), options
+        return fun, options
 
     def bare_call(self, problem: Problem, settings: Settings, times: np.ndarray) -> Callable[[], object] | None:
         from scipy.integrate import solve_ivp
