@@ -132,9 +132,9 @@ def draw(scene: str, out: Path, until: float | None, frames: int) -> None:
         raise BadInput(f"--out: got {out.name!r}, expected a name that ends in {', '.join(FORMATS)}")
     with bad_input():
         found = find_scene(scene)
-        if found.ellipsoid.kind == "sphere" or isinstance(found.start, SlowStart):
-            what = "a sphere" if found.ellipsoid.kind == "sphere" else "a start by L and E alone"
-            raise ValueError(f"SCENE: got {scene!r}, {what}, expected a particle with an orientation to be seen")
+        alone = "a start by L and E alone" if isinstance(found.start, SlowStart) else ""
+        if unseen := "a sphere" if found.ellipsoid.kind == "sphere" else alone:
+            raise ValueError(f"SCENE: got {scene!r}, {unseen}, expected a particle with an orientation to be seen")
         if until is not None and not until > 0:
             raise ValueError(f"--until: got {until:g}, expected a positive time")
         shown = replace(found, time=found.time / max(1.0, rotations(found)) if until is None else until)
