@@ -13,13 +13,14 @@ L⊥        n×(r₁S_n + r₂W_n)          [p₁S_n⊥ + p₂W_n + n×(p₃S_n 
 ========  =========================  ==================================================================================
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from polhode.models.second_order.field import NAMES
 from polhode.models.second_order.polhodes import Polhodes, SidedBody
-from polhode.models.second_order.torus import Torus, turning
+from polhode.models.second_order.spheroid import cross, dot, plus
+from polhode.models.second_order.torus import Torus, over_phases, times, turning
 
 Array = np.ndarray
 
@@ -39,12 +40,18 @@ def averages(side: SidedBody, y: Array) -> tuple[dict[str, Array], float, Array]
     Beside them the strength of modes in L', shape (m, k₁, k₂, 3), the largest of several orientations of L: at l = 0,
     what it gains per l, and that of all modes at l = 1.
     """
-    counts, found = phases(side, y), {}
+    counts, poses = phases(side, y), len(SIZES)
+    mean, second, rates = np.empty((6, poses, len(y))), np.empty((4, poses, len(y))), np.empty((2, len(y)))
+    strengths = np.empty((len(y), MODES, 3, 3))
+    flow, gradient = EVERY_FRAME[:, None, 0], EVERY_FRAME[:, None, 1]
     for count in np.unique(counts).tolist():
         here = np.flatnonzero(counts == count)
-        found |= dict(zip(here.tolist(), _at(side, y[here], count), strict=True))
-    numbers, residuals, strengths = zip(*(found[i] for i in range(len(y))), strict=True)
-    return dict(zip(NAMES, np.array(numbers).T, strict=True)), max(residuals), np.array(strengths)
+        polhode = Polhodes(side, y[here], np.zeros(len(here)), count)
+        torus = Torus(polhode, SIZES[:, None], np.zeros(len(here)), flow, gradient)
+        mean[..., here], second[..., here] = np.real(torus.spectrum[..., 0, 0]), second_order(torus)
+        rates[:, here], strengths[here] = (polhode.rate, polhode.precession), _strengths(torus.spectrum[:3])
+    numbers, residual = _coefficients(mean, second)
+    return dict(zip(NAMES, (*numbers, *rates), strict=True)), residual, strengths
 
 
 def phases(side: SidedBody, y: Array) -> Array:
@@ -56,82 +63,63 @@ def phases(side: SidedBody, y: Array) -> Array:
     return LEAST_PHASES + STEP_OF_PHASES * np.ceil(np.maximum(needed - LEAST_PHASES, 0) / STEP_OF_PHASES).astype(int)
 
 
-def _at(side: SidedBody, levels: Array, count: int) -> Iterator[tuple[list[float], float, Array]]:
-    """What is found at each of several levels, with so many polhode phases."""
-    poses, m = len(SIZES), len(levels)
-    size, frames, zero = np.tile(SIZES, m), np.tile(EVERY_FRAME, (m, 1, 1)), np.zeros(m * poses)
-    polhode = Polhodes(side, np.repeat(levels, poses), zero, count)
-    torus = Torus(polhode, size, zero, frames[:, 0], frames[:, 1])
-    mean, second = np.real(torus.spectrum[:, 0, 0]), second_order(torus)
-    strengths = np.linalg.norm(torus.spectrum[..., :3], axis=-1)
-    for i in range(m):
-        own = slice(poses * i, poses * (i + 1))
-        numbers, residual = _coefficients(mean[own], second[own])
-        numbers += [float(polhode.rate[own][0]), float(polhode.precession[own][0])]
-        yield numbers, residual, _strengths(strengths[own])
-
-
-def _coefficients(mean: Array, second: Array) -> tuple[list[float], float]:
-    """Coefficients of first and second order from the means in all poses, and the misfit."""
+def _coefficients(mean: Array, second: Array) -> tuple[list[Array], float]:
+    """Coefficients of first and second order, shape (m,) each, from the means in all poses, and the largest misfit."""
     x, y, z = (EVERY_FRAME[:, i] for i in range(3))
     over, s0, w0 = 1 / SIZES, x[:, 2] * y[:, 2], z[:, 2] / 2
     s, w = s0 * over, w0 * over
-    flow = [0.5 * (x * y[:, 2:] + sign * y * x[:, 2:])[:, :2] for sign in (1, -1)]
-    turned = [np.stack([-part[:, 1], part[:, 0]], axis=1) for part in flow]
-    across = [(part.T * over).T for part in flow]
-    steep = [*((part.T * s * over).T for part in turned), *((part.T * w).T for part in across)]
-    parts = [((SIZES, w0), mean[:, 2]), ((over**0, w), mean[:, 3]), (turned, mean[:, :2])]
-    first, left = fitted([*parts, ((s,), mean[:, 4]), ((s,), mean[:, 5])])
-    parts = [((s, s * w), second[:, 2]), ((s * over, s * w * over), second[:, 3])]
-    higher, right = fitted([*parts, ([*across, *steep], second[:, :2])])
+    flow = [0.5 * (x * y[:, 2:] + sign * y * x[:, 2:])[:, :2].T for sign in (1, -1)]
+    turned = [np.stack([-part[1], part[0]]) for part in flow]
+    across = [part * over for part in flow]
+    steep = [*(part * s * over for part in turned), *(part * w for part in across)]
+    parts = [((SIZES, w0), mean[2]), ((over**0, w), mean[3]), (turned, mean[:2])]
+    first, left = fitted([*parts, ((s,), mean[4]), ((s,), mean[5])])
+    parts = [((s, s * w), second[2]), ((s * over, s * w * over), second[3])]
+    higher, right = fitted([*parts, ([*across, *steep], second[:2])])
     return [*first, *higher], max(left, right)
 
 
 def _strengths(spectrum: Array) -> Array:
-    """Strengths, shape (MODES, 3, 3), from the moduli of Fourier coefficients, shape (poses, a, b)."""
-    found = np.zeros((2, MODES, 3))
-    most = min(MODES, spectrum.shape[1] // 2 - 1)
-    for i in (0, 1):
-        found[i, :most] = spectrum[i::2, : -most - 1 : -1, 1:4].max(axis=0)
+    """Strengths, shape (m, MODES, 3, 3), from Fourier coefficients of L', shape (3, poses, m, a, b)."""
+    size = np.linalg.norm(spectrum, axis=0).reshape(-1, 2, *spectrum.shape[2:])
+    found = np.zeros((2, spectrum.shape[2], MODES, 3))
+    most = min(MODES, spectrum.shape[3] // 2 - 1)
+    found[:, :, :most] = size[..., : -most - 1 : -1, 1:4].max(axis=0)
     gain = np.maximum(found[1] - found[0], 0)
-    return np.stack([np.maximum(found[0] - gain, 0), gain, np.full_like(gain, spectrum[::2].max())], axis=-1)
+    whole = np.broadcast_to(size[:, 0].max(axis=(0, 2, 3))[:, None, None], gain.shape)
+    return np.stack([np.maximum(found[0] - gain, 0), gain, whole], axis=-1)
 
 
 def second_order(torus: Torus) -> Array:
-    """F₂ of (L in its frame, y), shape (m, 4): the mean of the torque's derivative along the generator, U·∂P."""
-    p, size = torus.polhode, torus.size[:, None, None]
+    """F₂ of (L in its frame, y), shape (4, ..., m): the mean of the torque's derivative along the generator, U·∂P."""
+    p, size, (x, y, tau) = torus.polhode, torus.size[..., None, None], torus.driven
     change, turn = torus.ambient
-    i, wide = p.side.inverse_inertia, (slice(None), None, None)
-    x, y = torus.flow[wide], torus.gradient[wide]
-    back = np.swapaxes(torus.rotation, -1, -2)
-    n = np.broadcast_to([0.0, 0.0, 1.0], turn.shape)
-    tilted = change - size[..., None] * np.cross(turn, n)
-    arms = size[..., None] * n, x, y, tilted, np.cross(x, turn), np.cross(y, turn)
-    body = np.moveaxis(back @ np.stack(np.broadcast_arrays(*arms), axis=-1), -1, 0)
-    (m, x, y), (dm, dx, dy) = body[:3], body[3:]
-    tau = p.side.drag * (turning(p.side, x, y) - i * m)
-    change_tau = p.side.drag * (turning(p.side, dx, y) + turning(p.side, x, dy) - i * dm)
-    space, change_space = np.moveaxis(torus.rotation @ np.stack([tau, change_tau], axis=-1), -1, 0)
-    change_space = change_space + np.cross(turn, space)
+    m, back = torus.momentum, torus.rows.swapaxes(0, 1)
+    tilted = change[0] - size * turn[1], change[1] + size * turn[0], change[2]
+    flows = (cross(over_phases(each), turn) for each in (torus.flow, torus.gradient))
+    dm, dx, dy = (times(back, each) for each in (tilted, *flows))
+    changed = torus.torque(dm, plus(turning(p.side, dx, y), 1, turning(p.side, x, dy)))
+    change_space = plus(times(torus.rows, changed), 1, cross(turn, times(torus.rows, tau)))
     # dh/dt₂ = 2(ω·τ - h L·τ)/l²
-    h, slope = p.h[:, None, None], p.slope[:, None, None]
-    u = np.fft.ifft2(torus.generator_spectrum[..., 3], axes=(1, 2), norm="forward").real
-    spare = (i - h[..., None]) * m
-    rate_h = 2 * np.sum(spare * tau, axis=-1) / size**2
-    driven, changed = np.sum(m * tau, axis=-1), (i - h[..., None]) * dm * tau + spare * change_tau
-    change_h = np.sum(changed, axis=-1) - slope * u * driven
-    change_h = 2 * change_h / size**2 - 2 * rate_h * change[..., 2] / size
-    return np.concatenate([change_space.mean(axis=(1, 2)), (change_h.mean(axis=(1, 2)) / p.slope)[:, None]], axis=1)
+    beyond = [each[..., None, None] for each in p.beyond.T]
+    spare, rare = ([each * part for each, part in zip(beyond, arm, strict=True)] for arm in (m, dm))
+    rate_h = 2 * dot(spare, tau) / size**2
+    change_h = dot(rare, tau) + dot(spare, changed) - p.slope[:, None, None] * torus.generator[3] * dot(m, tau)
+    change_h = 2 * change_h / size**2 - 2 * rate_h * change[2] / size
+    means = [each.mean(axis=(-2, -1)) for each in (*change_space, change_h)]
+    return np.stack([*means[:3], means[3] / p.slope])
 
 
-def fitted(parts: Iterable[tuple[Sequence[Array], Array]]) -> tuple[list[float], float]:
-    """Real factors by which the arrays of every part give its values, and the largest misfit over the largest value."""
-    factors, misfit, largest = [], 0.0, 0.0
+def fitted(parts: Iterable[tuple[Sequence[Array], Array]]) -> tuple[list[Array], float]:
+    """Real factors by which the arrays of every part give its values, and the largest misfit over the largest value.
+
+    Values have shape (..., m) where the arrays have (...); factors have shape (m,).
+    """
+    factors, misfit, largest = list[Array](), 0.0, 0.0
     for columns, values in parts:
-        found = np.stack([each.ravel() for each in (*columns, values)], axis=1)
-        rows = np.concatenate([np.real(found), np.imag(found)])
-        solution = np.linalg.lstsq(rows[:, :-1], rows[:, -1], rcond=1e-10)[0]
-        factors += solution.tolist()
-        misfit = max(misfit, float(np.abs(rows[:, :-1] @ solution - rows[:, -1]).max()))
+        matrix, wanted = np.stack([each.ravel() for each in columns], axis=1), values.reshape(columns[0].size, -1)
+        solution = np.linalg.lstsq(matrix, wanted, rcond=1e-10)[0]
+        factors += list(solution)
+        misfit = max(misfit, float(np.abs(matrix @ solution - wanted).max()))
         largest = max(largest, float(np.abs(values).max()))
     return factors, misfit / largest

@@ -149,11 +149,13 @@ class Polhodes:
     @cached_property
     def beside(self) -> "Derivatives":
         """Derivatives with respect to y at fixed phases."""
-        total = dict.fromkeys(("z", "lead", "rate", "turn"), np.zeros(1))
-        for steps, weight in DIFFERENCES:
-            up, down = (replace(self, y=self.y + sign * steps * STEP) for sign in (1, -1))
-            for name in total:
-                total[name] = total[name] + weight / STEP * (getattr(up, name) - getattr(down, name))
+        steps, weights = np.array(DIFFERENCES).T
+        steps, weights = np.concatenate([steps, -steps]), np.concatenate([weights, -weights]) / STEP
+        y, phase = (self.y + STEP * steps[:, None]).ravel(), np.tile(self.phase, len(steps))
+        near, total = replace(self, y=y, phase=phase), dict[str, Array]()
+        for name in ("z", "lead", "rate", "turn"):
+            values = getattr(near, name)
+            total[name] = np.tensordot(weights, values.reshape(len(steps), -1, *values.shape[1:]), 1)
         carried = total["rate"] * self.turn + self.rate * total["turn"]
         return Derivatives(total["z"], total["lead"], total["rate"], self.slope - carried)
 

@@ -277,7 +277,7 @@ def series_of(side: SidedBody) -> Series:
     z, dz, yz = p.z, p.along, p.beside.z
     body = carried(z, p.lead)
     tensors = np.einsum("naik,jil,nalm->jnakm", body, BASIS, body, optimize=True)
-    flows = turned(side, tensors)
+    flows = np.stack(turned(side, lambda k, j: tensors[..., k, j]), axis=-1)
     tau = side.drag * np.concatenate([flows, (-side.inverse_inertia * z)[None]])
     rate_y = 2 / p.slope[:, None] * np.sum(p.beyond[:, None] * z * tau, axis=-1)
     rate_a = (np.sum(tau * dz, axis=-1) - rate_y * np.sum(yz * dz, axis=-1)) / np.sum(dz * dz, axis=-1)

@@ -4,17 +4,21 @@ Q carries the frame of L (e₃ = n = L/l) to space, S the body (`polhode.models.
 R = QS, S = R_z(β + χ)S₀(z), S₀ the least rotation that carries the body vector z = Rᵀn to e₃. Unperturbed,
 dα/dt = lν₁(h) and dβ/dt = lν₂(h).
 
-Arrays have shape (m, a, b, …): m states, a equal polhode phases and b equal precession phases counted from the state's
-own, which is entry (0, 0).
+Arrays have shape (…, m, a, b): m states, a equal polhode phases and b equal precession phases counted from the state's
+own, which is entry (0, 0). What L and the flow are comes before, if there are several for each polhode; vectors are
+triples of such arrays.
 """
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from math import pi
+from typing import Any
 
 import numpy as np
 
 from polhode.models.second_order.polhodes import Polhodes, SidedBody
+from polhode.models.second_order.spheroid import Triple, cross, dot, plus
 
 Array = np.ndarray
 
@@ -28,9 +32,9 @@ class Torus:
     """The perturbation at m states, over all phases."""
 
     polhode: Polhodes
-    size: Array  # l = |L|, shape (m,)
+    size: Array  # l = |L|, shape (..., m)
     precession: Array  # β of the states, shape (m,)
-    flow: Array  # the flow's directions x and y in the frame of L, shape (m, 3) each
+    flow: Array  # the flow's directions x and y in the frame of L, shape (..., m, 3) each
     gradient: Array
 
     @cached_property
@@ -40,20 +44,42 @@ class Torus:
         return carried(self.polhode.z[:, :, None], turn + self.polhode.lead[:, :, None])
 
     @cached_property
+    def rows(self) -> Array:
+        """The rows of S, shape (3, 3, m, a, b)."""
+        return np.ascontiguousarray(np.moveaxis(self.rotation, (-2, -1), (0, 1)))
+
+    @cached_property
+    def polhodes(self) -> tuple[Triple, Triple, Triple]:
+        """n in body axes and its changes per α and per y."""
+        p = self.polhode
+        n, along, beside = (tuple(np.moveaxis(each, -1, 0)[..., None].copy()) for each in (p.z, p.along, p.beside.z))
+        return n, along, beside
+
+    @cached_property
+    def driven(self) -> tuple[Triple, Triple, Triple]:
+        """The flow's x and y and the torque τ in body axes (`ultima`, `jw1`–`jw3`)."""
+        x, y = (times(self.rows.swapaxes(0, 1), over_phases(each)) for each in (self.flow, self.gradient))
+        return x, y, self.torque(self.momentum, turning(self.polhode.side, x, y))
+
+    @cached_property
+    def momentum(self) -> Triple:
+        """L in body axes."""
+        return tuple(self.size[..., None, None] * each for each in self.polhodes[0])
+
+    def torque(self, momentum: Triple, driven: Triple) -> Triple:
+        """The torque in body axes, of L in them and the angular velocity that drives the body."""
+        drag, inverse = self.polhode.side.drag.tolist(), self.polhode.side.inverse_inertia.tolist()
+        return tuple(d * (w - i * m) for d, w, i, m in zip(drag, driven, inverse, momentum, strict=True))
+
+    @cached_property
     def perturbation(self) -> Array:
-        """Rates in slow time of (L in its frame, y, α, β), shape (m, a, b, 6)."""
-        p, side, size = self.polhode, self.polhode.side, self.size[:, None, None]
-        flow, gradient, slope = (each[:, None, None] for each in (self.flow, self.gradient, self.polhode.slope))
-        x, y = (np.einsum("...ij,...i->...j", self.rotation, each) for each in (flow, gradient))
-        # τ in body axes (`ultima`, `jw1`–`jw3`).
-        tau = side.drag * (turning(side, x, y) - side.inverse_inertia * (size * p.z)[:, :, None])
-        z, dz, yz = p.z[:, :, None], p.along[:, :, None], p.beside.z[:, :, None]
-        rate_l = np.einsum("mabij,mabj->mabi", self.rotation, tau)
-        rate_y = 2 / (size * slope) * np.sum(p.beyond[:, None, None] * z * tau, axis=-1)
-        across = np.sum(tau * dz, axis=-1) / size - rate_y * np.sum(yz * dz, axis=-1)
-        rate_a = across / np.sum(dz * dz, axis=-1)
+        """Rates in slow time of (L in its frame, y, α, β), shape (6, ..., m, a, b)."""
+        p, size, (z, dz, yz), (*_, tau) = self.polhode, self.size[..., None, None], self.polhodes, self.driven
+        beyond = [each[:, None] * part for each, part in zip(p.beyond.T[..., None], z, strict=True)]
+        rate_y = 2 / (size * p.slope[:, None, None]) * dot(beyond, tau)
+        rate_a = (dot(tau, dz) / size - rate_y * dot(yz, dz)) / dot(dz, dz)
         rate_b = -rate_a * p.turn[:, None, None] - rate_y * self.turn_beside[:, :, None]
-        return np.concatenate([rate_l, np.stack([rate_y, rate_a, rate_b], axis=-1)], axis=-1)
+        return np.stack([*times(self.rows, tau), rate_y, rate_a, rate_b])
 
     @cached_property
     def turn_beside(self) -> Array:
@@ -75,32 +101,38 @@ class Torus:
 
     @cached_property
     def spectrum(self) -> Array:
-        """Fourier coefficients of `perturbation`, shape (m, a, b, 6)."""
-        return np.fft.fft2(self.perturbation, axes=(1, 2), norm="forward")
+        """Fourier coefficients of `perturbation`, shape (6, ..., m, a, b)."""
+        return np.fft.fft2(self.perturbation, norm="forward")
 
     @cached_property
-    def generator_spectrum(self) -> Array:
-        """Fourier coefficients of the generator U of (L, y, α, β), shape (m, a, b, 6)."""
-        p, size = self.polhode, self.size[:, None, None, None]
-        twice, once = (each[..., None] for each in self.inverses)
-        u = -1j * self.spectrum * once / size
-        rates = np.stack([p.rate, p.precession], axis=-1)[:, None, None]
-        changes = np.stack([p.beside.rate, p.beside.precession], axis=-1)[:, None, None]
-        growth, rise = self.spectrum[..., 2:3] / size, self.spectrum[..., 3:4]
-        u[..., 4:] -= (rates * growth + changes * rise) * twice / size
-        return u
+    def generator(self) -> Array:
+        """The generator U of (L, y, α, β), shape (6, ..., m, a, b)."""
+        p, size, (twice, once) = self.polhode, self.size[..., None, None], self.inverses
+        u = self.spectrum * (-1j * once / size)
+        growth, rise, twice = self.spectrum[2] / size, self.spectrum[3], twice / size
+        rates = (p.rate, p.beside.rate), (p.precession, p.beside.precession)
+        for angle, (rate, change) in zip(u[4:], rates, strict=True):
+            angle -= (rate[:, None, None] * growth + change[:, None, None] * rise) * twice
+        return np.fft.ifft2(u, norm="forward").real
 
     @cached_property
-    def ambient(self) -> tuple[Array, Array]:
-        """The generator as changes of L and turns of R, in the frame of L, shapes (m, a, b, 3), over all phases."""
-        p, u = self.polhode, np.fft.ifft2(self.generator_spectrum, axes=(1, 2), norm="forward").real
-        z, dz, yz = (part[:, :, None] for part in (p.z, p.along, p.beside.z))
-        turn = u[..., 4:5] * (np.cross(dz, z) + p.turn[:, None, None, None] * z)
-        turn = turn + u[..., 3:4] * (np.cross(yz, z) + self.turn_beside[..., None, None] * z) + u[..., 5:6] * z
-        turned = np.einsum("mabij,mabj->mabi", self.rotation, turn)
-        over = 1 / self.size[:, None, None]
-        tilt = np.stack([-u[..., 1] * over, u[..., 0] * over, np.zeros_like(u[..., 0])], axis=-1)
-        return u[..., :3], turned + tilt
+    def ambient(self) -> tuple[Triple, Triple]:
+        """The generator as changes of L and turns of R, in the frame of L."""
+        p, u, (z, dz, yz) = self.polhode, self.generator, self.polhodes
+        turn = plus(cross(yz, z), self.turn_beside[..., None], z), plus(cross(dz, z), p.turn[:, None, None], z), z
+        turned = times(self.rows, times(zip(*turn, strict=True), tuple(u[3:])))
+        over = 1 / self.size[..., None, None]
+        return tuple(u[:3]), (turned[0] - u[1] * over, turned[1] + u[0] * over, turned[2])
+
+
+def over_phases(vectors: Array) -> Triple:
+    """Vectors, shape (..., m, 3), as a triple that is the same over all phases."""
+    return tuple(np.moveaxis(vectors, -1, 0)[..., None, None])
+
+
+def times(matrix: Iterable[Triple], v: Triple) -> Triple:
+    """A matrix, given by its rows, times v."""
+    return tuple(dot(row, v) for row in matrix)
 
 
 def carried(z: Array, turn: Array) -> Array:
@@ -117,12 +149,12 @@ def least_rotation(z: Array) -> Array:
     return _UPSIDE * (_UNITS - up[..., :, None] * (up / up[..., 2:])[..., None, :])
 
 
-def turning(side: SidedBody, x: Array, y: Array) -> Array:
-    """Angular velocity of the flow that drives the body, shape (..., 3), from its x and y in body axes; bilinear."""
-    return turned(side, x[..., None] * y[..., None, :])
+def turning(side: SidedBody, x: Triple, y: Triple) -> Triple:
+    """Angular velocity of the flow that drives the body, from its x and y in body axes; bilinear."""
+    return turned(side, lambda k, j: x[k] * y[j])
 
 
-def turned(side: SidedBody, tensor: Array) -> Array:
-    """`turning` of a tensor x⊗y in body axes, shape (..., 3, 3)."""
-    s, pairs = side.squares, ((1, 2), (2, 0), (0, 1))
-    return np.stack([(s[j] * tensor[..., k, j] - s[k] * tensor[..., j, k]) / (s[j] + s[k]) for j, k in pairs], axis=-1)
+def turned(side: SidedBody, tensor: Callable[[int, int], Any]) -> Triple:
+    """`turning` of the components of a tensor x⊗y in body axes."""
+    s, pairs = side.squares.tolist(), ((1, 2), (2, 0), (0, 1))
+    return tuple((s[j] * tensor(k, j) - s[k] * tensor(j, k)) / (s[j] + s[k]) for j, k in pairs)

@@ -35,7 +35,7 @@ def test_pose_and_generator_are_those_of_the_torus(
         q = frame(frames[:, :, 2], frames[:, :, 0], beta + place.shape[:, 0])
         assert np.abs(q @ place.body - frames @ torus.rotation[:, 0, 0]).max() < 1e-12
         for found, whole in zip(place.swing(q, size, 1e-12), torus.ambient, strict=True):
-            exact = np.einsum("mij,mj->mi", frames, whole[:, 0, 0])
+            exact = np.einsum("mij,jm->mi", frames, np.array(whole)[..., 0, 0])
             assert np.abs(found / 1e-12 - exact).max() < tolerance * np.abs(exact).max()
 
 
@@ -60,10 +60,10 @@ def test_modes_are_those_of_the_torus(longest: bool):
     size, q, zero = np.linalg.norm(momentum, axis=1), frame_of(momentum), np.zeros(len(k1))
     y = tables.level(a2)
     polhode = Polhodes(series.side, y, zero, phases(series.side, float(y.max())))
-    spectrum = Torus(polhode, size, zero, q[:, 0], q[:, 1]).spectrum[np.arange(len(k1)), k1, k2]
+    spectrum = Torus(polhode, size, zero, q[:, 0], q[:, 1]).spectrum[:, np.arange(len(k1)), k1, k2]
     strength, along, rise = modes_at(series, momentum, a2, k1, k2)
-    assert np.abs(strength / np.linalg.norm(spectrum[:, :3], axis=1) - 1).max() < 1e-6
-    for found, exact in ((along, spectrum[:, 2]), (rise, spectrum[:, 3])):
+    assert np.abs(strength / np.linalg.norm(spectrum[:3], axis=0) - 1).max() < 1e-6
+    for found, exact in ((along, spectrum[2]), (rise, spectrum[3])):
         assert np.abs(found - exact.conj()).max() < 1e-7 * np.abs(exact).max()
 
 
@@ -77,8 +77,8 @@ def test_the_size_is_the_root_mean_square_over_the_torus(longest: bool):
     momentum = np.concatenate([draw.normal(size=(MANY, 3)), -0.5 * np.eye(3)[[2] * MANY]])
     size, q, zero = np.linalg.norm(momentum, axis=1), frame_of(momentum), np.zeros(2 * MANY)
     polhode = Polhodes(series.side, tables.level(a2), zero, 48)
-    change, turn = Torus(polhode, size, zero, q[:, 0], q[:, 1]).ambient
-    square = np.sum((change / size[:, None, None, None]) ** 2 + turn**2, axis=-1).mean(axis=(1, 2))
+    change, turn = np.array(Torus(polhode, size, zero, q[:, 0], q[:, 1]).ambient)
+    square = np.sum((change / size[:, None, None]) ** 2 + turn**2, axis=0).mean(axis=(1, 2))
     assert extent(body, longest, momentum, a2) == pytest.approx(np.sqrt(2 * square), rel=0.05)
 
 

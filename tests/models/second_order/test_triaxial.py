@@ -93,7 +93,7 @@ def test_torque_does_not_turn_the_body(longest):
     polhode = Polhodes(side, np.array([-0.4]), np.array([0.7]), 48)
     flow = np.array([[2.0, -1, 2], [2, 2, -1]]) / 3
     torus = Torus(polhode, np.array([1.3]), np.array([0.2]), flow[:1], flow[1:])
-    rates, size = torus.perturbation, 1.3
+    rates, size = np.moveaxis(torus.perturbation, 0, -1), 1.3
     z = polhode.z[:, :, None]
     turn = rates[..., 4:5] * (np.cross(polhode.along[:, :, None], z) + polhode.turn[:, None, None, None] * z)
     turn = turn + rates[..., 3:4] * (np.cross(polhode.beside.z[:, :, None], z) + torus.turn_beside[..., None, None] * z)
