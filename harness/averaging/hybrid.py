@@ -19,6 +19,7 @@ from polhode.models.catalogue import form as find_form, full_form
 from polhode.models.hybrid.course import ERROR_PER_TOLERANCE
 from polhode.models.hybrid.form import Hybrid
 from polhode.models.observables import Observables
+from polhode.models.problem import Problem
 from polhode.models.scene import BodyStart, Scene
 from polhode.models.second_order import swing, tables
 from polhode.models.second_order.extent import squares_for, squares_of
@@ -85,6 +86,8 @@ class Speed:
     new_shape: float = 0.0  # seconds that the tables of a triaxial shape take, not seen before,
     known_shape: float = 0.0  # and read from disk
     knowing_seconds: float = nan  # of the full solver that knows St
+    window_steps: float = nan  # of the full equations over windows,
+    full_steps: float = nan  # and of the best full solution, if that is by the same solver
 
 
 def random_scenes(count: int = RANDOM, seed: int = SEED) -> Iterator[Scene]:
@@ -173,20 +176,24 @@ def _timed(start: int, scene: Scene) -> Speed:
         solve(problem, SOLVER, tolerance, times)
         return perf_counter() - began
 
-    run, slow, full = solve(problem, SOLVER, tolerance, times), nan, dict[tuple[str, float], Callable[[], float]]()
+    run, slow, full = solve(problem, SOLVER, tolerance, times), nan, dict[tuple[str, float], float]()
+    exact = find_form(full_form(scene)).problem(scene)
     if scene.time <= LONGEST:
         true, *_ = truth(scene)
         slow = errors(scene.ellipsoid, form.observe(scene, run.states), true).slow if run.success else nan
-        full = _full(scene, times, true)
+        full = _full(scene, exact, times, true)
     # In turns, so that a slow moment of the machine hits them alike; each warm, whatever the one before left in caches.
-    ways = lambda: seconds(times), lambda: seconds(times[:: SAMPLES // (FEW - 1)]), *full.values()
+    ways: list[Callable[[], float]] = [lambda: seconds(times), lambda: seconds(times[:: SAMPLES // (FEW - 1)])]
+    ways += [lambda solver=solver, at=at: solve(exact, solver, at, times).seconds for solver, at in full]
     turns = [[min(way() for _ in range(REPEATS)) for way in ways] for _ in range(REPEATS)]
     taken, few, *others = np.min(turns, axis=0).tolist()
     known = dict(zip(full, others, strict=True))
     knowing = min((known.pop(way) for way in full if way[0] == KNOWING), default=nan)
     (solver, at), best = min(known.items(), key=lambda each: each[1], default=(("", nan), nan))
     own = slow, _share(run.stages, scene.time), taken, few, solver, at, best
-    return Speed(start, scene.ellipsoid.kind, scene.stokes, *own, *_prepared(scene.ellipsoid), knowing)
+    steps = sum(each.steps or 0 for each in run.stages if not each.averaged), full.get((SOLVER, at), nan)
+    steps = steps if solver == SOLVER else (nan, nan)
+    return Speed(start, scene.ellipsoid.kind, scene.stokes, *own, *_prepared(scene.ellipsoid), knowing, *steps)
 
 
 def _prepared(ellipsoid: Ellipsoid) -> tuple[float, float]:
@@ -212,16 +219,15 @@ def _prepared(ellipsoid: Ellipsoid) -> tuple[float, float]:
     return perf_counter() - began, read()
 
 
-def _full(scene: Scene, times: np.ndarray, true: Observables) -> dict[tuple[str, float], Callable[[], float]]:
-    """Runs in full, by each solver at the loosest tolerance that meets the error; a call gives its seconds."""
-    form, found = find_form(full_form(scene)), dict[tuple[str, float], Callable[[], float]]()
-    problem = form.problem(scene)
+def _full(scene: Scene, problem: Problem, times: np.ndarray, true: Observables) -> dict[tuple[str, float], float]:
+    """Steps of runs in full, by each solver at the loosest tolerance that meets the error."""
+    form, found = find_form(full_form(scene)), dict[tuple[str, float], float]()
     knowing = [(KNOWING, KNOWING_TOLERANCES)] if find_solver(KNOWING).takes(problem) else []
     for solver, tolerances in [*((solver, FULL_TOLERANCES) for solver in FULL_SOLVERS), *knowing]:
         for tolerance in tolerances:
             run = solve(problem, solver, tolerance, times)
             if run.success and errors(scene.ellipsoid, form.observe(scene, run.states), true).slow <= FAST_ERROR:
-                found[solver, tolerance] = lambda way=(solver, tolerance): solve(problem, *way, times).seconds
+                found[solver, tolerance] = run.work.steps or nan
                 break
     return found
 

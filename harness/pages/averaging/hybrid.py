@@ -78,4 +78,5 @@ def _compared(rows: Sequence[Speed]) -> Any:
     runs["bodies"] = runs["kind"].where(runs["kind"] == "triaxial", "spheroids")
     runs["gain"] = runs["full_seconds"] / runs["seconds"]
     runs["over_knowing"] = runs["knowing_seconds"] / runs["seconds"]
+    runs["fewer"] = (runs["full_steps"] / runs["window_steps"]).where(runs["window_steps"] > 0)
     return runs
