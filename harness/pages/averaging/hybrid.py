@@ -48,6 +48,8 @@ def findings(study: Study) -> list[str]:
     gains = speeds.dropna(subset=["gain"]).groupby("stokes")
     times = 1e3 * speeds.loc[speeds["new_shape"] > 0, ["new_shape", "known_shape"]]
     stated = runs.dropna(subset=["estimated"])
+    triaxial = speeds[speeds["kind"] == "triaxial"]
+    everywhere = triaxial.pivot_table(index="start", columns="stokes", values="seconds").dropna()
     return lines_of(
         "hybrid-findings",
         form=hybrid,
@@ -59,6 +61,7 @@ def findings(study: Study) -> list[str]:
         worst=(runs["slow"] / runs[["error", "uncertainty"]].max(axis=1)).max(),
         gains=[(stokes, own) for stokes, own in gains if len(own) > 1],
         quantiles=quantiles,
+        everywhere=everywhere if everywhere.shape[1] > 1 else [],
         tables=[(each.median(), each.max()) for _, each in times.items() if len(each)],
     )
 

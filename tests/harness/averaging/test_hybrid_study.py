@@ -71,6 +71,9 @@ def test_findings_count_what_was_kept():
     assert "There it was 2 times as fast as `splitting`, which knows St, in the median of 9 spheroids" in said
     assert "There 9 runs had windows; over these they took 5 times fewer steps than that full" in said
     assert "took 250 ms in the median, 250 at most, when not seen before; read from disk 4 ms in the" in said
+    slower = [replace(row, stokes=1e8, seconds=0.02 + 0.01 * row.start) for row in SPEEDS[:2]]
+    said = "\n".join(findings(Study([ROW], [*SPEEDS, *slower])))
+    assert "Of 2 triaxial starts, runs at St = 1e8 take 2 to 3 times as long as at St = 1e6." in said
     text = page(Study([ROW, BAD], SPEEDS), "polhode accuracy --order hybrid")
     assert "## Speed" in text
     assert "right way up" not in page(Study([replace(ROW, mirror=nan)], []), "polhode")
