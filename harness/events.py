@@ -36,6 +36,11 @@ class Event:
     direction: float = 0.0
     terminal: bool | int = False
 
+    def __post_init__(self) -> None:
+        if not isinstance(self.terminal, int | np.integer | np.bool_) or self.terminal < 0:
+            got = f"event {self.name!r}: terminal: got {self.terminal!r}"
+            raise ValueError(f"{got}, expected True, False or a positive whole number")
+
     def values(self, solution: Any) -> np.ndarray:
         """Its values along a solution; raises ValueError, in one line, where there is not one for each time."""
         try:
@@ -124,7 +129,7 @@ def happened(solution: Any, event: Event) -> Any:
     passed = (sign[1:] != sign[:-1]) & (np.abs(sign[:-1]) == 1) & (event.direction * rising >= 0)
     for i in np.flatnonzero(passed).tolist():
         low, high = looked.times[i : i + 2].tolist()
-        times.append(high if values[i + 1] == 0 else brentq(value, low, high, xtol=1e-300, rtol=RTOL))
+        times.append(high if values[i + 1] == 0 else brentq(value, low, high, xtol=1e-300, rtol=RTOL, maxiter=2000))
     return looked(np.array(times))
 
 

@@ -73,11 +73,13 @@ class SceneSolution(LikeSolveIvp):
         return self.at(self.times[which], replace(self.run, times=self.run.times[which], states=self.states[which]))
 
     def until(self, end: "SceneSolution") -> "SceneSolution":
-        """The motion up to the one row of `end`, with which it counts as finished."""
+        """The motion up to the one row of `end`, with which it counts as finished, unless it is known to be wrong."""
         kept = self.times < end.times[0]
         states = np.vstack([self.states[kept], end.states])
         times = np.append(self.run.times[kept], end.run.times)
-        run = replace(self.run, times=times, states=states, status=Status.REACHED_END, message="")
+        run = replace(self.run, times=times, states=states)
+        if run.status is not Status.FALSE_SUCCESS:
+            run = replace(run, status=Status.REACHED_END, message="")
         return self.at(np.append(self.times[kept], end.times), run)
 
     def __repr__(self) -> str:
@@ -182,7 +184,7 @@ class SceneSolution(LikeSolveIvp):
             },
             {"t": self.times, "t2": ("t", self.slow_times), "space": ["x", "y", "z"], "body": [1, 2, 3]},
             # Numbers and text alone can be written to any file.
-            {name: dumps(each) if isinstance(each, dict) else each for name, each in self.provenance().items()},
+            {name: dumps(each) if isinstance(each, dict | list) else each for name, each in self.provenance().items()},
         )
 
     def restart(self, t: float | None = None, time: float | None = None) -> Scene:

@@ -41,7 +41,7 @@ def polynomial(coefficients: Sequence[Any], x: Any) -> Any:
 
 @dataclass(frozen=True)
 class WithRate:
-    """The factory of a field with one more rate behind its own; compiled, it brings the field's own code along."""
+    """The factory of a field with one more rate behind its own."""
 
     field: Callable[[Operations], Field]
     rate: Callable[[Operations], Callable[[Any, Any], Any]]

@@ -52,12 +52,6 @@ def euler_rates_from_angular_velocity(angles: Triple, omega: Triple) -> Triple:
     return omega[0] * cos(psi) - omega[1] * sin(psi), precession, omega[2] - precession * cos(theta)
 
 
-def cross(a: Array, b: Array) -> Array:
-    """a × b of vectors, shapes (..., 3) alike; NumPy's takes four times as long for a few."""
-    (ax, ay, az), (bx, by, bz) = a.T, b.T
-    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx]).T
-
-
 def make_third(q: Quaternion, axis: int) -> Quaternion:
     """Quaternion after the cyclic renaming of the body axes that makes `axis` (0, 1, 2) the third one."""
     if axis == 2:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from polhode.models.files.kept import cache_folder
-from polhode.models.operations import FLOAT, Field, Operations, WithRate
+from polhode.models.operations import FLOAT, Field, Operations
 from polhode.models.own_function import OwnField
 from polhode.models.problem import Factory, Problem
 from polhode.models.spent import spent_on
@@ -25,7 +25,7 @@ from polhode.solvers.machine_code import kept_code
 from polhode.solvers.machine_code.array_function import array_function
 from polhode.solvers.machine_code.derivatives import trace_jacobian
 from polhode.solvers.machine_code.llvm import MachineCode, compile_file
-from polhode.solvers.machine_code.tracing import OPERATIONS, FieldError, read, trace, written
+from polhode.solvers.machine_code.tracing import FieldError, trace
 
 _FOLDER = Path(__file__).parent
 Callback = Callable[[np.ndarray, Any, np.ndarray], None]
@@ -75,27 +75,8 @@ def compiled_callback(factory: Factory, dimension: int, parameters: int) -> Call
 @cache
 def c_callback(factory: Factory, dimension: int, parameters: int, *, count: bool = False) -> MachineCode:
     """The field as the C function of `callback.ll`, which counts its calls if it is to."""
-    if isinstance(factory, WithRate) and not count:
-        return _with_field(factory, dimension, parameters)
-    if not count and (known := _BROUGHT_ALONG.get((factory, dimension, parameters))):
-        return known
     lines = trace(factory, dimension, parameters)
     return compile_file(_FOLDER / "callback.ll", lines=lines, parameters=parameters, count=int(count))
-
-
-# Code of fields that were compiled as part of a larger one (`WithRate`).
-_BROUGHT_ALONG: dict[tuple[Factory, int, int], MachineCode] = {}
-
-
-def _with_field(factory: WithRate, dimension: int, parameters: int) -> MachineCode:
-    """The code of both, of which the field's own serves its runs too."""
-    numbers: dict[str, str] = {}
-    rate = factory.rate(OPERATIONS)(read(numbers, "y", dimension), read(numbers, "p", parameters))
-    lines = trace(factory.field, dimension - 1, parameters), written(numbers, [rate], to="%last")
-    both = compile_file(_FOLDER / "with_rate.ll", field=lines[0], rate=lines[1], last=dimension - 1)
-    alone = MachineCode(both.engine.get_function_address("field"), both.engine)
-    _BROUGHT_ALONG[factory.field, dimension - 1, parameters] = alone
-    return both
 
 
 def array_callback(problem: Problem, backend: Backend, values: np.ndarray) -> tuple[Callback, Any]:

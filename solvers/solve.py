@@ -166,7 +166,7 @@ def solve(
 
 def _wanted(problem: Problem, times: np.ndarray | None) -> np.ndarray:
     """The requested times, checked."""
-    times = np.ascontiguousarray([0.0, problem.end] if times is None else times, dtype=float)
+    times = np.array([0.0, problem.end] if times is None else times, dtype=float)
     if times.ndim != 1 or len(times) < 2 or times[0] != 0 or not (times[1:] > times[:-1]).all() or times[-1] == inf:
         raise ValueError(f"times: got {times!r}, expected at least two increasing finite numbers from 0 on")
     if problem.course and times[-1] > problem.end:

@@ -156,6 +156,7 @@ def export(records: Iterable[Record], path: Path) -> None:
     # and `float` read (`polhode.harness.common.files`).
     if path.suffix not in (".csv", ".jsonl"):
         raise ValueError(f"{path}: expected a file name ending in .csv or .jsonl")
+    records = list(records) if iter(records) is records else records
     with PartialFile(path, summed=True) as file:
         if path.suffix == ".jsonl":
             file.writelines(dumps(record) + "\n" for record in records)

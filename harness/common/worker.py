@@ -72,8 +72,8 @@ class Worker(AbstractContextManager["Worker"]):
     def run(self, function: Callable[..., Any], *arguments: Any, limit: float) -> Reply:
         """Call a function in the process; whatever happens is a reply, but Ctrl-C and a process that cannot start."""
         # It should stop by itself within `limit` seconds; it is killed at twice that and a little grace.
-        reply = self._once(function, arguments, limit)
-        for _ in range(ATTEMPTS - 1):
+        reply = Reply(None, Failure.LOST, "stopped", 0.0)
+        for _ in range(ATTEMPTS):
             if reply.failure is not Failure.LOST or self._stopped:
                 break
             reply = self._once(function, arguments, limit)
@@ -93,7 +93,7 @@ class Worker(AbstractContextManager["Worker"]):
             began = perf_counter()
             connection.send((function, arguments))
             if connection.poll(min(2 * limit + GRACE, LONGEST)):
-                value, message = connection.recv()
+                value, message = _read(connection.recv_bytes())
                 failure = Failure.RAISED if message else None
             else:
                 self.close()
@@ -138,6 +138,14 @@ class Worker(AbstractContextManager["Worker"]):
         if code >= 0:
             return Failure.CRASHED, f"ended with exit code {code}"
         return Failure.LOST if -code in OUTSIDE else Failure.CRASHED, f"crashed with {signal.Signals(-code).name}"
+
+
+def _read(reply: bytes) -> tuple[Any, str]:
+    """What a process sent: a value, or a traceback, its own or that of a value which cannot be read on this side."""
+    try:
+        return pickle.loads(reply)
+    except Exception:
+        return None, traceback.format_exc()
 
 
 def _end_with_parent() -> None:

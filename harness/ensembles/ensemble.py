@@ -17,6 +17,7 @@ from polhode.harness.ensembles.hybrid import POOL, SAMPLE as BOTH_WAYS, SOLVER, 
 from polhode.harness.ensembles.starts import Drawn, Starts
 from polhode.harness.ensembles.statistics import RATES, Layout, Statistics, squared_rates
 from polhode.models.catalogue import averaged_form, form as find_form, full_form
+from polhode.models.observables import angular_velocity
 from polhode.models.problem import Problem
 from polhode.models.scene import BodyStart, Scene
 from polhode.models.shape import Ellipsoid
@@ -211,11 +212,10 @@ class Ensemble:
                 close[k, some] = away < attractor.reach**2
             slow_then[:, some] = np.stack([each[:, ::every].T for each in slow], axis=-1)
             then = np.arange(columns.shape[1]).reshape(-1, samples)[:, ::every].T
-            rotations, momenta = seen.rotation[then], seen.angular_momentum[then]
-            directions_then[:, some] = rotations[:, :, axes]
-            for k, axis in enumerate(axes):
-                rates = squared_rates(self.ellipsoid, momenta.reshape(-1, 3), rotations.reshape(-1, 3, 3), axis)
-                rates_then[:, some, k] = rates.reshape(self.snapshots, -1, len(RATES))
+            at = seen[then.ravel()]
+            directions_then[:, some] = at.rotation[:, axes].reshape(*then.shape, len(axes), 3)
+            rates = squared_rates(angular_velocity(self.ellipsoid, at), at.rotation[:, axes])
+            rates_then[:, some] = rates.reshape(*then.shape, len(axes), len(RATES))
         statistics.add_orientations(directions_then)
         statistics.rates += rates_then.sum(axis=1)
         statistics.rates_squares += np.square(rates_then).sum(axis=1)

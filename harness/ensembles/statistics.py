@@ -7,8 +7,6 @@ from typing import Any, Self
 
 import numpy as np
 
-from polhode.models.shape import Ellipsoid
-
 SECOND = tuple(combinations_with_replacement(range(3), 2))
 FOURTH = tuple(combinations_with_replacement(range(3), 4))
 # Pairs of components in Voigt's order, and which of `FOURTH` the moment of two pairs is, shape (6, 6).
@@ -39,16 +37,10 @@ class Layout:
         return np.linspace(0.0 if name in ("L", "E") else -high, high, self.bins + 1)
 
 
-def squared_rates(ellipsoid: Ellipsoid, momentum: np.ndarray, rotation: np.ndarray, axis: int) -> np.ndarray:
-    """(ω·p)² and |dp/dt|² = ω² - (ω·p)² of a body axis p, shape (n, 2), from L and matrices whose rows are axes."""
-    # Of a spheroid its own axis' row is enough: about it L and ω differ by I_a, across it by I_e.
-    inertia = np.array(ellipsoid.inertia)
-    along = np.einsum("nj,nj->n", momentum, rotation[:, axis])
-    if ellipsoid.kind == "triaxial":
-        squares = np.square(np.einsum("nij,nj->ni", rotation, momentum) / inertia)
-        return np.column_stack([squares[:, axis], squares.sum(axis=1) - squares[:, axis]])
-    across = np.square(momentum).sum(axis=1) - along**2
-    return np.column_stack([along**2 / inertia[axis] ** 2, across / inertia[axis - 1] ** 2])
+def squared_rates(omega: np.ndarray, axes: np.ndarray) -> np.ndarray:
+    """(ω·p)² and |dp/dt|² = ω² - (ω·p)², shape (n, A, 2), from ω, shape (n, 3), and body axes p, shape (n, A, 3)."""
+    along = np.square(np.einsum("nj,naj->na", omega, axes))
+    return np.stack([along, np.square(omega).sum(axis=1)[:, None] - along], axis=-1)
 
 
 @dataclass

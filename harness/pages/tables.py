@@ -17,14 +17,14 @@ TABLES = tomllib.loads((TEXTS / "tables.toml").read_text(encoding="utf-8"))
 def table(rows: Iterable[Any], name: str, /, **fields: Any) -> str:
     """The rows as Markdown, by one of `texts/tables.toml`; `fields` are those of its headings."""
     known = TABLES[name]
-    columns = {WORDING.format(head, **fields): cell for head, cell in known["columns"].items()}
-    right = known["right"] if "right" in known else range(known["left"], len(columns))
+    columns = {WORDING.format(head, **fields): cell for head, cell in columns_of(name).items()}
+    right = known["right"] if "right" in known else range(known.get("left", 1), len(columns))
     return markdown([*columns], cells(rows, columns), right=right)
 
 
 def columns_of(name: str) -> dict[str, str]:
     """Headings and cells of one of `texts/tables.toml`."""
-    return TABLES[name]["columns"]
+    return {head: cell for head, cell in TABLES[name].items() if head not in ("left", "right")}
 
 
 @cache

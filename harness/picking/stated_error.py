@@ -102,7 +102,10 @@ def doubt(scene: Scene, form: Form, found: Solution, observables: Observables, s
         return ""
     least, times = SUSPECTED if stated.slow else UNSTATED
     seconds = max(least, times * found.seconds)
-    name = pilot_solver(scene)
+    try:
+        name = pilot_solver(scene)
+    except ValueError:  # Nothing follows such a start to its end.
+        return ""
     first: np.ndarray | None = None
     off = 0.0
     for tolerance in SHARP:

@@ -6,7 +6,7 @@ from math import inf
 import numpy as np
 
 from polhode.models.flow import dissipation
-from polhode.models.observables import Observables, completed
+from polhode.models.observables import Observables, angular_velocity, completed
 from polhode.models.scene import Scene
 from polhode.models.shape import Ellipsoid
 
@@ -85,8 +85,7 @@ def phase_and_shape(ellipsoid: Ellipsoid, found: Observables, true: Observables)
         product = np.einsum("nij,nik->njk", true.rotation, found.rotation - true.rotation).astype(float)
         skew = 0.5 * (np.swapaxes(product, 1, 2) - product)
         offset = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=1)
-        rotation = true.rotation.astype(float)
-        velocity = np.einsum("nij,ni->nj", rotation, body_angular_velocity(ellipsoid, true, rotation))
+        velocity = angular_velocity(ellipsoid, true).astype(float)
     else:
         direction = true.rotation[:, ellipsoid.symmetry_axis].astype(float)
         offset = found.rotation[:, ellipsoid.symmetry_axis].astype(float) - direction

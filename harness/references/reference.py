@@ -101,7 +101,11 @@ def reference(scene: Scene, form: str | Form, samples: int, seconds: float = inf
             raise ReferenceFailedError(f"time: got {scene.time:g}, expected at most {HORIZON:g} above St = 1e6")
     problem = shape.problem(scene)
     if not shape.averaged and seconds < inf and 0 < scene.stokes < inf:
-        if (turns := _rotations(scene)) > MOST_ROTATIONS:
+        try:
+            turns = _rotations(scene)
+        except ValueError as error:
+            raise ReferenceFailedError(str(error)) from None
+        if turns > MOST_ROTATIONS:
             raise ReferenceFailedError(f"more than {MOST_ROTATIONS:g} rotations")
         long = long or turns > EXTENDED_UP_TO
     # Averaged equations are the same however the body axes are numbered; the orientation is not.
@@ -113,8 +117,8 @@ def reference(scene: Scene, form: str | Form, samples: int, seconds: float = inf
             try:
                 run = partial(_compared, scene) if long else partial(_compute, scene, shape, problem)
                 return _packed(run(samples, perf_counter() + limit))
-            except ReferenceFailedError as error:
-                failed = {"failure": str(error), "status": error.status}
+            except (ReferenceFailedError, ValueError) as error:
+                failed = {"failure": str(error), "status": getattr(error, "status", "")}
                 return failed | {"seconds": seconds, "certificates": CERTIFICATES}
 
         arrays, disturbed = within(seconds, computed, lambda found: str(found.get("status")) == Status.TIME_LIMIT)

@@ -95,7 +95,7 @@
     const size = Math.min(particle.parentElement.clientWidth, 460), pen = paper(particle, size), R = size * 0.3;
     const style = getComputedStyle(document.body);
     arrows(pen, R, style.color);
-    const axes = bodyAxes(now), quads = [];
+    const axes = bodyAxes(now);
     const point = (i, j) => {
       const a = (Math.PI * i) / LATITUDES, b = (2 * Math.PI * j) / LONGITUDES;
       const u = [Math.sin(a) * Math.cos(b), Math.sin(a) * Math.sin(b), Math.cos(a)];
@@ -112,18 +112,16 @@
         if (normal[2] > 0) continue;
         const light = Math.max(0, (-0.5 * normal[0] + 0.6 * normal[1] - 0.62 * normal[2]) / Math.hypot(...normal));
         const cap = i < 3 || i >= LATITUDES - 3;
-        quads.push([corners.map((corner) => corner[0]), light, cap, motion.rows && j % 20 < 10]);
+        const half = motion.rows && j % 20 < 10, shade = 0.35 + 0.75 * light;
+        const colour = cap ? [213, 94, 0] : half ? [120, 165, 205] : [160, 195, 225];
+        pen.fillStyle = pen.strokeStyle = `rgb(${colour.map((v) => Math.min(255, v * shade)).join(",")})`;
+        pen.lineWidth = 0.7;
+        pen.beginPath();
+        corners.forEach(([[x, y]], k) => (k ? pen.lineTo(x * R, -y * R) : pen.moveTo(x * R, -y * R)));
+        pen.closePath();
+        pen.fill();
+        pen.stroke();
       }
-    for (const [corners, light, cap, half] of quads) {
-      const [r, g, b] = cap ? [213, 94, 0] : half ? [120, 165, 205] : [160, 195, 225], shade = 0.35 + 0.75 * light;
-      pen.fillStyle = pen.strokeStyle = `rgb(${[r, g, b].map((v) => Math.min(255, v * shade)).join(",")})`;
-      pen.lineWidth = 0.7;
-      pen.beginPath();
-      corners.forEach(([x, y], k) => (k ? pen.lineTo(x * R, -y * R) : pen.moveTo(x * R, -y * R)));
-      pen.closePath();
-      pen.fill();
-      pen.stroke();
-    }
   }
 
   // The flow u = y along x, left and right of the particle.

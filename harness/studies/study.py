@@ -23,7 +23,7 @@ from polhode.solvers.contract import Backend, Jacobian
 # Of a run that is compared with a reference.
 MOST_SAMPLES = 100_000
 # What a study may say of a built-in scene.
-BESIDE_BUILTIN = ("time", "tags", "forms", "solvers", "max_seconds")
+BESIDE_BUILTIN = ("stokes", "time", "slow_time", "tags", "forms", "solvers", "max_seconds")
 Filter = Iterable[str]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
 Stokes = Annotated[float, Field(ge=0)]
@@ -168,7 +168,8 @@ class StudySceneTable(Choice):
             expected = f"name, builtin and perhaps {', '.join(BESIDE_BUILTIN)}"
             raise ValueError(f"got {sorted(scene)}, expected {expected}")
         own = {key: value for key, value in scene.items() if key in ("name", *BESIDE_BUILTIN)}
-        return scene_table(named_scene(str(scene["name"]))) | own
+        known = scene_table(named_scene(str(scene["name"])))
+        return {name: each for name, each in known.items() if name != "time" or "slow_time" not in own} | own
 
 
 class StudyTable(BaseModel):

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from polhode.models.files import kept
-from polhode.models.rotation import cross
 from polhode.models.second_order.field import polynomials
 from polhode.models.second_order.polhodes import Polhodes, SidedBody
+from polhode.models.second_order.spheroid import cross
 from polhode.models.second_order.tables import MOST, level, side_of
 from polhode.models.second_order.torus import carried, least_rotation, turned
 from polhode.models.shape import Ellipsoid
@@ -227,7 +227,7 @@ def frame(n: Array, first: Array, turn: Array) -> Array:
     """Q, shape (m, 3, 3), turned about n: columns e₁, n × e₁, n."""
     first = first - np.sum(n * first, axis=1)[:, None] * n
     first = first / np.linalg.norm(first, axis=1)[:, None]
-    cos, sin, second = np.cos(turn)[:, None], np.sin(turn)[:, None], cross(n, first)
+    cos, sin, second = np.cos(turn)[:, None], np.sin(turn)[:, None], np.array(cross(tuple(n.T), tuple(first.T))).T
     return np.array([(cos * first + sin * second).T, (cos * second - sin * first).T, n.T]).T
 
 

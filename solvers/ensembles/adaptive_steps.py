@@ -22,8 +22,8 @@ from polhode.models.problem import Factory, Problem
 from polhode.solvers.compile import parameter_array
 from polhode.solvers.contract import Status
 from polhode.solvers.ensembles.methods import Array, change, moved
-from polhode.solvers.machine_code.lanes import Lanes, lanes, width
-from polhode.solvers.machine_code.program import Program, compare, compiled
+from polhode.solvers.machine_code.lanes import Lanes, lanes
+from polhode.solvers.machine_code.program import Program, compare, compiled, width
 from polhode.solvers.machine_code.tracing import OPERATIONS
 
 _TABLE = tomllib.loads(Path(__file__).with_name("dormand_prince.toml").read_text(encoding="utf-8"))

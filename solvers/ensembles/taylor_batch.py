@@ -8,7 +8,7 @@ from polhode.models.operations import ARRAYS
 from polhode.models.problem import Factory, Problem
 from polhode.solvers.compile import KeptForThread, load_heyoka, parameter_array, traced_system
 from polhode.solvers.contract import Status
-from polhode.solvers.machine_code.lanes import REGISTERS
+from polhode.solvers.machine_code.program import REGISTERS
 
 # A particle that needs more steps is recorded as failed: a stiff one, at small St, is no case for this method.
 MOST_STEPS = 10_000_000

@@ -61,9 +61,10 @@ def _write(folder: Path, known: Mapping[str, int], found: Mapping[str, int]) -> 
 
 def _noted(folder: Path) -> dict[str, int]:
     try:
-        return json.loads((folder / "sums.json").read_text(encoding="utf-8"))
+        found = json.loads((folder / "sums.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
+    return found if isinstance(found, dict) else {}
 
 
 def _sums(folder: Path, known: Container[str] = ()) -> dict[str, int]:

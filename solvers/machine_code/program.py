@@ -5,18 +5,38 @@ in an `Array`; LLVM keeps small ones of the program's own in registers.
 """
 
 import ctypes
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import cache
 from math import factorial
 from typing import Any
 
 import numpy as np
 
 from polhode.models.operations import polynomial
-from polhode.solvers.machine_code.lanes import widened
-from polhode.solvers.machine_code.llvm import compile_text
+from polhode.solvers.machine_code.llvm import compile_text, host_features
 from polhode.solvers.machine_code.tracing import OPERATIONS, Number, operand
+
+# Registers per operation: two keep the processor's pipelines full; more spill.
+REGISTERS = 2
+
+
+@cache
+def width() -> int:
+    """Particles, or rows, that this processor moves at once."""
+    features = host_features()
+    return REGISTERS * (8 if features.get("avx512f") else 4 if features.get("avx") else 2)
+
+
+def widened(line: str, lanes: int = 0) -> str:
+    """A line about numbers as one about vectors of them, of as many as this processor moves at once if not said."""
+    lanes = lanes or width()
+    line = re.sub(r"\bdouble\b", f"<{lanes} x double>", line)
+    line = re.sub(r"\b0x[0-9A-F]{16}", lambda number: f"splat (double {number[0]})", line)
+    line = re.sub(r"@llvm\.(\w+)\.f64", rf"@llvm.\1.v{lanes}f64", line)
+    return line.replace("select i1", f"select <{lanes} x i1>").replace(", 0.0", ", zeroinitializer")
 
 
 class Program(dict[str, str]):
@@ -162,7 +182,8 @@ class Array:
         return Wide(self.program, name, self.lanes) if self.lanes > 1 else Number(self.program, name)
 
     def __setitem__(self, index: Any, value: Any) -> None:
-        self.program.text.append(f"store {self.kind} {operand(value)}, ptr {(self + index).pointer}, align 8")
+        line = f"store double {operand(value)}, ptr {(self + index).pointer}, align 8"
+        self.program.text.append(widened(line, self.lanes) if self.lanes > 1 else line)
 
     def of(self, lanes: int) -> "Array":
         """The same place, entries of so many lanes."""
@@ -217,14 +238,14 @@ def _address(array: np.ndarray) -> int:
         return array.__array_interface__["data"][0]
 
 
-def compiled(*programs: Program, number: type = float) -> list[Callable[..., None]]:
+def compiled(*programs: Program, number: type = float, level: int = 1) -> list[Callable[..., None]]:
     """Compile programs together; those that are not internal have arrays alone as arguments, and become functions.
 
     The arrays, or their addresses, are contiguous and of the type named, float or x86's `numpy.longdouble`: nothing
     checks that. A call releases Python's lock.
     """
     # Loops as these gain nothing by more.
-    engine = compile_text("\n".join(str(each) for each in programs), level=1, extended=number is not float)
+    engine = compile_text("\n".join(str(each) for each in programs), level=level, extended=number is not float)
 
     def function(program: Program) -> Callable[..., None]:
         types = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * len(program.arguments))

@@ -156,11 +156,11 @@ def read(lines: dict[str, str], name: str, size: int) -> tuple[Number, ...]:
     return tuple(place.emit(f"load double, ptr {place.name}") for place in places)
 
 
-def written(lines: dict[str, str], numbers: Iterable[Any], to: str = "%out") -> str:
-    """The lines, and those that write numbers at an address."""
+def written(lines: dict[str, str], numbers: Iterable[Any]) -> str:
+    """The lines, and those that write numbers at %out."""
     text = [f"{name} = {line}" for line, name in lines.items()]
     for i, number in enumerate(numbers):
-        text += [f"{to}{i} = getelementptr double, ptr {to}, i64 {i}", f"store double {operand(number)}, ptr {to}{i}"]
+        text += [f"%out{i} = getelementptr double, ptr %out, i64 {i}", f"store double {operand(number)}, ptr %out{i}"]
     return "\n".join(text)
 
 

@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 
 from polhode.models.problem import Parts
-from polhode.solvers.machine_code.lanes import width
-from polhode.solvers.machine_code.program import WIDE, WIDEST_REGISTERS, Array, Program, Same, splat
+from polhode.solvers.machine_code.program import WIDE, WIDEST_REGISTERS, Array, Program, Same, splat, width
 from polhode.solvers.machine_code.tracing import OPERATIONS, Number
 
 # More slow flows than a step of any scheme has.

@@ -5,7 +5,10 @@ error to the library: it "will continue anyway". Here it is.
 """
 
 import io
-from contextlib import redirect_stdout
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -17,6 +20,23 @@ from polhode.solvers.sundials.library import FAILURES, posed
 
 # Right-hand sides between two looks at the clock; two looks at one and the same time make a stall.
 LOOK = 1000
+
+
+_LOCK, _OUTSIDE = Lock(), list[Any]()
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Standard output goes nowhere while any thread is within, and comes back with the last one."""
+    with _LOCK:
+        _OUTSIDE.append(sys.stdout)
+        sys.stdout = io.StringIO()
+    try:
+        yield
+    finally:
+        with _LOCK:
+            first, _ = _OUTSIDE[0], _OUTSIDE.pop()
+            sys.stdout = sys.stdout if _OUTSIDE else first
 
 
 class _StoppedError(Exception):
@@ -71,7 +91,7 @@ class Callbacks:
         """Fill the record's rows, row by row or by every step, which costs more and counts them."""
         self.record, self.calls, self.seen, record.now = record, 0, -np.inf, float(record.times[0])
         # The wrapper prints the library's errors, NumPy warns of what becomes infinite.
-        with redirect_stdout(io.StringIO()), np.errstate(all="ignore"):
+        with quiet(), np.errstate(all="ignore"):
             try:
                 record.rows[0] = self.library.init_step(record.times[0], *self.start(record)).y
             except RuntimeError as error:

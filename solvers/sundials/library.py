@@ -20,6 +20,7 @@ FAILURES = {
     -2: (Status.TOLERANCE_UNATTAINABLE, "could not satisfy the demanded accuracy"),
     -3: (Status.STEP_UNDERFLOW, "error tests failed too many times"),
     -4: (Status.STEP_UNDERFLOW, "convergence tests failed too many times"),
+    -22: (Status.CRASHED, "illegal input"),
 }
 # The version whose functions are called here.
 MAJOR = 7

@@ -16,7 +16,8 @@ from polhode.solvers.ensembles import equal_steps, methods
 from polhode.solvers.ensembles.equal_steps import Plan, plan, run
 from polhode.solvers.ensembles.methods import RUNGE_KUTTA, method
 from polhode.solvers.ensembles.taylor_batch import run_batches
-from polhode.solvers.machine_code.lanes import by_particle, lanes, width
+from polhode.solvers.machine_code.lanes import by_particle, lanes
+from polhode.solvers.machine_code.program import width
 from polhode.solvers.machine_code.tracing import OPERATIONS
 from polhode.solvers.solve import solve
 

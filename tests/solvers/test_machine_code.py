@@ -14,8 +14,6 @@ from hypothesis import assume, given, settings, strategies as st
 
 from oracle.accepting import accepting
 from oracle.runs import Run, runs
-from polhode.models.forms import jeffery, quaternion
-from polhode.models.operations import WithRate
 from polhode.models.problem import Problem
 from polhode.solvers import compile as compilation
 from polhode.solvers.catalogue import solver
@@ -285,25 +283,6 @@ def test_a_callback_counts_where_it_is_asked_to(count: bool, expected: int):
         called(c_callback(repeating, 1, 1, count=count))(out.ctypes.data, 0.0, y.ctypes.data, p.ctypes.data)
     assert calls[0] == expected
     assert out[0] == pytest.approx(math.sin(0.6) + math.sin(0.6) ** 2, rel=1e-15)
-
-
-@pytest.mark.parametrize(("turning", "d", "n"), [(quaternion.TURNING, 7, 14), (jeffery.TURNING, 4, 6)])
-def test_a_field_with_one_more_rate_brings_the_same_code_along(turning: WithRate, d: int, n: int, monkeypatch):
-    random = np.random.default_rng(3)
-    monkeypatch.setattr(compilation, "_BROUGHT_ALONG", {})
-    codes = [
-        c_callback.__wrapped__(turning, d + 1, n),
-        c_callback.__wrapped__(turning.field, d, n),
-        alone(trace(turning.field, d, n)),
-    ]
-    assert codes[0].engine is codes[1].engine
-    y, p = random.normal(size=d + 1), random.uniform(0.5, 1.0, n)
-    found = np.full((3, d + 1), -1.0)
-    for code, out in zip(codes, found, strict=True):
-        called(code)(out.ctypes.data, 0.0, y.ctypes.data, p.ctypes.data)
-    assert found[:, :d].tobytes() == 3 * found[2, :d].tobytes()
-    assert found[0, d] == pytest.approx(plain_field(turning)(y.tolist(), p.tolist())[d], rel=1e-14)
-    assert found[1, d] == found[2, d] == -1.0
 
 
 @pytest.mark.parametrize("name", ["cyrk-vern8", "cyrk-radau"])

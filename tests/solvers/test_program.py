@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from polhode.solvers.machine_code.lanes import width
-from polhode.solvers.machine_code.program import WIDE, Program, Same, compare, compiled
+from polhode.solvers.machine_code.program import WIDE, Program, Same, compare, compiled, width
 from polhode.solvers.machine_code.tracing import OPERATIONS
 
 
