@@ -100,7 +100,7 @@ def solve_ivp(
     return OptimizeResult(
         t=shown,
         y=found.sol(np.clip(shown - began, 0.0, last))[:d],
-        sol=lambda t: found.sol(np.asarray(t) - began)[:d],
+        sol=partial(_sol, found, began, d),
         t_events=[each.t + began for each in happenings],
         y_events=[each.y[:d].T for each in happenings],
         nfev=found.nfev,
@@ -109,6 +109,11 @@ def solve_ivp(
         message="a terminal event happened" if ends else _words(found),
         success=found.success or bool(ends),
     )
+
+
+def _sol(found: Solution, began: float, d: int, t: Any) -> np.ndarray:
+    """What SciPy's `sol` is: states at t, shape (d,) or (d, k)."""
+    return found.sol(np.asarray(t) - began)[:d]
 
 
 def _words(found: Solution) -> str:

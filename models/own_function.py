@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from traceback import FrameSummary, extract_tb
 from types import CellType, CodeType, FunctionType, MethodType, ModuleType
@@ -49,7 +49,13 @@ class OwnField:
     function: Callable[..., Any]
     timed: bool  # whether it uses t, which then is the state's last component
     t_start: float
-    lines: str = ""  # what it computes, traced when a run began: names that it reads may mean something else later
+    # What it computes, traced when a run began: names that it reads may mean something else later.
+    lines: str = field(default="", repr=False)
+
+    @property
+    def branches(self) -> bool:
+        """Whether it takes one of two values somewhere, once it is traced."""
+        return " select " in self.lines
 
     def __call__(self, ops: Operations) -> Field:
         """Bind the function to a kind of number."""

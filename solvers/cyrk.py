@@ -151,7 +151,7 @@ class Call:
     """The library's C entry with everything bound but the piece to run: field, number of the method, parameters."""
 
     def __init__(self, address: int, method: int, parameters: np.ndarray, tolerance: float) -> None:
-        self.library = load_cyrk()
+        self.library, _ = load_cyrk(), FlushedToZero()
         self.address, self.method = address, method
         self.parameters, self.tolerance = parameters, np.array([tolerance])
 

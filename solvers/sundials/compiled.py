@@ -34,7 +34,7 @@ class Memory:
     """A problem in the library's memory, which is freed with this object; every run or piece of it begins anew."""
 
     def __init__(self, library: Sundials, problem: Problem, settings: Settings, method: tuple[int, ...]) -> None:
-        self.library, self.implicit = library, library.prefix == "IDA"
+        self.library, self.implicit, _ = library, library.prefix == "IDA", FlushedToZero()
         d = problem.dimension
         self.mass, values = posed(problem, self.implicit)
         # The arrays live as long as what points to them.
