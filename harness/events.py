@@ -53,6 +53,8 @@ class Event:
         if values.shape != solution.times.shape:
             got, expected = values.shape, solution.times.shape
             raise ValueError(f"event {self.name!r}: got values of shape {got}, expected {expected}")
+        if values.size and np.isnan(values).all():
+            raise ValueError(f"event {self.name!r}: got no numbers, expected what the form knows")
         return values
 
     def ends(self, happened: Any) -> Any:

@@ -119,7 +119,9 @@ class SceneSolution(LikeSolveIvp):
     message = property(attrgetter("run.message"), doc="Why it failed, in the library's own words.")
     work = property(attrgetter("run.work"), doc="What the run cost.")
     seconds = property(attrgetter("run.seconds"), doc="Wall time of the integrator alone, compilation left out.")
-    states = property(attrgetter("run.states"), doc="The form's own variables, (n, d); `equations.state` names them.")
+    states = property(
+        attrgetter("run.states"), doc="The form's own variables, (n, d); `equations.state_of(scene)` names them."
+    )
     angular_momentum = property(attrgetter("observables.angular_momentum"), doc="L in space axes, (n, 3), without St.")
     energy = property(attrgetter("observables.energy"), doc="E, shape (n,), without St.")
     rotation = property(attrgetter("observables.rotation"), doc="(n, 3, 3), rows: body axes in space; NaN if unknown.")

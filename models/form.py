@@ -82,6 +82,10 @@ class Form(ABC):
         """What `observe` gives of a scene's orientation: the rotation matrix, the symmetry axis' row of it, or none."""
         return self.orientation
 
+    def state_of(self, scene: Scene) -> tuple[str, ...]:
+        """Names of the components of a scene's states."""
+        return self.state
+
     def known_axes(self, scene: Scene) -> tuple[int, ...]:
         """Body axes (0, 1, 2) whose directions, the rows of the rotation matrix, `observe` gives."""
         symmetry = scene.ellipsoid.symmetry_axis

@@ -58,6 +58,8 @@ def find_scene(word: str) -> Scene:
         return read_scene(Path(word))
     if word in SCENES:
         return named_scene(word)
+    if isdir(word):
+        raise ValueError(f"scene: got {word!r}, a folder, expected a file or a built-in name")
     raise ValueError(f"scene: got {word!r}{hint(word, SCENES)}, expected a file or one of {', '.join(SCENES)}")
 
 

@@ -21,7 +21,11 @@ def require_numbers(name: str, given: Any, count: int = 0) -> None:
     with suppress(OverflowError, TypeError, LookupError):
         # By index, as they are read later on: those of a set have none, those of an iterator are read once.
         found = [given[i] for i in range(len(given))] if count else [given]
-        if len([float(each) for each in found if isinstance(each, Real)]) == len(found) == max(1, count):
+        if (
+            len([float(each) for each in found if isinstance(each, Real) and not isinstance(each, bool)])
+            == len(found)
+            == max(1, count)
+        ):
             return
     expected = f"{count} numbers" if count else "a number"
     raise ValueError(f"{name}: got {given!r:.60}, expected {expected} of double precision")

@@ -84,6 +84,8 @@ def scores(runs: Any) -> pd.DataFrame:
     parts = []
     for stratum, mine in [("both", runs), *runs.groupby("stratum")]:
         table = penalised(mine)
+        if table.empty:  # No way met the error of any of these scenes.
+            continue
         single = _single_best(table)
         ways = table[[*(name for name in table if "/" not in name), single]]
         means = ways.mean()

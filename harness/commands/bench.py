@@ -239,7 +239,7 @@ def sweep(
         # Slow to import, and not needed until all is done.
         from polhode.harness.pages.ensembles import write_results
 
-        page, ensembles = write_results(what, store, folder)
+        page, ensembles = write_results(what, store, folder, command_line())
     click.echo(to_json(ensembles) if as_json else f"{page}")
 
 

@@ -61,10 +61,7 @@ def solve(
             beside = target.path.with_name(target.path.name + ".json") if target and target.atomic else None
             for other in filter(None, (beside, restart)):
                 PartialFile(other)
-            if restart and target and restart.resolve() in (target.path.resolve(), beside and beside.resolve()):
-                raise ValueError(f"--restart: got {restart}, expected another file than {out} and {out}.json")
-            if restart and Path(scene).is_file() and restart.resolve() == Path(scene).resolve():
-                raise ValueError(f"--restart: got {restart}, expected another file than the scene's")
+            _keep_apart(Path(scene), out, beside, restart)
             progress.begin("choosing")
             with spent_on("import"):
                 from polhode.harness.api import plan
@@ -95,6 +92,15 @@ def solve(
             say(f"error: {solution.error.words()}")
             if solution.error.advice and not what.note:
                 say(f"note: {solution.error.advice}")
+
+
+def _keep_apart(scene: Path, out: Path | None, beside: Path | None, restart: Path | None) -> None:
+    """ValueError where a file that is written is another one too."""
+    if restart and out and restart.resolve() in (out.resolve(), beside and beside.resolve()):
+        raise ValueError(f"--restart: got {restart}, expected another file than {out} and {out}.json")
+    for option, file in (("--restart", restart), ("--out", out)):
+        if file and scene.is_file() and file.resolve() == scene.resolve():
+            raise ValueError(f"{option}: got {file}, expected another file than the scene's")
 
 
 def _say_times() -> None:
@@ -170,15 +176,18 @@ def _run(
 
 
 def _remedy(what: "Plan", given: dict[str, Any]) -> str:
-    """What to do about a failure of a way that the user did not name: the next one of the ranking."""
+    """What to do about a failure of a way that the user did not name: be stricter, or take the next one."""
     from polhode.harness.api import pick
 
     if given["form"] or given["solver"]:
         return ""
     with suppress(ValueError):
-        for way in pick(what.scene, given["error"], given["want"]).ranking:
-            if (way.form, way.solver) != (what.form.name, what.solver.name):
-                return f"do: --form {way.form} --solver {way.solver}"
+        ways = {(way.form, way.solver): way for way in pick(what.scene, given["error"], given["want"]).ranking}
+        same = ways.pop((what.form.name, what.solver.name), None)
+        if same and given["tolerance"] and same.tolerance < given["tolerance"]:
+            return f"do: --tolerance {short(same.tolerance)}"
+        for form, solver in ways:
+            return f"do: --form {form} --solver {solver}"
     return ""
 
 

@@ -1,8 +1,9 @@
 """Sweeps: a grid of shapes × Stokes numbers × starts, as data, run into a store by any engine."""
 
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass
+from functools import partial
 from math import inf
 from pathlib import Path
 from random import random
@@ -22,6 +23,8 @@ from polhode.harness.ensembles.statistics import Statistics
 from polhode.harness.studies.study import Name, StokesNumbers
 from polhode.models.files.scene_file import Positive, SemiAxes, Table, one_duration
 from polhode.models.files.toml_file import checked, read_toml
+from polhode.models.form import FormNotValidError
+from polhode.models.problem import ROUNDING
 from polhode.models.shape import Ellipsoid
 
 # Written into every record: side by side, tasks slow each other down.
@@ -39,7 +42,7 @@ class SweepTable(Table):
     time: Positive | None = None
     start: Starts = Starts()
     equations: Equations | None = None
-    tolerance: Positive | None = None
+    tolerance: Annotated[float, Field(ge=ROUNDING, le=1)] | None = None
     # `Ensemble` checks their ranges.
     particles: int = Ensemble.particles
     block: int = Ensemble.block
@@ -144,8 +147,10 @@ def _ensemble(table: SweepTable, shape: list[float], stokes: float) -> Ensemble:
         raise ValueError(f"slow_time: got {table.slow_time!r} at stokes = {stokes:g}, expected time")
     a, b, c = shape
     own = table.model_dump(include={*BOUNDS, "radius"})
-    equations, tolerance = table.equations or "full", table.tolerance or Ensemble.tolerance
-    # Where averaging is good enough it is the cheaper by far: its cost does not grow with St.
+    ensemble, tolerance = partial(Ensemble, Ellipsoid((a, b, c)), stokes, time, table.start, **own), table.tolerance
+    tolerance = tolerance or Ensemble.tolerance
+    # Where averaging is good enough, and takes the starts, it is the cheaper by far: its cost does not grow with St.
     if not table.equations and AVERAGING / tolerance <= stokes < inf and table.start.motion != "rest":
-        equations, tolerance = "averaged", tolerance / ERROR_OVER_TOLERANCE
-    return Ensemble(Ellipsoid((a, b, c)), stokes, time, table.start, equations=equations, tolerance=tolerance, **own)
+        with suppress(FormNotValidError):
+            return ensemble(equations="averaged", tolerance=tolerance / ERROR_OVER_TOLERANCE)
+    return ensemble(equations=table.equations or "full", tolerance=tolerance)

@@ -49,7 +49,7 @@ BLOCK = 100_000
 Found = dict[str, Any]
 
 
-def write_results(sweep: Sweep, store: Store, folder: Path) -> tuple[Path, list[dict[str, Any]]]:
+def write_results(sweep: Sweep, store: Store, folder: Path, command: str) -> tuple[Path, list[dict[str, Any]]]:
     """Write the page and the CSV files, those with rows; returns the page's path, and a row for each ensemble."""
     ensembles, pictures, written = [], [], dict[str, csv.DictWriter]()
     with ExitStack() as files:
@@ -67,7 +67,7 @@ def write_results(sweep: Sweep, store: Store, folder: Path) -> tuple[Path, list[
                         written[name].writerow(row)
             pictures.append((f"shape-{len(pictures) + 1}", _shape(ensembles[-1])))
             save(picture(found), folder, pictures[-1][0])
-    top = header(sweep.title, "polhode sweep", surroundings(sweep, store))
+    top = header(sweep.title, command, surroundings(sweep, store))
     write_file(folder / "README.md", _page(top, ensembles, [name for name in FILES if name in written], pictures))
     for name in FILES.keys() - written.keys():
         # Of a run by an earlier version.
@@ -79,8 +79,8 @@ def _page(top: list[str], ensembles: list[dict[str, Any]], names: list[str], pic
     rows = [
         row
         | {"shape": _shape(row), "failed": sum(row["failures"].values())}
-        | {"ends": "; ".join(f"{name}: {_interval(each)}" for name, each in row["arrived"].items()) or "–"}
-        | {"median": _interval(row["transient_time"]["0.5"]) if row["transient_time"] else "–"}
+        | {"ends": "; ".join(f"{name}: {_interval(each, '–')}" for name, each in row["arrived"].items()) or "–"}
+        | {"median": _interval(row["transient_time"]["0.5"], "later") if row["transient_time"] else "–"}
         | {"shares": {name: each["value"] for name, each in row["arrived"].items() if each["value"] is not None}}
         for row in ensembles
     ]
@@ -100,8 +100,8 @@ def _shape(row: dict[str, Any]) -> str:
     return " : ".join(short(row[name]) for name in "abc")
 
 
-def _interval(interval: dict[str, float | None]) -> str:
-    value, low, high = ("later" if end is None else f"{end:.4g}" for end in interval.values())
+def _interval(interval: dict[str, float | None], none: str) -> str:
+    value, low, high = (none if end is None else f"{end:.4g}" for end in interval.values())
     return f"{value} ({low} to {high})"
 
 

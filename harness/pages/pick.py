@@ -105,8 +105,9 @@ def _write_figures(folder: Path, evaluation: Evaluation) -> None:
     axes.set(xlabel="error over the one asked for", ylabel="time over the best measured")
     axes.set_yticks(TICKS, map(str, TICKS))
     ended = scenes["factor"][scenes["factor"] < inf]
-    # A first choice that misses the error may be quicker than all that meet it.
-    axes.set_ylim(min(0.9, min(ended) / 1.2), 1.2 * max(ended))
+    if len(ended):
+        # A first choice that misses the error may be quicker than all that meet it.
+        axes.set_ylim(min(0.9, min(ended) / 1.2), 1.2 * max(ended))
     axes.minorticks_off()
     axes.legend(frameon=False, title="stratum")
     figure.tight_layout()

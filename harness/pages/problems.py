@@ -33,14 +33,15 @@ def write_page(rows: Sequence[Record], folder: Path, command: str) -> Path:
     times: Any = costs(groups, TARGETS).droplevel(0, axis=1)
     # Of problems that somebody solves and solvers that solve some.
     profiled = times.loc[PROFILED].dropna(how="all").dropna(axis="columns", how="all")
-    save(profiles(profiled), folder, "profiles")
+    if not profiled.empty:
+        save(profiles(profiled), folder, "profiles")
     names = [name for name in PROBLEMS if name in set(runs["problem"])]
     fastest = [[name, *(_winner(times.loc[target, name]) for target in TARGETS)] for name in names]
     status = runs["status"].astype(str)
     page = fill(
         "problems",
         header=header("Classical test problems", command, rows),
-        sentence=sentence(profiled),
+        sentence="" if profiled.empty else sentence(profiled),
         profiled=PROFILED,
         tie=100 * (TIE - 1),
         fastest=markdown(["problem", *(f"fastest at {short(target)}" for target in TARGETS)], fastest),

@@ -8,7 +8,7 @@ from polhode.harness import DEFAULT_SAMPLES
 from polhode.harness.common.text import duration, short
 from polhode.harness.picking.candidate import LOOSEST, TIGHTEST
 from polhode.harness.picking.ranking import NotAttainableError, check_asked, first_way, pick
-from polhode.harness.picking.recommendation import Recommendation
+from polhode.harness.picking.recommendation import Recommendation, outside_of_fit
 from polhode.models.catalogue import form as find_form, full_form
 from polhode.models.scene import Scene
 from polhode.models.shape import require_numbers
@@ -70,9 +70,12 @@ def choose(
         rows = found.ranking if found else ()
         row = next((each for each in rows if form in (None, each.form) and solver in (None, each.solver)), None)
     if row:
-        seconds = row.seconds.predicted
-        long = f"it is expected to take about {duration(seconds)}; Ctrl-C keeps what is finished"
-        return Chosen(row.form, row.solver, tolerance or row.tolerance, long=long if seconds > PATIENCE else "")
+        seconds, long = row.seconds.predicted, ""
+        if seconds > PATIENCE:
+            # Of scenes unlike those that its laws were fitted to a time may be anything.
+            time = "long" if outside_of_fit(scene) else f"about {duration(seconds)}"
+            long = f"it is expected to take {time}; Ctrl-C keeps what is finished"
+        return Chosen(row.form, row.solver, tolerance or row.tolerance, long=long)
     form = form or simplest(scene)
     if not solver:
         # The closed form where there is one, else the first solver that can be run and takes the problem.

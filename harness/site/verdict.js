@@ -37,8 +37,9 @@
     const share = /^\s*([\d.eE+-]+)\s*(%?)\s*$/.exec(text);
     return share ? Number(share[1]) * (share[2] ? 0.01 : 1) : NaN;
   };
-  const short = (value) => (value >= 1e-3 && value < 1e5 ? String(Number(value.toPrecision(2)))
-    : value.toExponential(1).replace(".0e", "e").replace("e+", "e"));
+  // As the links have it; results to two digits.
+  const short = (value, digits = 6) => (value >= 1e-3 && value < 1e5 ? String(Number(value.toPrecision(digits)))
+    : String(Number(value.toPrecision(digits)).toExponential()).replace("e+", "e"));
 
   function ask() {
     const query = new URLSearchParams({ particle: particle.value, want: want.value, St: stokes.value, error: error.value });
@@ -104,7 +105,7 @@
     const lines = Object.keys(known.get(x) ?? {}).flatMap((form) => {
       const y = known.get(x)[form], v = known.get(u)?.[form];
       const value = Math.abs(St / x - 1) < 1e-3 ? y : y * (St / x) ** (Math.log(v / y) / Math.log(u / x));
-      return Number.isFinite(value) ? [`${form} errs by about ${short(value)}, ${value <= allowed ? "" : "not "}good enough`] : [];
+      return Number.isFinite(value) ? [`${form} errs by about ${short(value, 2)}, ${value <= allowed ? "" : "not "}good enough`] : [];
     });
     if (lines.length) made("p", { textContent: `Averaged equations at St = ${short(St)}: ${lines.join("; ")} for ${short(allowed)}.` }, answer);
     else if (cell.want === "orientation") made("p", { textContent: "No averaged form was measured for the orientation here." }, answer);

@@ -54,6 +54,10 @@ class Hybrid(Form):
         """The complete orientation of a triaxial ellipsoid, the symmetry axis alone of a spheroid."""
         return find_form(full_form(scene)).orientation
 
+    def state_of(self, scene: Scene) -> tuple[str, ...]:
+        """Those of the form of the full equations."""
+        return find_form(full_form(scene)).state
+
     def plan(self, scene: Scene, tolerance: float, start_at: StartAt) -> tuple[PlannedPiece, ...]:
         """Pieces that a run is expected to take, from where it stands at a time, as far as that is known."""
         self.check(scene)

@@ -17,6 +17,7 @@ from typing import Any
 
 from polhode.models.operations import Field, Operations
 
+STATE = ("Lx/Imax", "Ly/Imax", "Lz/Imax", "a", "e1x", "e1y", "e1z", "sigma_alpha", "sigma_beta")
 # The functions, in their order: those of first order, those of second order, which alone have poles, and the rates.
 FIRST = ("f0", "f2", "g0", "g2", "r1", "r2", "ea", "eb")
 SECOND = ("a1", "a2", "b1", "b2", "p1", "p2", "p3", "p4", "p5", "p6")

@@ -63,6 +63,10 @@ class SecondOrder(Form):
         """The complete orientation of a triaxial ellipsoid, the symmetry axis alone of a spheroid."""
         return "full" if scene.ellipsoid.kind == "triaxial" else "axis"
 
+    def state_of(self, scene: Scene) -> tuple[str, ...]:
+        """Those of a spheroid, or of a triaxial ellipsoid."""
+        return triaxial.STATE if scene.ellipsoid.kind == "triaxial" else self.state
+
     def problem(self, scene: Scene) -> Problem:
         """Initial value problem in slow time t₂ = t/St."""
         self.check(scene)

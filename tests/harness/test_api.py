@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 from commandline import SCENE, Run
 
-from polhode import Ellipsoid, EulerStart, Scene, SceneSolution, WorkPrecision, pick, solve
+from polhode import Ellipsoid, EulerStart, Problem, Scene, SceneSolution, WorkPrecision, pick, solve, solve_ivp
 from polhode.harness.api import as_scene, plan
 from polhode.harness.pages.figures.motion import slow_variables
 from polhode.harness.pages.figures.style import GREY
@@ -222,6 +222,30 @@ def test_points_that_the_reference_cannot_tell_are_grey():
     plt.close(figure)
 
 
+def branching(t, y):
+    return [np.heaviside(y[0] - 1.5, 0.5) + 1]
+
+
+def test_a_kink_that_the_reference_steps_over_leaves_errors_unknown():
+    """The solution goes from 1 to 2.5; Taylor's method, which sees no kink, goes to 2."""
+    problem = Problem.from_function(branching, [1.0], 1.0)
+    study = WorkPrecision(problem, solvers=("taylor", "cyrk-dop853"), tolerances=(1e-8,), quiet=True)
+    assert study.frame["uncertainty"].tolist() == pytest.approx([0.25, 0.25], rel=1e-6)
+    assert not study.frame["known"].any()
+    assert len(repr(study)) < 600
+
+
+@pytest.mark.parametrize("given", ["paper", None, branching])
+def test_a_study_of_what_is_no_problem_is_refused_in_one_line(given):
+    with pytest.raises(ValueError, match=r"^problem: got .*, expected a Problem: Problem.from_function"):
+        WorkPrecision(given)
+
+
+def test_results_like_those_of_solve_ivp_pickle():
+    found = solve_ivp(branching, (0, 1), [1.0])
+    assert pickle.loads(pickle.dumps(found)).sol(0.25) == found.sol(0.25)
+
+
 def test_plots_take_and_return_axes(solution: SceneSolution):
     mpl.use("Agg")
     import matplotlib.pyplot as plt
@@ -260,7 +284,7 @@ def test_scenes_of_lists_arrays_and_single_precision_are_solved_in_doubles(kind)
 
 
 def test_an_error_to_pick_for_is_a_number():
-    for error in (None, "1e-6", [1e-6]):
+    for error in (None, "1e-6", [1e-6], True):
         with pytest.raises(ValueError, match=r"^error: got .*, expected a number"):
             pick("paper", error)  # pyright: ignore
     assert pick("paper", np.float32(1e-6)).error == float(np.float32(1e-6))  # pyright: ignore

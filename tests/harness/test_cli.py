@@ -143,7 +143,7 @@ BAD_ARGUMENTS = [
     (["solve", "scene.toml", "--out"], "'--out'", "requires an argument"),
     (["solve", "no-such-scene", "--out", "a.csv"], "got 'no-such-scene'", "expected a file or one of paper,"),
     (["solve", "", "--out", "a.csv"], "got ''", "expected a file or one of paper,"),
-    (["solve", "..", "--out", "a.csv"], "got '..'", "expected a file or one of paper,"),
+    (["solve", "..", "--out", "a.csv"], "got '..'", "a folder, expected a file"),
     (["solve", "scene.toml", "--out", "a.csv", "--form", "quarternion"], "got 'quarternion'", "expected one of euler"),
     (["solve", "scene.toml", "--out", "a.csv", "--form", "os:path"], "got 'os:path'", "expected a class derived from"),
     (

@@ -65,6 +65,9 @@ def test_the_page(here: Run, folder: Path):
     assert "**robertson-dae**: F. Mazzia" in page
     assert "- Of 2 problems that somebody solves, " in page
     assert {"profiles.png", "work-precision.png", "runs.csv"} <= {path.name for path in folder.iterdir()}
+    nobody = "--quick", "--quiet", "--out", folder / "nobody", "--scene", "robertson", "--solver", "rk45"
+    assert here("bench", "--problems", *nobody).returncode == 0
+    assert "- No solver reaches an error of 1e-6 of any problem." in (folder / "nobody" / "README.md").read_text()
     look = here("bench", "--problems", "--quick", "--quiet", "--scene", "kepler", "--solver", "cyrk-dop853")
     assert (look.returncode, look.stdout) == (0, "reports/problems-quick/README.md\n")
     refused = here("bench", "--problems", "--scene", "keppler", "--out", folder / "other")

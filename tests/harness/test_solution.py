@@ -151,11 +151,37 @@ def test_what_is_no_number_has_not_passed_zero():
         assert len(happened(found, Event("log", lambda each: np.log(each.y[0]) + 9)).t) == 0
 
 
+def test_an_event_of_what_the_form_does_not_know_is_refused():
+    with pytest.raises(ValueError, match=r"^event 'up': got no numbers, expected what the form knows"):
+        solve("paper", form="averaged", events=[Event("up", lambda each: each.rotation[:, 2, 2])])
+
+
+def test_an_event_beside_the_start_is_found():
+    line = run(Problem("line", lambda ops: lambda y, p: (1.0,), (0.0,), 3.0), "cyrk-vern8", 1e-8)
+    jump = happened(line, Event("jump", lambda each: np.where(each.t > 1e-60, 1.0, -1.0)))
+    assert jump.t == pytest.approx([1e-60], rel=1e-9)
+
+
+def test_a_false_success_stays_one_at_an_event_that_ends_it(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("polhode.harness.api.doubt", lambda *_: "it stood still")
+    given = {"form": "quaternion", "solver": "cyrk-vern8", "tolerance": 1e-6, "samples": 11}
+    stopped = solve("paper", **given, events=[Event("half", lambda each: each.times - 250.0, terminal=True)])
+    assert (stopped.status, stopped.message, stopped.times[-1]) == ("false_success", "it stood still", 250.0)
+
+
+def found_twice(solution: SceneSolution) -> np.ndarray:
+    return solution.angular_momentum[:, 2]
+
+
+found_twice.terminal = -1  # pyright: ignore
+
+
 @pytest.mark.parametrize(
     ("events", "words"),
     [
         (["seperatrix"], "got 'seperatrix', expected one of separatrix, lz, settled, or a function .did you mean"),
         (["lz", "lz"], "expected each once: give a function by def, or Event"),
+        ([found_twice], "terminal: got -1, expected True, False or a positive whole number"),
     ],
 )
 def test_refused_events(events: list, words: str):
@@ -242,6 +268,18 @@ def test_other_containers():
     np.testing.assert_array_equal(data["omega"].sel(space="z"), frame["wz"])
     np.testing.assert_array_equal(data["R"].sel(body=3, space="x"), frame["R31"])
     assert "<th>solver</th><td>cyrk-vern8 at tolerance 1e-13</td>" in solution._repr_html_()
+    pieces = solve("paper", form="hybrid", tolerance=1e-6, samples=11)
+    assert all(isinstance(each, str | float | int) for each in pieces.to_xarray().attrs.values())
+
+
+@pytest.mark.parametrize("form", ["hybrid", "averaged-second-order", "quaternion", "averaged"])
+@pytest.mark.parametrize("scene", ["paper", "spheroid"])
+def test_the_form_names_the_columns_of_its_states(scene: str, form: str):
+    short = replace(named_scene(scene), stokes=1e4, time=100.0)
+    if form == "averaged" and scene == "spheroid":
+        form = "averaged-spheroid"
+    solution = solve(short, form=form, solver="cyrk-dop853", tolerance=1e-6, samples=3, estimate=False)
+    assert len(solution.equations.state_of(short)) == solution.states.shape[1]
 
 
 def test_parquet(tmp_path):

@@ -16,3 +16,15 @@ def die_once(mark: Path, number: int) -> str:
         mark.touch()
         os.kill(os.getpid(), number)
     return "alive"
+
+
+class TwoArgumentsError(Exception):
+    """Pickled, it cannot be read: only its message is kept."""
+
+    def __init__(self, first: str, second: str) -> None:
+        super().__init__(first + second)
+
+
+def of_two_arguments() -> TwoArgumentsError:
+    """A value that the other side cannot read."""
+    return TwoArgumentsError("a", "b")

@@ -39,6 +39,8 @@ def test_code_with_a_flipped_bit_is_dropped_and_compiled_anew(tmp_path: Path):
     (folder / "sums.json").unlink()
     run(tmp_path, KILLED)
     assert (folder / "sums.json").read_text() == sums
+    (folder / "sums.json").write_text("[]")
+    assert run(tmp_path) == expected
     with closing(sqlite3.connect(database)) as kept:
         key, code = kept.execute("SELECT hash, obj FROM cache").fetchone()
         flipped = bytes([code[0] ^ 1]) + code[1:]

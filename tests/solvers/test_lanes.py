@@ -179,3 +179,8 @@ def test_a_particle_that_is_not_finite_fails_alone_and_lanes_do_not_mix():
 def test_no_plan_where_no_step_keeps_the_error():
     problem, starts = problem_of((1.0, 1.0, 2.0), 1e3, 20.0)
     assert plan(problem, starts, np.array([0.0, problem.end]), 1e-18) is None
+
+
+def test_no_particles_are_no_work():
+    walk = lanes(lambda y, c: [y[0] + c[0]], 1, 1)
+    assert walk.march(np.empty((0, 1)), 5, np.array([1.0]), 3).shape[0] == 0

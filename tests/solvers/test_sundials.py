@@ -1,6 +1,7 @@
 """CVODE and IDA in machine code alone: the same runs as through Python's callbacks, and nothing left behind."""
 
 import resource
+import sys
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -110,6 +111,20 @@ def test_runs_side_by_side():
     with ThreadPoolExecutor(4) as pool:
         runs = [pool.submit(solve, PROBLEM, name, each, TIMES) for name in NAMES for each in (1e-5, 1e-9)] * 5
         assert all(np.array_equal(run.result().states, alone[i % len(alone)]) for i, run in enumerate(runs))
+
+
+def test_runs_side_by_side_through_python_give_standard_output_back():
+    before = sys.stdout
+    with ThreadPoolExecutor(4) as pool:
+        problems = [replace(PROBLEM, end=PROBLEM.end / (1 + i)) for i in range(4)]
+        runs = [pool.submit(solve, each, "cvode-bdf", 1e-6, backend="python") for each in problems]
+        assert all(run.result().success for run in runs)
+    assert sys.stdout is before
+
+
+def test_input_that_the_library_refuses_is_no_state_that_is_not_finite():
+    solution = solve(Problem("short", lambda ops: lambda y, p: (3.0,), (0.0,), 1e-300), "cvode-bdf", 1e-6)
+    assert (solution.status, solution.message) == (Status.CRASHED, "illegal input at t = 0.0")
 
 
 def square(ops: Operations) -> Field:

@@ -52,6 +52,11 @@ def test_the_gap_is_that_between_the_single_best_and_the_virtual_best():
     assert both["within"][PICK] == 1
 
 
+def test_scenes_that_no_way_solves_have_no_scores():
+    missed = WAYS.assign(met=WAYS["met"] & (WAYS["stratum"] == "short"))
+    assert set(scores(missed)["stratum"]) == {"both", "short"}
+
+
 def test_pick_pays_from_the_run_that_its_own_cost_is_saved_on():
     scenes = pd.DataFrame({"scene": ["s", "l"], "seconds": [1.5, 10.0], "pick_seconds": [1.0, 1.0]})
     assert pays_from(scenes, WAYS) == 30.0

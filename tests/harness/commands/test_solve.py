@@ -1,6 +1,7 @@
 """`polhode solve`: the file it writes, and what an interrupted run leaves."""
 
 import os
+import re
 import signal
 import subprocess
 import time
@@ -317,6 +318,22 @@ def test_a_failed_run_of_a_way_that_was_chosen_names_the_next_one(monkeypatch: p
     assert way == "" if named else way in ways and way != f"--form {form} --solver {solver}"
 
 
+def test_a_failed_run_at_a_loose_tolerance_is_to_be_tried_at_a_tighter_one(here: Run):
+    done = here("solve", "paper", "--tolerance", "1")
+    assert done.returncode == 1
+    advice = done.stderr.rstrip().partition("do: ")[2]
+    assert here("solve", "paper", *advice.split()).returncode == 0
+    assert re.fullmatch(r"--tolerance \S+", advice)
+
+
+def test_a_scene_is_not_overwritten_by_its_table(here: Run, tmp_path: Path):
+    text = scene_text(1e3, 1.0)
+    (tmp_path / "scene.txt").write_text(text, encoding="utf-8")
+    done = here("solve", "scene.txt", "--out", "./scene.txt")
+    assert done.stderr == "polhode: --out: got scene.txt, expected another file than the scene's\n"
+    assert (done.returncode, (tmp_path / "scene.txt").read_text(encoding="utf-8")) == (2, text)
+
+
 @pytest.mark.parametrize("solver", ["taylor", "cyrk-vern8"])
 def test_ctrl_c_keeps_the_finished_rows(polhode: Run, environment, scene_file: Path, tmp_path: Path, solver: str):
     start = "euler_angles = [1.0, 0.5, 0.2]\neuler_rates = [1.0, 1.0, -1.0]"
@@ -366,7 +383,7 @@ def test_an_error_that_was_missed_is_said_of_a_run_expected_to_be_long_too(here:
     (tmp_path / "scene.toml").write_text(scene_text(1e-20, 20.0), encoding="utf-8")
     done = here("solve", "scene.toml")
     assert done.returncode == 0
-    assert "note: it is expected to take about" in done.stderr
+    assert "note: it is expected to take long; Ctrl-C" in done.stderr
     assert "the error asked for, 1e-6, was missed" in done.stderr.splitlines()[-1]
 
 

@@ -296,3 +296,8 @@ def test_a_frame_of_records():
     assert table.loc[0, "stokes"] == 10.0
     assert table.loc[0, "work.steps"] == 7
     assert table["seconds"].isna().tolist() == [False, True]
+
+
+def test_records_that_can_be_gone_through_once_are_all_written(tmp_path: Path):
+    export(({"a": i} for i in range(3)), tmp_path / "a.csv")
+    assert (tmp_path / "a.csv").read_text(encoding="utf-8").split() == ["a", "0", "1", "2"]

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from oracle.hang import die_once, sleep_holding_the_lock
+from oracle.hang import die_once, of_two_arguments, sleep_holding_the_lock
 from polhode.harness.common.worker import GRACE, Failure, Worker
 
 
@@ -27,6 +27,19 @@ def _pid_alive(pid: int) -> bool:
     except ProcessLookupError:
         return False
     return True
+
+
+def test_a_worker_stopped_before_it_starts_runs_nothing():
+    worker = Worker()
+    worker.stop()
+    assert (worker.run(os.getpid, limit=10.0).failure, worker.pid) == (Failure.LOST, None)
+
+
+def test_a_value_that_cannot_be_read_is_a_reply(worker: Worker):
+    reply = worker.run(of_two_arguments, limit=10.0)
+    assert reply.failure is Failure.RAISED
+    assert "TypeError" in reply.message
+    assert worker.run(os.getpid, limit=10.0).failure is None
 
 
 @pytest.mark.parametrize("limit", [10.0, 1e7])

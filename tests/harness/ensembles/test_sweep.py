@@ -262,6 +262,18 @@ def test_a_changed_record_is_named_and_left_alone(tmp_path: Path, damage: str):
     assert path.read_bytes() == content
 
 
+def test_starts_that_averaging_does_not_take_are_followed_in_full():
+    start = {"motion": "fluid", "orientation": [0.5, 0.5, 0.5, 0.5]}
+    changed = {"shapes": [[1.0, 0.8, 0.5]], "stokes": [1e9], "tolerance": 1e-4, "start": start}
+    (ensemble,) = parse_sweep(tomllib.loads(SWEEP) | changed).ensembles
+    assert ensemble.equations == "full"
+
+
+def test_a_tolerance_below_rounding_is_refused():
+    with pytest.raises(ValueError, match="tolerance: got 1e-20, expected"):
+        parse_sweep(tomllib.loads(SWEEP) | {"tolerance": 1e-20})
+
+
 def test_results_tell_what_the_store_holds(here: Run, sweep_file: Path, tmp_path: Path):
     shapes = SWEEP.replace("[[1.0, 1.0, 2.0]]", "[[1.0, 1.0, 2.0], [1.0, 1.0, 0.5]]").replace("300.0, ", "")
     sweep_file.write_text(shapes, encoding="utf-8")
@@ -273,8 +285,9 @@ def test_results_tell_what_the_store_holds(here: Run, sweep_file: Path, tmp_path
     ]
     assert {row["particles"] for row in table} == {900}
     assert "- 0 of 3600 particles failed.\n- 1 : 1 : 2, in the end: at St = 200, " in (
-        tmp_path / "out" / "README.md"
-    ).read_text(encoding="utf-8")
+        page := (tmp_path / "out" / "README.md").read_text(encoding="utf-8")
+    )
+    assert "Made by `polhode sweep sweep.toml --workers 0`." in page
     sweep = read_sweep(sweep_file)
     with Store(tmp_path / "out" / "store.sqlite") as store:
         mean, _ = means(gather(sweep.ensembles[0], store), "second")
@@ -295,7 +308,7 @@ def test_a_sweep_of_which_nothing_finished_has_a_page(tmp_path: Path, monkeypatc
 
     monkeypatch.setattr("polhode.harness.pages.ensembles.gather", nothing)
     with Store(tmp_path / "store.sqlite") as store:
-        page, _ = write_results(parse_sweep(tomllib.loads(SWEEP)), store, tmp_path)
+        page, _ = write_results(parse_sweep(tomllib.loads(SWEEP)), store, tmp_path, "polhode sweep")
     text = page.read_text(encoding="utf-8")
     assert "- 2700 of 2700 particles failed.\n" in text
     assert "in the end" not in text
@@ -384,7 +397,7 @@ def page_of(text: str, folder: Path) -> str:
     folder.mkdir(exist_ok=True)
     with Store(folder / "store.sqlite") as store:
         run_sweep(sweep, store, serial, quiet=True)
-        return write_results(sweep, store, folder)[0].read_text(encoding="utf-8")
+        return write_results(sweep, store, folder, "polhode sweep mine.toml")[0].read_text(encoding="utf-8")
 
 
 @pytest.fixture
@@ -408,7 +421,7 @@ def test_memory_does_not_grow_with_the_tasks_of_a_store(tmp_path: Path):
                 store.put(task.key, task.content, record)
             tracemalloc.start()
             assert run_sweep(sweep, store, serial, quiet=True).found == 20 * count
-            rows = write_results(sweep, store, folder)[1]
+            rows = write_results(sweep, store, folder, "polhode sweep")[1]
             export(store, folder / "store.csv")
             peaks.append(tracemalloc.get_traced_memory()[1])
             tracemalloc.stop()

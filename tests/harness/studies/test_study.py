@@ -165,8 +165,11 @@ def test_a_built_in_scene_may_have_a_duration_of_its_own():
     ((name, scene),) = study.scenes
     assert (name, scene.time) == ("stiff", 5.0)
     assert scene == replace(named_scene("stiff"), time=5.0)
-    with pytest.raises(ValueError, match="expected name, builtin and perhaps time, tags, forms, solvers, max_seconds"):
-        parse_study({**GOOD, "scenes": [{"name": "stiff", "builtin": True, "stokes": 5.0}]})
+    over = {"name": "stiff", "builtin": True, "stokes": [5.0, 50.0], "slow_time": 0.5}
+    for (_, scene), stokes in zip(parse_study({**GOOD, "scenes": [over]}).scenes, (5.0, 50.0), strict=True):
+        assert scene == replace(named_scene("stiff"), stokes=stokes, time=0.5 * stokes)
+    with pytest.raises(ValueError, match="builtin and perhaps stokes, time, slow_time, tags, forms, solvers, max_sec"):
+        parse_study({**GOOD, "scenes": [{"name": "stiff", "builtin": True, "shape": {"semi_axes": [1, 2, 3]}}]})
 
 
 def test_the_page_is_about_costs_of_one_scene_and_about_outcomes_of_several():
