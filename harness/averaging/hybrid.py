@@ -40,7 +40,7 @@ ERRORS = (1e-4, 1e-6, 1e-8)
 LONG_DOUBLE_UP_TO, LONGEST = 1.2e5, 5.1e6
 DOUBLE = (("taylor", 1e-16), ("cyrk-vern8", 1e-14))
 # Speed: random starts at each St, at one slow time and error, against these solvers at the loosest tolerance that does.
-FAST_SEED, FAST, FAST_SLOW_TIME, FAST_ERROR, FEW, REPEATS = 16, {1e6: 40, 1e7: 6, 1e8: 6}, 0.5, 1e-6, 11, 3
+FAST_SEED, FAST, FAST_SLOW_TIME, FAST_ERROR, FEW, REPEATS = 16, {1e6: 40, 1e7: 12, 1e8: 12}, 0.5, 1e-6, 11, 3
 FULL_SOLVERS = ("cyrk-vern8", "taylor")
 # And against a full solver of spheroids that knows St; its tolerance is meant for the whole run.
 KNOWING, KNOWING_TOLERANCES = "splitting", (1e-6, 1e-7, 1e-8, 1e-9)
