@@ -103,6 +103,15 @@ def test_a_certificate_notices_a_wrong_state(component: int, monkeypatch):
         reference(replace(PAPER, time=49.0), "quaternion", 11)
 
 
+def test_a_certificate_takes_no_nan_for_agreement(monkeypatch: pytest.MonkeyPatch):
+    form, scene = find_form("quaternion"), replace(PAPER, time=10.0)
+    problem = form.problem(scene)
+    times = [time for piece in pieces(scene, form, problem.end) for time in piece]
+    monkeypatch.setattr(certificate, "_other_form", lambda *_: float("nan"))
+    with pytest.raises(ReferenceFailedError, match="nan times the method's error"):
+        certify(scene, form, problem, dict.fromkeys(times, np.array(problem.start)))
+
+
 def test_a_certificate_notices_wrong_equations():
     scene = replace(PAPER, time=10.0)
     form = find_form("quaternion")
