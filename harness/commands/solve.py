@@ -186,8 +186,8 @@ def _remedy(what: "Plan", given: dict[str, Any]) -> str:
         same = ways.pop((what.form.name, what.solver.name), None)
         if same and given["tolerance"] and same.tolerance < given["tolerance"]:
             return f"do: --tolerance {short(same.tolerance)}"
-        for form, solver in ways:
-            return f"do: --form {form} --solver {solver}"
+        form, solver = next(iter(ways), ("", ""))
+        return f"do: --form {form} --solver {solver}" if form else ""
     return ""
 
 

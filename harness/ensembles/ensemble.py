@@ -213,8 +213,9 @@ class Ensemble:
             slow_then[:, some] = np.stack([each[:, ::every].T for each in slow], axis=-1)
             then = np.arange(columns.shape[1]).reshape(-1, samples)[:, ::every].T
             at = seen[then.ravel()]
-            directions_then[:, some] = at.rotation[:, axes].reshape(*then.shape, len(axes), 3)
-            rates = squared_rates(angular_velocity(self.ellipsoid, at), at.rotation[:, axes])
+            directions = at.rotation[:, axes]
+            directions_then[:, some] = directions.reshape(*then.shape, len(axes), 3)
+            rates = squared_rates(angular_velocity(self.ellipsoid, at), directions)
             rates_then[:, some] = rates.reshape(*then.shape, len(axes), len(RATES))
         statistics.add_orientations(directions_then)
         statistics.rates += rates_then.sum(axis=1)
