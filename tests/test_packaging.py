@@ -257,13 +257,3 @@ def test_no_lock_file_or_store_is_committed():
     names = {path.name for path in committed()}
     assert not names & {"uv.lock", "poetry.lock"}
     assert not [name for name in names if name.endswith((".sqlite", ".partial", ".pyc"))]
-
-
-def test_module_sizes():
-    long = {
-        str(path.relative_to(ROOT)): lines
-        for room in ROOMS
-        for path in (ROOT / room).rglob("*.py")
-        if (lines := len(path.read_text(encoding="utf-8").splitlines())) > 300
-    }
-    assert long == {}
